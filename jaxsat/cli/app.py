@@ -36,6 +36,7 @@ from jaxsat.cli.terminal import (
 )
 from jaxsat.cli.tune import tune
 from jaxsat.core.garbage_collection import no_collection
+from jaxsat.core.numerals import at_least_digits
 
 app = App(
     name="jaxsat",
@@ -104,7 +105,9 @@ def _command(tokens: Sequence[str] | None) -> int:
         return SUCCESS
     computes = command.__module__ not in ("jaxsat.cli.scenarios", "jaxsat.cli.completion")
     import_interruptibly("jaxsat.scenario", *(["jaxsat.store"] if computes else []))
-    result = command(*given.args, **given.kwargs)
+    asked = (getattr(options, "digits", None) for options in given.arguments.values())
+    with at_least_digits(next(filter(None, asked), None)):
+        result = command(*given.args, **given.kwargs)
     return result if isinstance(result, int) else SUCCESS
 
 

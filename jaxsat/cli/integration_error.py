@@ -10,6 +10,9 @@ if TYPE_CHECKING:
 Errors = tuple[float | None, float | None]
 """The estimates of the rate (rad/s) and of the attitude (rad), None where there are none."""
 
+REFINEMENTS = 4
+"""How often a run is flown again with twice the substeps: the error falls by 2^p, order p, each."""
+
 
 def errors_of(dataset: "xr.Dataset") -> Errors:
     """Those of a run."""
@@ -38,6 +41,24 @@ def excessive_error(errors: Errors, scenario: "Scenario") -> str:
         f"the steps leave an error of {' and of '.join(parts)}, against halved ones; "
         f"{_finer(scenario)}"
     )
+
+
+def with_finer_steps(scenario: "Scenario", errors: Errors) -> "Scenario | None":
+    """With twice the substeps, where these leave too large an error; None where they do not, the
+    loop has none, or there would be more than a run may have."""
+    from jaxsat.scenario.laws import find_law
+    from jaxsat.scenario.resolution import MOST_STEPS, MOST_SUBSTEPS, substeps_of
+
+    sampled = find_law(scenario.control.law).declaration.sampled
+    if not sampled or not excessive_error(errors, scenario):
+        return None
+    simulation, count = scenario.simulation, 2 * substeps_of(scenario)
+    periods = simulation.duration_s / getattr(scenario.control, "period_s", simulation.duration_s)
+    if count > MOST_SUBSTEPS or count * periods > MOST_STEPS:
+        return None
+    solver = simulation.solver.model_copy(update={"substeps": count})
+    changed = simulation.model_copy(update={"solver": solver})
+    return scenario.model_copy(update={"simulation": changed})
 
 
 def _finer(scenario: "Scenario") -> str:

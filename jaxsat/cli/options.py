@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from jaxsat.cli.terminal import UserMistake
+from jaxsat.core.numerals import MOST_DIGITS
 from jaxsat.core.text import clean
 
 MAX_CASES = 2**32
@@ -101,6 +102,8 @@ def something(option: str, text: str) -> str:
     return text
 
 
+Digits = Annotated[int | None, Parameter(converter=whole(1, MOST_DIGITS))]
+
 Cases = Annotated[int, Parameter(name=["--count", "-n"], converter=whole(1, MAX_CASES))]
 Case = Annotated[int | None, Parameter(converter=whole(0, MAX_CASES - 1))]
 Seed = Annotated[int, Parameter(converter=whole(0, MAX_SEED))]
@@ -170,9 +173,12 @@ class Results(Output):
         file.
     overwrite
         Replace the folder, or the file of --report, if jaxsat wrote it.
+    digits
+        Significant digits of the numbers that are printed, at least; by default about four.
     """
 
     report: Annotated[bool | Path, Parameter(negative="")] = False
+    digits: Digits = None
 
 
 @Parameter(name="*")

@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from jaxsat.cli.advice import failure_advice
 from jaxsat.cli.computing import dask_unseen, in_background, interruptibly
-from jaxsat.cli.integration_error import errors_of, excessive_error
+from jaxsat.cli.integration_error import (
+    REFINEMENTS,
+    errors_of,
+    excessive_error,
+    with_finer_steps,
+)
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import Overrides, Results
 from jaxsat.cli.progress import show_progress
@@ -60,7 +65,7 @@ def simulate(
             show_progress(f"simulating {scenario}")
             in_background("jaxsat.report.figures")
             remarks: list[str] = []
-            dataset, seconds = interruptibly(lambda: _run(chosen, remarks.append))
+            chosen, dataset, seconds = interruptibly(lambda: _refined(chosen, remarks.append))
             show_progress("drawing figures")
             interruptibly(lambda: _write(folder, chosen, dataset))
             files = folder.names
@@ -71,8 +76,8 @@ def simulate(
     for told in (coarseness(dataset), excessive_error(errors_of(dataset), chosen)):
         if told:
             print_stderr(told, "warning: ")
-    for obstacle in remarks:
-        print_stderr(f"not the compiled engine, which starts in seconds: {obstacle}", "")
+    for remark in dict.fromkeys(remarks):
+        print_stderr(remark, "")
     if not results.quiet:
         from jaxsat.report.run_document import run_document
 
@@ -85,9 +90,30 @@ def simulate(
     return FAILED_RUN
 
 
-def _run(
-    scenario: "Scenario", tell: "Callable[[str], None]" = lambda obstacle: None
-) -> tuple["xr.Dataset", float]:
+def _refined(
+    scenario: "Scenario", tell: "Callable[[str], None]"
+) -> tuple["Scenario", "xr.Dataset", float]:
+    """A run whose steps leave no larger error than the scenario allows, where they are jaxsat's.
+
+    Substeps that the scenario names stay. `tell` is told what was changed.
+    """
+    named = scenario.simulation.solver.substeps is not None
+    dataset, seconds = _run(scenario, tell)
+    for _ in range(0 if named else REFINEMENTS):
+        finer = with_finer_steps(scenario, errors_of(dataset))
+        if finer is None:
+            break
+        count = finer.simulation.solver.substeps
+        tell(
+            f"flown again with simulation.solver.substeps = {count}, as fewer left too large an "
+            f"error of the steps"
+        )
+        (dataset, more), scenario = _run(finer, tell), finer
+        seconds += more
+    return scenario, dataset, seconds
+
+
+def _run(scenario: "Scenario", tell: "Callable[[str], None]") -> tuple["xr.Dataset", float]:
     """The trajectory as a dataset, and the seconds that it took; see `Run.simulate`."""
     from jaxsat.scenario import dump
     from jaxsat.scenario.build.run import build
@@ -95,7 +121,9 @@ def _run(
 
     begin = time.perf_counter()
     run = build(scenario)
-    trajectory = run.simulate(tell)
+    trajectory = run.simulate(
+        lambda obstacle: tell(f"not the compiled engine, which starts in seconds: {obstacle}")
+    )
     dataset = trajectory_dataset(
         trajectory,
         title=scenario.title,

@@ -206,7 +206,8 @@ class FaultTolerantWheels(AbstractSampledController):
         """The torque (N m) about three axes, or in the plane of two wheels."""
         model, axes = self.healthy.model, self.allocation.wheels.axes
         stored = axes @ momentum
-        held = model.spacecraft.inertia @ state.omega + axes @ (wheeled.working * momentum)
+        turning = axes @ jnp.where(wheeled.working, momentum, 0.0)
+        held = model.spacecraft.inertia @ state.omega + turning
         free = self.allocation.largest_momentum(wheeled, held)
         law, max_rate = self.healthy, self.healthy.max_rate
         if free is not None:

@@ -54,6 +54,6 @@ class PulseRounding(eqx.Module):
             gives = (along > WORTH * square) & (count < most) & (limit > 0) & ~free
             best = jnp.argmax(jnp.where(gives, 2 * along - square, -1.0))
             one = gives & (jnp.arange(least.shape[0]) == best)
-            count = count + one
+            count = count + one.astype(count.dtype)
             owed = owed - jnp.sum(jnp.where(one[None], pulse, 0.0), axis=1)
         return jnp.where(free, duty, count * least / period)

@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float
 
 from jaxsat.controllability.layout import TOLERANCE
 from jaxsat.controllability.nonnegative import nonnegative_least_squares
+from jaxsat.core.numerals import fixed_text
 from jaxsat.core.once import once_property
 
 ROUNDING = 1e-9
@@ -188,4 +189,4 @@ def direction_words(direction: Float[np.ndarray, "3"]) -> str:
     k = int(np.argmax(np.abs(direction)))
     if abs(direction[k]) > 1.0 - 1e-9:
         return ("+" if direction[k] > 0 else "-") + "xyz"[k]
-    return "(" + ", ".join(f"{entry + 0.0:.3f}" for entry in np.round(direction, 3)) + ")"
+    return "(" + ", ".join(fixed_text(entry, 3) for entry in direction) + ")"

@@ -19,6 +19,7 @@ from jaxsat.controllability.judging import (
 )
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 from jaxsat.controllability.wording import lost_words
+from jaxsat.core.numerals import number_text
 
 COLUMNS = (
     "failed",
@@ -201,7 +202,7 @@ def failure_markdown(cases: Sequence[FailureCase]) -> str:
     lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
     for record in failure_records(cases):
         for column in ("margin", "turn_time_s"):
-            record[column] = f"{record[column]:.3g}"
+            record[column] = number_text(float(str(record[column])), 3)
         cells = [str(record[column]).replace("|", "\\|") for column in COLUMNS]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"

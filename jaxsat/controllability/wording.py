@@ -7,6 +7,7 @@ from jaxsat.controllability.cone import TorqueCone, direction_words
 from jaxsat.controllability.decision import RankDecision
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.net_force import NetForce
+from jaxsat.core.numerals import fixed_text, number_text
 
 LAW_WORDS = {
     "three torques": "every law applies; the allocation distributes its torque among the actuators",
@@ -17,7 +18,7 @@ LAW_WORDS = {
 
 def _direction(vector: Float[np.ndarray, "3"]) -> str:
     vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
-    return "(" + ", ".join(f"{entry + 0.0:.3f}" for entry in vector) + ")"
+    return "(" + ", ".join(fixed_text(entry, 3) for entry in vector) + ")"
 
 
 def rank_verdict(decision: RankDecision, count: int) -> str:
@@ -35,7 +36,8 @@ def rank_verdict(decision: RankDecision, count: int) -> str:
             f"value that decides, {smallest:.1e}, is below the tolerance {decision.tolerance:.0e}."
         )
     if decision.rank == 6:
-        return f"Controllable: rank 6 of 6, margin {decision.margin:.3g}, from {names} and [f,·]."
+        margin = number_text(decision.margin, 3)
+        return f"Controllable: rank 6 of 6, margin {margin}, from {names} and [f,·]."
     if decision.rank == 5:
         return (
             "Not controllable: rank 5 of 6 at rest; no torque or bracket acts along the body "
@@ -55,7 +57,7 @@ def _words(direction: Float[np.ndarray, "3"]) -> str:
     k = int(np.argmax(direction))
     if direction[k] > 1.0 - 1e-9:
         return "xyz"[k]
-    return "(" + ", ".join(f"{entry + 0.0:.2f}" for entry in direction) + ")"
+    return "(" + ", ".join(fixed_text(entry, 2) for entry in direction) + ")"
 
 
 def _rank_lost(decision: RankDecision, directions: int) -> str:
@@ -147,7 +149,7 @@ def verdict_sentence(judgement: Judgement) -> str:
     if judgement.decision is None:
         return _wheel_sentence(judgement)
     by_rank = rank_verdict(judgement.decision, len(judgement.actuators.names))
-    rank = f"rank {judgement.rank} of 6, margin {judgement.margin:.3g}"
+    rank = f"rank {judgement.rank} of 6, margin {number_text(judgement.margin, 3)}"
     cone = judgement.cone
     if judgement.decision.borderline:
         return by_rank

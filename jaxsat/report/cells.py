@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxsat.core.numerals import number_text
 from jaxsat.report.document import Shown
 from jaxsat.studies import Interval, ends_text, fraction_text
 
@@ -20,7 +21,7 @@ def interval_cell(found: Interval | None, missing: str = "–") -> Shown:
     """A number with its interval; `missing` where there is none, as of cases that never settle."""
     if found is None or not np.isfinite(found.value):
         return Shown(missing, float("inf"))
-    return Shown(f"{found.value:.4g} ({ends_text(found)})", found.value)
+    return Shown(f"{number_text(found.value)} ({ends_text(found)})", found.value)
 
 
 def interval_of(record: Mapping[str, Any] | None) -> Interval | None:
@@ -37,4 +38,5 @@ def step_error(rate: float | None, attitude: float | None) -> str:
     """What equal steps leave, rad/s and rad; nothing without estimates."""
     if rate is None or attitude is None:
         return ""
-    return f"up to {rate:.2g} rad/s and {attitude:.2g} rad, compared with steps of half the length"
+    sizes = f"{number_text(rate, 2)} rad/s and {number_text(attitude, 2)} rad"
+    return f"up to {sizes}, compared with steps of half the length"

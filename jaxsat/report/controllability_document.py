@@ -25,6 +25,7 @@ from jaxsat.controllability.wording import (
     net_force_words,
     once_stopped_words,
 )
+from jaxsat.core.numerals import number_text
 from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
 
 GOOD = {"controllable": True, "uncontrollable": False}
@@ -96,7 +97,7 @@ def _cell(name: str, record: Mapping[str, Any]) -> Cell:
         return f"{record[name]} of {record['dimension']}"
     if name in ("margin", "turn_time_s"):
         value = float(record[name])
-        return None if math.isnan(value) else Shown(f"{value + 0.0:.3g}", value)
+        return None if math.isnan(value) else Shown(number_text(value, 3), value)
     text = str(record[name])
     return Shown(text, good=GOOD.get(text)) if name == "verdict" else text
 
@@ -130,12 +131,13 @@ def controllability_lines(
 
 
 def _rank_lines(judgement: Judgement, analysis: Analysis, torque: float) -> list[str]:
-    values = ", ".join(f"{value:.3g}" for value in analysis.singular_values)
+    values = ", ".join(number_text(value, 3) for value in analysis.singular_values)
     growth = " → ".join(str(size) for size in analysis.growth)
     elsewhere = ", ".join(f"{where} {rank}" for where, rank in analysis.away_from_rest.items())
     signs = ", one-sided torques counted as two-sided" if judgement.one_signed else ""
+    margin = number_text(analysis.margin, 3)
     lines = [
-        f"Rank {analysis.rank} of 6{signs}, margin {analysis.margin:.3g} (singular values "
+        f"Rank {analysis.rank} of 6{signs}, margin {margin} (singular values "
         f"{values}; below {analysis.tolerance:.1e} the verdict is borderline); the margin compares "
         "directions and does not say how quickly the spacecraft turns",
         _turn_time(judgement, torque),
@@ -188,8 +190,9 @@ def _turn_time(judgement: Judgement, torque: float) -> str:
         return "Turn time: infinite, no law reaches some axis"
     time = judgement.turn_time / np.sqrt(torque)
     each = "about each axis of both signs" if judgement.one_signed else "a thruster"
+    seconds = number_text(time, 3)
     return (
-        f"Turn time: {time:.3g} s with {torque:g} N m {each} to turn one radian about the axis "
+        f"Turn time: {seconds} s with {torque:g} N m {each} to turn one radian about the axis "
         "hardest to reach, from rest, with the other axes unchanged; it falls as 1/√torque"
     )
 
@@ -214,5 +217,7 @@ def _linear(analysis: Analysis, torque: float) -> str:
     if not linear.controllable:
         return f"{text}; no linear law holds all three axes"
     times = gramian_time_scales(linear, rms_command=torque)
-    parts = [f"{e} {t:.3g} s" for e, t in zip(ERRORS, times, strict=True) if np.isfinite(t)]
+    parts = [
+        f"{e} {number_text(t, 3)} s" for e, t in zip(ERRORS, times, strict=True) if np.isfinite(t)
+    ]
     return f"{text}; removing one error with {torque:g} N m (rms) takes {', '.join(parts)}"

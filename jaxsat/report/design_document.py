@@ -3,10 +3,11 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from jaxsat.core.numerals import number_text, vector_text
 from jaxsat.core.text import capitalised
 from jaxsat.report.cells import interval_of
 from jaxsat.report.comparison_document import LAW_COLUMNS, LAWS_NOTE, law_cells
-from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict, number
+from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.report.study_document import percentile_table
 
 DESIGNED = "designed.toml"
@@ -66,14 +67,14 @@ def _tuning(tuning: Record) -> str:
     better = "" if after < before else "; no better gains were found"
     return (
         f"Tuning: {tuning['steps']} steps give {tuning['candidate']}; its loss on the validation "
-        f"cases of the tuner changes from {before:.4g} to {after:.4g}{better}."
+        f"cases of the tuner changes from {number_text(before)} to {number_text(after)}{better}."
     )
 
 
 def _gain(value: Any) -> str:
     if isinstance(value, list | tuple):
-        return f"({', '.join(map(number, value))})"
-    return number(value)
+        return vector_text(value)
+    return number_text(value)
 
 
 def _verification(record: Record, found: Record) -> Iterator[Block]:
@@ -126,4 +127,4 @@ def _helped(one: Record) -> Shown:
 
 
 def _three(values: Sequence[float | int]) -> str:
-    return ", ".join(f"{one:.3g}" for one in values)
+    return ", ".join(number_text(one, 3) for one in values)

@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
+from jaxsat.core.numerals import number_text
+
 
 @dataclass(frozen=True)
 class Shown:
@@ -131,18 +133,13 @@ class Document:
     plots: Any = None
 
 
-def number(value: float, digits: int = 4) -> str:
-    """A number as a person reads it."""
-    return f"{value:.{digits}g}"
-
-
 def cell_text(cell: Cell) -> str:
     """What a cell reads; a dash where there is nothing to say."""
     if cell is None:
         return "–"
     if isinstance(cell, Shown):
         return cell.text
-    return number(cell) if isinstance(cell, float) else str(cell)
+    return number_text(cell) if isinstance(cell, float) else str(cell)
 
 
 def is_number(cell: Cell) -> bool:

@@ -7,6 +7,7 @@ from typing import Any
 
 import xarray as xr
 
+from jaxsat.core.numerals import number_text
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.report.document import Facts
 from jaxsat.scenario.laws import known_law
@@ -78,7 +79,7 @@ def _numbers(value: Any) -> str:
         return "(" + ", ".join(map(_numbers, value)) + ")"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key} = {_numbers(entry)}" for key, entry in value.items()) + "}"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return number_text(value, 6) if isinstance(value, float) else str(value)
 
 
 def provenance_facts(attributes: Mapping[str, Any], command: str = "") -> Facts:

@@ -12,10 +12,10 @@ from jaxsat.report.time_axes import (
     diagnosed_part,
     failures,
     figure_title,
-    part_names,
     place_legend,
     verdicts,
 )
+from jaxsat.store.labels import part_names
 
 STYLES = (*LINES, *FURTHER_LINES)
 """Of the lines of a panel, one after the other."""
@@ -70,7 +70,7 @@ def failure_figure(dataset: xr.Dataset, *, title: str = "") -> Figure | None:
         )
     for momenta in others:
         values = dataset["wheel_momentum"].values
-        names = part_names(dataset, "wheel", values.shape[1])
+        names = part_names(dataset.attrs.get("scenario", ""), "wheel", values.shape[1])
         for number, (name, line) in enumerate(zip(names, values.T, strict=True)):
             momenta.plot(time, line, label=f"wheel {name}", **STYLES[number % len(STYLES)])
         place_legend(momenta, len(names))
@@ -138,7 +138,7 @@ def _draw_tests(dataset: xr.Dataset, axes: Axes) -> None:
     time, values = dataset["time"].values, dataset["detection_statistic"].values
     order = np.argsort(-np.nanmax(values, axis=0))[:3]
     part = diagnosed_part(dataset)
-    names = part_names(dataset, part, values.shape[1])
+    names = part_names(dataset.attrs.get("scenario", ""), part, values.shape[1])
     for rank, place in enumerate(order):
         number = place if part == "wheel" else rank  # a wheel looks as it does among the momenta
         label = f"{part} {names[place]}"

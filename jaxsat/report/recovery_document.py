@@ -1,7 +1,8 @@
 """Recovery from failures in flight, in the document of a study."""
 
+from jaxsat.core.numerals import number_text
 from jaxsat.report.cells import INTERVALS, fraction_cell
-from jaxsat.report.document import Cell, Table, number
+from jaxsat.report.document import Cell, Table
 from jaxsat.studies import KindRecovery, RecoverySummary, percent_texts, reason_words
 from jaxsat.studies.recovery_summary import SETTLING_PERCENTS
 
@@ -21,7 +22,7 @@ def recovery_line(found: RecoverySummary) -> str:
         text += f" ({fraction}, 95 % interval {low} to {high})"
     if found.false_alarms is None:
         return f"{text}."
-    hours = number(found.healthy_time / 3600)
+    hours = number_text(found.healthy_time / 3600)
     return f"{text}; {found.false_alarms:,} false alarms in {hours} h before any failure."
 
 

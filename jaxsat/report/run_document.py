@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxsat.core.numerals import number_text, vector_text
 from jaxsat.core.text import capitalised
 from jaxsat.report.cells import step_error
-from jaxsat.report.document import Document, Facts, Verdict, number
+from jaxsat.report.document import Document, Facts, Verdict
 from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude
 from jaxsat.store import time_at_rest, time_to_settle
 
@@ -55,13 +56,15 @@ def run_verdict(
     """When it settled, within what, by which law, and what failed on the way."""
     law = str(scenario.get("control", {}).get("law", "unknown"))
     rates = float(np.linalg.norm(dataset["omega"].values[-1]))
-    ends = [f"|ω| = {number(rates, 3)} rad/s"]
+    ends = [f"|ω| = {number_text(rates, 3)} rad/s"]
     attitude = settles_in_attitude(scenario)
     settled = time_to_settle(dataset) if attitude else time_at_rest(dataset)
     if attitude:
-        ends.insert(0, f"pointing error {number(float(dataset['pointing_error_total'][-1]), 3)}°")
-    end = f"{number(float(dataset['time'][-1]), 6)} s"
-    more = [f"{capitalised(what)} at {number(at, 6)} s." for at, what in failures]
+        ends.insert(
+            0, f"pointing error {number_text(float(dataset['pointing_error_total'][-1]), 3)}°"
+        )
+    end = f"{number_text(float(dataset['time'][-1]), 6)} s"
+    more = [f"{capitalised(what)} at {number_text(at, 6)} s." for at, what in failures]
     if int(dataset.attrs.get("outcome_code", 0)) != 0:
         reason = dataset.attrs.get("outcome_explanation", "it failed")
         return Verdict(False, f"The run ended early, at {end}: {reason}.", more)
@@ -78,8 +81,9 @@ def _final_state(dataset: xr.Dataset) -> dict[str, str]:
     final = dataset.isel(time=-1)
     tilt = np.degrees(2 * np.arctan(np.linalg.norm(final["w"].values)))
     z = float(final["z"])
+    turn, lean = number_text(z), number_text(tilt, 3)
     return {
-        "attitude at the end": f"w = {_numbers(final['w'])}, z = {z:.4g} rad, tilt {tilt:.3g}°",
+        "attitude at the end": f"w = {_numbers(final['w'])}, z = {turn} rad, tilt {lean}°",
         "rates at the end": f"ω = {_numbers(final['omega'])} rad/s",
     }
 
@@ -100,9 +104,10 @@ def _actuation(dataset: xr.Dataset) -> dict[str, str]:
             found[what] = f"at most {_numbers(abs(dataset[name]).max('time'))} {unit}"
     if "constraint_effort" in dataset:
         peak = float(abs(dataset["constraint_torque"]).max())
+        effort = number_text(dataset["constraint_effort"].values)
         found["third rate"] = (
-            f"held by an ideal torque: {float(dataset['constraint_effort']):.4g} N m s, at most "
-            f"{peak:.3g} N m at the saved times"
+            f"held by an ideal torque: {effort} N m s, at most "
+            f"{number_text(peak, 3)} N m at the saved times"
         )
     errors = (dataset.get(f"{part}_error_estimate") for part in ("rate", "attitude"))
     error = step_error(*(None if one is None else float(one) for one in errors))
@@ -111,4 +116,4 @@ def _actuation(dataset: xr.Dataset) -> dict[str, str]:
 
 
 def _numbers(values: Iterable[Any]) -> str:
-    return f"({', '.join(f'{float(value):.4g}' for value in values)})"
+    return vector_text(values)

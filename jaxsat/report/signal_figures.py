@@ -14,10 +14,10 @@ from jaxsat.report.time_axes import (
     draw_lines,
     figure_title,
     finish,
-    part_names,
     place_legend,
     shade_modes,
 )
+from jaxsat.store.labels import part_names
 
 OWN_FIGURES = frozenset(
     (
@@ -106,7 +106,7 @@ def _labels(dataset: xr.Dataset, variable: xr.DataArray) -> list[str]:
     """What each column is of: a coordinate, or the name of a part of the spacecraft."""
     component = str(variable.dims[1])
     if component in ("thruster", "wheel", "magnetorquer"):
-        return part_names(dataset, component, variable.shape[1])
+        return part_names(dataset.attrs.get("scenario", ""), component, variable.shape[1])
     return [str(one) for one in variable[component].values]
 
 

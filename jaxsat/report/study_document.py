@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxsat.core.numerals import number_text
 from jaxsat.report.cells import INTERVALS, interval_cell, step_error
 from jaxsat.report.document import Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.report.facts import settled_meaning
@@ -79,13 +80,17 @@ def rankings(summary: Summary) -> Iterator[Table | Lines]:
             yield Lines(f"Sensitivity of {result}", [told])
 
 
+def _short(value: float) -> str:
+    return number_text(value, 3)
+
+
 def _ranking(title: str, known: list[Sensitivity]) -> Table:
     known = sorted(known, key=lambda one: not one.matters)
     rows: list[list[Cell]] = [
         [
             one.name,
             *(
-                Shown(f"{part.value:.3g} ({ends_text(part, '.3g')})", part.value)
+                Shown(f"{_short(part.value)} ({ends_text(part, _short)})", part.value)
                 for part in (one.first_order, one.rank_correlation)
             ),
             "yes" if one.matters else "no",

@@ -8,6 +8,7 @@ import xarray as xr
 from matplotlib.axes import Axes
 
 from jaxsat.report.style import LINES, escape_mathematics
+from jaxsat.store.labels import part_names
 
 Span = tuple[float, float]
 
@@ -84,7 +85,7 @@ def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
     in_alarm = np.isin(dataset["mode"].values, alarm)
     found = [(float(time[row]), "alarm") for row in np.flatnonzero(np.diff(in_alarm * 1) > 0) + 1]
     part = diagnosed_part(dataset)
-    names = part_names(dataset, part, kinds.shape[1])
+    names = part_names(dataset.attrs.get("scenario", ""), part, kinds.shape[1])
     for row, thruster in np.argwhere(np.diff(kinds, axis=0) != 0):
         kind = kinds[row + 1, thruster]
         if np.isfinite(kind):
@@ -96,24 +97,6 @@ def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
 def diagnosed_part(dataset: xr.Dataset) -> str:
     """What the law of a run diagnoses: "thruster" or "wheel"."""
     return str(dataset["diagnosed_kind"].dims[-1])
-
-
-def part_names(dataset: xr.Dataset, kind: str, count: int) -> list[str]:
-    """Names, or numbers from 1, of `count` thrusters, wheels or magnetorquers of the scenario.
-
-    A two-sided thruster has both its places. Those that failed before the start are left out where
-    the others are as many as asked for.
-    """
-    tables = tomllib.loads(dataset.attrs.get("scenario", "")).get(kind, [])
-    parts = [
-        (one.get("name", str(number)), bool(one.get("failed")))
-        for number, one in enumerate(tables, 1)
-        for _ in range(2 if one.get("two_sided") else 1)
-    ]
-    for named in ([name for name, _ in parts], [name for name, failed in parts if not failed]):
-        if len(named) == count:
-            return named
-    return [str(number + 1) for number in range(count)]
 
 
 def _mark(axes: Axes, at: float, name: str, row: int = 0) -> None:

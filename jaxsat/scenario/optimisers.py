@@ -3,6 +3,7 @@
 import inspect
 from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 import optax
 
@@ -70,6 +71,7 @@ def _require_optimiser(name: str) -> None:
         raise problem
     try:
         transformation, point = made(learning_rate=0.1), jnp.ones(2)
-        transformation.update(point, transformation.init(point), point)
+        with jax.numpy_dtype_promotion("standard"):  # optax counts its steps in whole numbers
+            transformation.update(point, transformation.init(point), point)
     except Exception as error:
         raise problem from error

@@ -71,11 +71,13 @@ def simulate(
     if isinstance(loop, SampledLoop):
         numbers = sample_numbers(loop, times)
         samples, solver = int(numbers[-1]), _either_mode(solver_of(method.solver))
-        return _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances)
+        with jax.debug_nans(False):  # NaN is what a run did not reach
+            return _run_sampled(loop, start, times, numbers, samples, solver, limit, tolerances)
     if not isinstance(loop, AbstractContinuousLoop):
         raise TypeError(f"Argument `loop` must be a loop of jaxsat.simulation, got {type(loop)}.")
     adjoint = checkpoints() if adjoint is None else adjoint
-    return _run_continuous(loop, start, times, method, adjoint, limit, tolerances)
+    with jax.debug_nans(False):
+        return _run_continuous(loop, start, times, method, adjoint, limit, tolerances)
 
 
 def _either_mode(solver: AbstractSolver) -> AbstractSolver:
@@ -214,7 +216,8 @@ def run_samples(
 
     def period(running, number):
         state, carry, code = running
-        t = begin + number * loop.controller.period
+        length = loop.controller.period
+        t = begin + number.astype(length.dtype) * length
         following, carried, signals = loop.period(number, t, state, integrate, carry)
         kept_finite = loop.controller.judged(following.memory)
         good = within_limit(following.plant, limit, kept_finite)

@@ -79,7 +79,7 @@ class AbstractFailures(eqx.Module):
 
     def hit(self, event: int, count: int) -> Bool[Array, " m"]:
         """Which of `count` actuators an event strikes."""
-        return jnp.arange(count) == jnp.round(self.number[event])
+        return jnp.arange(count, dtype=self.number.dtype) == jnp.round(self.number[event])
 
     def last(self, struck: Bool[Array, " f"], count: int) -> LastFailure:
         """What each of `count` actuators is under once those events have struck."""

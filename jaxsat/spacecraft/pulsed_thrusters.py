@@ -16,7 +16,7 @@ from jaxsat.spacecraft.thruster_set import ThrusterSet
 RealScalar = Float[Array, ""]
 
 ROUNDING = 1e-13
-"""Of a period: ramps that end so close together end together."""
+"""Of a period: ramps that end so close together end together, pulses so close to its end there."""
 
 
 class ThrusterMemory(NamedTuple):
@@ -112,8 +112,11 @@ class PulsedThrusters(AbstractPulsedActuators):
         return self.allocation(command)[0]
 
     def _pulses(self, command, modulation, period) -> tuple[Pulses, PyTree]:
+        """Pulses, and the modulator's next memory; a valve that is open to the end stays so."""
         duty = self.duties(command)
-        return self.modulation(duty, modulation, period, self.thrusters.min_on_time)
+        pulses, modulation = self.modulation(duty, modulation, period, self.thrusters.min_on_time)
+        to_end = pulses.off >= period * (1 - ROUNDING)
+        return pulses._replace(off=jnp.where(to_end, period, pulses.off)), modulation
 
     def plan(self, t, command, memory, period, delay):
         """Pulses as commanded, shifted by what the valves are late."""
@@ -121,11 +124,12 @@ class PulsedThrusters(AbstractPulsedActuators):
         real = pulses.off > pulses.on
         begins = real & ~((pulses.on <= 0) & memory.open[None])
         counted = 1.0 if self.modulation.counts_openings() else 0.0
+        opened = jnp.sum(begins, axis=0, dtype=memory.openings.dtype)
         following = memory._replace(
             modulation=modulation,
             pulses=pulses if self.late else None,
             open=jnp.any(real & (pulses.off >= period), axis=0),
-            openings=memory.openings + counted * jnp.sum(begins, axis=0),
+            openings=memory.openings + counted * opened,
         )
         if self.late:
             pulses = self._late(t, pulses, memory.pulses, period, delay)

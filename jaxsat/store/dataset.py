@@ -16,7 +16,7 @@ from jaxsat.core.text import clean
 from jaxsat.simulation import Assessment, Signals, Trajectory
 from jaxsat.store.errors import OutputError, one_line
 from jaxsat.store.files import save_file
-from jaxsat.store.labels import AXES
+from jaxsat.store.labels import AXES, PARTS, part_names
 from jaxsat.store.marker import read_unchanged
 from jaxsat.store.provenance import provenance_attributes
 
@@ -156,15 +156,21 @@ def trajectory_dataset(
     )
     axes = dict.fromkeys(axis for variable in variables.values() for axis in variable.dims)
     labels: dict[Any, Any] = {axis: list(AXES[str(axis)]) for axis in axes if axis in AXES}
-    for axis in ("thruster", "wheel", "magnetorquer"):
+    for axis in PARTS:
         if axis in axes:
             sizes = (one.sizes[axis] for one in variables.values() if axis in one.dims)
-            labels[axis] = list(range(1, next(sizes) + 1))
+            names = part_names(scenario, axis, next(sizes))
+            labels[axis] = [int(name) for name in names] if _numbered(names) else names
     return xr.Dataset(
         variables,
         coords={"time": time, **labels},
         attrs=_attributes(trajectory, title, scenario, seed),
     )
+
+
+def _numbered(names: list[str]) -> bool:
+    """Whether no part has a name of its own."""
+    return all(name.isdecimal() for name in names)
 
 
 def _along_wheels(variable: xr.Variable) -> xr.Variable:

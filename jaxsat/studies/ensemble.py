@@ -19,7 +19,7 @@ from jaxsat.simulation.engine import AbstractEngine, Outputs, Program, Replay, p
 from jaxsat.store import Column, OutputError, StudyStore, machine
 from jaxsat.store.chunks import Coordinate, chunk_numbers
 from jaxsat.store.differences import differences
-from jaxsat.store.labels import components
+from jaxsat.store.labels import components, distinct
 from jaxsat.studies.columns import (
     DRAWN,
     ERRORS,
@@ -153,11 +153,17 @@ class Study:
             for column in self.columns().values()
             for axis, size in zip(column.dims, column.shape, strict=True)
         }
-        found = {axis: Coordinate(components(axis, size)) for axis, size in sizes.items()}
+        found = {axis: Coordinate(self._components(axis, size)) for axis, size in sizes.items()}
         if HISTORY_TIME in found:
             times = tuple(self._history_times or ())
             found[HISTORY_TIME] = Coordinate(times, "s", "time since the start")
         return found
+
+    def _components(self, axis: str, size: int) -> tuple[str, ...]:
+        """The names of parts, where the study knows as many, and else those of components."""
+        begin = f"{axis} "
+        names = [one.removeprefix(begin) for one in self.names if one.startswith(begin)]
+        return tuple(distinct(names)) if len(names) == size else components(axis, size)
 
     @property
     def _dispersed(self) -> Sequence[str]:

@@ -2,12 +2,14 @@
 
 import abc
 import bisect
+from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import NamedTuple
 
 import numpy as np
 
+from jaxsat.core.numerals import number_text
 from jaxsat.core.once import latest
 
 LEVEL = 0.95
@@ -162,9 +164,9 @@ def fraction_text(found: Interval) -> str:
     return f"{value} ({low} to {high})"
 
 
-def ends_text(found: Interval, form: str = ".4g") -> str:
+def ends_text(found: Interval, shown: Callable[[float], str] = number_text) -> str:
     """The ends of an interval in words, "1 to 2"; "over 1" where the upper end is open."""
-    low, high = (format(end, form) for end in found[1:])
+    low, high = map(shown, found[1:])
     if np.isfinite(found.high):
         return f"{low} to {high}" if np.isfinite(found.low) else f"up to {high}"
     return f"over {low}" if np.isfinite(found.low) else "no bound known"

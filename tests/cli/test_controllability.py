@@ -1,6 +1,7 @@
 """`jaxsat controllability` and `jaxsat reproduce` as a user meets them."""
 
 import csv
+import re
 
 import numpy as np
 import pytest
@@ -131,3 +132,13 @@ def test_what_survives_is_told_first_and_a_number_of_failures_is_listed(capsys):
 def test_a_direction_near_an_axis_has_no_negative_zero():
     direction = np.array([-1e-5, 0.6, 0.8])
     assert direction_words(direction) == "(0.000, 0.600, 0.800)"
+
+
+def test_more_digits_are_printed_where_they_are_asked_for(command_line):
+    found = {}
+    for digits in ((), ("--digits", "12")):
+        status, out, _ = command_line("controllability", "paper-rate", *digits)
+        assert status == 0
+        found[digits] = [len(one) for one in re.findall(r"margin 0\.0*([1-9]\d*)", out)]
+    assert set(found[()]) == {3}
+    assert max(found[("--digits", "12")]) >= 10

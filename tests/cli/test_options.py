@@ -28,6 +28,7 @@ WHOLE = [
 ]
 CASES = {
     ("montecarlo", "acceptance-mc"): {
+        "--digits": WHOLE,
         "-n": WHOLE,
         "--count": WHOLE,
         "--seed": ["-1", "3.7", str(2**64), "1e20", "", "none"],
@@ -57,6 +58,7 @@ CASES = {
         "--engine": ["", "x"],
     },
     ("design", "two-torque-free"): {
+        "--digits": WHOLE,
         "--cases": WHOLE,
         "--steps": [one for one in WHOLE if one != "0"],
         "--settled": ["0", "1.5", "-1", "nan", "", "all"],
@@ -82,6 +84,7 @@ CASES = {
         "--out": ["", "x" * 300],
     },
     ("compare", "--seed", "1"): {
+        "--digits": WHOLE,
         "--count": WHOLE,
         "--bounds": ["-1", "0.5", "1e9", ""],
         "--workers": WHOLE,
@@ -93,11 +96,12 @@ CASES = {
     },
     ("compare",): {"--seed": ["", "-1", "1.5", str(2**64)]},
     ("controllability", "paper-rate"): {
+        "--digits": WHOLE,
         "--tolerance": ["0", "1", "-1", "nan", "inf", "", "small"],
         "--failures": [one for one in WHOLE if one != "0"],
         "--out": ["", "x" * 300],
     },
-    ("simulate", "paper-rate"): {"--out": ["", "x" * 300]},
+    ("simulate", "paper-rate"): {"--digits": [*WHOLE, "18"], "--out": ["", "x" * 300]},
     ("reproduce",): {"--out": ["", "x" * 300]},
     ("report", "run"): {"--out": ["", "x" * 300]},
 }

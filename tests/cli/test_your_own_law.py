@@ -55,6 +55,15 @@ def test_its_commands_simulate_disperse_and_tune(command_line, tmp_path):
     assert status == 0, err
 
 
+@pytest.mark.slow
+def test_the_law_leaves_half_a_turn(command_line):
+    turned = ("initial.quaternion=[0,1,0,0]", "initial.omega_rad_s=[0,-0.0011,0]")
+    start = [part for one in turned for part in ("--set", one)]
+    status, out, err = command_line("simulate", "mine.toml", *start, "--out", "half")
+    assert status == 0, err
+    assert "settled   from " in out
+
+
 def test_the_law_with_an_integral_is_all_right_too(command_line, tmp_path):
     text = PAGE.read_text(encoding="utf-8")
     first, second = blocks(text, "python")

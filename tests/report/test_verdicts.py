@@ -22,7 +22,7 @@ def test_alarms_and_verdicts_are_found_in_the_signals():
     ]
     assert verdicts(found.drop_vars("diagnosed_kind")) == []
     found.attrs["scenario"] = '[[thruster]]\ntwo_sided=true\nname="a"\n[[thruster]]\n'
-    assert verdicts(found)[1] == (30.0, "thruster a: isolated, stuck on")
+    assert verdicts(found)[1] == (30.0, "thruster a-: isolated, stuck on")
 
 
 def test_every_kind_has_its_words():

@@ -192,3 +192,44 @@ def test_a_period_has_as_many_holds_as_it_can_need(modulation):
             return jax.lax.scan(period, (actuators.init(), jnp.array(0.0)), commands)[1]
 
         np.testing.assert_array_equal(jax.jit(jax.vmap(flown))(jnp.asarray(commands)), PERIOD)
+
+
+ON, OFF, HALF = 1.0, 0.0, 0.5
+FULL_BUT_ROUNDED = 1 - 1e-16
+COUNTED = {
+    "pwm": (PulseWidth(), 0.1, 0.0, [ON, ON, HALF, ON, ON, OFF, HALF, HALF, OFF, ON], 5),
+    "pwm rounded": (PulseWidth(), 0.1, 0.0, [FULL_BUT_ROUNDED] * 9, 1),
+    "delta-sigma": (DeltaSigma(), 0.027, 0.009, [ON] * 9, 1),
+    "delta-sigma, a third": (DeltaSigma(), 0.027, 0.027, [1 / 3] * 9, 3),
+    "throttle": (IdealThrottle(), 0.1, 0.0, [HALF, OFF, HALF], 0),
+}
+"""Duties of a thruster by periods, and its openings counted by hand; 3 x 0.009 < 0.027 here."""
+
+
+@pytest.mark.parametrize("name", COUNTED)
+def test_openings_are_counted_not_periods(name):
+    modulation, period, least, duties, openings = COUNTED[name]
+    actuators = PulsedThrusters(thruster_set(np.eye(3)[:, :1], least), None, modulation)
+    memory = actuators.init()
+    for duty in duties:
+        plan, _ = actuators.plan(0.0, jnp.array([duty]), memory, jnp.asarray(period), None)
+        memory = plan.memory
+    np.testing.assert_array_equal(memory.openings, [openings])
+
+
+def test_openings_of_a_schmitt_trigger_are_those_of_its_equations():
+    """Against Euler steps of the lag that are a thousandth of a period long."""
+    duties = np.random.default_rng(4).uniform(0, 1, 20)
+    duties[[3, 7]], duties[[5, 6]] = 0.0, 1.0
+    actuators = PulsedThrusters(thruster_set(np.eye(3)[:, :1]), None, MODULATIONS["pwpf"][0])
+    memory, level, valve, count = actuators.init(), 0.0, 0, 0
+    for duty in duties:
+        memory = actuators.plan(0.0, jnp.array([duty]), memory, jnp.array(PERIOD), None)[0].memory
+        for _ in range(1000):
+            goal = SCHMITT["gain"] * (duty - valve)
+            level += PERIOD / 1000 * (goal - level) / SCHMITT["lag"]
+            opens, shuts = level >= SCHMITT["high"], level <= SCHMITT["low"]
+            count += not valve and opens
+            valve = 1 if opens and not valve else 0 if shuts and valve else valve
+    assert count > 10
+    assert float(memory.openings[0]) == count

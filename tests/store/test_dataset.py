@@ -1,8 +1,11 @@
 """The dataset of a run: labels, units, and a round trip through netCDF."""
 
+import dataclasses
+import io
 import random
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
@@ -56,6 +59,29 @@ def test_holds_every_signal(run, dataset):
     assert list(dataset["omega"]["body_axis"].values) == ["x", "y", "z"]
     assert dataset["rate_error"].dims == ("time", "driven_axis")
     assert dataset["z"].dims == ("time",)
+
+
+def test_parts_have_the_names_of_the_scenario(run):
+    trajectory = run[1]
+    count = len(trajectory.times)
+    signals = dataclasses.replace(
+        trajectory.signals,
+        wheel_momentum=jnp.zeros((count, 2)),
+        dipole=jnp.zeros((count, 1)),
+        thrust_level=jnp.zeros((count, 3)),
+    )
+    text = """
+    wheel = [{name = "rw-x"}, {}]
+    magnetorquer = [{}, {failed = true}]
+    thruster = [{name = "dead", failed = true}, {name = "both", two_sided = true}, {}]
+    """
+    text = "\n".join(line.strip() for line in text.splitlines())
+    found = trajectory_dataset(dataclasses.replace(trajectory, signals=signals), scenario=text)
+    assert list(found["wheel"].values) == ["rw-x", "2"]
+    assert list(found["thruster"].values) == ["both+", "both-", "3"]
+    assert list(found["magnetorquer"].values) == [1]
+    again = xr.open_dataset(io.BytesIO(dataset_bytes(found)), engine="h5netcdf", decode_times=False)
+    assert list(again["thruster"].values) == ["both+", "both-", "3"]
 
 
 def test_modes_have_names_in_attributes(built, run, dataset):

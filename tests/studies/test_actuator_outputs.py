@@ -61,7 +61,7 @@ def test_store_table_and_summary_have_them_with_units(tmp_path):
     with (tmp_path / "s.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [float(row["propellant_kg"]) for row in rows] == found["propellant"].values.tolist()
-    assert float(rows[1]["valve_openings_4"]) == found["valve_openings"][1, 3]
+    assert float(rows[1]["valve_openings_y-"]) == found["valve_openings"][1, 3]
     assert float(rows[2]["peak_wheel_momentum_1_N_m_s"]) == found["peak_wheel_momentum"][2, 0]
 
 
@@ -82,3 +82,10 @@ def test_a_store_from_before_is_read_and_not_continued(tmp_path, monkeypatch):
     assert (
         json.loads((tmp_path / "s.zarr/zarr.json").read_text())["attributes"]["jaxsat_format"] == 3
     )
+
+
+def test_axes_of_parts_have_the_names_of_the_scenario():
+    named = WHEEL.replace("[{", "[{name='rw',")
+    made = study(f"wheel={named}")
+    assert made.coordinates()["thruster"].values == ("x+", "x-", "y+", "y-")
+    assert made.coordinates()["wheel"].values == ("rw",)

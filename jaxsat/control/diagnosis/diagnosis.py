@@ -196,7 +196,7 @@ class Diagnosis(eqx.Module):
             tracked.torque + jnp.where(disturbed, self.filter.torque_of(found.acceleration), 0.0),
             jnp.where(disturbed, 0.0, tracked.samples),
         )
-        named = self.filter.named(found.kind, found.thruster, filtered)
+        named = self.filter.named(found.kind, found.thruster, filtered).astype(memory.kind.dtype)
         return DiagnosisMemory(
             self.filter.restarted(filtered, verdict | disturbed, alarm),
             residual.doubt(self.filter.uncertainty),
@@ -208,7 +208,7 @@ class Diagnosis(eqx.Module):
             found.scores > found.score - self.margin,
             judged,
             jnp.where(comes_back, NONE, jnp.where(hit, named, memory.kind)),
-            memory.returns + comes_back,
+            memory.returns + comes_back.astype(memory.returns.dtype),
         )
 
     def _statistic(self, residual: AnyResidual, memory: DiagnosisMemory) -> Float[Array, "tests m"]:

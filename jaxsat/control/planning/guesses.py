@@ -89,7 +89,7 @@ def resampled(
     def interval(share: RealScalar):
         place = (passed + share * rest) / known.duration * count
         number = jnp.clip(place.astype(int), 0, count - 1)
-        part = jnp.clip(place - number, 0.0, 1.0)
+        part = jnp.clip(place - number.astype(place.dtype), 0.0, 1.0)
         middle = (passed + (share + 0.5 / program.intervals) * rest) / known.duration * count
         torque = known.torque[jnp.clip(middle.astype(int), 0, count - 1)]
         return known.states[number] * (1 - part) + following[number] * part, torque

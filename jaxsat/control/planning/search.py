@@ -177,7 +177,7 @@ class PlanSearch(eqx.Module):
         better = ended & (worth < search.worth)
         best = choose(better, found.unknowns, search.best)
         return search._replace(
-            stage=search.stage + ended,
+            stage=search.stage + ended.astype(search.stage.dtype),
             fresh=ended,
             iterate=found,
             best=best,

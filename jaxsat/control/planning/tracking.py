@@ -95,8 +95,9 @@ def planned_state(
     number, share = interval_at(program, plan, passed)
     x, u = plan.states[number], plan.torque[number]
     part = share * plan.duration
+    number = number.astype(x.dtype)
     since = begin + number * (plan.duration - part) / program.intervals
-    return program.interval(since, number.astype(x.dtype), x, part, u)
+    return program.interval(since, number, x, part, u)
 
 
 def mean_torque(

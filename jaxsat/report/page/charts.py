@@ -20,6 +20,7 @@ from bokeh.models import (
 from bokeh.palettes import cividis
 from bokeh.plotting import figure
 
+from jaxsat.core.numerals import number_text
 from jaxsat.report.document import Chart, Key
 from jaxsat.report.page.decimation import kept_samples
 from jaxsat.report.style import FURTHER_LINES, LINES
@@ -178,7 +179,10 @@ class TimePlots:
         printed: Any = {"$x": "printf", "@image": "printf"}
         made.tools = [*made.tools, HoverTool(tooltips=rows, formatters=printed, renderers=[drawn])]
         described = f"{title}. {_described(values, labels, shown_unit(unit))}"
-        more = f"{title}, from {low:.3g} (dark) to {top:.3g} (bright) {shown_unit(unit)}".rstrip()
+        ends = [number_text(end, 3) for end in (low, top)]
+        shades = f"from {ends[0]} (dark) to {ends[1]} (bright)"
+        shades = shades if ends[0] != ends[1] else f"{ends[0]} all the time"
+        more = f"{title}, {shades} {shown_unit(unit)}".rstrip()
         return Chart(made, more, described)
 
     def overview(self, values: np.ndarray, label: str, unit: str) -> Chart:
@@ -249,6 +253,10 @@ def _described(values: np.ndarray, labels: Sequence[str], unit: str) -> str:
     for label, column in zip(labels, values.T, strict=True):
         good = column[np.isfinite(column)]
         if len(good):
-            told = f"from {good.min():.3g} to {good.max():.3g}, at the end {good[-1]:.3g}"
+            size = float(np.abs(good).max())
+            least, most, last = (
+                number_text(one, 3, scale=size) for one in (good.min(), good.max(), good[-1])
+            )
+            told = f"from {least} to {most}, at the end {last}"
             parts.append(f"{label}: {told} {unit}".rstrip())
     return "; ".join(parts) + "." if parts else "No values."

@@ -128,7 +128,7 @@ class AdaptiveStepper(AbstractStepper):
     ) -> Bool[Array, ""]:
         """Whether instant `bound` is still ahead, or an earlier one still to be observed."""
         state: AdaptiveState = progress.state
-        ahead = (state.t < bound * program.interval) | (state.number < bound)
+        ahead = (state.t < program.time_of(bound)) | (state.number < bound)
         return ahead & (progress.code == int(Outcome.SUCCESS))
 
     def attempt(
@@ -141,8 +141,8 @@ class AdaptiveStepper(AbstractStepper):
     ) -> Progress:
         """One step tried, and all instants before number `bound` that it has passed observed."""
         ode, state = FlatODE.of(self.solver, program, case, axis_name), progress.state
-        up_to_date = state.t < state.number * program.interval
-        needed = up_to_date & (state.t < bound * program.interval)
+        up_to_date = state.t < program.time_of(state.number)
+        needed = up_to_date & (state.t < program.time_of(bound))
         needed &= progress.code == int(Outcome.SUCCESS)
         return _observed(ode, bound, _attempted(self, ode, needed, progress))
 
@@ -168,7 +168,7 @@ class AdaptiveStepper(AbstractStepper):
         dense output is of lower order.
         """
         ode, last_step = FlatODE.of(self.solver, program, case), progress.state.last_step
-        t = number * program.interval
+        t = program.time_of(number)
         end = last_step.fraction(t)
         flat = self._shortened(ode, last_step, t)
         plant = ode.loop.plant_state(t, ode.state(t, flat))
@@ -208,7 +208,7 @@ class AdaptiveStepper(AbstractStepper):
         The state is that of `finish`.
         """
         ode = FlatODE.of(self.solver, program, case)
-        t = number * program.interval
+        t = program.time_of(number)
         flat = self._shortened(ode, progress.state.last_step, t)
         return ode.loop.signals(t, ode.state(t, flat))
 
@@ -267,7 +267,7 @@ def _accepted(tolerance, ode, before: Progress, moved: Progress, needed, accepte
     """Further on, where it was, or ended."""
     limit = ode.program.state_limit
     good = within_limit(ode.restore(moved.state.state)[0], limit)
-    steps = before.steps + needed
+    steps = before.steps + needed.astype(before.steps.dtype)
     code = jnp.where(accepted & ~good, int(Outcome.STATE_LIMIT), before.code)
     out = needed & (code == int(Outcome.SUCCESS)) & (steps >= tolerance.max_steps)
     code = jnp.where(out, int(Outcome.MAX_STEPS), code)
@@ -283,12 +283,12 @@ def _observed(ode: FlatODE, bound, progress: Progress) -> Progress:
 
     def pending(progress: Progress):
         state: AdaptiveState = progress.state
-        passed = (state.number < bound) & (state.number * program.interval <= state.t)
+        passed = (state.number < bound) & (program.time_of(state.number) <= state.t)
         return passed & (progress.code == int(Outcome.SUCCESS))
 
     def observe(progress: Progress) -> Progress:
         state: AdaptiveState = progress.state
-        t = state.number * program.interval
+        t = program.time_of(state.number)
         flat = ode.interpolated(state.last_step, state.last_step.fraction(t))
         plant = ode.loop.plant_state(t, ode.state(t, flat))
         seen = with_peaks(progress, plant)

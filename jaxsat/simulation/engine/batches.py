@@ -94,7 +94,8 @@ class AbstractBatchEngine(AbstractEngine):
         batches = []
         for first in range(0, count, self.batch_size):
             batch = jax.tree.map(lambda x: x[first : first + self.batch_size], cases)  # noqa: B023
-            found = run(program, jax.tree.map(self._padded, batch), gains, *rest)
+            with jax.debug_nans(False):  # NaN is what a case does not have
+                found = run(program, jax.tree.map(self._padded, batch), gains, *rest)
             batches.append(jax.tree.map(lambda x: np.asarray(x)[: self.batch_size], found))
         return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *batches)
 

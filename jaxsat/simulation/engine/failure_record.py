@@ -64,7 +64,7 @@ class FailureRecord(NamedTuple):
             jnp.where(accused, t, before.isolated),
             jnp.where(jnp.isnan(kind), before.kind, kind),
             alarmed,
-            before.false_alarms + false,
+            before.false_alarms + false.astype(before.false_alarms.dtype),
         )
 
     def outputs(self, interval: Float[Array, ""]) -> dict[str, Array]:

@@ -74,7 +74,7 @@ class FixedStepper(AbstractStepper):
         estimate = HalvedSteps(program, tableau, self.substeps, loop.plant, plant_at)
 
         def interval(i, progress):
-            t = (first + i) * program.interval
+            t = program.time_of(first + i)
             seen = with_peaks(progress, loop.signals(t, progress.state))
             both, since = (progress.state, progress.integrals), (progress.settled, progress.rest)
             (state, integrals), since = _equal_steps(
@@ -93,7 +93,7 @@ class FixedStepper(AbstractStepper):
 
     def signals(self, program, case, progress, number):
         """Those of the loop."""
-        return continuous_loop(case).signals(number * program.interval, progress.state)
+        return continuous_loop(case).signals(program.time_of(number), progress.state)
 
 
 class SampledStepper(AbstractStepper):
@@ -161,7 +161,7 @@ class SampledStepper(AbstractStepper):
 
         def period(i, progress):
             progress, number = restored(progress), first + i
-            t = number * program.interval
+            t = program.time_of(number)
             since = (progress.settled, progress.rest)
             carry = (progress.integrals, since, progress.held, progress.error)
             through = partial(integrate, number)
@@ -182,7 +182,7 @@ class SampledStepper(AbstractStepper):
 
     def signals(self, program, case, progress, number):
         """Those of the sample, and the range of the torque since the last ones."""
-        t = number * program.interval
+        t = program.time_of(number)
         assert progress.held is not None
         found = _sampled_loop(case).signals(number, t, progress.state)
         return dataclasses.replace(found, torque_range=progress.held.range())
@@ -263,7 +263,7 @@ def _unless_ended(program, before, seen, state, checked, carry, t) -> Progress:
 
 def _finished(program: Program, case: Case, progress: Progress, number, steps: int) -> Outputs:
     """Outputs after `number` intervals of so many steps each."""
-    end = number * program.interval
+    end = program.time_of(number)
     plant = plant_state(case.loop, end, progress.state)
     observed = Observation.of(case.loop.plant, plant)
     settled, rest = _judged_at(program, (progress.settled, progress.rest), end, observed)

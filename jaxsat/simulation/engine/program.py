@@ -5,8 +5,9 @@ import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.ranges import STATE_LIMIT
@@ -80,6 +81,10 @@ class Program(eqx.Module):
     def of_any_length(self) -> "Program":
         """The program with a length that says nothing: compiled loops take it as an input."""
         return dataclasses.replace(self, intervals=1)
+
+    def time_of(self, number: Int[Array, "*n"] | int) -> Float[Array, "*n"]:
+        """The time (s) at which an interval begins."""
+        return jnp.asarray(number, self.interval.dtype) * self.interval
 
     @property
     def running_cost(self) -> RunningCost | None:

@@ -147,7 +147,7 @@ def _continuous(program: Program, case: Case, method: Method, adjoint):
     from jaxsat.simulation.monitored_solver import MonitoredSolver
 
     loop = continuous_loop(case)
-    times = jnp.arange(program.intervals + 1) * program.interval
+    times = program.time_of(jnp.arange(program.intervals + 1))
     zero = jnp.zeros((), times.dtype)
     solver = MonitoredSolver(solver_of(method.solver), _monitor(*stop_gradient((program, loop))))
     solution = diffrax.diffeqsolve(
@@ -253,7 +253,7 @@ def _outputs(program, case, state, integrals, signals, settled: SettlingTracker,
         integrals=integrals,
         peak_square=jnp.max(squares),
         settled=settled,
-        ended_at=jnp.where(case.possible, reached * program.interval, 0.0),
+        ended_at=jnp.where(case.possible, program.time_of(reached), 0.0),
         code=jnp.where(case.possible, code, progress.code),
         peak_momentum=None if momentum is None else jnp.max(jnp.abs(momentum), axis=0),
         failures=_failures(program, case, signals),
@@ -276,7 +276,7 @@ def _failures(program: Program, case: Case, signals: Signals) -> FailureRecord |
     if not isinstance(case.loop, SampledLoop):
         return None
     samples = jax.tree.map(lambda x: x[:-1], signals)
-    times = jnp.arange(program.intervals) * program.interval
+    times = program.time_of(jnp.arange(program.intervals))
     begin = initial_record(case.loop, case.loop.start(case.start))
     return record_of_history(begin, times, samples, program.tolerances)
 

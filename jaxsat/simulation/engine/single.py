@@ -188,7 +188,8 @@ def _thinned(signals: Signals, every: int) -> Signals:
 
 
 def _trajectory(times, outputs: Outputs, signals: Signals) -> Trajectory:
-    outputs, signals = jax.tree.map(lambda x: as_array(np.asarray(x)), (outputs, signals))
+    with jax.debug_nans(False):  # NaN is what there is none of, such as an actuator that failed
+        outputs, signals = jax.tree.map(lambda x: as_array(np.asarray(x)), (outputs, signals))
     details, ranges = outputs.details, signals.torque_range
     assert details is not None
     found = Assessment(

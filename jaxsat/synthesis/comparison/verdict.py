@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import special
 
+from jaxsat.core.numerals import number_text
 from jaxsat.studies import LEVEL, Interval, percentile, wilson
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
 
@@ -85,8 +86,9 @@ def choose_law(rows: Sequence[ComparisonRow]) -> ComparisonVerdict:
 
     A law is less sure than the one that settles most if of the cases that only one of the two
     settles more than chance allows (95 %, two-sided) are the other's: McNemar's exact test. Of the
-    others the one with the least median is taken, the tail (t90) deciding between equals. Raises
-    `ValueError` for rows of different numbers of cases.
+    others the one with the least median is taken, the tail (t90) deciding between equals, or of
+    those that this sample cannot tell from it the one with the least effort. Raises `ValueError`
+    for rows of different numbers of cases.
     """
     level, limit, _ = rows[0].setting
     return ComparisonVerdict(level, limit, *chosen_law(rows))
@@ -100,7 +102,11 @@ def chosen_law(rows: Sequence[ComparisonRow]) -> tuple[str | None, str]:
     if surest.settled.value == 0:
         return None, "no law settled a single case"
     sure = [row for row in rows if not settles_fewer(row, surest)]
-    best = min(sure, key=lambda row: (row.t50.value, row.t90.value, -row.settled.value))
+    quickest = min(sure, key=_time)
+    best = min(
+        (row for row in sure if row is quickest or _as_quick(row, quickest)),
+        key=lambda row: (np.nan_to_num(row.effort, nan=np.inf), *_time(row)),
+    )
     return best.setting.law, _reason(best, surest, sure, rows)
 
 
@@ -147,13 +153,36 @@ def settles_fewer(row: ComparisonRow, other: ComparisonRow) -> bool:
     return bool(others > alone and _tail(alone, alone + others) < (1 - LEVEL) / 2)
 
 
+def _time(row: ComparisonRow) -> tuple[float, float, float]:
+    return row.t50.value, row.t90.value, -row.settled.value
+
+
+def _as_quick(row: ComparisonRow, quickest: ComparisonRow) -> bool:
+    """Whether neither the cases (sign test) nor the tail (t90) show that a law is slower."""
+    return not _differ(*_ahead(quickest, row)) and row.t90.value <= quickest.t90.high
+
+
+def _ahead(one: ComparisonRow, other: ComparisonRow) -> tuple[int, int]:
+    """In how many of the same cases one law is quicker, and in how many the other."""
+    return (
+        int((one.settling_times < other.settling_times).sum()),
+        int((one.settling_times > other.settling_times).sum()),
+    )
+
+
+def _differ(ahead: int, behind: int) -> bool:
+    """Whether chance does not explain such a difference: the exact sign test."""
+    return _tail(min(ahead, behind), ahead + behind) <= (1 - LEVEL) / 2
+
+
 def _quicker(best: ComparisonRow, row: ComparisonRow) -> str:
-    """In how many of the cases that differ the best law is quicker: the exact sign test."""
-    ahead = int((best.settling_times < row.settling_times).sum())
-    behind = int((best.settling_times > row.settling_times).sum())
-    tail = _tail(min(ahead, behind), ahead + behind)
-    if tail > (1 - LEVEL) / 2:
-        return ", which this sample cannot tell apart"
+    """In how many of the cases that differ which law is quicker, and what the other one spends."""
+    ahead, behind = _ahead(best, row)
+    if not _differ(ahead, behind):
+        told = ", which this sample cannot tell apart"
+        if row.effort > best.effort:
+            told += f", with {number_text(row.effort / best.effort, 3)} times the effort"
+        return told
     return f", {best.setting.law} being quicker in {ahead} of {ahead + behind} cases"
 
 
@@ -163,7 +192,7 @@ def _tail(fewer: int, count: int) -> float:
 
 
 def _seconds(value: float) -> str:
-    return f"{value:.4g} s" if np.isfinite(value) else "no time seen"
+    return f"{number_text(value)} s" if np.isfinite(value) else "no time seen"
 
 
 def _or_nan(statistic, values: np.ndarray) -> float:

@@ -264,7 +264,8 @@ def _transformation(descent: OptimiserSettings, steps: int):
 def _moved(plan: TuningPlan, state: DescentState, gradients: Values):
     update = _transformation(plan.settings.descent, plan.settings.steps)[1]
     arrays = (jnp.asarray(gradients), state.optimiser, jnp.asarray(state.points))
-    shifts, optimiser = update(*arrays)
+    with jax.numpy_dtype_promotion("standard"):  # optax counts its steps in whole numbers
+        shifts, optimiser = update(*arrays)
     moved = plan.space.projected(state.points + np.asarray(shifts))
     return np.where(state.alive[:, None], moved, state.points), optimiser
 

@@ -8,11 +8,11 @@ import pytest
 from jaxsat.synthesis.comparison import ComparisonSetting, choose_law, comparison_row
 
 
-def row(law, times, paper=50.0):
+def row(law, times, paper=50.0, effort=1.0):
     times = np.asarray(times, float)
     columns = {
         "settling_time": times,
-        "effort": np.linspace(10.0, 20.0, len(times)),
+        "effort": effort * np.linspace(10.0, 20.0, len(times)),
         "peak_rate": np.linspace(0.1, 0.3, len(times)),
     }
     return comparison_row(
@@ -69,6 +69,20 @@ def test_medians_that_cannot_be_told_apart_are_said_to_be():
     assert "cannot tell apart" in near.reason
     far = choose_law([row("rate", times(200, 200, 80.0)), row("switching", 2 * mixed)])
     assert "rate being quicker in 1" in far.reason
+
+
+def test_less_effort_decides_between_times_that_cannot_be_told_apart():
+    """357 s against 363 s at 1.7 times the effort, in cases of their own."""
+    mixed = np.random.default_rng(1).permutation(times(200, 200, 363.0))
+    quick, frugal = row("rate", times(200, 200, 357.0), effort=1.7), row("switching", mixed)
+    for rows in ([quick, frugal], [frugal, quick]):
+        found = choose_law(rows)
+        assert found.law == "switching"
+        assert "takes 357 s, which this sample cannot tell apart, with 1.7 times" in found.reason
+    slower = row("switching", times(200, 200, 363.0))  # in every case
+    assert choose_law([quick, slower]).law == "rate"
+    tailed = row("switching", np.where(mixed > 480, 3 * mixed, mixed))
+    assert choose_law([quick, tailed]).law == "rate"
 
 
 def test_a_small_difference_of_the_same_cases_is_no_chance():

@@ -1,0 +1,56 @@
+"""Numbers as a person reads them: with the digits that are asked for, and no sign of zero."""
+
+import contextlib
+import contextvars
+import math
+from collections.abc import Iterable, Iterator
+from typing import SupportsFloat
+
+MOST_DIGITS = 17
+"""A double has no more."""
+
+ROUNDING = 1e-14
+"""Of the size of a quantity: what is smaller is rounding alone."""
+
+NOTHING = "-"
+
+_LEAST = contextvars.ContextVar("digits", default=0)
+
+
+@contextlib.contextmanager
+def at_least_digits(count: int | None) -> Iterator[None]:
+    """Show so many significant digits where fewer are usual; None changes nothing."""
+    before = _LEAST.set(count or 0)
+    try:
+        yield
+    finally:
+        _LEAST.reset(before)
+
+
+def number_text(value: SupportsFloat, digits: int = 4, *, scale: float = 0.0) -> str:
+    """A number to significant digits; zero where it is rounding of a quantity of size `scale`."""
+    number = float(value)
+    if math.isnan(number):
+        return NOTHING
+    shown = 0.0 if abs(number) <= ROUNDING * scale else number + 0.0
+    return f"{shown:.{max(digits, _LEAST.get())}g}"
+
+
+def fixed_text(value: SupportsFloat, places: int) -> str:
+    """A number to so many places after the point, or to the digits that are asked for."""
+    number = float(value)
+    if math.isnan(number):
+        return NOTHING
+    if _LEAST.get():
+        integral = len(f"{abs(number):.0f}") if abs(number) >= 1 else 0
+        places = max(places, _LEAST.get() - integral)
+    text = f"{number:.{places}f}"
+    return text.removeprefix("-") if float(text) == 0 else text
+
+
+def vector_text(values: Iterable[SupportsFloat], digits: int = 4, *, scale: float = 0.0) -> str:
+    """Numbers in parentheses; zero where one is rounding of the largest, or of `scale`."""
+    numbers = [float(value) for value in values]
+    largest = max((abs(one) for one in numbers if math.isfinite(one)), default=0.0)
+    largest = max(largest, scale)
+    return f"({', '.join(number_text(one, digits, scale=largest) for one in numbers)})"
