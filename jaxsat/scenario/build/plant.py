@@ -28,12 +28,6 @@ from jaxsat.spacecraft.environment import (
     SumOfDisturbances,
     Sunlight,
 )
-from jaxsat.scenario.declared import values_of
-from jaxsat.scenario.part_tables import DisturbanceTable, PartTable
-from jaxsat.scenario.plugins import DISTURBANCE, find_part
-from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.tables import OrbitTable
-from jaxsat.spacecraft import Spacecraft
 
 
 def build_plant(scenario: Scenario) -> RigidBody:
