@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.scenario.build.magnetorquers import build_magnetorquers
-from jaxsat.scenario.build.plugin_trial import made_part, require_torque
-from jaxsat.scenario.build.wheels import build_wheels, wheel_momenta
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.disturbances import AERODYNAMIC, DISTURBANCES, SOLAR
+from jaxsat.scenario.build.magnetorquers import build_magnetorquers
+from jaxsat.scenario.build.plugin_trial import made_part, require_torque
+from jaxsat.scenario.build.wheels import build_wheels, wheel_momenta
 from jaxsat.spacecraft.dynamics import OfEach, RigidBody
 from jaxsat.spacecraft.environment import (
     AbstractDisturbance,

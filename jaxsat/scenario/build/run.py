@@ -1,6 +1,5 @@
 """From a scenario to the objects of the core."""
 
-import dataclasses
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -10,14 +9,6 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.scenario.build.actuators import build_actuators, ideal_thrusters
-from jaxsat.scenario.build.controller import build_controller
-from jaxsat.scenario.build.errors import BuildError, at_key, made_of_numbers
-from jaxsat.scenario.build.magnetorquers import build_steering
-from jaxsat.scenario.build.navigation import build_navigation
-from jaxsat.scenario.build.plant import build_plant, effector_states
-from jaxsat.scenario.build.plugin_trial import require_runs
-from jaxsat.scenario.build.wheels import build_tachometers
 from jaxsat.control import (
     AbstractBacksteppingLaw,
     AbstractController,
@@ -38,9 +29,9 @@ from jaxsat.scenario.build.controller import build_controller
 from jaxsat.scenario.build.errors import BuildError, at_key, made_of_numbers
 from jaxsat.scenario.build.magnetorquers import build_steering
 from jaxsat.scenario.build.navigation import build_navigation
-from jaxsat.scenario.build.plant import build_plant
+from jaxsat.scenario.build.plant import build_plant, effector_states
 from jaxsat.scenario.build.plugin_trial import require_runs
-from jaxsat.scenario.build.wheels import build_tachometers, wheel_momentum
+from jaxsat.scenario.build.wheels import build_tachometers
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue

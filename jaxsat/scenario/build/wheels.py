@@ -4,7 +4,6 @@ import equinox as eqx
 import numpy as np
 
 from jaxsat.control.context import WheelContext
-from jaxsat.core.noise import key_of_seed
 from jaxsat.core.declaration.sensors import DELAY
 from jaxsat.core.noise import key_of_seed
 from jaxsat.scenario.build.pulsed_thrusters import rate_noise

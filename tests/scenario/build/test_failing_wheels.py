@@ -9,7 +9,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation import ContinuousLoop
-from jaxsat.spacecraft import (FailureEvents, WheelFailureKind, WheelFailures, Wheels, wheel_momentum)
+from jaxsat.spacecraft import FailureEvents, WheelFailureKind, WheelFailures, Wheels, wheel_momentum
 
 WHEELS = """\
 [[wheel]]
@@ -98,7 +98,10 @@ def test_failures_of_both_kinds_of_part_are_drawn_in_one_study(tmp_path):
     cases = np.arange(16)
     outputs = study.evaluate(cases)
     copies = jax.vmap(lambda case: study.case_factory(case, None))(study.cases(cases))
-    wheels, thrusters = copies.loop.plant.find(Wheels).failures, copies.loop.actuators.thrusters.failures
+    wheels, thrusters = (
+        copies.loop.plant.find(Wheels).failures,
+        copies.loop.actuators.thrusters.failures,
+    )
     drawn = outputs.drawn
     for name, field in (("failure_time", "at"), ("failure_kind", "kind")):
         both = np.concatenate([getattr(thrusters, field), getattr(wheels, field)], axis=1)

@@ -8,12 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from scenario.build.test_failing_wheels import mixed
-from scenario.build.test_thrusters_as_parts import pushing, written
-from jaxsat.spacecraft import Wheels
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import study_program
+from jaxsat.spacecraft import Wheels
 from jaxsat.studies import StudyCase
 from jaxsat.studies.failure_codes import FAILURES
 from jaxsat.studies.recovery import failed_thrusters
