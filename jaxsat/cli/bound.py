@@ -17,8 +17,8 @@ from jaxsat.cli.terminal import (
     FailedRun,
     UserMistake,
     output_problem,
+    print_document,
     print_stderr,
-    print_stdout,
 )
 from jaxsat.cli.words import command_line
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from jaxsat.core.tolerances import Tolerances
+    from jaxsat.report.document import Document
     from jaxsat.scenario import Scenario
     from jaxsat.synthesis.bounds import Bound, Solution
     from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
@@ -95,7 +96,6 @@ def bound(
 
     limit = chosen.simulation.duration_s if longest is None else longest
     _require_time(limit, "simulation.duration_s")
-    unit = UNITS[objective]
     what, aim = f"least {objective}", BoundObjective(objective)
     plans = [] if rates_only else planned(loop, beginning, aim, limit, tolerances, what)
     found = searched(manoeuvre, aim, starts, limit, seed, what, plans)
@@ -105,20 +105,35 @@ def bound(
     if out is not None:
         _write(out, found, target, end_data(end, tolerances), overwrite)
     if not quiet:
-        flight, values = found.verification, found.values
-        print_stdout(f"least {objective:<10} {found.solution.value:.4g} {unit}")
-        print_stdout(f"duration         {found.solution.duration:.4g} s")
-        print_stdout(f"effort           {flight.effort:.4g} N m s")
-        print_stdout(f"end              {end_text(tolerances, not rates_only)}")
-        where = f"{flight.angle:.1e} rad and {flight.rate:.1e} rad/s from rest in the orbit frame"
-        if tolerances is not None:
-            where = f"at {flight.tilt:.3g} rad of tilt, {flight.turn:.3g} rad of turn and "
-            where += f"{flight.rate:.3g} rad/s"
-        where = f"with {flight.rate:.1e} rad/s" if rates_only else where
-        print_stdout(f"flown again      ends {where}")
-        listed = ", ".join(f"{value:.4g}" for value in values)
-        print_stdout(f"local optima     {listed} {unit}, of {found.starts} starts; not certified")
+        print_document(_document(chosen.title, found, objective, tolerances, rates_only))
     return SUCCESS
+
+
+def _document(
+    title: str,
+    found: "Bound",
+    objective: str,
+    tolerances: "Tolerances | None",
+    rates_only: bool,
+) -> "Document":
+    from jaxsat.report.document import Document, Facts, Verdict
+
+    flight, unit = found.verification, UNITS[objective]
+    where = f"{flight.angle:.1e} rad and {flight.rate:.1e} rad/s from rest in the orbit frame"
+    if tolerances is not None:
+        where = f"at {flight.tilt:.3g} rad of tilt, {flight.turn:.3g} rad of turn and "
+        where += f"{flight.rate:.3g} rad/s"
+    where = f"with {flight.rate:.1e} rad/s" if rates_only else where
+    listed = ", ".join(f"{value:.4g}" for value in found.values)
+    facts = {
+        "duration": f"{found.solution.duration:.4g} s",
+        "effort": f"{flight.effort:.4g} N m s",
+        "end": end_text(tolerances, not rates_only),
+        "flown again": f"ends {where}",
+        "local optima": f"{listed} {unit}, of {found.starts} starts",
+    }
+    text = f"Least {objective}: {found.solution.value:.4g} {unit}, not certified."
+    return Document(title, Verdict(None, text), [Facts("Best found", facts)])
 
 
 def required_manoeuvre(
