@@ -16,12 +16,13 @@ from jaxsat.cli.terminal import (
     FailedRun,
     UserMistake,
     output_problem,
+    print_document,
     print_stderr,
-    print_stdout,
 )
 
 if TYPE_CHECKING:
     from jaxsat.core.tolerances import Tolerances
+    from jaxsat.report.document import Document
     from jaxsat.scenario import Scenario
     from jaxsat.synthesis.bounds import Bound, UnsuitableScenario
 
@@ -98,8 +99,7 @@ def bound(
         data = {"target": target, **end_data(end, tolerances), **found.as_data()}
         _write(output.out, data, output.overwrite)
     if not output.quiet:
-        for line in _lines(found, target, tolerances):
-            print_stdout(line)
+        print_document(_document(chosen.title, found, target, tolerances))
     return SUCCESS
 
 
@@ -125,26 +125,31 @@ def unsuitable(error: "UnsuitableScenario") -> UserMistake:
     return UserMistake(f"{error}; give it with --set" if error.lacking else str(error))
 
 
-def _lines(found: "Bound", target: Target, tolerances: "Tolerances | None") -> list[str]:
-    """What a bound is, for a person."""
+def _document(
+    title: str, found: "Bound", target: Target, tolerances: "Tolerances | None"
+) -> "Document":
+    from jaxsat.core.numerals import number_text
+    from jaxsat.report.document import Document, Facts, Verdict
     from jaxsat.synthesis.bounds import end_text
 
     objective, flight = found.objective.value, found.verification
+    unit = UNITS[objective]
     where = f"{flight.angle:.1e} rad and {flight.rate:.1e} rad/s from rest in the orbit frame"
     if target == "rates":
         where = f"with {flight.rate:.1e} rad/s"
     elif tolerances is not None:
-        where = f"at {flight.tilt:.3g} rad of tilt, {flight.turn:.3g} rad of turn and "
-        where += f"{flight.rate:.3g} rad/s"
-    listed = ", ".join(f"{value:.4g}" for value in found.values)
-    return [
-        f"least {objective:<10} {found.solution.value:.4g} {UNITS[objective]}",
-        f"duration         {found.solution.duration:.4g} s",
-        f"effort           {flight.effort:.4g} N m s",
-        f"end              {end_text(tolerances, target == 'attitude')}",
-        f"flown again      ends {where}",
-        f"local optima     {listed} {UNITS[objective]}, of {found.starts} starts; not certified",
-    ]
+        tilt, turn, rate = (number_text(one, 3) for one in (flight.tilt, flight.turn, flight.rate))
+        where = f"at {tilt} rad of tilt, {turn} rad of turn and {rate} rad/s"
+    listed = ", ".join(map(number_text, found.values))
+    facts = {
+        "duration": f"{number_text(found.solution.duration)} s",
+        "effort": f"{number_text(flight.effort)} N m s",
+        "end": end_text(tolerances, target == "attitude"),
+        "flown again": f"ends {where}",
+        "local optima": f"{listed} {unit}, of {found.starts} starts",
+    }
+    text = f"Least {objective}: {number_text(found.solution.value)} {unit}, not certified."
+    return Document(title, Verdict(None, text), [Facts("Best found", facts)])
 
 
 def _write(path: Path, data: dict[str, Any], overwrite: bool) -> None:

@@ -12,7 +12,14 @@ from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import End, Output, Overrides, Starts, TorqueLimits, torque_limits
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, output_problem, print_stdout
+from jaxsat.cli.terminal import (
+    FAILED_RUN,
+    SUCCESS,
+    UserMistake,
+    output_problem,
+    print_document,
+    print_stdout,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -78,13 +85,14 @@ def front(
         with OutputFolder(out, kind="front", overwrite=output.overwrite) as folder:
             found = interruptibly(lambda: [_found(one, laws, guesses, end) for one in chosen])
             meaning = end_data(end, tolerances_at(chosen[0], end))
-            interruptibly(lambda: _write(folder, chosen[0].title, found, meaning))
+            record = _record(found, meaning)
+            interruptibly(lambda: _write(folder, chosen[0].title, record))
     except OutputError as error:
         raise output_problem(error) from None
     if not output.quiet:
-        print_stdout(f"plans end {meaning['end_meaning']}; laws where they settle")
-        for line in _lines(found):
-            print_stdout(line)
+        from jaxsat.report.front_document import front_document
+
+        print_document(front_document(chosen[0].title, record))
         print_stdout(f"written to {out}")
     return SUCCESS if all(one.points for one in found) else FAILED_RUN
 
@@ -124,32 +132,21 @@ def _found(scenario: "Scenario", laws: Sequence[str], guesses: int, end: End) ->
         raise UserMistake(str(error)) from None
 
 
-def _write(folder: Any, title: str, found: Sequence["Front"], end: dict[str, Any]) -> None:
-    from jaxsat.report.saving import save_figures
+def _record(found: Sequence["Front"], end: dict[str, Any]) -> dict[str, Any]:
     from jaxsat.store import command_line, provenance
 
-    data = [one.as_data() for one in found]
-    record = {"command": command_line(), **end, "fronts": data, **provenance()}
+    fronts = [one.as_data() for one in found]
+    return {"command": command_line(), **end, "fronts": fronts, **provenance()}
+
+
+def _write(folder: Any, title: str, record: dict[str, Any]) -> None:
+    from jaxsat.report.saving import save_figures
+
     folder.write(RESULT, json.dumps(record, indent=1, allow_nan=False) + "\n")
 
     def figure() -> "Figure":
         from jaxsat.report.front_figure import front_figure
 
-        return front_figure(data, f"{title}: time against effort")
+        return front_figure(record["fronts"], f"{title}: time against effort")
 
     save_figures({FIGURE: figure}, folder.write)
-
-
-def _lines(found: Sequence["Front"]) -> list[str]:
-    lines = [f"{'N m':>7} {'time (s)':>10} {'effort (N m s)':>15}"]
-    for front in found:
-        limit = f"{front.torque_limit:7.4g}"
-        lines += [f"{limit} {one.duration:10.4g} {one.effort:15.4g}" for one in front.points]
-        lines += [f"{limit} {one:10.4g} {'no plan':>15}" for one in front.failed]
-        lines += [
-            f"{limit} {one.settled_from:10.4g} {one.effort:15.4g}  {one.law}"
-            if one.settled_from < float("inf")
-            else f"{limit} {'':10} {'':15}  {one.law} does not settle"
-            for one in front.flown
-        ]
-    return lines

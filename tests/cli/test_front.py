@@ -109,11 +109,10 @@ def test_table_numbers_and_figure(command_line, tmp_path):
     settled = [one["settled_from_s"] for one in found["laws"]]
     assert found["end"] == "settled"
     assert found["front"][0]["duration_s"] < min(one for one in settled if one is not None)
-    lines = out.splitlines()
-    assert lines[0].startswith("plans end settled, |w| < 0.05, |z| < 0.05 rad")
-    assert lines[1].split() == ["N", "m", "time", "(s)", "effort", "(N", "m", "s)"]
-    assert lines[-3].split()[-1] == "three-slew"
-    assert lines[-2].endswith("oscillatory does not settle")
+    assert "\nPlans end settled, |w| < 0.05, |z| < 0.05 rad" in out
+    *_, slew, oscillatory, _ = out.splitlines()
+    assert slew.split()[:2] == ["20", "three-slew"]
+    assert "oscillatory, which does not settle" in oscillatory
     status, _, err = command_line("front", *QUICK, *laws, "--out", "f")
     assert status == 2
     assert "--overwrite" in err
