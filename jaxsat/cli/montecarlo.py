@@ -13,22 +13,19 @@ from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.integration_error import excessive_error
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import (
-    BatchSize,
     Case,
     Cases,
     Instants,
-    OptionalBatchSize,
     OptionalPath,
     OptionalSeed,
     Overrides,
     Resumable,
     Text,
-    Workers,
 )
 from jaxsat.cli.places import refuse_nested, try_folder
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import PlannedReport, finish_report, planned_report
-from jaxsat.cli.study_executors import chosen_executor, study_problems
+from jaxsat.cli.study_executors import Sharing, chosen_executor, study_problems
 from jaxsat.cli.study_files import (
     figures_folder,
     refuse_csv,
@@ -52,34 +49,6 @@ from jaxsat.core.errors import LibraryError
 if TYPE_CHECKING:
     from jaxsat.scenario import Scenario
     from jaxsat.studies import AbstractExecutor, StopRule, Study, Summary
-
-
-@Parameter(name="*")
-@dataclass(frozen=True, kw_only=True)
-class Sharing:
-    """How the cases are shared out.
-
-    Parameters
-    ----------
-    processes
-        Processes on this machine that share the chunks, at most as many as processors; a process
-        that dies is replaced.
-    scheduler
-        Distribute the chunks to the workers of this dask scheduler: an address such as
-        tcp://host:8786, or the scheduler's JSON file.
-    devices
-        Devices (accelerators) of this machine that share the chunks.
-    batch_size
-        Cases per pass of the compiled loop; the last bits of results may depend on it.
-    chunk
-        Cases that are computed and written together; by default a number that suits the engine.
-    """
-
-    processes: Workers = None
-    scheduler: Text = None
-    devices: Workers = None
-    batch_size: BatchSize = 64
-    chunk: OptionalBatchSize = None
 
 
 @Parameter(name="*")

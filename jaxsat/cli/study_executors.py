@@ -2,13 +2,45 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from cyclopts import Parameter
+
+from jaxsat.cli.options import BatchSize, OptionalBatchSize, Text, Workers
 from jaxsat.cli.terminal import FailedRun, UserMistake, output_problem, print_stderr
 from jaxsat.core.processors import processors
 
 if TYPE_CHECKING:
     from jaxsat.studies import AbstractExecutor
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Sharing:
+    """How the cases are shared out.
+
+    Parameters
+    ----------
+    processes
+        Processes on this machine that share the chunks, at most as many as processors; a process
+        that dies is replaced.
+    scheduler
+        Distribute the chunks to the workers of this dask scheduler: an address such as
+        tcp://host:8786, or the scheduler's JSON file.
+    devices
+        Devices (accelerators) of this machine that share the chunks.
+    batch_size
+        Cases per pass of the compiled loop; the last bits of results may depend on it.
+    chunk
+        Cases that are computed and written together; by default a number that suits the engine.
+    """
+
+    processes: Workers = None
+    scheduler: Text = None
+    devices: Workers = None
+    batch_size: BatchSize = 64
+    chunk: OptionalBatchSize = None
 
 
 def chosen_executor(

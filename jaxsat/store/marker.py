@@ -33,6 +33,9 @@ COMPLETE = {"complete": True}
 OF_SYSTEMS = frozenset({".DS_Store", "Thumbs.db", "desktop.ini", ".directory"})
 """Files that file managers leave wherever they look, and that hold nothing of anybody's."""
 
+APPLE_DOUBLE = b"\x00\x05\x16\x07"
+"""How a file `._NAME` begins in which macOS keeps what another file system cannot hold of NAME."""
+
 
 Made = Callable[[str], bool]
 """Whether a file or folder is one that a build makes of what jaxsat wrote, by its name within."""
@@ -42,6 +45,14 @@ def nothing(name: str) -> bool:
     """No name."""
     del name
     return False
+
+
+def _is_of_system(path: Path) -> bool:
+    """Whether a plain file is one that a system leaves; raises `OSError`."""
+    if not path.name.startswith("._"):
+        return path.name in OF_SYSTEMS
+    with path.open("rb") as file:
+        return file.read(len(APPLE_DOUBLE)) == APPLE_DOUBLE
 
 
 def _is_plain(mode: int) -> bool:
@@ -150,7 +161,7 @@ class Marker:
             elif not stat.S_ISREG(mode):
                 known = False
             else:
-                known = name in self._partials or Path(name).name in OF_SYSTEMS
+                known = name in self._partials or _is_of_system(self.folder / name)
                 known = known or (name in self._hashes and self.is_unchanged(name))
             if not known and not (_is_plain(mode) and is_made_of_it(name)):
                 found.append(name)

@@ -139,13 +139,30 @@ def test_stranger_that_comes_while_computing_is_kept(tmp_path):
     assert (target / "data.txt").read_text() == "old"
 
 
-@pytest.mark.parametrize("name", [".DS_Store", "Thumbs.db", "desktop.ini"])
-def test_what_file_managers_leave_is_no_obstacle(tmp_path, name):
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        (".DS_Store", b"\0"),
+        ("Thumbs.db", b"\0"),
+        ("desktop.ini", b"\0"),
+        ("._a.txt", b"\x00\x05\x16\x07\x00\x02\x00\x00Mac OS X"),
+    ],
+)
+def test_what_file_managers_leave_is_no_obstacle(tmp_path, name, content):
     folder = tmp_path / "made"
     folder.mkdir()
     marker = Marker.make(folder, "run", {})
     marker.write("a.txt", b"a")
-    (folder / name).write_bytes(b"\0")
+    (folder / name).write_bytes(content)
     assert marker.foreign_files() == []
     assert marker.remove_folder() == []
     assert not folder.exists()
+
+
+def test_a_file_that_is_only_called_like_those_of_macos_is_kept(tmp_path):
+    folder = tmp_path / "made"
+    folder.mkdir()
+    marker = Marker.make(folder, "run", {})
+    (folder / "._notes").write_text("mine")
+    assert marker.remove_folder() == ["._notes"]
+    assert (folder / "._notes").read_text() == "mine"
