@@ -51,7 +51,7 @@ def study_verdict(summary: Summary, settled: str) -> Verdict:
     error = step_error(summary.rate_error, summary.attitude_error)
     more += [f"The steps leave errors of {error}."] if error else []
     listed = ", ".join(map(str, summary.worst[:SHOWN]))
-    more.append(f"Worst cases: {listed}. `--case` computes one of them again.")
+    more.append(f"Worst cases: {listed}. `jaxsat montecarlo --case` computes one of them again.")
     return Verdict(None, text, more)
 
 

@@ -10,29 +10,31 @@ import jaxsat
 from jaxsat.cli.app import app
 
 FLAGS = {
-    "simulate": "--set --out --report --overwrite --quiet",
+    "simulate": "--set --out --report --overwrite --digits --quiet",
     "montecarlo": (
         "--count -n --seed --out --set --engine --workers --batch-size --chunk --until-ci --case "
         "--overwrite --processes --scheduler --devices --figures --csv --report --history --yes "
-        "--elsewhere --controller --quiet"
+        "--elsewhere --controller --digits --quiet"
     ),
     "compare": (
         "--set --level --torque-limit --law --count -n --seed --out --engine --workers --bounds "
-        "--end --csv --report --overwrite --yes --elsewhere --quiet"
+        "--end --csv --report --overwrite --yes --elsewhere --digits --quiet"
     ),
     "bound": "--objective --target --end --starts --longest --seed --set --out --overwrite --quiet",
     "front": "--law --torque-limit --guesses --end --set --out --overwrite --quiet",
     "tune": (
         "--out --set --engine --workers --batch-size --baselines --report --overwrite --yes "
-        "--elsewhere --quiet"
+        "--elsewhere --digits --quiet"
     ),
     "design": (
         "--out --set --law --settled --cases --steps --seed --attitude --goal --engine --workers "
-        "--report --overwrite --yes --elsewhere --quiet"
+        "--report --overwrite --yes --elsewhere --digits --quiet"
     ),
-    "controllability": ("--set --out --report --overwrite --quiet --failures --drift --tolerance"),
+    "controllability": (
+        "--set --out --report --overwrite --digits --quiet --failures --drift --tolerance"
+    ),
     "export": "--set --out --float --functions --overwrite --quiet",
-    "reproduce": "--out --report --overwrite --quiet",
+    "reproduce": "--out --report --overwrite --digits --quiet",
     "report": "--out --overwrite --quiet",
     "convert": "--to --out --epoch --frame --object-name --object-id --overwrite --quiet",
     "scenarios list": "--quiet",

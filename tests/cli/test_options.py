@@ -52,6 +52,7 @@ CASES = {
         "--out": ["", "x" * 300],
     },
     ("tune", "benchmark-three-axis"): {
+        "--digits": WHOLE,
         "--workers": WHOLE,
         "--batch-size": WHOLE,
         "--out": ["", "x" * 300],
@@ -102,7 +103,7 @@ CASES = {
         "--out": ["", "x" * 300],
     },
     ("simulate", "paper-rate"): {"--digits": [*WHOLE, "18"], "--out": ["", "x" * 300]},
-    ("reproduce",): {"--out": ["", "x" * 300]},
+    ("reproduce",): {"--digits": WHOLE, "--out": ["", "x" * 300]},
     ("report", "run"): {"--out": ["", "x" * 300]},
 }
 

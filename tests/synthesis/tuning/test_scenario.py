@@ -54,4 +54,5 @@ def test_one_call_tunes_a_scenario(scenario, plan, final, receipt, monkeypatch):
     assert result.scenario == tuned_scenario(scenario, plan, final.best_point)
     assert result.gains["k1"] == pytest.approx(result.scenario.control.k1)
     assert result.history.sizes["step"] == plan.settings.steps
-    assert "## Verdict" in result.summary
+    assert result.summary.startswith(f"# Tuning: {scenario.title}\n")
+    assert "## Gains" in result.summary
