@@ -6,10 +6,6 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.scenario.build.failures import failing
-from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
-from jaxsat.scenario.build.pulsed_thrusters import pulsed_thrusters
-from jaxsat.scenario.build.wheels import limits_of
 from jaxsat.core.allocation import (
     direction_matrix,
     least_squares_map,
@@ -17,6 +13,10 @@ from jaxsat.core.allocation import (
     unit_columns,
 )
 from jaxsat.core.checks import as_array, as_float
+from jaxsat.scenario.build.failures import failing
+from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
+from jaxsat.scenario.build.pulsed_thrusters import pulsed_thrusters
+from jaxsat.scenario.build.wheels import limits_of
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.schema import Scenario

@@ -4,24 +4,19 @@ from typing import Any, cast
 
 import numpy as np
 
-from jaxsat.scenario.build.errors import BuildError
-from jaxsat.scenario.build.plant import orbit_of, orbit_rate, periodic_torque
-from jaxsat.scenario.build.plugin_trial import broken
-from jaxsat.scenario.build.pulsed_thrusters import thruster_context
-from jaxsat.scenario.build.wheels import wheel_context
 from jaxsat.control import (
     AbstractController,
     AbstractSampledController,
 )
 from jaxsat.control.context import LawContext, UnsuitableModel
 from jaxsat.core.checks import as_float
-from jaxsat.core.errors import FOREIGN
 from jaxsat.core.declaration.laws import Law
-from jaxsat.spacecraft.dynamics import RigidBody
-from jaxsat.spacecraft.environment import (
-    AbstractDisturbance,
-    NoDisturbance,
-)
+from jaxsat.core.errors import FOREIGN
+from jaxsat.scenario.build.errors import BuildError
+from jaxsat.scenario.build.plant import orbit_of, orbit_rate, periodic_torque
+from jaxsat.scenario.build.plugin_trial import broken
+from jaxsat.scenario.build.pulsed_thrusters import thruster_context
+from jaxsat.scenario.build.wheels import wheel_context
 from jaxsat.scenario.control_tables import ModelTable
 from jaxsat.scenario.coordinates import free_inertia
 from jaxsat.scenario.declared import values_of
@@ -31,6 +26,11 @@ from jaxsat.scenario.layout import believed_axes, torque_limit
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wheel_tables import left_by_wheels, rotors
 from jaxsat.spacecraft import Spacecraft
+from jaxsat.spacecraft.dynamics import RigidBody
+from jaxsat.spacecraft.environment import (
+    AbstractDisturbance,
+    NoDisturbance,
+)
 
 
 def build_controller(scenario: Scenario) -> AbstractController | AbstractSampledController:

@@ -2,19 +2,19 @@
 
 from collections.abc import Iterator
 
+from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
+from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario.build.errors import at_key
 from jaxsat.scenario.build.run import Run
 from jaxsat.scenario.build.study import distribution_of, study_program
-from jaxsat.core.errors import ArgumentError
-from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
-from jaxsat.studies import AbstractDistribution
-from jaxsat.studies.dispersion_problems import dispersion_problems
 from jaxsat.scenario.coordinates import is_upside_down
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import refusal_text, shown
+from jaxsat.studies import AbstractDistribution
+from jaxsat.studies.dispersion_problems import dispersion_problems
 
 
 def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue]:

@@ -38,8 +38,6 @@ def load(
             return []
         from jaxsat.scenario.build.trial import what_cannot_be_built
 
-        return what_cannot_be_built(
-            scenario, law=law, study=purpose == "study", also=also
-        )
+        return what_cannot_be_built(scenario, law=law, study=purpose == "study", also=also)
 
     return read(name_or_path, overrides, law=law, trial=trial, caution=caution)

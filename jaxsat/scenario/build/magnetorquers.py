@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from jaxsat.scenario.build.failures import magnetorquer_failures
 from jaxsat.control.magnetic import MagneticSteering
 from jaxsat.core.allocation import unit_columns
-from jaxsat.spacecraft.environment import DipoleField
+from jaxsat.scenario.build.failures import magnetorquer_failures
 from jaxsat.scenario.magnetorquer_tables import UnloadingTable
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wheel_tables import left_by_wheels, wheel_axes
 from jaxsat.spacecraft import Magnetorquers
+from jaxsat.spacecraft.environment import DipoleField
 
 
 def build_magnetorquers(scenario: Scenario) -> Magnetorquers | None:

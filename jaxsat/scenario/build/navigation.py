@@ -2,11 +2,6 @@
 
 from typing import Any, cast
 
-from jaxsat.scenario.build.plant import orbit_of, orbit_rate
-from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
-from jaxsat.core.checks import as_float
-from jaxsat.core.noise import key_of_seed
-from jaxsat.core.declaration.sensors import GYRO_KEYS, TRACKER_KEYS
 from jaxsat.control.navigation import (
     AbstractEstimator,
     EstimatorContext,
@@ -14,6 +9,11 @@ from jaxsat.control.navigation import (
     Navigation,
     RawMeasurements,
 )
+from jaxsat.core.checks import as_float
+from jaxsat.core.declaration.sensors import GYRO_KEYS, TRACKER_KEYS
+from jaxsat.core.noise import key_of_seed
+from jaxsat.scenario.build.plant import orbit_of, orbit_rate
+from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.plugins import ESTIMATOR, find_part
 from jaxsat.scenario.schema import Scenario

@@ -6,12 +6,18 @@ from typing import Any
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.scenario.build.magnetorquers import build_magnetorquers
-from jaxsat.scenario.build.plugin_trial import made_part, require_torque
-from jaxsat.scenario.build.wheels import build_wheels
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.disturbances import AERODYNAMIC, DISTURBANCES, SOLAR
+from jaxsat.scenario.build.magnetorquers import build_magnetorquers
+from jaxsat.scenario.build.plugin_trial import made_part, require_torque
+from jaxsat.scenario.build.wheels import build_wheels
+from jaxsat.scenario.declared import values_of
+from jaxsat.scenario.part_tables import DisturbanceTable, PartTable
+from jaxsat.scenario.plugins import DISTURBANCE, find_part
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import OrbitTable
+from jaxsat.spacecraft import Spacecraft
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.environment import (
     AbstractDisturbance,
@@ -28,12 +34,6 @@ from jaxsat.spacecraft.environment import (
     SumOfDisturbances,
     Sunlight,
 )
-from jaxsat.scenario.declared import values_of
-from jaxsat.scenario.part_tables import DisturbanceTable, PartTable
-from jaxsat.scenario.plugins import DISTURBANCE, find_part
-from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.tables import OrbitTable
-from jaxsat.spacecraft import Spacecraft
 
 
 def build_plant(scenario: Scenario) -> RigidBody:

@@ -10,18 +10,18 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.scenario.build.errors import BuildError
 from jaxsat.control import AbstractController, AbstractFeedbackLaw, AbstractSampledController
-from jaxsat.core.attitude import Quaternion
-from jaxsat.core.errors import FOREIGN
-from jaxsat.core.declaration.laws import Law
-from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.control.navigation import AbstractEstimator, Estimate, Measurement
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.declaration.laws import Law
+from jaxsat.core.errors import FOREIGN
+from jaxsat.scenario.build.errors import BuildError
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.part_tables import PartTable
 from jaxsat.scenario.plugins import Part, place_in
 from jaxsat.spacecraft import AbstractActuators
+from jaxsat.spacecraft.dynamics import PlantState
 
 Controller = AbstractController | AbstractSampledController
 LAW = ("control", "law")

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.scenario.build.failures import thruster_failures
 from jaxsat.control.context import ThrusterContext
+from jaxsat.control.diagnosis import ThrusterModel
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.sensors import DELAY, GYRO_KEYS, SENSOR_KEYS
-from jaxsat.control.diagnosis import ThrusterModel
+from jaxsat.scenario.build.failures import thruster_failures
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import command_torques, thruster_costs

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 import jax
 import jax.numpy as jnp
 
-from jaxsat.studies import Study
-from jaxsat.store import trajectory_dataset
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.laws import find_law, known_law
 from jaxsat.simulation import Assessment, Trajectory
+from jaxsat.store import trajectory_dataset
+from jaxsat.studies import Study
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -10,14 +10,6 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.scenario.build.actuators import build_actuators, ideal_thrusters
-from jaxsat.scenario.build.controller import build_controller
-from jaxsat.scenario.build.errors import BuildError, at_key, made_of_numbers
-from jaxsat.scenario.build.magnetorquers import build_steering
-from jaxsat.scenario.build.navigation import build_navigation
-from jaxsat.scenario.build.plant import build_plant
-from jaxsat.scenario.build.plugin_trial import require_runs
-from jaxsat.scenario.build.wheels import build_tachometers, wheel_momentum
 from jaxsat.control import (
     AbstractBacksteppingLaw,
     AbstractController,
@@ -26,15 +18,21 @@ from jaxsat.control import (
 )
 from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_array, as_float
+from jaxsat.core.declaration import Key
+from jaxsat.core.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.core.errors import PrecisionError
 from jaxsat.core.noise import key_of_seed
 from jaxsat.core.ranges import MAX_FIXED_STEPS
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.core.declaration import Key
-from jaxsat.core.declaration.sensors import DELAY, SENSOR_KEYS
-from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.simulation.engine import fly
+from jaxsat.scenario.build.actuators import build_actuators, ideal_thrusters
+from jaxsat.scenario.build.controller import build_controller
+from jaxsat.scenario.build.errors import BuildError, at_key, made_of_numbers
+from jaxsat.scenario.build.magnetorquers import build_steering
+from jaxsat.scenario.build.navigation import build_navigation
+from jaxsat.scenario.build.plant import build_plant
+from jaxsat.scenario.build.plugin_trial import require_runs
+from jaxsat.scenario.build.wheels import build_tachometers, wheel_momentum
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue
@@ -53,8 +51,10 @@ from jaxsat.simulation import (
     default_method,
     fixed,
 )
+from jaxsat.simulation.engine import fly
 from jaxsat.simulation.methods import MIN_STEP
 from jaxsat.spacecraft import AbstractActuators, Sensors
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,17 @@ from typing import Any, Literal, cast
 import jax
 import numpy as np
 
-from jaxsat.scenario.build.plant import orbit_rate
-from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.core.checks import as_float, require_counts
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
+from jaxsat.scenario.build.plant import orbit_rate
+from jaxsat.scenario.build.run import Run, build, build_tolerances
+from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
+from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import SolverTable
+from jaxsat.scenario.thruster_tables import names_of, signs
+from jaxsat.simulation import ContinuousLoop, SampledLoop
 from jaxsat.simulation.engine import (
     AbstractEngine,
     AdaptiveStepper,
@@ -25,6 +31,7 @@ from jaxsat.simulation.engine import (
     native_obstacle,
     program_of,
 )
+from jaxsat.simulation.methods import SMOOTH_STEP
 from jaxsat.studies import (
     AbstractDesign,
     AbstractDistribution,
@@ -41,13 +48,6 @@ from jaxsat.studies import (
     TruncatedNormal,
     Uniform,
 )
-from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
-from jaxsat.scenario.laws import find_law
-from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.tables import SolverTable
-from jaxsat.scenario.thruster_tables import names_of, signs
-from jaxsat.simulation import ContinuousLoop, SampledLoop
-from jaxsat.simulation.methods import SMOOTH_STEP
 
 ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
 """Those with a dense output of their own, on which switches are located; and what the tolerance,

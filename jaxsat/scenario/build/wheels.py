@@ -4,11 +4,11 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array
 
-from jaxsat.scenario.build.pulsed_thrusters import rate_noise
 from jaxsat.control.context import WheelContext
 from jaxsat.core.checks import as_array
-from jaxsat.core.noise import key_of_seed
 from jaxsat.core.declaration.sensors import DELAY
+from jaxsat.core.noise import key_of_seed
+from jaxsat.scenario.build.pulsed_thrusters import rate_noise
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.thruster_tables import FailureTable, number_of

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jaxsat.scenario.build.actuator_set import all_actuators
-from jaxsat.scenario.build.load import load
 from jaxsat.controllability import judge
 from jaxsat.scenario import dump
+from jaxsat.scenario.build.actuator_set import all_actuators
+from jaxsat.scenario.build.load import load
 
 PAPER = "paper-three-axis"
 

@@ -6,10 +6,10 @@ import jax
 import numpy as np
 import pytest
 
-from jaxsat.scenario.build.load import load
-from jaxsat.scenario.build.run import build
 from jaxsat.core.errors import PrecisionError
 from jaxsat.core.solvers import class_name
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
 from jaxsat.simulation import adaptive, simulate
 from jaxsat.spacecraft import Actuators
 

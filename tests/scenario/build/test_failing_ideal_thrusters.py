@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from jaxsat.scenario import ScenarioError, ScenarioWarning
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.scenario import ScenarioError, ScenarioWarning
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 from jaxsat.spacecraft import FailureEvents, FailureKind, PulsedThrusters
 

@@ -4,13 +4,13 @@ import jax
 import numpy as np
 import pytest
 
-from scenario.build.test_thrusters_as_parts import HEAD, PAIRS, REST, written
+from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.scenario import ScenarioError, dump
 from jaxsat.simulation import ContinuousLoop
 from jaxsat.spacecraft import FailureEvents, WheelFailureKind, WheelFailures
+from scenario.build.test_thrusters_as_parts import HEAD, PAIRS, REST, written
 
 WHEELS = """\
 [[wheel]]

@@ -8,16 +8,16 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from scenario.build.test_failing_wheels import mixed
-from scenario.build.test_thrusters_as_parts import pushing, written
+from jaxsat.core.checks import as_float
+from jaxsat.scenario import ScenarioError, ScenarioWarning, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import study_program
-from jaxsat.core.checks import as_float
 from jaxsat.studies import StudyCase
 from jaxsat.studies.failure_codes import FAILURES
 from jaxsat.studies.recovery import failed_thrusters
-from jaxsat.scenario import ScenarioError, ScenarioWarning, dump
+from scenario.build.test_failing_wheels import mixed
+from scenario.build.test_thrusters_as_parts import pushing, written
 
 
 def tables(*failures):

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jaxsat.scenario.build.load import load
-from jaxsat.scenario.build.run import build
 from jaxsat.cli.scenarios import check
 from jaxsat.core.allocation import least_propellant, plane_map, pushed_directions
 from jaxsat.scenario import ScenarioWarning
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
 from jaxsat.scenario.layout import torque_limit
 
 INERTIA = "[spacecraft]\ninertia_kg_m2 = [1.0, 0.7, 0.5]\n"

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.core.tolerances import Tolerances
 
 LIMITS = {"tilt_rad": 0.3, "turn_rad": 0.2, "rate_rad_s": 0.02}
 CHANGES = [

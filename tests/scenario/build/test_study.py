@@ -3,6 +3,10 @@
 import numpy as np
 import pytest
 
+from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
+from jaxsat.core.declaration.sensors import DELAY, SENSOR_KEYS
+from jaxsat.core.solvers import class_name
+from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import (
     _KINDS,
@@ -10,14 +14,10 @@ from jaxsat.scenario.build.study import (
     build_dispersions,
     build_study,
 )
-from jaxsat.core.solvers import class_name
-from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
-from jaxsat.core.declaration.sensors import DELAY, SENSOR_KEYS
-from jaxsat.simulation.engine import ReferenceEngine
-from jaxsat.studies import QUANTITIES, LatinHypercube, Sobol
-from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.dispersion_tables import PARAMETERS
 from jaxsat.scenario.toml_text import toml_value
+from jaxsat.simulation.engine import ReferenceEngine
+from jaxsat.studies import QUANTITIES, LatinHypercube, Sobol
 
 OMEGA = "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=[0.1, 0.2, 0.3]}"
 

@@ -4,12 +4,12 @@ import jax
 import numpy as np
 import pytest
 
+from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.studies import Study
-from jaxsat.scenario import ScenarioError, dump
 from jaxsat.spacecraft import FailureKind, IdealThrottle, PulsedThrusters
+from jaxsat.studies import Study
 
 HEAD = """\
 title = "Test"

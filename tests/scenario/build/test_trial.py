@@ -6,10 +6,10 @@ import warnings
 import numpy as np
 import pytest
 
+from jaxsat.scenario import ScenarioError, ScenarioWarning
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build, build_uncontrolled
 from jaxsat.scenario.build.study import build_study
-from jaxsat.scenario import ScenarioError, ScenarioWarning
 
 SETTLING = ["two-torque-free", "acceptance-mc"]
 
