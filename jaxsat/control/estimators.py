@@ -25,9 +25,9 @@ MIN_COUPLING, MIN_SHARE = 0.2, 0.2
 by it."""
 
 
-MOST_TURN, TILT_PRICE = 0.02, (0.25, 0.25, 1.0)
-"""How far the laws go from an attitude that cannot be held: turn about n, rad, and what the squares
-of tilt and turn count. Settled means within 0.05 of z and of |w|, which is half of the tilt."""
+MOST_TILT, MOST_TURN = 0.06, 0.03
+"""How far the laws go from an attitude that cannot be held, of tilt alone or of turn about n alone,
+rad. Settled means within 0.05 of z and of |w|, which is half of the tilt."""
 
 STILL = 1e-30
 """Added to what may be zero, in the unit of its sum: keeps the quotient of two zeros finite."""
@@ -42,9 +42,9 @@ class ThirdAxis(NamedTuple):
     p1² - p2², are those of one product `coupling` = √(a² + 4b²) of the rates about the axes of the
     reduced inertia; `axes` is (cos, sin) of the angle about n from x and y to these.
     Where the wanted attitude cannot be held, the laws go to the nearest that can be, at most
-    `MOST_TURN` away: `turn` is the rotation vector to it along (x, y, n) (rad), `orbit_rate` and
-    `rest` are the orbit frame's rate along (x, y, n) and (p1, p2, s) at rest there (rad/s), and
-    `drift` is what ds/dt (rad/s²) is left.
+    `MOST_TILT` or `MOST_TURN` away: `turn` is the rotation vector to it along (x, y, n) (rad),
+    `orbit_rate` and `rest` are the orbit frame's rate along (x, y, n) and (p1, p2, s) at rest there
+    (rad/s), and `drift` is what ds/dt (rad/s²) is left.
     """
 
     rate: RealScalar
@@ -219,17 +219,19 @@ class ThirdAxisEstimator(eqx.Module):
         )
 
     def _balance(self, products: Float[Array, "6"], lean: Float[Array, "2"]) -> Float[Array, "3"]:
-        """The least turn (rad) from the orbit frame to where s stays, but at most `MOST_TURN`."""
+        """The least turn (rad) from the orbit frame to where s stays, in parts of `MOST_TILT` and
+        `MOST_TURN`, of which it is at most one."""
         drift, by_turn = _drift(products, lean, self.form.orbit_rate)
         if self.gradient is not None:
             less, slope = _drift(products, lean, self.gradient)
             drift, by_turn = drift - less, by_turn - slope
         if self.balanced is not None:
             drift = drift - jnp.clip(drift, -self.balanced, self.balanced)
-        eased = by_turn / jnp.array(TILT_PRICE)
-        turn = -drift * reciprocal(jnp.sum(by_turn * eased) + STILL) * eased
-        size = jnp.sqrt(jnp.sum(turn**2 * jnp.array(TILT_PRICE)) + STILL)
-        return turn * jnp.minimum(MOST_TURN / size, 1.0)
+        most = jnp.array((MOST_TILT, MOST_TILT, MOST_TURN))
+        part = by_turn * most
+        turn = -drift * reciprocal(jnp.sum(part**2) + STILL) * part
+        size = jnp.sqrt(jnp.sum(turn**2) + STILL)
+        return most * turn * jnp.minimum(1 / size, 1.0)
 
 
 def _drift(
@@ -243,7 +245,8 @@ def _drift(
 
 def seen_turned(vector: Float[Array, "3"], turn: Float[Array, "3"]) -> Float[Array, "3"]:
     """A vector of the orbit frame along (x, y, n) of a body that is a small `turn` (rad) away."""
-    return vector - jnp.cross(turn, vector)
+    across = jnp.cross(turn, vector)
+    return vector - across + jnp.cross(turn, across) / 2
 
 
 def in_body(attitude: Quaternion, vector: Float[Array, "3"]) -> Float[Array, "3"]:

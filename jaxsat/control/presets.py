@@ -110,9 +110,10 @@ def oscillatory_settling(
     share = min(float(form.coupling) / TUNED_COUPLING, 1.0)
     demand = MorinSamson(**gains.demand._replace(k3=gains.demand.k3 * math.sqrt(share))._asdict())
     ripple = (ripple or ripple_filter(form, torque_limit, period=period)) if observe else None
+    fine = _fine_stage(form, demand, gains, scaling, holding_amplitude, fade_lean=False)
     return OscillatorySettling(
-        fine=_fine_stage(form, demand, gains, scaling, holding_amplitude, fade_lean=False),
-        estimator=_estimator(form, estimate, ripple, scaling, gravity_gradient),
+        fine=fine,
+        estimator=_estimator(fine, estimate, ripple, scaling, gravity_gradient),
         torque_limit=torque_limit,
         period=period,
     )
@@ -136,11 +137,12 @@ def three_slew_settling(
     gains, approach = _gains(TWO_CHANNEL, scaling), _gains(APPROACH, scaling)
     demand = TwoChannel(**gains.demand._asdict())
     ripple = (ripple or ripple_filter(form, torque_limit, period=period)) if observe else None
+    fine = _fine_stage(form, demand, gains, scaling, holding_amplitude, fade_lean=True)
     return ThreeSlewSettling(
         rate_law=FiniteTimeRate(form, torque_limit, **approach.rate_law._asdict()),
         planner=SlewPlanner(form, torque_limit, **approach.slews._asdict()),
-        fine=_fine_stage(form, demand, gains, scaling, holding_amplitude, fade_lean=True),
-        estimator=_estimator(form, estimate, ripple, scaling, gravity_gradient),
+        fine=fine,
+        estimator=_estimator(fine, estimate, ripple, scaling, gravity_gradient),
         torque_limit=torque_limit,
         stopped_rate=approach.stopped_rate,
         lost_rate=approach.lost_rate,
@@ -196,8 +198,7 @@ def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSet
         handover=dataclasses.replace(law.fine.handover, coasts=True),
         holding_amplitude=as_float(amplitude),
     )
-    balanced = as_float(BALANCED * law.form.coupling * amplitude**2 / 2)
-    estimator = dataclasses.replace(law.estimator, observer=observer, balanced=balanced)
+    estimator = dataclasses.replace(law.estimator, observer=observer, balanced=_balanced(fine))
     return eqx.tree_at(lambda one: (one.estimator, one.fine), law, (estimator, fine))
 
 
@@ -250,7 +251,7 @@ def _fine_stage(
 
 
 def _estimator(
-    form: NormalForm,
+    fine: FineStage,
     estimate: bool,
     ripple: AbstractRippleEstimator | None,
     scaling: Scaling,
@@ -261,8 +262,15 @@ def _estimator(
         turned = float(ripple.frequency) * CHANGE_SAMPLES * scaling.step * scaling.time
         noise = math.hypot(noise, float(ripple.amplitude) * min(turned, MOST_TURNED))
     fit = RecursiveLeastSquares(noise=noise, samples=CHANGE_SAMPLES) if estimate else None
+    form = fine.oscillator.form
     acts = gravity_gradient and float(form.model.orbit.rate) != 0
-    return ThirdAxisEstimator(form, ripple, fit, gradient=form.gradient_rate if acts else None)
+    gradient = form.gradient_rate if acts else None
+    return ThirdAxisEstimator(form, ripple, fit, _balanced(fine), gradient)
+
+
+def _balanced(fine: FineStage) -> Float[jax.Array, ""]:
+    """A drift at rest (rad/s²) for which the attitude is not changed."""
+    return BALANCED * fine.oscillator.form.coupling * fine.holding_amplitude**2 / 2
 
 
 def _moments(form: NormalForm) -> list[float]:

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from control.cases import ORBIT_RATE, body
 from jaxsat.control import FiniteTimeRate, NormalForm, ThirdAxisEstimator, three_slew_settling
-from jaxsat.control.estimators import MOST_TURN, TILT_PRICE, in_body, products_of
+from jaxsat.control.estimators import MOST_TILT, MOST_TURN, in_body, products_of
 from jaxsat.control.fine import Handover
 from jaxsat.control.normal_form import NormalState
 from jaxsat.control.oscillatory import Slow, turned
@@ -79,7 +79,7 @@ def test_two_products_are_one_about_the_axes_of_the_reduced_inertia():
 @pytest.mark.parametrize("gradient", [False, True])
 @pytest.mark.parametrize("share", [1.0, 0.02])
 def test_the_nearest_attitude_that_can_be_held_is_wanted(share, gradient):
-    """Nearest by what counts as settled: a tilt counts half of a turn about n.
+    """Nearest by how far the laws go: a tilt of `MOST_TILT` counts as a turn of `MOST_TURN`.
 
     The turn goes along the steepest change of the drift by SciPy's rotations, as far as allowed.
 
@@ -94,11 +94,10 @@ def test_the_nearest_attitude_that_can_be_held_is_wanted(share, gradient):
     def drift_of(turn):
         return drift_at(form, turn, gradient)
 
-    steps = 1e-6 * np.eye(3)
+    steps, most = 1e-6 * np.eye(3), np.array([MOST_TILT, MOST_TILT, MOST_TURN])
     slope = np.array([(drift_of(e) - drift_of(-e)) / 2e-6 for e in steps])
-    needed = -drift_of(np.zeros(3)) * (slope / TILT_PRICE) / (slope @ (slope / TILT_PRICE))
-    size = np.sqrt(needed**2 @ TILT_PRICE)
-    expected = needed * min(1.0, MOST_TURN / size)
+    needed = -drift_of(np.zeros(3)) * slope * most**2 / (slope**2 @ most**2)
+    expected = needed * min(1.0, 1 / np.linalg.norm(needed / most))
     np.testing.assert_allclose(third.turn, expected, rtol=1e-6)
     drift = drift_of(expected)
     assert third.drift == pytest.approx(drift, abs=5e-3 * abs(drift_of(np.zeros(3))))

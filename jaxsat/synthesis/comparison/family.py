@@ -6,6 +6,7 @@ times by τ (`docs/laws.md`), so that they are as large for every spacecraft as 
 In low orbit gravity gradient acts as well.
 """
 
+import itertools
 import math
 from typing import Any, NamedTuple
 
@@ -103,18 +104,17 @@ class FamilyMember(NamedTuple):
         }
 
 
-def family_member(number: int, seed: int = SEED) -> FamilyMember:
-    """Spacecraft `number` of the family with this seed, drawn in 64 bits whatever the default."""
+def family_member(
+    number: int, seed: int = SEED, coupling: tuple[float, float] = (LEAST_COUPLING, math.inf)
+) -> FamilyMember:
+    """Spacecraft `number` of the family with this seed, drawn in 64 bits whatever the default.
+
+    Its c lies between the two of `coupling`.
+    """
     with jax.enable_x64(True):
-        return _first_inside(number, seed)
-
-
-def _first_inside(number: int, seed: int) -> FamilyMember:
-    key = noise.fold_in(noise.key_of_seed(seed), number)
-    attempt = 0
-    while (member := _drawn(number, noise.fold_in(key, attempt))) is None:
-        attempt += 1
-    return member
+        key = noise.fold_in(noise.key_of_seed(seed), number)
+        drawn = (_drawn(number, noise.fold_in(key, attempt)) for attempt in itertools.count())
+        return next(one for one in drawn if one and coupling[0] <= one.coupling <= coupling[1])
 
 
 def _drawn(number: int, key: noise.Key) -> FamilyMember | None:
@@ -137,8 +137,6 @@ def _drawn(number: int, key: noise.Key) -> FamilyMember | None:
         return None
     inertia, axes = into_body.T @ inertia @ into_body, into_body.T @ axes
     frame, reduced = normal_axes(inertia, torque_directions(axes))
-    if reduced[0] - reduced[1] < LEAST_COUPLING * reduced[2]:
-        return None
     limit = _between(u[13], TORQUE) * QUARTER_TURN * float(np.trace(inertia)) / 3
     unit = math.sqrt(math.sqrt(reduced[0] * reduced[1]) / (limit * usable_share(axes, frame[:2])))
     across = frame @ inertia @ frame[2]

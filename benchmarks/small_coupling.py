@@ -1,0 +1,196 @@
+"""Random spacecraft of small c, as `jaxsat design` flies them, with the reason where cases fail.
+
+    python benchmarks/small_coupling.py --out small-coupling.csv
+
+draws spacecraft of the family (docs/laws.md), as many in each of four bands of c, fills in
+dispersions, sensors and duration as `jaxsat design` does, and flies the two settling laws with both
+end games. The file has a row for each spacecraft: the fraction that settles with the best of the
+four, in how long, and why the others do not. The same command adds the rows that an interrupted
+file lacks.
+
+Two reasons lie in the drawn body, and no law can help: its c is below `LEAST_COUPLING`, or no
+attitude within the tolerances has a drift about n that an oscillation within the tolerance of the
+rate stops. `reached` is the fraction of the other cases.
+"""
+
+import argparse
+import csv
+import sys
+import time
+import warnings
+from pathlib import Path
+from typing import cast
+
+import diffrax
+import equinox as eqx
+import jax
+import numpy as np
+
+from jaxsat.core.allocation import torque_directions
+from jaxsat.core.inertia import normal_axes
+from jaxsat.core.ranges import SETTLED_RATE, SETTLED_TURN, SETTLED_W
+from jaxsat.scenario import Scenario, ScenarioWarning
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import study_program
+from jaxsat.scenario.holding import missing_torque
+from jaxsat.simulation import SampledLoop
+from jaxsat.simulation.engine import FixedStepper, NativeEngine
+from jaxsat.spacecraft import Actuators
+from jaxsat.studies import Dispersed, Independent, Study, StudyCase
+from jaxsat.synthesis.comparison.family import FamilyMember, family_member, family_scenario
+from jaxsat.synthesis.controller_design.candidates import Candidate, with_larger_end_game
+from jaxsat.synthesis.controller_design.completion import completed
+from jaxsat.synthesis.controller_design.vehicle import scale_of, vehicle_verdict
+
+LAWS = ("three-slew", "oscillatory")
+NAMES = (*LAWS, *(f"{law}, larger end game" for law in LAWS))
+
+LEAST_COUPLING = 0.02
+"""c below which a drawn body counts apart."""
+
+STEP = 1e-4
+"""Of a difference, rad."""
+
+WANTED = 0.99
+BANDS = ((0.02, 0.05), (0.05, 0.1), (0.1, 0.2), (0.2, 0.45))
+"""Of c, in turn for one spacecraft after the other."""
+
+
+def vehicle(member: FamilyMember, law: str) -> Scenario:
+    """The spacecraft with all that `jaxsat design` assumes where a file is silent."""
+    data = family_scenario(member, law).model_dump(exclude_none=True)
+    del data["dispersion"], data["sampling"]
+    data["disturbance"] = {"gravity_gradient": member.orbit_rate > 0}
+    data["initial"]["omega_rad_s"] = [0.0, 0.0, 0.0]
+    bare = Scenario.model_validate(data)
+    return completed(bare, vehicle_verdict(bare), scale_of(bare), timed=False).scenario
+
+
+def candidates(member: FamilyMember) -> list[Candidate]:
+    """Both laws, each with both end games where the larger one is larger."""
+    own = [Candidate(law, vehicle(member, law)) for law in LAWS]
+    return [*own, *filter(None, map(with_larger_end_game, own))]
+
+
+@eqx.filter_jit
+def drawn(copies: Dispersed, cases: StudyCase) -> tuple[jax.Array, jax.Array]:
+    """Inertia (cases, 3, 3) in kg m² and torque axes (cases, 3, 2) of every drawn body."""
+
+    def one(case):
+        loop = cast(SampledLoop, copies(case).loop)
+        actuators = cast(Actuators, loop.actuators)
+        return loop.plant.free_inertia(), actuators.torque_axes
+
+    return jax.vmap(one)(cases)
+
+
+def beyond_any_law(scenario: Scenario, study: Study) -> tuple[np.ndarray, np.ndarray]:
+    """Which drawn bodies have too small a c, and which others a drift that no oscillation stops.
+
+    Within the tolerances the drift falls by its slope times twice |w| or the turn, and two rates in
+    phase which together are the tolerance of the rate stop c SETTLED_RATE² / 4 of it.
+    """
+    rate, acts = scenario.orbit.rate(), scenario.disturbance.gravity_gradient
+    small, drifts = [], []
+    bodies = drawn(study.case_factory, study.cases(np.arange(study.count)))
+    for inertia, axes in zip(*map(np.asarray, bodies), strict=True):
+        frame, (first, second, third) = normal_axes(inertia, torque_directions(axes))
+        missing, ahead, behind = (
+            missing_torque(inertia, frame[2], turns, acts) / third * rate**2
+            for turns in (np.zeros(3), STEP * frame, -STEP * frame)
+        )
+        slope = (ahead - behind) / (2 * STEP)
+        within = 2 * SETTLED_W * np.hypot(*slope[:2]) + SETTLED_TURN * abs(slope[2])
+        c = (first - second) / third
+        small.append(c < LEAST_COUPLING)
+        drifts.append(abs(missing) - within > c * SETTLED_RATE**2 / 4)
+    return np.array(small), np.array(drifts) & ~np.array(small)
+
+
+def row(member: FamilyMember, cases: int, seed: int, engine: NativeEngine) -> dict:
+    """What one spacecraft is, and how its cases ended; times in parts of τ."""
+    begin, flown = time.process_time(), {}
+    for one in candidates(member):
+        _, program = study_program(one.scenario, build(one.scenario), seed)
+        flown[one.name] = one.scenario, Study(program, Independent(seed), engine, cases)
+    values = {name: study.values(np.arange(cases)) for name, (_, study) in flown.items()}
+    settled = {name: np.isfinite(found["settling_time"]) for name, found in values.items()}
+    best = max(settled, key=lambda name: settled[name].sum())
+    (scenario, study), found = flown[best], values[best]
+    small, drifts = beyond_any_law(scenario, study)
+    counted = ~(small | drifts)
+    failed = counted & ~settled[best]
+    turned = (np.linalg.norm(found["w"], axis=1) > SETTLED_W) | (abs(found["z"]) > SETTLED_TURN)
+    times = found["settling_time"][counted] / member.unit
+    return {
+        "number": member.number,
+        **member.numbers(),
+        "duration_tau": scenario.simulation.duration_s / member.unit,
+        "law": best,
+        **{name: float(settled[name].mean()) if name in settled else "" for name in NAMES},
+        "settled": float(settled[best].mean()),
+        "reached": float(settled[best][counted].mean()),
+        "t50": float(np.percentile(times, 50, method="higher")),
+        "t99": float(np.percentile(times, 99, method="higher")),
+        "c_below": int(small.sum()),
+        "c_below_settled": int((small & settled[best]).sum()),
+        "drifts": int(drifts.sum()),
+        "drifts_settled": int((drifts & settled[best]).sum()),
+        "ends_turned": int((failed & turned).sum()),
+        "ends_otherwise": int((failed & ~turned).sum()),
+        "processor_s": time.process_time() - begin,
+    }
+
+
+def summary(rows: list[dict]) -> str:
+    """How many spacecraft reach what is wanted, by c and orbit."""
+    lines = []
+    for orbit, low in (("inertial", False), ("low orbit", True)):
+        for band in BANDS:
+            some = [
+                one
+                for one in rows
+                if (float(one["orbit_rate_tau"]) > 0) == low
+                and band[0] <= float(one["c"]) < band[1]
+            ]
+            if some:
+                reached = [float(one["reached"]) for one in some]
+                lines.append(
+                    f"{orbit}, c {band[0]} to {band[1]}: {sum(x >= WANTED for x in reached)} of "
+                    f"{len(some)}, mean {np.mean(reached):.2%}, least {min(reached):.2%}, of all "
+                    f"cases {np.mean([float(one['settled']) for one in some]):.2%}"
+                )
+    good = sum(float(one["reached"]) >= WANTED for one in rows)
+    return "\n".join([*lines, f"{good} of {len(rows)} spacecraft reach {WANTED:.0%}"])
+
+
+def main() -> None:
+    """Fly the spacecraft that the file lacks, and tell what it has."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--cases", type=int, default=256)
+    parser.add_argument("--members", type=int, default=48)
+    parser.add_argument("--family-seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=7)
+    given = parser.parse_args()
+    warnings.simplefilter("ignore", ScenarioWarning)
+    jax.config.update("jax_enable_x64", True)
+    engine = NativeEngine(stepper=FixedStepper(diffrax.Bosh3(), 1), batch_size=given.cases)
+    rows = list(csv.DictReader(given.out.open())) if given.out.exists() else []
+    done = {int(one["number"]) for one in rows}
+    for number in sorted({*range(given.members)} - done):
+        member = family_member(number, given.family_seed, BANDS[number % len(BANDS)])
+        found = row(member, given.cases, given.seed, engine)
+        with given.out.open("a", newline="") as file:
+            writer = csv.DictWriter(file, found)
+            if not rows:
+                writer.writeheader()
+            writer.writerow(found)
+        rows.append(found)
+        print({key: f"{x:.4g}" if isinstance(x, float) else x for key, x in found.items()},
+              file=sys.stderr)  # fmt: skip
+    print(summary(rows))
+
+
+if __name__ == "__main__":
+    main()
