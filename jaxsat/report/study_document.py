@@ -25,8 +25,11 @@ PERCENTILES = {
 """What is told in percentiles, by its name in the summary."""
 
 
-def study_document(summary: Summary, scenario: Mapping[str, Any]) -> Document:
-    """The settled fraction, percentiles, recovery and sensitivities; of a scenario's tables."""
+def study_document(summary: Summary, scenario: Mapping[str, Any], again: str = "") -> Document:
+    """The settled fraction, percentiles, recovery and sensitivities; of a scenario's tables.
+
+    `again` says how one of the worst cases is flown again.
+    """
     law = scenario.get("control", {}).get("law", "unknown")
     title = f"{summary.cases:,} cases under the law {law}"
     percentiles = {name: getattr(summary, name) for name in PERCENTILES}
@@ -35,10 +38,11 @@ def study_document(summary: Summary, scenario: Mapping[str, Any]) -> Document:
         *recovery_tables(summary.recovery),
         *rankings(summary),
     ]
-    return Document(title, study_verdict(summary, settled_meaning(scenario, of_study=True)), blocks)
+    meaning = settled_meaning(scenario, of_study=True)
+    return Document(title, study_verdict(summary, meaning, again), blocks)
 
 
-def study_verdict(summary: Summary, settled: str) -> Verdict:
+def study_verdict(summary: Summary, settled: str, again: str = "") -> Verdict:
     """The settled fraction with its interval, what `settled` means, how the others ended, the worst
     cases."""
     fraction, low, high = percent_texts(summary.settled)
@@ -51,7 +55,7 @@ def study_verdict(summary: Summary, settled: str) -> Verdict:
     error = step_error(summary.rate_error, summary.attitude_error)
     more += [f"The steps leave errors of {error}."] if error else []
     listed = ", ".join(map(str, summary.worst[:SHOWN]))
-    more.append(f"Worst cases: {listed}. `jaxsat montecarlo --case` computes one of them again.")
+    more.append(f"Worst cases: {listed}. {again}".rstrip())
     return Verdict(None, text, more)
 
 

@@ -16,7 +16,6 @@ from jaxsat.control import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.build.run import build_loop
-from jaxsat.spacecraft import Wheels
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.studies import number_at
 from jaxsat.studies.perturbed import controller_of
@@ -49,14 +48,12 @@ class Commands:
             scaled = value * jnp.exp(x[first : first + value.size].reshape(value.shape))
             law = eqx.tree_at(lambda law, at=place: number_at(law, at), law, scaled)
             first += value.size
-        wheels = self.loop.plant.find(Wheels)
-        momentum = None if wheels is None else jnp.zeros(wheels.count)
 
         def seen(number):
             turn = x[first : first + 3] + number * drift[:3]
             turned = quaternion + Quaternion(quaternion).rate(turn).q
             rate = omega + x[first + 3 :] + number * drift[3:]
-            return PlantState(Quaternion(turned).normalised(), rate, momentum)
+            return self.loop.plant.complete(PlantState(Quaternion(turned).normalised(), rate))
 
         if not isinstance(law, AbstractSampledController):
             state = seen(0.0)
