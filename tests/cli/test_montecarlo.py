@@ -185,7 +185,7 @@ def test_without_llvmlite_another_engine_is_taken_and_told(tmp_path):
     )
     told = "the compiled engine must have llvmlite, which is not installed"
     assert f"not the native engine: {told}" in done.stderr.splitlines()
-    assert "4: 0 settled, 4 unsettled" in done.stdout
+    assert "Outcomes: 0 settled, 4 unsettled." in done.stdout
     attributes = open_study(tmp_path / "s").attrs
     assert json.loads(attributes["identity"])["engine"]["name"] == "scan"
     (run,) = json.loads(attributes["runs"])

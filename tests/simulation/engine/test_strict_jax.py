@@ -42,7 +42,7 @@ def test_scenarios_fly_under_both(name, seconds):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
 def test_studies_and_diffrax_do_too():
-    scenario = load("acceptance-mc", ["simulation.duration_s=4", "simulation.save_every_s=2"])
+    scenario = load("acceptance-mc", ["simulation.duration_s=4", "simulation.save_every_s=1"])
     promotion, nans = strictly()
     with promotion, nans:
         run = build(scenario)
