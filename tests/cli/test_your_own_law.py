@@ -61,7 +61,7 @@ def test_the_law_leaves_half_a_turn(command_line):
     start = [part for one in turned for part in ("--set", one)]
     status, out, err = command_line("simulate", "mine.toml", *start, "--out", "half")
     assert status == 0, err
-    assert "settled   from " in out
+    assert "\nSettled at " in out
 
 
 def test_the_law_with_an_integral_is_all_right_too(command_line, tmp_path):
