@@ -118,7 +118,6 @@ End = Literal["settled", "rest"]
 
 Starts = Annotated[int, Parameter(converter=whole(1, MAX_STARTS))]
 StartsOrNone = Annotated[int, Parameter(converter=whole(0, MAX_STARTS))]
-OutputPath = Annotated[Path, Parameter(converter=_converter(place))]
 OptionalPath = Annotated[Path | None, Parameter(converter=_converter(place))]
 Text = Annotated[str | None, Parameter(converter=_converter(something))]
 Flag = Annotated[bool, Parameter(negative="")]

@@ -25,9 +25,6 @@ UNKNOWN_TORQUE = 0.002
 BELIEVED = 3.0
 """Standard deviations of the prior within which an estimate is believed."""
 
-MAIN_PRODUCTS = (2, 3)
-"""Of `products_of`: p2 s about x, p1 s about y."""
-
 
 class DrivenMemory(NamedTuple):
     """Errors of the model, a row for x and y each, their covariances, and the present interval.

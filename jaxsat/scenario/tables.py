@@ -7,14 +7,11 @@ from annotated_types import Ge, Gt, Le, Len, Lt
 
 from jaxsat.core.earth import circular_orbit_rate
 from jaxsat.core.ranges import (
-    ANGLE,
-    FREQUENCY,
     MAX_FIXED_STEPS,
     ORBIT_RATE,
     SECONDS,
     SETTLED_RATE,
     SETTLED_TURN,
-    TORQUE,
     TORQUE_LIMIT,
     TURN,
 )
@@ -36,9 +33,6 @@ from jaxsat.scenario.quantities import (
 Relation = Literal["exact", "small-angle"]
 SolverName = Literal["euler", "midpoint", "heun", "ralston", "bosh3", "tsit5", "dopri5", "dopri8"]
 ZERO = (0.0, 0.0, 0.0)
-Torques3 = Annotated[tuple[Annotated[Number, within(TORQUE)], ...], Len(3, 3)]
-Frequencies3 = Annotated[tuple[Annotated[Number, within(FREQUENCY)], ...], Len(3, 3)]
-Angles3 = Annotated[tuple[Annotated[Number, within(ANGLE)], ...], Len(3, 3)]
 Seconds = Annotated[Number, within(SECONDS)]
 
 MAX_ALTITUDE = 1.5e6

@@ -11,7 +11,6 @@ import stat
 import time
 from pathlib import Path
 
-OTHERS = stat.S_IWGRP | stat.S_IWOTH
 ANYBODY_ELSE = stat.S_IRWXG | stat.S_IRWXO
 
 NEW = ".new-"
