@@ -33,6 +33,8 @@ def study_document(summary: Summary, scenario: Mapping[str, Any], again: str = "
     law = scenario.get("control", {}).get("law", "unknown")
     title = f"{summary.cases:,} cases under the law {law}"
     percentiles = {name: getattr(summary, name) for name in PERCENTILES}
+    if not any(one is not None and one.value > 0 for one in summary.propellant.values()):
+        del percentiles["propellant"]  # counted of thrusters with a specific impulse alone
     blocks = [
         *percentile_table(percentiles, "Percentiles"),
         *recovery_tables(summary.recovery),

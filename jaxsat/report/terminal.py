@@ -1,5 +1,6 @@
 """A document as text for a terminal."""
 
+import textwrap
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,11 +11,23 @@ from rich.table import Table as Grid
 from rich.text import Text
 
 from jaxsat.core.text import clean
-from jaxsat.report.document import Document, Facts, Lines, Shown, Table, cell_text, is_number
+from jaxsat.report.document import (
+    Cell,
+    Document,
+    Facts,
+    Lines,
+    Shown,
+    Table,
+    cell_text,
+    is_number,
+)
 
 STYLES = {True: "green", False: "red", None: ""}
 WIDEST = 10**4
-"""Columns of an output that is no terminal: a reader of lines finds a row on one line."""
+"""Columns of an output that is no terminal: only sentences in a table are folded there."""
+
+SENTENCE = 60
+"""Columns of a terminal, or of the text, beyond which a cell that is no number is folded."""
 
 
 def terminal_text(document: Document) -> str:
@@ -27,10 +40,10 @@ def terminal_text(document: Document) -> str:
     width = console.width if console.is_terminal else WIDEST
     with console.capture() as caught:
         for part in _parts(document):
-            if isinstance(part, Grid):
-                options = console.options.update(width=WIDEST)
-                console.width = max(width, Measurement.get(console, options, part).minimum)
-            console.print(part, soft_wrap=not isinstance(part, Grid))
+            if isinstance(part, Table):
+                _print_table(console, part, width)
+            else:
+                console.print(part, soft_wrap=not isinstance(part, Grid))
     return "".join(line.rstrip() + "\n" for line in caught.get().splitlines())
 
 
@@ -50,25 +63,48 @@ def _parts(document: Document) -> Iterator[Any]:
         elif isinstance(block, Lines):
             yield from _items(block.lines)
         elif isinstance(block, Table):
-            yield from _table(block)
+            if block.note:
+                yield Text(clean(block.note), "dim")
+            yield block
+            if (more := len(block.rows) - len(block.rows[: block.first])) > 0:
+                yield Text(f"and {more:,} more")
 
 
 def _items(lines: Any) -> Iterator[Text]:
     return (Text(f"- {clean(line)}") for line in lines)
 
 
-def _table(table: Table) -> Iterator[Any]:
-    if table.note:
-        yield Text(clean(table.note), "dim")
+def _print_table(console: Console, table: Table, width: int) -> None:
+    """The table in `width` columns, where it is wider with intervals in lines of their own."""
+    for below in (False, True):
+        grid = _grid(table, below)
+        options = console.options.update(width=WIDEST)
+        least, most = Measurement.get(console, options, grid)
+        if most <= width:
+            break
+    console.width = max(width, least)
+    console.print(grid, soft_wrap=False)
+
+
+def _grid(table: Table, below: bool) -> Grid:
+    """The table for rich; with `below` the interval of a number stands in a line of its own."""
     rows = table.rows[: table.first]
     grid = Grid(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, header_style="")
-    for place, column in enumerate(table.columns):
-        numbers = all(is_number(row[place]) or row[place] is None for row in rows)
-        grid.add_column(Text(clean(column)), justify="right" if numbers else "left")
+    for place, heading in enumerate(map(clean, table.columns)):
+        cells = [row[place] for row in rows]
+        if all(is_number(cell) or cell is None for cell in cells):
+            lines = [line for cell in cells for line in _cell(cell, below).split("\n")]
+            if below:
+                heading = textwrap.fill(heading, max(map(len, (*heading.split(), *lines))))
+            grid.add_column(Text(heading), justify="right", no_wrap=True)
+        else:
+            grid.add_column(Text(heading), max_width=SENTENCE)
     for row in rows:
         styles = [STYLES[cell.good] if isinstance(cell, Shown) else "" for cell in row]
-        texts = [clean(cell_text(cell)) for cell in row]
-        grid.add_row(*map(Text, texts, styles))
-    yield grid
-    if len(rows) < len(table.rows):
-        yield Text(f"and {len(table.rows) - len(rows):,} more")
+        grid.add_row(*map(Text, (_cell(cell, below) for cell in row), styles))
+    return grid
+
+
+def _cell(cell: Cell, below: bool) -> str:
+    text = clean(cell_text(cell))
+    return text.replace(" (", "\n(", 1) if below and is_number(cell) else text

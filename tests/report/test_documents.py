@@ -50,9 +50,28 @@ def test_a_terminal_shows_each_row_on_a_line_and_nothing_that_moves_the_cursor()
     assert sum(line.startswith("a|b") for line in lines) == 2
     assert any(line.startswith("none") and line.endswith("–") for line in lines)
     assert lines[-1] == "and 1 more"
-    rows = [[str(number), "word " * 100] for number in range(3)]
-    wide = Document("t", Verdict(None, "v"), [Table("wide", ["n", "text"], rows)])
+    rows = [[str(number), *range(10**9, 10**9 + 20)] for number in range(3)]
+    wide = Document("t", Verdict(None, "v"), [Table("wide", ["n", *"a" * 20], rows)])
     assert len(terminal_text(wide).splitlines()) == 2 + 2 + 2 + 3
+
+
+def test_sentences_in_a_table_are_folded_and_numbers_never():
+    rows = [["1", "word " * 100, Shown("99.90% (99.64% to 99.97%)", 0.999)]]
+    told = Document("t", Verdict(None, "v"), [Table("wide", ["n", "text", "settled"], rows)])
+    lines = terminal_text(told).splitlines()
+    assert max(map(len, lines)) < 100
+    assert sum("word" in line for line in lines) == 9
+    assert sum(line.endswith("99.90% (99.64% to 99.97%)") for line in lines) == 1
+
+
+def test_a_narrow_terminal_has_intervals_in_a_line_of_their_own(monkeypatch):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "100")
+    interval = Shown("99.90% (99.64% to 99.97%)", 0.999)
+    table = Table("t", ["quantity", *"abcd"], [["settled, of all that there are", *[interval] * 4]])
+    text = terminal_text(Document("t", Verdict(None, "v"), [table]))
+    assert text.count("99.90%") == text.count("(99.64% to 99.97%)") == 4
+    assert text.count("\n") == 2 + 2 + 2 + 2
 
 
 def test_a_page_shows_all_rows_and_what_is_typed_as_code():

@@ -72,3 +72,10 @@ def test_what_matters_is_listed_first_and_noise_is_said_to_be():
     told = document(rng.random(200), omega=x).blocks[-1]
     assert isinstance(told, Lines)
     assert told.lines == ["No dependence is significant with this number of cases."]
+
+
+def test_propellant_that_no_thruster_counts_is_left_out():
+    used = {"propellant": np.zeros(25)}
+    assert "propellant (kg)" not in percentiles(document(np.ones(25), used))
+    used = {"propellant": np.linspace(0.0, 1.0, 25)}
+    assert "propellant (kg)" in percentiles(document(np.ones(25), used))
