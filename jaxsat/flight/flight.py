@@ -108,10 +108,11 @@ class FlightController(eqx.Module):
                 f"control.law: {type(loop.controller).__name__} must be replaced by another law in "
                 f"flight code: {loop.controller.no_flight_code}"
             )
-        if loop.magnetic is not None:
+        if loop.steering:
+            one = loop.steering[0]
             raise CannotExport(
-                "magnetorquer: must be left out of what becomes flight code, which has no field of "
-                f"the Earth, got {loop.magnetic.axes.shape[1]}"
+                f"{one.kind}: must be left out of what becomes flight code, which does not steer "
+                f"it, got {one.axes.shape[1]}"
             )
         navigation = loop.navigation
         if navigation is None:
@@ -135,8 +136,8 @@ class FlightController(eqx.Module):
 
     def allocate(self, command: Array, memory: PyTree) -> tuple[dict[str, Array], PyTree]:
         """The actuators' commands by the names of `Output`, and the modulator's memory."""
-        wheels = self.actuators.wheel_command(command)
-        found: dict[str, Array] = {} if wheels is None else {"wheel_torque": wheels}
+        asked = self.actuators.commands(command)
+        found = {f"{kind}_torque": each for kind, each in asked.items()}
         thrusters, command = self._thrusters(command)
         if isinstance(thrusters, PulsedThrusters):
             duty = thrusters.duties(command)

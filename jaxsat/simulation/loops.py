@@ -172,7 +172,7 @@ class ContinuousLoop(AbstractContinuousLoop):
         """What acts on the plant at time `t` (s) on a command."""
         thrusters, others = self._struck(t)
         torque = self.actuators.after_failures(thrusters)(command)
-        asked = self.plant.commands({"wheel": self.actuators.wheel_command(command)})
+        asked = self.plant.commands(self.actuators.commands(command))
         body, asked = self.plant.driven(plant, asked, others)
         pieces = body.pieces(body.modes(t, plant, torque, asked), asked)
         return _Acting(body, torque, asked, pieces)

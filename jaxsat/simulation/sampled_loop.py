@@ -11,9 +11,10 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.control import AbstractSampledController
 from jaxsat.control.controller import Memory
-from jaxsat.control.magnetic import MagneticSteering
 from jaxsat.control.navigation import Navigation, NavigationState, Told
+from jaxsat.control.steering import AbstractSteering
 from jaxsat.core.checks import as_optional_float, concrete, require_counts, require_positive
+from jaxsat.core.errors import ArgumentError
 from jaxsat.simulation.divided_holds import Asked, through_hold
 from jaxsat.simulation.loops import AbstractLoop, plant_signals
 from jaxsat.simulation.trajectory import Signals
@@ -22,7 +23,6 @@ from jaxsat.spacecraft import (
     AbstractPulsedActuators,
     DrawnSensors,
     Hold,
-    Magnetorquers,
     Sensors,
     Tachometers,
     Usage,
@@ -59,9 +59,9 @@ class SampledLoop(AbstractLoop):
     between the true state and what the controller is told, or `navigation` does, whose sensors and
     estimator have a state; with None of either it is told the truth. A `delay` (s, at most one
     period) is the time the controller takes to compute: for so long after each sample the actuators
-    continue from what they did; None is a loop without. `magnetic` tells what the plant's
-    magnetorquers make of a command, None without them. `tachometers` tell the momenta of wheels;
-    None for those that are exact.
+    continue from what they did; None is a loop without. What effectors of the plant make of a
+    command by their own `steering` the `actuators` are not asked for. `tachometers` tell the
+    momenta of wheels; None for those that are exact.
     """
 
     plant: RigidBody
@@ -71,13 +71,15 @@ class SampledLoop(AbstractLoop):
     sensors: Sensors | DrawnSensors | None = None
     delay: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
     navigation: Navigation | None = None
-    magnetic: MagneticSteering | None = None
+    steering: tuple[AbstractSteering, ...] = ()
     tachometers: Tachometers | None = None
 
     def __check_init__(self):
         require_counts(substeps=self.substeps)
-        if (self.magnetic is None) != (self.plant.find(Magnetorquers) is None):
-            raise ValueError("Argument `magnetic` must be given with the plant's magnetorquers.")
+        kinds = [one.kind for one in self.plant.effectors]
+        for one in self.steering:
+            if one.kind not in kinds:
+                raise ArgumentError("steering", f"must be of effectors among {kinds}", one.kind)
         if self.sensors is not None and self.navigation is not None:
             raise ValueError("Arguments `sensors` and `navigation` must not both be given.")
         if self.delay is None:
@@ -178,11 +180,11 @@ class SampledLoop(AbstractLoop):
         """What is left for actuators to make of the law's command, what is asked of those that the
         torque does not tell, and the law's memory."""
         command, memory = self.controller.step(t, told, memory)
-        dipoles = None
-        if self.magnetic is not None:
-            dipoles, command = self.magnetic(t, told, command)
+        asked = {}
+        for one in self.steering:
+            asked[one.kind], command = one(t, told, command)
         failing = command if self._actuators_fail else None
-        asked = {"wheel": self.actuators.wheel_command(command), "magnetorquer": dipoles}
+        asked |= self.actuators.commands(command)
         return command, Asked(failing, self.plant.commands(asked)), memory
 
     @property

@@ -50,9 +50,10 @@ class AbstractActuators(eqx.Module):
         del struck
         return self
 
-    def wheel_command(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"] | None:
-        """The torque that each wheel is to put on the body, N m; here None: there are no wheels."""
+    def commands(self, command: Float[Array, " torques"]) -> dict[str, Array]:
+        """What each kind of effector of the body is asked for, by its kind; here none is."""
         del command
+        return {}
 
 
 class AbstractSmoothActuators(AbstractActuators):

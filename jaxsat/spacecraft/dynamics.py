@@ -123,10 +123,9 @@ class RigidBody(eqx.Module):
     def _moved(state: PlantState, effectors: OfEach) -> PlantState:
         return PlantState(state.attitude, state.omega, effectors)
 
-    def commands(self, asked: Mapping[str, Array | None]) -> OfEach:
-        """The command of each effector: by its kind, that which asks for nothing for None."""
-        found = [(one, asked.get(one.kind)) for one in self.effectors]
-        return tuple(one.idle() if command is None else command for one, command in found)
+    def commands(self, asked: Mapping[str, Array]) -> OfEach:
+        """The command of each effector: by its kind, or that which asks for nothing."""
+        return tuple(asked[one.kind] if one.kind in asked else one.idle() for one in self.effectors)
 
     # Failures in flight.
 

@@ -18,6 +18,7 @@ until the mode changes. Its *failures* make of it another effector that fails no
 """
 
 import abc
+from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -64,6 +65,14 @@ class AbstractEffector(eqx.Module):
     def idle(self) -> Float[Array, " count"]:
         """The command that asks for nothing."""
         return jnp.zeros(self.count)
+
+    def with_momenta(self, state: PyTree, change: Callable[[Array], Array]) -> PyTree:
+        """The state, its rate or its error with `change` of each momentum in it, N m s.
+
+        A similar body that is k times as heavy has k times the momenta, and all else the same.
+        """
+        del change
+        return state
 
     def momentum(self, state: PyTree) -> Float[Array, "3"] | None:
         """What is stored relative to the body, in body axes, N m s; None for nothing ever."""

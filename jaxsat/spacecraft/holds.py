@@ -114,9 +114,10 @@ class AbstractPulsedActuators(eqx.Module):
     def advance(self, plan: PyTree, running: PyTree) -> tuple[Hold, PyTree]:
         """The next hold, which has no length where the period has ended."""
 
-    def wheel_command(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"] | None:
-        """The torque that each wheel is to put on the body, N m; here None: there are no wheels."""
+    def commands(self, command: Float[Array, " torques"]) -> dict[str, Array]:
+        """What each kind of effector of the body is asked for, by its kind; here none is."""
         del command
+        return {}
 
     @abc.abstractmethod
     def finish(self, plan: PyTree, running: PyTree) -> tuple[PyTree, Usage]:

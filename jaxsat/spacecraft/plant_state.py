@@ -1,6 +1,7 @@
 """The state of the plant: attitude, angular velocity, and the states of effectors."""
 
 import dataclasses
+from typing import TypeVar
 
 import equinox as eqx
 from jaxtyping import Array, Float, PyTree
@@ -10,6 +11,8 @@ from jaxsat.core.checks import as_float
 
 OfEach = tuple[PyTree, ...]
 """One thing for each effector of a body."""
+
+State = TypeVar("State", bound=eqx.Module)
 
 
 class PlantState(eqx.Module):
@@ -26,6 +29,10 @@ class PlantState(eqx.Module):
     def of_each(self) -> OfEach:
         """The states of effectors, of which there may be none."""
         return self.effectors or ()
+
+    def find(self, kind: type[State]) -> State | None:
+        """The state of an effector that is of this class; None without one."""
+        return next((one for one in self.of_each if isinstance(one, kind)), None)
 
     def normalised(self) -> "PlantState":
         """The same with attitude parameters that obey their constraint to rounding."""

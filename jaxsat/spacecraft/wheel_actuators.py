@@ -17,6 +17,7 @@ from jaxsat.core.checks import as_array, as_float, as_optional_float, require_po
 from jaxsat.spacecraft.actuators import AbstractActuators, AbstractSmoothActuators
 from jaxsat.spacecraft.bounded_least_squares import nearest_within
 from jaxsat.spacecraft.holds import AbstractPulsedActuators
+from jaxsat.spacecraft.wheels import Wheels
 
 
 class ActuatorsWithWheels(AbstractActuators):
@@ -80,9 +81,9 @@ class ActuatorsWithWheels(AbstractActuators):
             )
         return ActuatorsWithWheels(as_array(shares), limit, thrusters, as_array(rest), axes=left)
 
-    def wheel_command(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"]:
+    def commands(self, command: Float[Array, " torques"]) -> dict[str, Array]:
         """The torque that each wheel is to put on the body, N m."""
-        return self._scaled(self.wheel_map @ command)
+        return {Wheels.kind: self._scaled(self.wheel_map @ command)}
 
     def _scaled(self, shares: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
         if self.wheel_limit is None:
@@ -150,9 +151,9 @@ class WheelDrives(AbstractSmoothActuators):
         """No torque but that of the wheels, N m."""
         return jnp.zeros(3, command.dtype)
 
-    def wheel_command(self, command: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
+    def commands(self, command: Float[Array, " wheels"]) -> dict[str, Array]:
         """The torque that each wheel is to put on the body, N m: as it is commanded."""
-        return command
+        return {Wheels.kind: command}
 
 
 class PulsedActuatorsWithWheels(AbstractPulsedActuators):
@@ -171,9 +172,9 @@ class PulsedActuatorsWithWheels(AbstractPulsedActuators):
         """Those of the thrusters."""
         return self.thrusters.holds
 
-    def wheel_command(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"]:
+    def commands(self, command: Float[Array, " torques"]) -> dict[str, Array]:
         """The torque that each wheel is to put on the body, N m."""
-        return self.wheels.wheel_command(command)
+        return self.wheels.commands(command)
 
     def init(self) -> PyTree:
         """The thrusters' memory."""

@@ -142,6 +142,10 @@ class Wheels(AbstractEffector):
         """All stand still."""
         return WheelMomenta(jnp.zeros(self.count))
 
+    def with_momenta(self, state: WheelMomenta, change) -> WheelMomenta:
+        """That of each wheel changed."""
+        return WheelMomenta(change(state.momentum))
+
     def momentum(self, state: WheelMomenta) -> Float[Array, "3"]:
         """A h in body axes, N m s."""
         return self.axes @ state.momentum
@@ -368,5 +372,5 @@ class Wheels(AbstractEffector):
 
 def wheel_momentum(state: Any) -> Float[Array, " wheels"] | None:
     """The momentum of each wheel in a state of the plant, N m s; None where it has no wheels."""
-    found = (one.momentum for one in state.of_each if isinstance(one, WheelMomenta))
-    return next(found, None)
+    own = state.find(WheelMomenta)
+    return None if own is None else own.momentum

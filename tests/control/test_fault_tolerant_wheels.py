@@ -202,6 +202,6 @@ def test_the_law_commands_the_motor_of_each_wheel():
     loop = build(load("wheels-fail")).loop
     assert isinstance(loop.actuators, WheelDrives)
     command = jnp.arange(4.0)
-    np.testing.assert_array_equal(loop.actuators.wheel_command(command), command)
+    np.testing.assert_array_equal(loop.actuators.commands(command)["wheel"], command)
     np.testing.assert_array_equal(loop.actuators(command), np.zeros(3))
     assert loop.actuators.event_count == 0

@@ -5,6 +5,7 @@ import pytest
 from pydantic import ValidationError
 
 from helpers.magnetic import document
+from jaxsat.control.steering import MagneticSteering
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation import SampledLoop
@@ -16,26 +17,28 @@ def made(data) -> SampledLoop:
     return loop
 
 
+def steering_of(data) -> MagneticSteering:
+    (steering,) = made(data).steering
+    assert isinstance(steering, MagneticSteering)
+    return steering
+
+
 def test_what_is_asked_of_magnetorquers_depends_on_the_wheels():
-    alone = made(document()).magnetic
-    assert alone is not None
+    alone = steering_of(document())
     np.testing.assert_array_equal(alone.wanted, np.eye(3))
     assert alone.wheel_axes is None
-    two = made(document(2)).magnetic
-    assert two is not None
+    two = steering_of(document(2))
     assert two.unloading == 2e-3
     normal = np.linalg.svd(np.asarray(two.wheel_axes))[0][:, 2]
     np.testing.assert_allclose(two.wanted, np.outer(normal, normal), atol=1e-14)
-    three = made(document(3)).magnetic
-    assert three is not None
+    three = steering_of(document(3))
     np.testing.assert_array_equal(three.wanted, np.zeros((3, 3)))
 
 
 def test_one_that_has_failed_is_asked_nothing():
     data = document()
     data["magnetorquer"][1]["failed"] = True
-    steering = made(data).magnetic
-    assert steering is not None
+    steering = steering_of(data)
     assert not np.any(steering.shares[1])
     np.testing.assert_allclose(steering.axes @ steering.shares[:, 0], [1, 0, 0], atol=1e-14)
 

@@ -66,7 +66,7 @@ def test_thrusters_make_what_wheels_leave():
     mixed = build_actuators(one_wheel)
     assert isinstance(mixed, ActuatorsWithWheels)
     command = jnp.array([0.3, -0.2])
-    np.testing.assert_allclose(mixed.wheel_command(command), [0.3])
+    np.testing.assert_allclose(mixed.commands(command)["wheel"], [0.3])
     np.testing.assert_allclose(mixed(command), [0, -0.2, 0], atol=1e-15)
     pushing = ",".join(
         f"{{torque_axis=[{x},{y},0.0],torque_N_m=1.0}}"
@@ -80,7 +80,7 @@ def test_thrusters_make_what_wheels_leave():
     assert not blocked
     pulsed = build_actuators(Scenario.model_validate(data))
     assert isinstance(pulsed, PulsedActuatorsWithWheels)
-    np.testing.assert_allclose(pulsed.wheel_command(command), [0.3])
+    np.testing.assert_allclose(pulsed.commands(command)["wheel"], [0.3])
     np.testing.assert_allclose(pulsed.rest, [[0, 0], [0, 1]])
 
 

@@ -102,6 +102,6 @@ def test_derivatives_are_those_of_differences_within_at_and_beyond_the_limits():
 def test_a_command_that_fits_is_shared_to_the_bit_as_without_limits():
     axes = np.array([[1, -1, -1, 1], [1, 1, -1, -1], [1, 1, 1, 1]]) / np.sqrt(3)
     command = jnp.array([0.03, -0.02, 0.01])
-    free = ActuatorsWithWheels.of(axes, 3).wheel_command(command)
-    bound = ActuatorsWithWheels.of(axes, 3, 0.1).wheel_command(command)
+    free = ActuatorsWithWheels.of(axes, 3).commands(command)["wheel"]
+    bound = ActuatorsWithWheels.of(axes, 3, 0.1).commands(command)["wheel"]
     np.testing.assert_array_equal(free, bound)

@@ -184,18 +184,18 @@ PYRAMID = np.array([[1, -1, -1, 1], [1, 1, -1, -1], [1, 1, 1, 1]]) / np.sqrt(3)
 def test_a_command_is_shared_by_least_squares_and_keeps_its_direction():
     command = jnp.array([0.3, -0.2, 0.1])
     shared = ActuatorsWithWheels.of(PYRAMID, 3, wheel_limit=[1.0, 0.05, 1.0, 1.0])
-    u = np.array(shared.wheel_command(command))
+    u = np.array(shared.commands(command)["wheel"])
     others = PYRAMID[:, [0, 2, 3]]
     rest = np.linalg.solve(others, np.array(command) - PYRAMID[:, 1] * u[1])
     assert abs(u[1]) == 0.05
     np.testing.assert_allclose(u[[0, 2, 3]], rest, atol=1e-15)
     assert not shared(command).any()
     weak = ActuatorsWithWheels.of(PYRAMID, 3, wheel_limit=[0.01, 0.05, 0.01, 0.01])
-    u = np.array(weak.wheel_command(command))
+    u = np.array(weak.commands(command)["wheel"])
     np.testing.assert_allclose(np.cross(PYRAMID @ u, command), 0, atol=1e-16)
     assert (PYRAMID @ u) @ np.array(command) > 0
     one_failed = ActuatorsWithWheels.of(PYRAMID, 3, failed=(2,))
-    u = np.array(one_failed.wheel_command(command))
+    u = np.array(one_failed.commands(command)["wheel"])
     assert u[1] == 0
     np.testing.assert_allclose(PYRAMID @ u, command, atol=1e-15)
 
@@ -205,18 +205,18 @@ def test_what_wheels_cannot_make_is_left_to_thrusters():
     two = np.array([[1.0, 0.6], [0.0, 0.8], [0.0, 0.0]])
     mixed = ActuatorsWithWheels.of(two, 3, thrusters=thrusters)
     command = jnp.array([0.3, -0.2, 0.1])
-    np.testing.assert_allclose(two @ mixed.wheel_command(command), [0.3, -0.2, 0], atol=1e-15)
+    np.testing.assert_allclose(two @ mixed.commands(command)["wheel"], [0.3, -0.2, 0], atol=1e-15)
     np.testing.assert_allclose(mixed(command), [0, 0, 0.1], atol=1e-15)
     with pytest.raises(ValueError, match="x, y and z"):
         ActuatorsWithWheels.of(two, 3)
     everything = ActuatorsWithWheels.of(two, 2, thrusters=thrusters)
-    np.testing.assert_allclose(two @ everything.wheel_command(command[:2]), [0.3, -0.2, 0])
+    np.testing.assert_allclose(two @ everything.commands(command[:2])["wheel"], [0.3, -0.2, 0])
     assert not everything(command[:2]).any()
     none_left = ActuatorsWithWheels.of(two, 3, thrusters=thrusters, failed=(1, 2))
     np.testing.assert_allclose(none_left(command), command)
     plane = np.array([[1, -0.5, -0.5], [0, 0.75**0.5, -(0.75**0.5)], [0, 0, 0]])
     redundant = ActuatorsWithWheels.of(plane, 2)
-    np.testing.assert_allclose(plane @ redundant.wheel_command(command[:2]), [0.3, -0.2, 0])
+    np.testing.assert_allclose(plane @ redundant.commands(command[:2])["wheel"], [0.3, -0.2, 0])
 
 
 @pytest.mark.parametrize("size", [0.1, 1.0, 3.0])
@@ -227,8 +227,10 @@ def test_actuators_are_their_smooth_piece_where_their_event_functions_say_so(siz
     events = mixed.event_functions(command)
     assert events.shape == (mixed.event_count,) == (5,)
     piece = mixed.smooth_piece(events > 0)
-    np.testing.assert_allclose(piece.wheel_command(command), mixed.wheel_command(command))
+    np.testing.assert_allclose(piece.commands(command)["wheel"], mixed.commands(command)["wheel"])
     np.testing.assert_allclose(piece(command), mixed(command))
     spare = ActuatorsWithWheels.of(PYRAMID, 3, wheel_limit=[0.1, 0.02, 0.1, 0.1])
     piece = spare.smooth_piece(spare.event_functions(command) > 0)
-    np.testing.assert_array_equal(piece.wheel_command(command), spare.wheel_command(command))
+    np.testing.assert_array_equal(
+        piece.commands(command)["wheel"], spare.commands(command)["wheel"]
+    )

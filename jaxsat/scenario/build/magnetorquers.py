@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxsat.control.magnetic import MagneticSteering
+from jaxsat.control.steering import MagneticSteering
 from jaxsat.core.allocation import unit_columns
 from jaxsat.scenario.build.failures import magnetorquer_failures
 from jaxsat.scenario.magnetorquer_tables import UnloadingTable

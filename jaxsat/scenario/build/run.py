@@ -154,7 +154,7 @@ def _closed(
         navigation = build_navigation(scenario)
         actuators = build_actuators(scenario)
         torquers = plant.find(Magnetorquers)
-        magnetic = None if torquers is None else build_steering(scenario, torquers.field)
+        steering = () if torquers is None else (build_steering(scenario, torquers.field),)
         tachometers = build_tachometers(scenario)
         return SampledLoop(
             plant,
@@ -164,7 +164,7 @@ def _closed(
             sensors,
             delay,
             navigation,
-            magnetic,
+            steering,
             tachometers,
         )
     if uses_error_coordinates(flattened(scenario)):

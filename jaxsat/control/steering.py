@@ -1,19 +1,38 @@
-"""How magnetorquers share in a commanded torque, and take momentum out of wheels.
+"""How effectors share in a commanded torque before all other actuators are asked."""
 
-Sidi, Spacecraft Dynamics and Control, 1997, sections 7.4 and 7.5: the cross-product law.
-"""
+import abc
+from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.core.checks import as_float, as_optional_float, require_positive
-from jaxsat.spacecraft import nearest_within, wheel_momentum
+from jaxsat.spacecraft import Magnetorquers, nearest_within, wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.environment import DipoleField
 
 
-class MagneticSteering(eqx.Module):
+class AbstractSteering(eqx.Module):
+    """What one `kind` of effector makes of a law's command of three torques."""
+
+    kind: eqx.AbstractClassVar[str]
+    """That of the effector of the body that is commanded."""
+
+    axes: eqx.AbstractVar[Float[Array, "3 k"]]
+    """A unit vector for each of them, body axes."""
+
+    @abc.abstractmethod
+    def __call__(
+        self, t: Float[Array, ""], state: PlantState, command: Float[Array, "3"]
+    ) -> tuple[Float[Array, " k"], Float[Array, "3"]]:
+        """The command of each at time `t` (s), and what of a torque (N m) is left to others.
+
+        `state` is what the law is told of the plant.
+        """
+
+
+class MagneticSteering(AbstractSteering):
     """Dipoles m = B × τ / |B|², which make of a wanted torque τ what is across the field B.
 
     τ = `wanted` u - `unloading` A h: a part of the law's command u (N m), and what takes momentum h
@@ -21,8 +40,11 @@ class MagneticSteering(eqx.Module):
     magnetorquers along `axes`. Where that exceeds the `dipole_limit` (A m²) of one, others make up
     for it; of a torque that they cannot make, the greatest part is. What they then make is left out
     of the command of all other actuators, so that the body feels the law's torque. B is that of the
-    `field` at the attitude that the law is told.
+    `field` at the attitude that the law is told. Sidi, Spacecraft Dynamics and Control, 1997,
+    sections 7.4 and 7.5: the cross-product law.
     """
+
+    kind: ClassVar[str] = Magnetorquers.kind
 
     field: DipoleField
     axes: Float[Array, "3 k"] = eqx.field(converter=as_float)
