@@ -56,8 +56,8 @@ def design(
         KEY=VALUE that replaces a value of the scenario, such as spacecraft.failed_thrusters=[2];
         may be given several times.
     law
-        The law to design, or all for every law that fits; by default that of the scenario, or all
-        if it names none.
+        The law to design, all for every law that fits, or quick for those that are verified within
+        minutes; by default that of the scenario, or quick if it names none.
     settled
         Fraction of the cases that must settle.
     cases

@@ -18,7 +18,7 @@ SHOWN_CASES = 20
 
 LINES = {
     "assumed": "Assumptions, where the file gives no value",
-    "left_out": "Laws that do not fit",
+    "left_out": "Laws left out",
     "cautions": "Beyond what the laws are verified on",
 }
 

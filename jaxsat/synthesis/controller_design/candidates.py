@@ -17,7 +17,7 @@ from jaxsat.scenario.errors import key_of
 from jaxsat.scenario.laws import known_law
 from jaxsat.studies import number_at
 from jaxsat.studies.perturbed import controller_of
-from jaxsat.synthesis.controller_design.reading import ALL
+from jaxsat.synthesis.controller_design.reading import ALL, QUICK
 from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict, scale_of
 
 PERIOD = 0.1
@@ -61,6 +61,12 @@ LAWS_LEFT: Mapping[str, tuple[str, ...]] = {
 WHEEL_LAWS, THRUSTER_LAWS = ("three-axis",), ("planned",)
 """Laws for two wheels without momentum, and those that know nothing of a limit of momentum."""
 
+SLOW_LAWS: Mapping[str, str] = {
+    "planned": "plans in flight, so that its verification takes many minutes; it is designed with "
+    "`--law planned` or `--law all`"
+}
+"""Laws that are designed only on request, and why."""
+
 RATE_SHARE, TILT_SHARE = 0.85, 0.5
 """Of the tolerances of settling: what a large end game takes of the rate's and of the tilt's."""
 
@@ -100,14 +106,17 @@ def fitting_candidates(
 
     `complete` fills in what the scenario lacks once it has a law and a scale.
     """
-    found, left_out = [], []
-    for name, table in _tables(scenario, verdict, law):
-        made = _made(scenario, table, complete)
-        if isinstance(made, str):
-            left_out.append(f"{name}: {made}")
+    names = _names(scenario, verdict, law)
+    slow = [name for name in names if law == QUICK and name in SLOW_LAWS]
+    candidates, left_out = [], []
+    for name, table in _tables(scenario, [one for one in names if one not in slow], law):
+        under_law = _made(scenario, table, complete)
+        if isinstance(under_law, str):
+            left_out.append(f"{name}: {under_law}")
         else:
-            found.append(Candidate(name, made))
-    return Fitting(tuple(found), tuple(left_out))
+            candidates.append(Candidate(name, under_law))
+    left_out += [f"{name}: {SLOW_LAWS[name]}" for name in slow]
+    return Fitting(tuple(candidates), tuple(left_out))
 
 
 def written_out(scenario: Scenario) -> Scenario:
@@ -170,16 +179,21 @@ Maker = Callable[[Scale], dict[str, Any]]
 UNIT = Scale((1.0, 1.0), 1.0)
 
 
-def _tables(scenario: Scenario, verdict: VehicleVerdict, law: str) -> Iterator[tuple[str, Maker]]:
-    """Names of candidates, and what makes the `[control]` table of each."""
+def _names(scenario: Scenario, verdict: VehicleVerdict, law: str) -> list[str]:
+    """The laws that are asked for."""
+    if law not in (ALL, QUICK):
+        return [law]
+    names = list(LAWS_LEFT[verdict.judgement.laws])
+    if names and scenario.wheel and verdict.judgement.laws == "two torques":
+        names = [*WHEEL_LAWS, *(one for one in names if one not in THRUSTER_LAWS)]
+    return names
+
+
+def _tables(scenario: Scenario, names: list[str], law: str) -> Iterator[tuple[str, Maker]]:
+    """Names of candidates of these laws, and what makes the `[control]` table of each."""
     own = scenario.control.model_dump(exclude_none=True)
-    names = [law]
-    if law == ALL:
-        names = list(LAWS_LEFT[verdict.judgement.laws])
-        if names and scenario.wheel and verdict.judgement.laws == "two torques":
-            names = [*WHEEL_LAWS, *(one for one in names if one not in THRUSTER_LAWS)]
     for name in names:
-        given = name == own["law"] and law != ALL
+        given = name == own["law"] == law
         default = given and _is_default(own, name)
         if given:
             yield name if default else f"{name}, as given", lambda scale: own

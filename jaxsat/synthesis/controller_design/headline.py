@@ -1,8 +1,26 @@
 """The verdict of a design in words, and the head of the scenario that it writes."""
 
+import numpy as np
+
+from jaxsat.core.numerals import number_text
 from jaxsat.report.design_document import DESIGNED, LINES
-from jaxsat.studies import fraction_text
+from jaxsat.studies import fraction_text, percentile, wilson
+from jaxsat.synthesis.controller_design.candidates import Candidate
+from jaxsat.synthesis.controller_design.reading import ALL, QUICK
 from jaxsat.synthesis.controller_design.result import ControllerDesign
+from jaxsat.synthesis.controller_design.studies import Columns
+
+
+def first_answer(candidate: Candidate, columns: Columns) -> str:
+    """What the first law does in the screening, in one sentence, while the design goes on."""
+    times = np.asarray(columns["settling_time"])
+    fraction = wilson(int(np.isfinite(times).sum()), len(times))
+    half = percentile(times, 50.0).value
+    within = f", half within {number_text(half)} s" if np.isfinite(half) else ""
+    return (
+        f"first answer: {candidate.name} settles {fraction_text(fraction)} of {len(times)} unseen "
+        f"cases{within}; the design goes on"
+    )
 
 
 def headline(found: ControllerDesign) -> str:
@@ -10,7 +28,7 @@ def headline(found: ControllerDesign) -> str:
     verification, wanted = found.verification, f"{100 * found.settings.settled:.8g}"
     if verification is None or found.chosen is None:
         why = "No law of jaxsat fits what is left."
-        if found.settings.law != "all":
+        if found.settings.law not in (ALL, QUICK):
             why = f"The law {found.settings.law} does not fit the vehicle."
         return f"Nothing to design. {why}"
     fraction = verification.settled

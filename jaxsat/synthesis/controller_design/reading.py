@@ -11,8 +11,8 @@ from jaxsat.scenario.given import given_keys
 from jaxsat.scenario.overrides import override
 from jaxsat.scenario.read import warn
 
-ALL = "all"
-"""In place of a law: every law of jaxsat that fits."""
+ALL, QUICK = "all", "quick"
+"""In place of a law: every law of jaxsat that fits, or those that are verified within minutes."""
 
 UNNAMED_LAW = "three-slew"
 """Law of a scenario whose file names none; every key of it that is left out has a default."""
@@ -53,7 +53,7 @@ def read_vehicle(
     """The scenario of a file whose vehicle is to get a controller.
 
     What `jaxsat.load` needs and a vehicle does not have may be left out: title, orbit (inertial
-    pointing then), start (at rest in the wanted attitude), law (all that fit; so with "coast"),
+    pointing then), start (at rest in the wanted attitude), law (those of `QUICK`; so with "coast"),
     duration. A body in orbit without `[disturbance]` and without wheels gets gravity gradient.
     Raises `ScenarioError` and tells `caution` as `jaxsat.load` does.
     """
@@ -65,8 +65,9 @@ def read_vehicle(
     if _has_unsaid_torques(present, in_orbit="orbit.rate_rad_s" not in lacking):
         added.append(override("disturbance.gravity_gradient", True))
     scenario = load(name_or_path, [*added, *given], purpose="motion", caution=caution)
-    law = ALL if "control.law" in lacking else scenario.control.law
-    return Vehicle(scenario, ALL if law == "coast" else law, "simulation.duration_s" not in lacking)
+    law = scenario.control.law
+    quick = "control.law" in lacking or law == "coast"
+    return Vehicle(scenario, QUICK if quick else law, "simulation.duration_s" not in lacking)
 
 
 def _has_unsaid_torques(present: set[str], in_orbit: bool) -> bool:

@@ -14,7 +14,7 @@ from jaxsat.store import OutputError, ResumableFolder
 from jaxsat.store.differences import differences
 from jaxsat.studies import Serial, Threads, Work
 from jaxsat.synthesis.controller_design.files import write_files
-from jaxsat.synthesis.controller_design.reading import ALL, Vehicle
+from jaxsat.synthesis.controller_design.reading import ALL, QUICK, Vehicle
 from jaxsat.synthesis.controller_design.result import ControllerDesign
 from jaxsat.synthesis.controller_design.settings import (
     SCREENING_CASES,
@@ -59,20 +59,21 @@ def design(
     """Design a controller for a vehicle, and verify it on cases never seen before.
 
     The vehicle is one of `read_vehicle` or the scenario of one. `law` is the law to design, "all"
-    for every law of jaxsat that fits, None for the vehicle's own ("all" if that is "coast"). At
-    least a fraction `settled` of `cases` cases must settle; `steps` are those of the tuner, 0 for
-    none. The seeds of the steps are `seed` (the scenario's own if left out) and the three that
-    follow. With `attitude` "nearest" the target is the nearest attitude that can be held. The
-    `goal` "settled" is done with the first law that surely settles the wanted fraction, and tunes
-    only where none does. With `out` the design is kept in that folder, as by `jaxsat design`, and
-    the same call resumes it.
+    for every law of jaxsat that fits, "quick" for those that are verified within minutes, None for
+    the vehicle's own ("quick" if that is "coast"). At least a fraction `settled` of `cases` cases
+    must settle; `steps` are those of the tuner, 0 for none. The seeds of the steps are `seed` (the
+    scenario's own if left out) and the three that follow. The first law's fraction of 500 cases is
+    a remark to the `listener` while the design goes on. With `attitude` "nearest" the target is the
+    nearest attitude that can be held. The `goal` "settled" is done with the first law that surely
+    settles the wanted fraction, and tunes only where none does. With `out` the design is kept in
+    that folder, as by `jaxsat design`, and the same call resumes it.
 
     Raises `ValueError` for arguments that cannot be and `OutputError` for a folder that cannot be
     used. A vehicle with nothing to design raises nothing: see `ControllerDesign.outcome`.
     """
     if isinstance(vehicle, Scenario):
         own = vehicle.control.law
-        vehicle = Vehicle(vehicle, ALL if own == "coast" else own, timed=True)
+        vehicle = Vehicle(vehicle, QUICK if own == "coast" else own, timed=True)
     scenario, timed = vehicle.scenario, vehicle.timed
     settings = DesignSettings(
         law=vehicle.law if law is None else law,
@@ -126,10 +127,10 @@ def _folder(place: str | Path, identity: dict[str, Any]) -> ResumableFolder:
 
 def _require_law(name: str) -> None:
     """Raise `ValueError` for a law that there is not or that aims at no attitude."""
-    if name == ALL:
+    if name in (ALL, QUICK):
         return
     law = known_law(name)
     if law is None:
-        raise ValueError(f"Argument `law` must be a law or all, but got {name}.")
+        raise ValueError(f"Argument `law` must be a law, all or quick, but got {name}.")
     if not law.declaration.regulates_attitude or not law.declaration.torques:
         raise ValueError(f"Argument `law` must be one that aims at an attitude, but got {name}.")

@@ -6,7 +6,7 @@ from typing import Any, Literal, NamedTuple
 from jaxsat.core.checks import require_counts
 from jaxsat.scenario.build.study import EngineName
 
-SCREENING_CASES, VALIDATION_CASES, SURE_CASES = 200, 1000, 2000
+SCREENING_CASES, VALIDATION_CASES, SURE_CASES = 500, 1000, 2000
 
 MAX_SEED = 2**63 - 4
 """So that three more follow which a scenario can have."""
@@ -28,11 +28,11 @@ class Seeds(NamedTuple):
 class DesignSettings:
     """What is asked of a design.
 
-    `law` is one law or "all", `settled` the fraction of cases that must settle, `cases` those of
-    the verification, `steps` those of the tuner (0 leaves tuning out). With `attitude` "nearest"
-    the controller is designed for the nearest attitude that can be held. The `goal` "quickest" is
-    the quickest law of those that settle most; "settled" is done with the first one that surely
-    settles the wanted fraction. Raises `ValueError` for numbers that cannot be.
+    `law` is one law, "all" or "quick", `settled` the fraction of cases that must settle, `cases`
+    those of the verification, `steps` those of the tuner (0 leaves tuning out). With `attitude`
+    "nearest" the controller is designed for the nearest attitude that can be held. The `goal`
+    "quickest" is the quickest law of those that settle most; "settled" is done with the first one
+    that surely settles the wanted fraction. Raises `ValueError` for numbers that cannot be.
     """
 
     law: str

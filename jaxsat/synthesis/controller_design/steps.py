@@ -21,6 +21,7 @@ from jaxsat.synthesis.controller_design.candidates import (
 )
 from jaxsat.synthesis.controller_design.completion import completed
 from jaxsat.synthesis.controller_design.explanation import MOST_FLOWN, Remedy, remedies, separations
+from jaxsat.synthesis.controller_design.headline import first_answer
 from jaxsat.synthesis.controller_design.result import ControllerDesign, Step, Verification
 from jaxsat.synthesis.controller_design.settings import DesignSettings
 from jaxsat.synthesis.controller_design.studies import Columns, Studies, row_of
@@ -57,6 +58,7 @@ class DesignRun:
         """All steps, as far as there is something to design."""
         self.studies.listener.progress("verdict on the actuators left", None)
         verdict = vehicle_verdict(self.original)
+        self.studies.listener.remark(verdict.lines()[0])
         scenario = self._aimed(verdict)
         fitting, assumed = self._candidates(scenario, verdict)
         found = ControllerDesign(
@@ -120,25 +122,23 @@ class DesignRun:
         with a larger end game.
         """
         if self.settings.goal == "quickest":
-            return Screening(self._step("screening", 2, fitting), fitting, None)
+            flown = list(self._announced(self._flown("screening", 2, fitting)))
+            return Screening(self._compared("screening", flown), fitting, None)
         rule = WhenDecided(self.settings.settled, 2 * len(fitting))
-        known, (flown, enough) = fitting, self._screened(fitting, rule)
+        flights = self._announced(self._flown("screening", 2, fitting, rule))
+        known, (flown, enough) = fitting, _up_to_enough(flights, rule)
         if not enough:
             larger = tuple(filter(None, map(with_larger_end_game, fitting)))
-            more, enough = self._screened(larger, rule)
+            more, enough = _up_to_enough(self._flown("screening", 2, larger, rule), rule)
             known, flown = (*fitting, *larger), flown + more
         return Screening(self._compared("screening", flown), known, enough)
 
-    def _screened(
-        self, candidates: tuple[Candidate, ...], rule: WhenDecided
-    ) -> tuple[list[Flown], Candidate | None]:
-        """What was flown up to the first that surely settles the wanted fraction, and that one."""
-        flown = []
-        for one, columns in self._flown("screening", 2, candidates, rule):
-            flown.append((one, columns))
-            if rule.above(*_settled_of(columns)):
-                return flown, one
-        return flown, None
+    def _announced(self, flights: Iterator[Flown]) -> Iterator[Flown]:
+        """The flights as they are; the first one is told as a first answer."""
+        for number, (candidate, columns) in enumerate(flights):
+            if number == 0:
+                self.studies.listener.remark(first_answer(candidate, columns))
+            yield candidate, columns
 
     def _validation(self, contenders: tuple[Candidate, ...]) -> tuple[Step, tuple[Candidate, ...]]:
         """The contenders on the same cases, and all that flew there.
@@ -154,10 +154,6 @@ class DesignRun:
             flown += self._flown("validation", 4, larger)
             contenders = (*contenders, *larger)
         return self._compared("validation", flown), contenders
-
-    def _step(self, step: str, number: int, candidates: tuple[Candidate, ...]) -> Step:
-        """The candidates on the same cases."""
-        return self._compared(step, list(self._flown(step, number, candidates)))
 
     def _compared(self, step: str, flown: list[Flown]) -> Step:
         """The candidates on the cases that all of them flew, under one torque limit.
@@ -186,8 +182,9 @@ class DesignRun:
         """Every candidate with its columns, flown when asked for."""
         count = getattr(self.settings, f"{step}_cases")
         seed = getattr(self.settings.seeds, step)
-        for one in candidates:
-            what, name = f"step {number} of 5, {step} of {one.name}", f"{step}-{one.name}"
+        for place, one in enumerate(candidates, 1):
+            law = f"{step} of {one.name} ({place} of {len(candidates)} laws)"
+            what, name = f"step {number} of 5, {law}", f"{step}-{one.name}"
             yield one, self.studies.columns(what, name, one.scenario, count, seed, rule)
 
     def _tuned(self, screening: Step, best: Candidate) -> tuple[Tuned | None, str | None]:
@@ -201,22 +198,13 @@ class DesignRun:
             return None, f"{best.name} settled no case, so no cost tells better gains from worse"
         table = self._tuning_table(best)
         what = f"step 3 of 5, tuning of {best.name}"
-        self.studies.listener.progress(what, None)
+        seed = self.settings.seeds.tuning
         try:
-            found = tune_candidate(
-                best,
-                row,
-                table,
-                self.settings.seeds.tuning,
-                self.studies.folder,
-                elsewhere=self.studies.execution.elsewhere,
-                report=lambda progress: self.studies.listener.progress(what, progress),
-            )
+            return tune_candidate(best, row, table, seed, self.studies, what), None
         except OutputError:
             raise
         except ValueError as error:
             return None, f"{best.name} cannot be tuned: {error}"
-        return found, None
 
     def _ready(self, chosen: Candidate) -> Scenario:
         """The scenario for every command: gains written out, and how they can be tuned again."""
@@ -263,14 +251,27 @@ class DesignRun:
         count, seed = self.settings.cases, self.settings.seeds.verification
         found = []
         aimed = verdict if self.settings.attitude == "wanted" else replace(verdict, turn=(0, 0, 0))
-        for change, made in remedies(chosen, others, aimed):
-            what = f"what would help: {len(failing)} failing cases with {change}"
+        changes = list(remedies(chosen, others, aimed))
+        for place, (change, made) in enumerate(changes, 1):
+            what = f"what would help, {place} of {len(changes)}: {len(failing)} cases with {change}"
             try:
                 again = self.studies.settled_again(what, made(), count, seed, failing)
             except ValueError:  # a number out of its range, or a law that cannot be built for it
                 continue
             found.append(Remedy(change, int(again.sum()), len(failing)))
         return tuple(found)
+
+
+def _up_to_enough(
+    flights: Iterator[Flown], rule: WhenDecided
+) -> tuple[list[Flown], Candidate | None]:
+    """The flights up to the first law that surely settles the wanted fraction, and that law."""
+    flown = []
+    for candidate, columns in flights:
+        flown.append((candidate, columns))
+        if rule.above(*_settled_of(columns)):
+            return flown, candidate
+    return flown, None
 
 
 def _settled_of(columns: Columns) -> tuple[int, int]:

@@ -48,6 +48,7 @@ class Studies:
 
         `what` is told, and `name` is that of the step.
         """
+        self.listener.progress(what, None)
         chunk = CHUNK if until is None else RULED_CHUNK
         study = build_study(scenario, count, seed=seed, engine=self.execution.engine, chunk=chunk)
         if study.remark is not None:
@@ -56,7 +57,6 @@ class Studies:
         def told(progress: StudyProgress) -> None:
             self.listener.progress(what, progress)
 
-        self.listener.progress(what, None)
         store = named_store(self.folder.path, name)
         counted = run_study(
             study,

@@ -1,7 +1,6 @@
 """Tuning of a candidate over its dispersions, with the tuner of `jaxsat tune`."""
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +11,11 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.optimisers import DERIVATIVE_FREE
 from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
-from jaxsat.store import ResumableFolder
 from jaxsat.synthesis.comparison import ComparisonRow
 from jaxsat.synthesis.controller_design.candidates import Candidate, written_out
+from jaxsat.synthesis.controller_design.studies import Studies
 from jaxsat.synthesis.controller_design.vehicle import Scale
-from jaxsat.synthesis.tuning import DescentProgress, DescentState, TuningPlan
+from jaxsat.synthesis.tuning import DescentState, TuningPlan
 from jaxsat.synthesis.tuning.build import build_plan, tuned_scenario
 from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity
 from jaxsat.synthesis.tuning.run import run_descent
@@ -108,20 +107,23 @@ def tune_candidate(
     row: ComparisonRow,
     table: TuningTable,
     seed: int,
-    folder: ResumableFolder,
-    *,
-    elsewhere: bool = False,
-    report: Callable[[DescentProgress], None] | None = None,
+    studies: Studies,
+    what: str,
 ) -> Tuned:
-    """Descend from a candidate's gains; resumes what the folder has of it.
+    """Descend from a candidate's gains; resumes what the folder of the studies has of it.
 
-    `row` is the candidate's in the screening. Raises `ValueError` where it cannot be tuned.
+    `what` is told, with how far it is. `row` is the candidate's in the screening. Raises
+    `ValueError` where it cannot be tuned.
     """
     written = written_out(candidate.scenario)
     shorter = _shortened(written, row, table, seed)
+    progress, path = studies.listener.progress, studies.folder.path / FOLDER
+    progress(f"{what}: compiling the gradient", None)
     plan = build_plan(shorter, workers=processors(), batch_size=32)
-    with TuningFolder(folder.path / FOLDER, plan_identity(plan), elsewhere=elsewhere) as kept:
-        state = run_descent(shorter, plan, kept, report=report)
+    elsewhere = studies.execution.elsewhere
+    with TuningFolder(path, plan_identity(plan), elsewhere=elsewhere) as folder:
+        progress(f"{what}: step 1 of {table.steps}", None)
+        state = run_descent(shorter, plan, folder, report=lambda at: progress(what, at))
     control = tuned_scenario(shorter, plan, np.asarray(state.best_point)).control
     tuned = written.model_copy(update={"control": control})
     return Tuned(Candidate(f"{candidate.name}{TUNED}", tuned), plan, state)

@@ -1,5 +1,6 @@
 """A whole design: its steps, its folder, and that an interrupted one is resumed."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -49,7 +50,7 @@ def test_a_law_that_does_not_fit_is_told_with_its_reason():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"law": "nonsense"}, "must be a law or all"),
+        ({"law": "nonsense"}, "must be a law, all or quick"),
         ({"law": "coast"}, "aims at an attitude"),
         ({"law": "rate"}, "aims at an attitude"),
         ({"settled": 0.0}, "above 0 and at most 1"),
@@ -122,10 +123,15 @@ def test_the_screening_for_a_settled_fraction_ends_with_the_first_law_that_has_i
     monkeypatch.setattr(Studies, "columns", columns)
     scenario = jaxsat.load("two-torque-free", purpose="text")
     settings = DesignSettings("all", goal="settled")
-    run = steps.DesignRun(scenario, settings, studies)
+    remarks = []
+    told = dataclasses.replace(studies, listener=Listener(remark=remarks.append))
+    run = steps.DesignRun(scenario, settings, told)
     candidates = tuple(Candidate(name, scenario) for name in fractions)
     screening = run._screening(candidates)
     assert asked == flown
+    assert len(remarks) == 1
+    assert remarks[0].startswith("first answer: first settles ")
+    assert "of 2000 unseen cases, half within 9 s" in remarks[0]
     assert screening.enough == candidates[len(flown) - 1]
     assert len(screening.step.rows) == len(flown)
 

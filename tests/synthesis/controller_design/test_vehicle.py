@@ -25,7 +25,7 @@ from jaxsat.synthesis.controller_design.candidates import (
 )
 from jaxsat.synthesis.controller_design.completion import completed
 from jaxsat.synthesis.controller_design.explanation import stronger
-from jaxsat.synthesis.controller_design.reading import ALL, read_vehicle
+from jaxsat.synthesis.controller_design.reading import ALL, QUICK, read_vehicle
 from jaxsat.synthesis.controller_design.tuning import tuning_table
 from jaxsat.synthesis.controller_design.turned import turned
 from jaxsat.synthesis.controller_design.vehicle import scale_of, vehicle_verdict
@@ -57,11 +57,15 @@ def complete(vehicle):
 
 def test_a_file_may_have_the_spacecraft_alone(bare):
     vehicle = read_vehicle(bare)
-    assert (vehicle.law, vehicle.timed) == (ALL, False)
+    assert (vehicle.law, vehicle.timed) == (QUICK, False)
     assert vehicle.scenario.title == "bare"
     assert vehicle.scenario.orbit.rate_rad_s == 0
-    names = ["three-slew", "oscillatory", "planned"]
-    assert [one.name for one in complete(vehicle).candidates] == names
+    fitting = complete(vehicle)
+    assert [one.name for one in fitting.candidates] == ["three-slew", "oscillatory"]
+    assert [text.partition(":")[0] for text in fitting.left_out] == ["planned"]
+    every = complete(vehicle._replace(law=ALL))
+    assert [one.name for one in every.candidates] == ["three-slew", "oscillatory", "planned"]
+    assert not every.left_out
 
 
 def test_what_a_file_says_is_kept(bare):
@@ -70,7 +74,7 @@ def test_what_a_file_says_is_kept(bare):
         "z_deg = 10\nomega_deg_s = [0, 0, 1]\n[control]\nperiod_s = 0.2\n"
     )
     vehicle = read_vehicle(bare, ["simulation.duration_s=700"])
-    assert (vehicle.law, vehicle.timed) == (ALL, True)
+    assert (vehicle.law, vehicle.timed) == (QUICK, True)
     assert (vehicle.scenario.title, vehicle.scenario.orbit.altitude_km) == ("T", 500)
     assert vehicle.scenario.initial.omega_rad_s[2] == pytest.approx(np.radians(1))
     (found,) = complete(vehicle._replace(law="oscillatory")).candidates
@@ -94,7 +98,7 @@ def test_gravity_gradient_is_filled_in_where_a_file_in_orbit_is_silent(bare, tab
     assert all(("acts in every case" in line) is acts for line in told)
 
 
-@pytest.mark.parametrize(("given", "law"), [("oscillatory", "oscillatory"), ("coast", ALL)])
+@pytest.mark.parametrize(("given", "law"), [("oscillatory", "oscillatory"), ("coast", QUICK)])
 def test_a_law_that_is_named_is_the_one_designed(bare, given, law):
     assert read_vehicle(bare, [f"control.law={given}"]).law == law
 
@@ -150,7 +154,7 @@ def test_the_law_that_plans_is_tuned_without_derivatives(bare):
 
 def test_the_law_that_plans_is_for_thrusters():
     """It knows nothing of the momentum that wheels can take."""
-    candidates = complete(read_vehicle("two-wheel-telescope")).candidates
+    candidates = complete(read_vehicle("two-wheel-telescope")._replace(law=ALL)).candidates
     assert "planned" not in [one.name for one in candidates]
 
 
