@@ -46,10 +46,9 @@ def excessive_error(errors: Errors, scenario: "Scenario") -> str:
 def with_finer_steps(scenario: "Scenario", errors: Errors) -> "Scenario | None":
     """With twice the substeps, where these leave too large an error; None where they do not, the
     loop has none, or there would be more than a run may have."""
-    from jaxsat.scenario.laws import find_law
     from jaxsat.scenario.resolution import MOST_STEPS, MOST_SUBSTEPS, substeps_of
 
-    sampled = find_law(scenario.control.law).declaration.sampled
+    sampled = scenario.law.declaration.sampled
     if not sampled or not excessive_error(errors, scenario):
         return None
     simulation, count = scenario.simulation, 2 * substeps_of(scenario)
@@ -62,10 +61,9 @@ def with_finer_steps(scenario: "Scenario", errors: Errors) -> "Scenario | None":
 
 
 def _finer(scenario: "Scenario") -> str:
-    from jaxsat.scenario.laws import find_law
     from jaxsat.scenario.resolution import substeps_of
 
-    if not find_law(scenario.control.law).declaration.sampled:
+    if not scenario.law.declaration.sampled:
         return "make simulation.solver.step_s smaller, or use adaptive steps"
     return (
         f"raise simulation.solver.substeps, now {substeps_of(scenario)}, or name a solver of "

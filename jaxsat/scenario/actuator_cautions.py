@@ -6,19 +6,19 @@ from collections.abc import Iterator
 import numpy as np
 
 from jaxsat.core.allocation import least_propellant, plane_map
-from jaxsat.scenario.coordinates import inertia_matrix
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import rotation
-from jaxsat.scenario.laws import find_law, is_plugin
-from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.tables import InitialTable
-from jaxsat.scenario.thruster_tables import (
+from jaxsat.scenario.laws import is_plugin
+from jaxsat.scenario.parts.thrusters import (
     ModulationTable,
     ThrusterTable,
     modulation_kind,
     working_torques,
 )
-from jaxsat.scenario.wheel_tables import left_by_wheels, wheel_axes
+from jaxsat.scenario.parts.wheels import left_by_wheels, wheel_axes
+from jaxsat.scenario.quantities import inertia_matrix
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import InitialTable
 from jaxsat.scenario.wording import shown
 
 PHASES = 25
@@ -43,7 +43,7 @@ def actuator_cautions(scenario: Scenario) -> Iterator[Issue]:
 
 def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
     """Beside wheels that make all that the law commands."""
-    torques = find_law(scenario.control.law).declaration.torques
+    torques = scenario.law.declaration.torques
     working = sum(not one.failed for one in scenario.thruster)
     if not scenario.wheel or not working or not torques:
         return
@@ -57,7 +57,7 @@ def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
 
 def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     """Momentum of body and wheels that the wheels cannot hold where the law is to bring it."""
-    wheels, law = scenario.wheel, find_law(scenario.control.law).declaration
+    wheels, law = scenario.wheel, scenario.law.declaration
     limits = [one.momentum_limit_N_m_s for one in wheels if not one.failed]
     if not limits or None in limits or scenario.magnetorquer or not law.regulates_attitude:
         return
@@ -143,7 +143,7 @@ def _dead_zone(scenario: Scenario) -> Iterator[Issue]:
     table = scenario.modulation or ModulationTable()
     kind = modulation_kind(table, scenario.thruster)
     frequency = getattr(scenario.control, "natural_frequency_rad_s", None)
-    torques = find_law(scenario.control.law).declaration.torques
+    torques = scenario.law.declaration.torques
     alone = scenario.thruster and not scenario.wheel
     if frequency is None or torques != 3 or kind not in ("pwm", "pwpf") or not alone:
         return

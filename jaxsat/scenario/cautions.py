@@ -11,13 +11,13 @@ from jaxsat.core.declaration.tuned_gains import MORIN_SAMSON, TWO_CHANNEL, tuned
 from jaxsat.core.inertia import torque_axis_frame
 from jaxsat.core.ranges import SETTLED_W
 from jaxsat.scenario.actuator_cautions import actuator_cautions
-from jaxsat.scenario.coordinates import inertia_matrix, is_upside_down
+from jaxsat.scenario.coordinates import is_upside_down
 from jaxsat.scenario.domain import believed_normal_form, domain_cautions
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.failure_cautions import failure_cautions
 from jaxsat.scenario.holding import nearest_held
-from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import believed_axes, torque_limit
+from jaxsat.scenario.parts.failures import failure_cautions
+from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.resolution import resolution_cautions
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown
@@ -110,7 +110,7 @@ def _obeys_triangle_inequality(inertia: tuple) -> bool:
 
 def _law_cautions(scenario: Scenario) -> list[Issue]:
     """Some laws move ω3 through the gyroscopic torque (J1 - J2) ω1 ω2 alone."""
-    if not find_law(scenario.control.law).declaration.needs_unequal_moments:
+    if not scenario.law.declaration.needs_unequal_moments:
         return []
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     if inertia[0, 0] != inertia[1, 1]:
@@ -124,7 +124,7 @@ def _law_cautions(scenario: Scenario) -> list[Issue]:
 
 def _holding_cautions(scenario: Scenario) -> list[Issue]:
     """Attitudes that cannot be held without a torque about one axis."""
-    if not find_law(scenario.control.law).declaration.any_plane:
+    if not scenario.law.declaration.any_plane:
         return []
     inertia, frame, _ = believed_normal_form(scenario)
     normal = frame[2]
@@ -183,7 +183,7 @@ def _end_game_cautions(scenario: Scenario) -> list[Issue]:
 
 def _one_torque_cautions(scenario: Scenario) -> list[Issue]:
     """Axes that are nearly principal, and those that cannot stop every rotation."""
-    if find_law(scenario.control.law).declaration.torques != 1:
+    if scenario.law.declaration.torques != 1:
         return []
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     axis = believed_axes(scenario)[:, 0]

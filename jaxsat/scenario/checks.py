@@ -16,10 +16,9 @@ from jaxsat.scenario.coordinates import (
     uses_error_coordinates,
 )
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.laws import find_law
-from jaxsat.scenario.layout import working_axes
+from jaxsat.scenario.parts.wheels import limit_of_wheels
 from jaxsat.scenario.rules import at, rule, rule_over
-from jaxsat.scenario.wheel_tables import limit_of_wheels
+from jaxsat.scenario.tables import working_axes
 from jaxsat.scenario.wording import shown
 
 MAX_SAMPLES = 2_000_000
@@ -50,7 +49,7 @@ def _failed_thrusters_exist(axes, failed):
     "magnetorquer",
 )
 def _law_has_its_torques(law, axes, failed, wheels, magnetorquers):
-    declaration = find_law(law).declaration
+    declaration = law.declaration
     torques = declaration.torques
     if axes is None or wheels or magnetorquers or not torques:
         return
@@ -145,13 +144,13 @@ def _state_below_its_limit(w, omega, z):
 def _not_upside_down(quaternion, attitude, law):
     if quaternion is None:
         return
-    works_in_wz = find_law(law).declaration.works_in_wz
+    works_in_wz = law.declaration.works_in_wz
     if is_upside_down(quaternion) and (attitude == "wz" or works_in_wz):
         by = "simulation.attitude" if attitude == "wz" else "control.law"
         yield at(
             "initial.quaternion",
             "must not be upside down, where the (w, z) that "
-            f"{by} = {shown(attitude if attitude == 'wz' else law)} works in are singular, "
+            f"{by} = {shown(attitude if attitude == 'wz' else law.name)} works in are singular, "
             f"got {shown(quaternion)}",
         )
 
@@ -212,7 +211,7 @@ def _error_coordinates_hold(values):
 
 @rule("control.law", "spacecraft.torque_limit_N_m", "thruster", "wheel")
 def _gains_need_a_limit(law, limit, thrusters, wheels):
-    declaration = find_law(law).declaration
+    declaration = law.declaration
     if not declaration.needs_torque_limit or limit is not None or thrusters:
         return
     if limit_of_wheels(wheels, declaration.torques or 0) is not None:
@@ -235,7 +234,7 @@ def _solver_keys_fit(values):
     law = values["control.law"]
     solver = {key: values.get(f"simulation.solver.{key}") for key in SOLVER_KEYS}
     given = [key for key in SOLVER_KEYS if solver[key] is not None]
-    sampled = find_law(law).declaration.sampled
+    sampled = law.declaration.sampled
     fixed = solver["steps"] == "fixed" or (solver["steps"] is None and "step_s" in given)
     if sampled:
         excluded = [key for key in given if key != "substeps"]
@@ -259,7 +258,7 @@ def _solver_keys_fit(values):
 )
 def _euler_has_no_error_estimate(name, steps, step, law):
     adaptive = steps == "adaptive" or (steps is None and step is None)
-    if name == "euler" and adaptive and not find_law(law).declaration.sampled:
+    if name == "euler" and adaptive and not law.declaration.sampled:
         yield at(
             "simulation.solver.name",
             'must be a solver with an error estimate while steps are adaptive, got "euler"',
@@ -276,7 +275,7 @@ def _no_fixed_steps_across_jumps(values):
     steps, step = values["simulation.solver.steps"], values["simulation.solver.step_s"]
     if steps != "fixed" and (steps == "adaptive" or step is None):
         return
-    law = find_law(values["control.law"])
+    law = values["control.law"]
     if torque_jumps(values) and not uses_error_coordinates(values):
         yield at(
             f"simulation.solver.{'steps' if steps == 'fixed' else 'step_s'}",
@@ -293,7 +292,7 @@ def _needs_a_sampled_law(table: str, key: str) -> None:
     @rule("control.law", f"{table}.{key}")
     def _check(law, value):
         del value
-        if not find_law(law).declaration.sampled:
+        if not law.declaration.sampled:
             allowed = ", ".join(
                 f'"{name}"' for name, known in LAWS.items() if known.declaration.sampled
             )

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 from pydantic import ConfigDict, Field, SerializeAsAny, WrapValidator, create_model
 
@@ -34,6 +34,9 @@ class LawTable(Table):
 
     model_config = ConfigDict(validate_default=True)  # whoever declares a default may err
 
+    declared: ClassVar[Law]
+    """The law whose table this is."""
+
     law: str = choice("The control law")
 
 
@@ -55,7 +58,9 @@ def table_of(law: Law) -> type[LawTable]:
         fields["model"] = (ModelTable, choice(what, ModelTable()))
     name = "".join(part.capitalize() for part in re.split(r"\W+", law.name)) + "Table"
     doc = f'`law = "{law.name}"`: {law.declaration.summary}.'
-    return create_model(name, __base__=LawTable, __doc__=doc, __module__=__name__, **fields)
+    table = create_model(name, __base__=LawTable, __doc__=doc, __module__=__name__, **fields)
+    table.declared = law
+    return table
 
 
 def _by_its_law(value: Any, handler: Callable[[Any], Any]) -> Any:

@@ -1,17 +1,11 @@
 """Where the loop of (43), in error coordinates, holds for a scenario."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from jaxsat.core.ranges import STATE_LIMIT
-from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import command_map
-from jaxsat.scenario.wheel_tables import WheelTable, rotors
-
-Values = Mapping[str, Any]
-"""Scenario values by dotted key."""
+from jaxsat.scenario.quantities import inertia_matrix
+from jaxsat.scenario.rules import Values
 
 ERROR_COORDINATE_KEYS = (
     "control.law",
@@ -30,13 +24,13 @@ ERROR_COORDINATE_KEYS = (
 
 def torque_jumps(values: Values) -> bool:
     """Whether the law's torque jumps, as that of the printed (42), for want of a width."""
-    widths = find_law(values["control.law"]).declaration.jumps_without
+    widths = values["control.law"].declaration.jumps_without
     return any(not values.get(f"control.{width}", 0) for width in widths)
 
 
 def error_coordinate_obstacle(values: Values) -> str | None:
     """Why error coordinates do not hold, as a clause; None where they do."""
-    if not find_law(values["control.law"]).declaration.tracks_rates:
+    if not values["control.law"].declaration.tracks_rates:
         return f'the law is "{values["control.law"]}"'
     if values["spacecraft.torque_limit_N_m"] is not None:
         return "the torque is limited"
@@ -72,17 +66,6 @@ def uses_error_coordinates(values: Values) -> bool:
 def is_upside_down(quaternion: tuple[float, ...]) -> bool:
     """Whether (w, z) of an attitude are beyond what a run goes on with."""
     return quaternion[0] ** 2 + quaternion[3] ** 2 < 1 / STATE_LIMIT**2  # cos² of half the tilt
-
-
-def inertia_matrix(inertia: tuple) -> np.ndarray:
-    """The inertia as a matrix, from either of its forms."""
-    array = np.array(inertia)
-    return np.diag(array) if array.ndim == 1 else array
-
-
-def free_inertia(inertia: tuple, wheels: tuple[WheelTable, ...]) -> np.ndarray:
-    """What turns under a torque of an inertia with the wheels locked: it without rotors, kg m²."""
-    return inertia_matrix(inertia) - rotors(wheels)
 
 
 def _model_is_plant(values: Values, inertia: np.ndarray) -> bool:

@@ -10,10 +10,9 @@ from jaxsat.core.allocation import torque_directions, usable_share
 from jaxsat.core.declaration.domain import NUMBERS
 from jaxsat.core.inertia import normal_axes
 from jaxsat.core.ranges import SETTLED_RATE
-from jaxsat.scenario.coordinates import free_inertia
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import believed_axes, torque_limit
+from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.scenario.schema import Scenario
 
 MARGIN = 0.01
@@ -22,7 +21,7 @@ MARGIN = 0.01
 
 def domain_cautions(scenario: Scenario) -> Iterator[Issue]:
     """Every dimensionless number outside the range in which the law was verified."""
-    declaration = find_law(scenario.control.law).declaration
+    declaration = scenario.law.declaration
     if not declaration.domain:
         return
     numbers = dimensionless_numbers(scenario)

@@ -15,17 +15,9 @@ from jaxsat.core.allocation import (
     torque_axis,
     unit_columns,
 )
-from jaxsat.scenario.laws import find_law
-from jaxsat.scenario.thruster_tables import signs, working_torques
-from jaxsat.scenario.wheel_tables import limit_of_wheels, wheels_make_all
-
-
-def working_axes(
-    axes: tuple[tuple[float, ...], ...], failed: Sequence[int]
-) -> Float[np.ndarray, "3 m"]:
-    """A unit column for each thruster left, of one row of direction cosines for each thruster."""
-    kept = [row for number, row in enumerate(axes, 1) if number not in failed]
-    return unit_columns(np.array(kept, dtype=float).reshape(-1, 3).T)
+from jaxsat.scenario.parts.thrusters import signs, working_torques
+from jaxsat.scenario.parts.wheels import limit_of_wheels, wheels_make_all
+from jaxsat.scenario.tables import working_axes
 
 
 def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
@@ -39,7 +31,7 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
         return np.eye(3)[:, :2]
     if scenario.thruster:
         torques = working_torques(scenario.thruster)
-        if find_law(scenario.control.law).declaration.torques == 1:
+        if scenario.law.declaration.torques == 1:
             return torque_axis(unit_columns(torques))[:, None]
         return pushed_directions(torques)
     return working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
@@ -60,7 +52,7 @@ def torque_limit(scenario: Any) -> float | None:
     By default it is what wheels and thrusters can make about all commanded axes at once.
     """
     given = scenario.spacecraft.torque_limit_N_m
-    torques = find_law(scenario.control.law).declaration.torques
+    torques = scenario.law.declaration.torques
     if given is not None or not torques:
         return given
     limits = []
@@ -77,7 +69,7 @@ def command_torques(scenario: Any, torques: int) -> tuple[np.ndarray, np.ndarray
     All are at full thrust.
     """
     torque = working_torques(scenario.thruster)
-    any_plane = find_law(scenario.control.law).declaration.any_plane and not scenario.wheel
+    any_plane = scenario.law.declaration.any_plane and not scenario.wheel
     return torque, thruster_costs(scenario), plane_map(torque, torques, any_plane)
 
 

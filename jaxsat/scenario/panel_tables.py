@@ -6,9 +6,8 @@ from annotated_types import Ge, Le
 
 from jaxsat.core.declaration.disturbances import AERODYNAMIC, SOLAR
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.quantities import Line, Number, Table, choice, quantity
+from jaxsat.scenario.quantities import Direction, Line, Number, Position3, Table, choice, quantity
 from jaxsat.scenario.rules import at, rule_over
-from jaxsat.scenario.thruster_tables import Direction, Position3
 from jaxsat.scenario.wording import shown
 
 Share = Annotated[Number, Ge(0), Le(1)]

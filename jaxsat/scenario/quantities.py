@@ -1,6 +1,7 @@
 """Kinds of values that scenario keys hold, and how a key is declared together with its unit."""
 
 import re
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from pydantic.types import Strict
 
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.inertia import require_known_inertia
-from jaxsat.core.ranges import MOMENT, PRODUCT, Range
+from jaxsat.core.ranges import MOMENT, PRODUCT, ROTATION, SECONDS, Range
 
 _UNPRINTABLE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufdd0-\ufdef\ufffe\uffff]"
@@ -67,9 +68,14 @@ MIN_SHARE = 1e-9
 """Of the largest principal moment; below, an inertia is singular up to rounding."""
 
 
+def inertia_matrix(inertia: Sequence) -> np.ndarray:
+    """The inertia as a matrix (3, 3), kg m², from either of its forms."""
+    array = np.array(inertia, dtype=float)
+    return np.diag(array) if array.ndim == 1 else array
+
+
 def _sound_inertia(value: tuple) -> tuple:
-    array = np.array(value, dtype=float)
-    matrix = np.diag(array) if array.ndim == 1 else array
+    matrix = inertia_matrix(value)
     require_known_inertia("inertia", matrix)
     moments = np.linalg.eigvalsh(matrix)
     if not MOMENT.low <= moments[0] <= moments[-1] <= MOMENT.high:
@@ -99,6 +105,21 @@ def _directions(rows: tuple) -> tuple:
 
 
 TorqueAxes = Annotated[tuple[Vector3, ...], Len(1, 1000), AfterValidator(_directions)]
+
+
+def _direction(value: tuple) -> tuple:
+    if not 1e-12 <= sum(entry * entry for entry in value) <= 1e12:
+        raise ArgumentError("value", "must be a direction", value)
+    return value
+
+
+POSITION = Range(-1e3, 1e3)
+"""From the centre of mass, m."""
+
+Direction = Annotated[Vector3, AfterValidator(_direction)]
+Position3 = Annotated[tuple[Annotated[Number, within(POSITION)], ...], Len(3, 3)]
+Rotation3 = Annotated[tuple[Annotated[Number, within(ROTATION)], ...], Len(3, 3)]
+Time = Annotated[Number, Ge(0), Le(SECONDS.high)]
 
 UNIT_LENGTH_TOLERANCE = 1e-6
 

@@ -6,12 +6,11 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from jaxsat.scenario.coordinates import inertia_matrix
 from jaxsat.scenario.dispersion_tables import DistributionTable
 from jaxsat.scenario.errors import Issue, Location
-from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.parts.wheels import rotors, wheel_axes
+from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.wheel_tables import rotors, wheel_axes
 
 ORDERS = {
     "euler": 1,
@@ -75,7 +74,7 @@ def resolution_cautions(scenario: Scenario) -> Iterator[Issue]:
         return
     longest = _resolved(scenario, COARSE) / fast.rate
     of = f"the {fast.what} of {fast.rate:.3g} rad/s ({'.'.join(map(str, fast.location))})"
-    if not find_law(scenario.control.law).declaration.sampled:
+    if not scenario.law.declaration.sampled:
         if solver.step_s is not None and solver.step_s > longest:
             message = f"should be at most {longest:.2g} s to resolve {of}, got {solver.step_s:g} s"
             yield Issue(("simulation", "solver", "step_s"), message, (fast.location,))

@@ -2,17 +2,20 @@
 
 import functools
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import jaxsat.core.declaration as declaration
 from jaxsat.core.declaration.laws import Law
 from jaxsat.core.errors import FOREIGN
-from jaxsat.scenario.coordinates import Values
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import is_plugin, known_law
 from jaxsat.scenario.plugins import place_in
 from jaxsat.scenario.wording import shown
+
+Values = Mapping[str, Any]
+"""Scenario values by dotted key."""
 
 Check = Callable[..., Iterator[Issue]]
 
@@ -41,7 +44,10 @@ OF_THE_LAW = (
 
 
 def rule(*keys: str) -> Callable[[Check], Check]:
-    """Register a check that takes the values of `keys` in this order."""
+    """Register a check that takes the values of `keys` in this order.
+
+    That of `control.law` is the `Law`, here and in `rule_over`.
+    """
 
     def register(check: Check) -> Check:
         RULES.append(Rule(keys, lambda values: check(*(values[key] for key in keys))))
@@ -64,6 +70,8 @@ def broken_rules(values: Values, law: bool = True) -> list[Issue]:
     """Issues from every rule whose keys all have valid values; without those on the law if told."""
     found: list[Issue] = []
     chosen = known_law(values.get("control.law"))
+    if chosen is not None:
+        values = {**values, "control.law": chosen}
     for entry in (*RULES, *(() if chosen is None else _rules_of(chosen))):
         wanted = law or not any(key.startswith(OF_THE_LAW) for key in entry.keys)
         if wanted and all(key in values for key in entry.keys):
@@ -84,6 +92,7 @@ def _rules_of(law: Law) -> Iterator[Rule]:
 
 def _findings(law: Law, declared: declaration.Rule, values: Values) -> Iterator[Issue]:
     try:
+        values = {**values, "control.law": law.name}
         found = [at(*one) for one in declared.check(*(values[key] for key in declared.keys))]
     except FOREIGN as error:
         if not is_plugin(law.name):

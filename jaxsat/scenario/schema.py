@@ -13,19 +13,19 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from jaxsat.core.declaration.laws import Law
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
-from jaxsat.scenario import failure_checks as _failure_checks  # noqa: F401
-from jaxsat.scenario import magnetorquer_checks as _magnetorquer_checks  # noqa: F401
 from jaxsat.scenario import sensor_checks as _sensor_checks  # noqa: F401
-from jaxsat.scenario import thruster_checks as _thruster_checks  # noqa: F401
 from jaxsat.scenario import tuning_checks as _tuning_checks  # noqa: F401
-from jaxsat.scenario import wheel_checks as _wheel_checks  # noqa: F401
 from jaxsat.scenario.control_tables import ControlTable
 from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.magnetorquer_tables import MagnetorquerTable, UnloadingTable
 from jaxsat.scenario.panel_tables import PanelTable
 from jaxsat.scenario.part_tables import ActuatorsOfAKind, DisturbanceTable
+from jaxsat.scenario.parts.failures import FailureTable
+from jaxsat.scenario.parts.magnetorquers import UnloadingTable
+from jaxsat.scenario.parts.registry import ACTUATORS
+from jaxsat.scenario.parts.thrusters import ModulationTable
 from jaxsat.scenario.quantities import Line, Table, Text, choice
 from jaxsat.scenario.rules import broken_rules
 from jaxsat.scenario.sensor_tables import EstimatorOfAKind, GyroTable, StarTrackerTable
@@ -36,19 +36,12 @@ from jaxsat.scenario.tables import (
     SimulationTable,
     SpacecraftTable,
 )
-from jaxsat.scenario.thruster_tables import FailureTable, ModulationTable, ThrusterTable
 from jaxsat.scenario.tuning_tables import TuningTable
-from jaxsat.scenario.wheel_tables import WheelTable
 from jaxsat.scenario.wording import issue_of, item_kind, table_at, validated
 
 
-class Scenario(Table):
-    """One spacecraft, its control law and one run of them.
-
-    Raises pydantic's `ValidationError` holding every mistake at once. Each of its errors carries
-    the `Issue` under `ctx["issue"]`; `jaxsat.scenario.read` turns them into lines of the file.
-    With the validation context `{"law": False}` rules that concern the control law are left out.
-    """
+class _Body(Table):
+    """What a scenario has before its actuators."""
 
     title: Line = choice("One line for a person")
     description: Text = choice("What the scenario shows", "")
@@ -56,19 +49,26 @@ class Scenario(Table):
     orbit: OrbitTable = choice("The circular orbit")
     disturbance: DisturbanceTable = choice("Disturbance torques", DisturbanceTable())
     actuators: ActuatorsOfAKind | None = choice("Actuators that do not come with jaxsat", None)
-    thruster: Annotated[tuple[ThrusterTable, ...], Len(0, 1000)] = choice(
-        "Thrusters that push, in place of those that make a torque of either sign", ()
-    )
-    wheel: Annotated[tuple[WheelTable, ...], Len(0, 100)] = choice(
-        "Reaction wheels, which make what they can of the torque that the law commands; thrusters "
-        "make the rest",
-        (),
-    )
-    magnetorquer: Annotated[tuple[MagnetorquerTable, ...], Len(0, 100)] = choice(
-        "Magnetorquers, which make what the Earth's field allows of the torque that the law "
-        "commands, or unload wheels",
-        (),
-    )
+
+
+_ACTUATORS: Any = create_model(
+    "_Actuators",
+    __base__=_Body,
+    **{
+        one.name: (Annotated[tuple[one.table, ...], Len(0, one.most)], choice(one.meaning, ()))
+        for one in ACTUATORS
+    },
+)
+
+
+class Scenario(_ACTUATORS):
+    """One spacecraft, its control law and one run of them.
+
+    Raises pydantic's `ValidationError` holding every mistake at once. Each of its errors carries
+    the `Issue` under `ctx["issue"]`; `jaxsat.scenario.read` turns them into lines of the file.
+    With the validation context `{"law": False}` rules that concern the control law are left out.
+    """
+
     unloading: UnloadingTable | None = choice(
         "How magnetorquers take momentum out of wheels; by default its keys have their defaults",
         None,
@@ -94,6 +94,11 @@ class Scenario(Table):
     )
     dispersion: DispersionTable | None = choice("What a Monte-Carlo study disperses", None)
     tuning: TuningTable | None = choice("Which gains are tuned, and how", None)
+
+    @property
+    def law(self) -> Law:
+        """The control law that `control.law` names."""
+        return self.control.declared
 
     @model_validator(mode="wrap")
     @classmethod

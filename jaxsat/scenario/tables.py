@@ -1,10 +1,14 @@
 """The tables of a scenario file apart from `[control]`."""
 
 import math
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
+import numpy as np
 from annotated_types import Ge, Gt, Le, Len, Lt
+from jaxtyping import Float
 
+from jaxsat.core.allocation import unit_columns
 from jaxsat.core.earth import circular_orbit_rate
 from jaxsat.core.ranges import (
     MAX_FIXED_STEPS,
@@ -69,6 +73,14 @@ class SpacecraftTable(Table):
         'Whether ω3 moves as (37) has it ("free") or an ideal torque holds it at zero ("held")',
         "free",
     )
+
+
+def working_axes(
+    axes: tuple[tuple[float, ...], ...], failed: Sequence[int]
+) -> Float[np.ndarray, "3 m"]:
+    """A unit column for each thruster left, of one row of direction cosines for each thruster."""
+    kept = [row for number, row in enumerate(axes, 1) if number not in failed]
+    return unit_columns(np.array(kept, dtype=float).reshape(-1, 3).T)
 
 
 class OrbitTable(Table):

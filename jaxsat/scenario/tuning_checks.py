@@ -4,7 +4,6 @@ from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario.checks import is_multiple
 from jaxsat.scenario.control_tables import table_of
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.rules import at, rule, rule_over
 from jaxsat.scenario.wording import refusal, shown, suggestion
 
@@ -47,7 +46,7 @@ def _foreign(values, table, known):
 @rule_over("control.law", "tuning.steps")
 def _gains_are_those_of_the_law(values):
     law = values["control.law"]
-    known = find_law(law).declaration.tunable
+    known = law.declaration.tunable
     yield from _foreign(values, "parameters", known)
     if not known:
         yield at(
@@ -83,7 +82,7 @@ def _bounds_hold_the_gain(values):
 
 def _outside_its_range(law, name, low, high):
     """Bounds that the key itself would not take."""
-    table = table_of(find_law(law))
+    table = table_of(law)
     if name in table.model_fields:
         for end, value in (("low", low), ("high", high)):
             message = refusal(table, name, value)
@@ -94,7 +93,7 @@ def _outside_its_range(law, name, low, high):
 @rule_over("control.law", "tuning.steps")
 def _ordered_gains_cannot_cross(values):
     tuned = _tuned(values)
-    for lower, upper in find_law(values["control.law"]).declaration.ordered:
+    for lower, upper in values["control.law"].declaration.ordered:
         if lower not in tuned and upper not in tuned:
             continue
         highest = tuned[lower][1] if lower in tuned else values.get(f"control.{lower}")
@@ -109,7 +108,7 @@ def _ordered_gains_cannot_cross(values):
 
 @rule_over("control.law", "tuning.steps")
 def _widths_are_those_of_the_law(values):
-    law = find_law(values["control.law"])
+    law = values["control.law"]
     yield from _foreign(values, "smoothing", law.declaration.widths)
     for name in law.declaration.widths:
         width = values.get(f"tuning.smoothing.{name}")
@@ -120,7 +119,7 @@ def _widths_are_those_of_the_law(values):
 
 @rule_over("control.law", "tuning.steps")
 def _widths_are_not_tuned_as_well(values):
-    widths = find_law(values["control.law"]).declaration.widths
+    widths = values["control.law"].declaration.widths
     for name in _given(values, "smoothing"):
         if name in widths and name in _tuned(values):
             yield at(
@@ -162,7 +161,7 @@ def _optimiser_is_one_of_optax(name):
 
 @rule("tuning.optimiser", "control.law")
 def _some_laws_have_no_derivatives(name, law):
-    declaration = find_law(law).declaration
+    declaration = law.declaration
     if name == "cma-es":
         return
     if declaration.searched:

@@ -1,6 +1,7 @@
 """The spacecraft: inertia, thrusters and what is left of them after failures, wheels,
 magnetorquers, sensors."""
 
+from jaxsat.core.declaration.failures import FailureKind, WheelFailureKind
 from jaxsat.spacecraft.actuators import (
     AbstractActuators,
     AbstractSmoothActuators,
@@ -10,11 +11,10 @@ from jaxsat.spacecraft.actuators import (
 )
 from jaxsat.spacecraft.allocation import LeastPropellant
 from jaxsat.spacecraft.bounded_least_squares import nearest_within
-from jaxsat.spacecraft.effector import AbstractEffector, Effect
+from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext
 from jaxsat.spacecraft.failures import (
     AbstractFailures,
     FailureEvents,
-    FailureKind,
     MagnetorquerFailures,
 )
 from jaxsat.spacecraft.gyro import Gyro
@@ -45,7 +45,7 @@ from jaxsat.spacecraft.wheel_actuators import (
     PulsedActuatorsWithWheels,
     WheelDrives,
 )
-from jaxsat.spacecraft.wheel_failures import WheelFailureKind, WheelFailures
+from jaxsat.spacecraft.wheel_failures import WheelFailures
 from jaxsat.spacecraft.wheels import WheelMomenta, Wheels, wheel_momentum
 
 __all__ = [
@@ -62,6 +62,7 @@ __all__ = [
     "DeltaSigma",
     "DrawnSensors",
     "Effect",
+    "EffectorContext",
     "FailureEvents",
     "FailureKind",
     "Gyro",

@@ -26,6 +26,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.spacecraft.environment.orbit import CircularOrbit
 from jaxsat.spacecraft.plant_state import PlantState
 
 RealScalar = Float[Array, ""]
@@ -39,10 +40,24 @@ class Effect(NamedTuple):
     inertia: Float[Array, "3 3"] | None = None
 
 
+class EffectorContext(NamedTuple):
+    """What a scenario tells an effector besides its own tables.
+
+    `place` is where the circular orbit is. `failures` in flight are the number, from 0, of the
+    device that each strikes, and its checked table `[[failure]]`.
+    """
+
+    place: CircularOrbit
+    failures: tuple[tuple[int, Any], ...]
+
+
 class AbstractEffector(eqx.Module):
     """A set of `count` devices of one `kind`, each of which has one number as its command.
 
-    What a kind does not have, a state, modes, edges, corners, it need not define.
+    What a kind does not have, a state, modes, edges, corners, it need not define. One that a
+    scenario can have is declared in `jaxsat.scenario.parts`, and has a class method
+    `from_tables(tables, context)`, which gives the effector and its state at the start, of checked
+    tables and an `EffectorContext`.
     """
 
     kind: ClassVar[str]

@@ -1,38 +1,15 @@
 """What happens to a thruster in flight: failures as events at a time."""
 
 import abc
-import enum
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.checks import as_float, as_optional_float
-
-
-class FailureKind(enum.IntEnum):
-    """How a thruster fails; `FailureEvents.amount` tells how much of it where that is needed."""
-
-    DEAD = 0
-    """It makes no thrust any more."""
-    DEGRADED = 1
-    """It makes `amount` of the thrust it should, between 0 and 1."""
-    STUCK_ON = 2
-    """Its valve stays open."""
-    STUCK_AT = 3
-    """It makes `amount` of its full thrust, whatever is commanded."""
-    LEAKING = 4
-    """It never makes less than `amount` of its full thrust."""
-    DELAYED = 5
-    """Its valve follows `amount` seconds later."""
-    INTERMITTENT = 6
-    """It makes no thrust for `amount` of every `CYCLE` seconds."""
-    TURNED = 7
-    """Its torque is turned by `turn`."""
-    REVERSED = 8
-    """It makes the opposite of the torque it should; one that has both signs."""
-
+from jaxsat.core.declaration.failures import AbstractFailureKind, FailureKind, failure_kind
 
 ONE_WAY = (FailureKind.STUCK_ON, FailureKind.STUCK_AT, FailureKind.LEAKING)
 """Kinds, one after another, that strike one of the two valves of a two-sided thruster."""
@@ -71,6 +48,18 @@ class AbstractFailures(eqx.Module):
     @abc.abstractmethod
     def number(self) -> Float[Array, " f"]:
         """That of the actuator which each strikes."""
+
+    @classmethod
+    def of_tables(
+        cls, failures: Sequence[tuple[int, Any]], kinds: type[AbstractFailureKind]
+    ) -> Any:
+        """Those of `EffectorContext.failures`, of these kinds; None without any."""
+        if not failures:
+            return None
+        kind = [failure_kind(kinds, table) for _, table in failures]
+        number, at = [number for number, _ in failures], [table.at_s for _, table in failures]
+        amount = [one.amount(table) for one, (_, table) in zip(kind, failures, strict=True)]
+        return cls(number, at, kind, amount)  # pyright: ignore[reportCallIssue]
 
     @property
     def count(self) -> int:

@@ -1,14 +1,18 @@
 """Magnetorquers: coils or rods whose magnetic dipole turns the body in the Earth's field."""
 
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.spacecraft.axes import turned_axes, unit_axes
-from jaxsat.spacecraft.effector import AbstractEffector, Effect
+from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext
 from jaxsat.spacecraft.environment.magnetic_field import DipoleField
 from jaxsat.spacecraft.failures import MagnetorquerFailures
 
@@ -42,6 +46,16 @@ class Magnetorquers(AbstractEffector):
 
     def __check_init__(self):
         require_positive("dipole_limit", self.dipole_limit)
+
+    @classmethod
+    def from_tables(
+        cls, tables: Sequence[Any], context: EffectorContext
+    ) -> "tuple[Magnetorquers, None]":
+        """Those of checked tables `[[magnetorquer]]` of a scenario."""
+        axes = np.array([one.axis for one in tables], float).T
+        limits = np.array([one.dipole_limit_A_m2 for one in tables])
+        failures = MagnetorquerFailures.of_tables(context.failures, FailureKind)
+        return cls(unit_columns(axes), limits, DipoleField(context.place), failures), None
 
     @property
     def count(self) -> int:

@@ -1,6 +1,5 @@
 """What happens to a reaction wheel in flight: failures as events at a time."""
 
-import enum
 from typing import NamedTuple
 
 import equinox as eqx
@@ -9,24 +8,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.checks import as_float, concrete
+from jaxsat.core.declaration.failures import WheelFailureKind
 from jaxsat.spacecraft.failures import AbstractFailures
-
-
-class WheelFailureKind(enum.IntEnum):
-    """How a wheel fails; `WheelFailures.amount` tells how much of it where that is needed."""
-
-    DEAD = 0
-    """Its motor makes no torque any more; it coasts."""
-    DEGRADED = 1
-    """Its motor makes `amount` of the torque it should, between 0 and 1."""
-    STOPPED = 2
-    """Its bearing seizes: at once it stands still, and the body has its momentum."""
-    FRICTION_BY = 3
-    """Its viscous and Coulomb friction are `amount` times as large."""
-    FRICTION_TO = 4
-    """Its Coulomb friction is `amount` N m, if it was less."""
-    RUNAWAY = 5
-    """Its motor makes its full torque, the way that it turns (the positive one from rest)."""
 
 
 class WheelFailures(AbstractFailures):

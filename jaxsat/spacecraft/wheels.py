@@ -12,6 +12,7 @@ their mode (`jaxsat.spacecraft.wheel_states`); `jaxsat.spacecraft.wheel_course` 
 when that changes where it does not depend on the body.
 """
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -19,12 +20,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float, concrete, require_finite, require_positive
+from jaxsat.core.declaration.failures import WheelFailureKind
 from jaxsat.core.errors import ArgumentError
 from jaxsat.spacecraft import wheel_course
 from jaxsat.spacecraft.axes import unit_axes
-from jaxsat.spacecraft.effector import AbstractEffector, Effect
-from jaxsat.spacecraft.wheel_failures import WheelFailureKind, WheelFailures
+from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext
+from jaxsat.spacecraft.wheel_failures import WheelFailures
 from jaxsat.spacecraft.wheel_piece import WheelPiece
 from jaxsat.spacecraft.wheel_states import WheelStates, first_states
 
@@ -100,6 +103,30 @@ class Wheels(AbstractEffector):
         if friction is not None and inertia is not None and np.any((friction > 0) & (inertia == 0)):
             message = "must be above zero for each wheel with viscous friction"
             raise ArgumentError("rotor_inertia", message, inertia)
+
+    @classmethod
+    def from_tables(
+        cls, tables: Sequence[Any], context: EffectorContext
+    ) -> tuple["Wheels", WheelMomenta]:
+        """Those of checked tables `[[wheel]]` of a scenario, and their momenta at the start.
+
+        What none of them has is left out.
+        """
+
+        def each(key: str, absent: float) -> np.ndarray | None:
+            values = np.array([getattr(one, key) or absent for one in tables], float)
+            return None if np.all(values == absent) else values
+
+        wheels = cls(
+            unit_columns(np.array([one.axis for one in tables], float).T),
+            each("torque_limit_N_m", np.inf),
+            each("momentum_limit_N_m_s", np.inf),
+            each("rotor_inertia_kg_m2", 0.0),
+            each("viscous_friction_N_m_s", 0.0),
+            each("coulomb_friction_N_m", 0.0),
+            WheelFailures.of_tables(context.failures, WheelFailureKind),
+        )
+        return wheels, WheelMomenta(np.array([one.momentum_N_m_s for one in tables]))
 
     def _of_each(self, value: OfEach) -> Float[Array, " wheels"] | None:
         return None if value is None else as_float(value) * jnp.ones(self.count)

@@ -3,8 +3,7 @@
 import enum
 
 from jaxsat.control.diagnosis import DiagnosedKind
-from jaxsat.spacecraft import FailureKind
-from jaxsat.spacecraft.wheel_failures import WheelFailureKind
+from jaxsat.core.declaration.failures import AbstractFailureKind, FailureKind, WheelFailureKind
 
 NEVER = 0
 """The code of a failure that does not strike within the horizon, and of no verdict."""
@@ -21,23 +20,13 @@ FAILURES = ("none", *words(FailureKind), *words(WheelFailureKind, "wheel "))
 DIAGNOSED = ("none", *words(DiagnosedKind))
 """What the codes of `isolated_kind` stand for."""
 
-AMOUNTLESS = ("none", "dead", "stuck on", "turned", "reversed", "wheel dead", "wheel stopped",
-              "wheel runaway")  # fmt: skip
+_CODES: dict[int, AbstractFailureKind] = dict(enumerate((*FailureKind, *WheelFailureKind), 1))
+"""What strikes, by the code of `failure_kind`."""
+
+AMOUNTLESS = ("none", *(FAILURES[code] for code, kind in _CODES.items() if not kind.one_number))
 """Failures that have no amount."""
 
-HYPOTHESES = {
-    1 + kind: 1 + DiagnosedKind[kind.name]
-    for kind in FailureKind
-    if kind.name in DiagnosedKind.__members__
-} | {
-    1 + len(FailureKind) + kind: 1 + verdict
-    for kind, verdict in (
-        (WheelFailureKind.DEAD, DiagnosedKind.DEAD),
-        (WheelFailureKind.DEGRADED, DiagnosedKind.DEGRADED),
-        (WheelFailureKind.STOPPED, DiagnosedKind.STOPPED),
-        (WheelFailureKind.FRICTION_BY, DiagnosedKind.FRICTION_UP),
-        (WheelFailureKind.FRICTION_TO, DiagnosedKind.FRICTION_UP),
-        (WheelFailureKind.RUNAWAY, DiagnosedKind.RUNAWAY),
-    )
-}
+_VERDICTS = {kind.text: 1 + kind for kind in DiagnosedKind}
+
+HYPOTHESES = {code: _VERDICTS[kind.text] for code, kind in _CODES.items() if kind.text in _VERDICTS}
 """The verdict that is right for a failure of a thruster or wheel, where there is one."""

@@ -27,13 +27,10 @@ from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.core.declaration.sensors import ESTIMATORS, GYRO_KEYS, TRACKER_KEYS
 from jaxsat.scenario.build.run import build_loop
 from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.parts.magnetorquers import MAGNETORQUER
+from jaxsat.scenario.parts.thrusters import IDEAL_KINDS, THRUSTER
+from jaxsat.scenario.parts.wheels import WHEEL
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.thruster_tables import (
-    IDEAL_FAILURES,
-    MAGNETORQUER_FAILURES,
-    THRUSTER_FAILURES,
-    WHEEL_FAILURES,
-)
 from jaxsat.simulation import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.studies import number_at
@@ -152,7 +149,7 @@ AMOUNTS = {
 
 def failures(part, kinds, parts):
     """Every kind of failure of a part in both periods, each with every key that it has."""
-    each = [(kind, key) for kind, keys in kinds.items() for key in keys or (None,)]
+    each = [(kind.text, key) for kind in kinds for key in kind.keys or (None,)]
     return [
         {"of": f"{part} {number % parts + 1}", "at_s": 0.013 * (1 + number), "kind": kind}
         | ({} if key is None else {key: AMOUNTS[key]})
@@ -161,24 +158,24 @@ def failures(part, kinds, parts):
 
 
 def failing_ideal_thrusters():
-    return scenario_of(LAW, failure=failures("thruster", IDEAL_FAILURES, 3))
+    return scenario_of(LAW, failure=failures("thruster", IDEAL_KINDS, 3))
 
 
 def failing_pulsed_thrusters():
     data = library("cubesat-12u")
-    data["failure"] = failures("thruster", THRUSTER_FAILURES, 8)
+    data["failure"] = failures("thruster", THRUSTER.kinds, 8)
     return throttled(Scenario.model_validate(data, context={"law": True}))
 
 
 def failing_magnetorquers():
     data = document(wheels=3)
-    data["failure"] = failures("magnetorquer", MAGNETORQUER_FAILURES, 3)
+    data["failure"] = failures("magnetorquer", MAGNETORQUER.kinds, 3)
     return Scenario.model_validate(data, context={"law": True})
 
 
 def failing_wheels():
     """With rotors, whose edges are located."""
-    failing = failures("wheel", WHEEL_FAILURES, 3)
+    failing = failures("wheel", WHEEL.kinds, 3)
     return scenario_of(LAW, spacecraft=BODY, wheel=with_wheels(), failure=failing)
 
 
@@ -188,7 +185,7 @@ def failing_wheels_without_rotors():
     each = with_wheels()
     each[0]["momentum_N_m_s"], each[1]["momentum_N_m_s"] = 0.002, 49.995
     each = [{key: value for key, value in one.items() if key not in without} for one in each]
-    kinds = {kind: keys for kind, keys in WHEEL_FAILURES.items() if kind != "friction-up"}
+    kinds = [kind for kind in WHEEL.kinds if kind.text != "friction-up"]
     return scenario_of(LAW, spacecraft=BODY, wheel=each, failure=failures("wheel", kinds, 3))
 
 

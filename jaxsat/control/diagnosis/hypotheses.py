@@ -11,12 +11,13 @@ that a motor that drives it on has b = -1:
     dead (1, 0), degraded (s, 0), friction up (0, s), runaway (1, -1).
 """
 
-import enum
 from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
+
+from jaxsat.core.declaration.failures import AbstractFailureKind
 
 RealScalar = Float[Array, ""]
 
@@ -27,21 +28,18 @@ MOST_FRICTION = 4.0
 """Of the full torque of a motor: what brakes a wheel more counts as this."""
 
 
-class DiagnosedKind(enum.IntEnum):
-    """Kinds of failure that are told apart; the first five as `jaxsat.spacecraft.FailureKind`.
+class DiagnosedKind(AbstractFailureKind):
+    """Kinds of failure that are told apart; those from `FRICTION_UP` on are of wheels alone."""
 
-    Those from `FRICTION_UP` on are of wheels alone, which may also be dead or degraded.
-    """
-
-    DEAD = 0
-    DEGRADED = 1
-    STUCK_ON = 2
-    STUCK_AT = 3
-    LEAKING = 4
-    REVERSED = 5
-    FRICTION_UP = 6
-    RUNAWAY = 7
-    STOPPED = 8
+    DEAD = 0, "dead", "no torque"
+    DEGRADED = 1, "degraded", "a part of the torque that is commanded"
+    STUCK_ON = 2, "stuck-on", "full thrust all the time"
+    STUCK_AT = 3, "stuck-at", "a part of full thrust all the time"
+    LEAKING = 4, "leaking", "never less than a part of full thrust"
+    REVERSED = 5, "reversed", "the opposite of the torque that is commanded"
+    FRICTION_UP = 6, "friction-up", "the rotor is braked"
+    RUNAWAY = 7, "runaway", "full motor torque, which drives the rotor on"
+    STOPPED = 8, "stopped", "the rotor stands still"
 
 
 class Hypotheses(NamedTuple):

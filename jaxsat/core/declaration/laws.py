@@ -29,6 +29,10 @@ class Law:
     place: str
     maker: str | None = None
 
+    def __str__(self) -> str:
+        """The name."""
+        return self.name
+
     @property
     def controller(self) -> type:
         """The class of the law."""

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.controllability import ActuatorSet, actuator_set, thruster_torques
+from jaxsat.scenario.parts.thrusters import ThrusterTable
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.thruster_tables import ThrusterTable
 from jaxsat.spacecraft import Spacecraft
 
 

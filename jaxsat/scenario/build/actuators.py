@@ -16,12 +16,10 @@ from jaxsat.core.checks import as_array, as_float
 from jaxsat.scenario.build.failures import failing
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
 from jaxsat.scenario.build.pulsed_thrusters import pulsed_thrusters
-from jaxsat.scenario.build.wheels import limits_of
-from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.parts.thrusters import working_torques
+from jaxsat.scenario.parts.wheels import failed_wheels, wheel_axes, wheels_make_all
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.thruster_tables import working_torques
-from jaxsat.scenario.wheel_tables import failed_wheels, wheel_axes, wheels_make_all
 from jaxsat.spacecraft import (
     AbstractActuators,
     AbstractPulsedActuators,
@@ -40,7 +38,7 @@ def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedAct
 
     Or what the scenario has in place of thrusters that make that torque exactly.
     """
-    declaration = find_law(scenario.control.law).declaration
+    declaration = scenario.law.declaration
     torques = declaration.torques
     if declaration.commands_wheels:
         return WheelDrives()
@@ -66,7 +64,8 @@ def _with_wheels(
     """Wheels that make what they can of the law's command, and thrusters for the rest."""
     tables = scenario.wheel
     axes, failed = wheel_axes(tables), failed_wheels(tables)
-    limit = limits_of(tables, "torque_limit_N_m")
+    limits = np.array([one.torque_limit_N_m or np.inf for one in tables])
+    limit = limits if np.isfinite(limits).any() else None
     if wheels_make_all(tables, torques):
         return ActuatorsWithWheels.of(axes, torques, limit, failed=failed)
     thrusters = bool(scenario.thruster or scenario.spacecraft.thruster_torque_axes)
@@ -87,7 +86,7 @@ def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
         return Actuators(axes, jnp.zeros((axes.shape[1], torques or 2)), as_float(limit))
     axes = np.array(table.thruster_torque_axes or (), dtype=float).reshape(-1, 3).T
     thrusters = Thrusters(axes).without(table.failed_thrusters)
-    any_plane = find_law(scenario.control.law).declaration.any_plane
+    any_plane = scenario.law.declaration.any_plane
     if torques and (scenario.wheel or scenario.magnetorquer):
         left = np.asarray(thrusters.torque_axes)
         return Actuators(left, least_squares_map(left, torques), as_float(limit))

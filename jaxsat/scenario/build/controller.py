@@ -18,13 +18,12 @@ from jaxsat.scenario.build.plugin_trial import broken
 from jaxsat.scenario.build.pulsed_thrusters import thruster_context
 from jaxsat.scenario.build.wheels import wheel_context
 from jaxsat.scenario.control_tables import ModelTable
-from jaxsat.scenario.coordinates import free_inertia
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.laws import find_law, is_plugin
+from jaxsat.scenario.laws import is_plugin
 from jaxsat.scenario.layout import believed_axes, torque_limit
+from jaxsat.scenario.parts.wheels import free_inertia, left_by_wheels, rotors
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.wheel_tables import left_by_wheels, rotors
 from jaxsat.spacecraft import Spacecraft
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.environment import (
@@ -38,7 +37,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
 
     Raises `BuildError` where the law cannot be built for its model.
     """
-    law, control = find_law(scenario.control.law), scenario.control
+    law, control = scenario.law, scenario.control
     values = values_of(law.declaration.keys, control)
     table = getattr(control, "model", ModelTable())
     disturbance = scenario.disturbance
@@ -93,7 +92,7 @@ def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) ->
 
 def _wheels_hold_the_third_rate(scenario: Scenario) -> bool:
     """Whether wheels alone make the two torques: without momentum they turn nothing about z."""
-    if not scenario.wheel or find_law(scenario.control.law).declaration.torques != 2:
+    if not scenario.wheel or scenario.law.declaration.torques != 2:
         return False
     return not left_by_wheels(scenario.wheel, 2).any()
 

@@ -1,19 +1,16 @@
-"""From a scenario to what strikes its thrusters and magnetorquers in flight."""
+"""From a scenario to what strikes its thrusters in flight."""
 
 import dataclasses
 import math
 
 import numpy as np
 
+from jaxsat.core.declaration.failures import FailureKind, failure_kind
+from jaxsat.scenario.parts.actuator import number_of
+from jaxsat.scenario.parts.failures import FailureTable
+from jaxsat.scenario.parts.thrusters import ThrusterTable, signs, working_torques
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.thruster_tables import (
-    FailureTable,
-    ThrusterTable,
-    number_of,
-    signs,
-    working_torques,
-)
-from jaxsat.spacecraft import Actuators, FailureEvents, FailureKind, MagnetorquerFailures
+from jaxsat.spacecraft import Actuators, FailureEvents
 
 
 def failing(scenario: Scenario, ideal: Actuators) -> Actuators:
@@ -59,37 +56,18 @@ def thruster_failures(
     return _events(events, partner if any(len(both) > 1 for both in places) else None)
 
 
-def magnetorquer_failures(scenario: Scenario) -> MagnetorquerFailures | None:
-    """What strikes magnetorquers."""
-    found = [
-        (number_of(one.of, "magnetorquer", scenario.magnetorquer), one) for one in scenario.failure
-    ]
-    events = [(number, one) for number, one in found if number is not None]
-    if not events:
-        return None
-    return MagnetorquerFailures(
-        magnetorquer=[number for number, _ in events],
-        at=[one.at_s for _, one in events],
-        kind=[_kind(one) for _, one in events],
-        amount=[one.fraction or 0.0 for _, one in events],
-    )
-
-
-def _kind(table: FailureTable) -> FailureKind:
-    return FailureKind[table.kind.upper().replace("-", "_")]
-
-
 def _events(
     events: list[tuple[FailureTable, int, np.ndarray]], partner: list[int] | None
 ) -> FailureEvents | None:
     """Tables, which column each strikes, and the torques as it would turn them."""
     if not events:
         return None
+    kinds = [failure_kind(FailureKind, table) for table, _, _ in events]
     return FailureEvents(
         thruster=[place for _, place, _ in events],
         at=[table.at_s for table, _, _ in events],
-        kind=[_kind(table) for table, _, _ in events],
-        amount=[table.delay_s or table.fraction or 0.0 for table, _, _ in events],
+        kind=kinds,
+        amount=[kind.amount(table) for kind, (table, _, _) in zip(kinds, events, strict=True)],
         turned=np.stack([turned for _, _, turned in events]),
         partner=partner,
     )

@@ -9,21 +9,20 @@ from jaxtyping import Array, Float
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.disturbances import AERODYNAMIC, DISTURBANCES, SOLAR
-from jaxsat.scenario.build.magnetorquers import build_magnetorquers
 from jaxsat.scenario.build.plugin_trial import made_part, require_torque
-from jaxsat.scenario.build.wheels import build_wheels, wheel_momenta
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.part_tables import DisturbanceTable, PartTable
+from jaxsat.scenario.parts.actuator import number_of
+from jaxsat.scenario.parts.registry import EFFECTORS
 from jaxsat.scenario.plugins import DISTURBANCE, find_part
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import OrbitTable
-from jaxsat.spacecraft import Spacecraft
-from jaxsat.spacecraft.dynamics import OfEach, RigidBody
+from jaxsat.spacecraft import AbstractEffector, EffectorContext, Spacecraft
+from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.environment import (
     AbstractDisturbance,
     AbstractOrbit,
     CircularOrbit,
-    DipoleField,
     DisturbanceContext,
     ExactOrbit,
     PanelDrag,
@@ -43,16 +42,20 @@ def build_plant(scenario: Scenario) -> RigidBody:
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
     held = table.third_rate == "held"
     disturbance = _disturbance(scenario, np.asarray(spacecraft.inertia))
-    field = DipoleField(place_of(scenario.orbit))
-    effectors = (build_wheels(scenario), build_magnetorquers(scenario, field))
-    there = tuple(one for one in effectors if one is not None)
-    return RigidBody(spacecraft, orbit, disturbance, held, there)
+    effectors = tuple(effector for effector, _ in build_effectors(scenario))
+    return RigidBody(spacecraft, orbit, disturbance, held, effectors)
 
 
-def effector_states(scenario: Scenario) -> OfEach | None:
-    """What the effectors of a scenario's body begin with, in their order there."""
-    there = ((wheel_momenta(scenario), scenario.wheel), (None, scenario.magnetorquer))
-    return tuple(state for state, tables in there if tables) or None
+def build_effectors(scenario: Scenario) -> list[tuple[AbstractEffector, Any]]:
+    """The effectors of a scenario's body in their order there, and their states at the start."""
+    place, effectors = place_of(scenario.orbit), []
+    for kind in EFFECTORS:
+        tables = getattr(scenario, kind.name)
+        if tables and kind.from_tables is not None:
+            struck = ((number_of(one.of, kind.name, tables), one) for one in scenario.failure)
+            failures = tuple((number, one) for number, one in struck if number is not None)
+            effectors.append(kind.from_tables(tables, EffectorContext(place, failures)))
+    return effectors
 
 
 def orbit_rate(scenario: Scenario) -> float:

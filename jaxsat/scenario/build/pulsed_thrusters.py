@@ -10,15 +10,14 @@ from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.sensors import DELAY, GYRO_KEYS, SENSOR_KEYS
 from jaxsat.scenario.build.failures import thruster_failures
 from jaxsat.scenario.declared import values_of
-from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.layout import command_torques, thruster_costs
-from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.thruster_tables import (
+from jaxsat.scenario.parts.thrusters import (
     ModulationTable,
     ThrusterTable,
     modulation_kind,
     signs,
 )
+from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft import (
     AbstractModulation,
     DeltaSigma,
@@ -41,7 +40,7 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     thrusters = _thruster_set(working)
     drawn = getattr(scenario.dispersion, "failure_kind", None) is not None
     late = delay or drawn or any(one.kind == "delayed" for one in scenario.failure)
-    as_commanded = find_law(scenario.control.law).declaration.commands_duties
+    as_commanded = scenario.law.declaration.commands_duties
     commanded = command_torques(scenario, torques or 3)
     return PulsedThrusters(
         thrusters,
@@ -54,7 +53,7 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
 
 def thruster_context(scenario: Scenario) -> ThrusterContext | None:
     """What a law that commands duties is told of the thrusters that work; None for others."""
-    if not find_law(scenario.control.law).declaration.commands_duties:
+    if not scenario.law.declaration.commands_duties:
         return None
     working = [one for one in scenario.thruster if not one.failed]
     thrusters = _thruster_set(working)

@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 
 from jaxsat.scenario import Scenario, dump
-from jaxsat.scenario.laws import find_law, known_law
 from jaxsat.simulation import Assessment, Trajectory
 from jaxsat.store import trajectory_dataset
 from jaxsat.studies import Study
@@ -26,8 +25,7 @@ def replay_case(scenario: Scenario, study: Study, number: int) -> "xr.Dataset":
     signals = jax.tree.map(jnp.asarray, replay.signals)
     code = jnp.asarray(replay.outputs.code)
     settled, unknown = jnp.asarray(replay.outputs.settling_time), jnp.asarray(jnp.nan)
-    law = known_law(scenario.control.law)
-    attitude = law is None or law.declaration.regulates_attitude
+    attitude = scenario.law.declaration.regulates_attitude
     assessment = Assessment(settled, unknown) if attitude else Assessment(unknown, settled)
     error = replay.outputs.integration_error
     times, ranges = jnp.asarray(replay.times), signals.torque_range
@@ -35,7 +33,7 @@ def replay_case(scenario: Scenario, study: Study, number: int) -> "xr.Dataset":
         Trajectory(times, signals, None, code, steps, assessment, ranges, error),
         title=scenario.title,
         scenario=dump(scenario),
-        modes=getattr(find_law(scenario.control.law).controller, "modes", None),
+        modes=getattr(scenario.law.controller, "modes", None),
         seed=study.design.seed,
     )
     dataset.attrs["case"] = number

@@ -30,13 +30,13 @@ from jaxsat.scenario.build.controller import build_controller
 from jaxsat.scenario.build.errors import BuildError, at_key, made_of_numbers
 from jaxsat.scenario.build.magnetorquers import build_steering
 from jaxsat.scenario.build.navigation import build_navigation
-from jaxsat.scenario.build.plant import build_plant, effector_states
+from jaxsat.scenario.build.plant import build_effectors, build_plant
 from jaxsat.scenario.build.plugin_trial import require_runs
 from jaxsat.scenario.build.wheels import build_tachometers
 from jaxsat.scenario.coordinates import uses_error_coordinates
 from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.laws import find_law, is_plugin
+from jaxsat.scenario.laws import is_plugin
 from jaxsat.scenario.resolution import substeps_of
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import MAX_SAMPLED_STEPS, SolverTable
@@ -105,7 +105,7 @@ def _build(scenario: Scenario) -> Run:
     loop = build_loop(scenario)
     with at_key("initial"):
         start = made_of_numbers(build_start(scenario))
-    law = find_law(scenario.control.law)
+    law = scenario.law
     if is_plugin(law.name):
         controller = (
             loop.law if isinstance(loop, ErrorCoordinateLoop) else cast(Any, loop).controller
@@ -154,7 +154,7 @@ def _closed(
         navigation = build_navigation(scenario)
         actuators = build_actuators(scenario)
         torquers = plant.find(Magnetorquers)
-        steering = () if torquers is None else (build_steering(scenario, torquers.field),)
+        steering = () if torquers is None else (build_steering(scenario, torquers),)
         tachometers = build_tachometers(scenario)
         return SampledLoop(
             plant,
@@ -167,7 +167,7 @@ def _closed(
             steering,
             tachometers,
         )
-    if uses_error_coordinates(flattened(scenario)):
+    if uses_error_coordinates(flattened(scenario) | {"control.law": scenario.law}):
         return ErrorCoordinateLoop(plant, cast(AbstractBacksteppingLaw, controller))
     return ContinuousLoop(plant, controller, cast(AbstractActuators, build_actuators(scenario)))
 
@@ -199,7 +199,8 @@ def build_start(scenario: Scenario) -> PlantState:
         attitude = Quaternion(as_float(table.quaternion))
     wanted = scenario.simulation.attitude == "wz"
     attitude = attitude.as_wz() if wanted else attitude.as_quaternion()
-    return PlantState(attitude, as_float(table.omega_rad_s), effector_states(scenario))
+    states = tuple(state for _, state in build_effectors(scenario))
+    return PlantState(attitude, as_float(table.omega_rad_s), states or None)
 
 
 def build_tolerances(scenario: Scenario) -> Tolerances:
@@ -211,7 +212,7 @@ def build_times(scenario: Scenario) -> Float[Array, " times"]:
     """Times to save at from zero to the end, s; on the samples of a sampled law."""
     table = scenario.simulation
     unit, count = table.save_every_s, round(table.duration_s / table.save_every_s)
-    if not find_law(scenario.control.law).declaration.sampled:
+    if not scenario.law.declaration.sampled:
         return as_array(np.arange(count + 1) * unit)
     period = cast(Any, scenario.control).period_s
     return as_array(np.arange(count + 1) * round(unit / period) * period)

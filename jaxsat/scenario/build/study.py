@@ -13,10 +13,10 @@ from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
-from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.parts.actuator import names_of
+from jaxsat.scenario.parts.thrusters import signs
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import SolverTable
-from jaxsat.scenario.thruster_tables import names_of, signs
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 from jaxsat.simulation.engine import (
     AbstractEngine,
@@ -168,7 +168,7 @@ def tolerances_of(scenario: Scenario) -> Tolerances:
     """When a case counts as settled: under a law that has no attitude to go to by its rate alone,
     which at rest is that of the orbit."""
     own = build_tolerances(scenario)
-    if find_law(scenario.control.law).declaration.regulates_attitude:
+    if scenario.law.declaration.regulates_attitude:
         return own
     return own.of_rate(orbit_rate(scenario))
 

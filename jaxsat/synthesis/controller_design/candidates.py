@@ -85,8 +85,7 @@ class Candidate:
     @property
     def tunable(self) -> dict[str, str]:
         """Its keys that can be tuned, and their places in the law."""
-        law = known_law(self.scenario.control.law)
-        return {} if law is None else law.declaration.tunable
+        return self.scenario.law.declaration.tunable
 
 
 class Fitting(NamedTuple):
@@ -121,11 +120,9 @@ def fitting_candidates(
 
 def written_out(scenario: Scenario) -> Scenario:
     """The scenario with every gain that can be tuned as a number in `[control]`."""
-    law = known_law(scenario.control.law)
-    assert law is not None  # it has been built
     controller = controller_of(build_loop(scenario))
     numbers: dict[str, Any] = {}
-    for key, place in law.declaration.tunable.items():
+    for key, place in scenario.law.declaration.tunable.items():
         if getattr(scenario.control, key) is None:
             value = np.asarray(number_at(controller, place))
             numbers[key] = float(value) if value.ndim == 0 else tuple(map(float, value))
@@ -135,9 +132,8 @@ def written_out(scenario: Scenario) -> Scenario:
 
 def with_scaled_gains(scenario: Scenario, factor: float) -> dict[str, Any]:
     """The `[control]` table for `factor` times the torque: the same motion, times over √factor."""
-    law = known_law(scenario.control.law)
     table = scenario.control.model_dump(exclude_none=True)
-    for key in law.declaration.keys if law else ():
+    for key in scenario.law.declaration.keys:
         power = POWERS.get(getattr(key, "unit", ""), 0)
         value = table.get(key.name)
         is_rate = key.name.endswith("_rad_s") and not key.name.startswith(("ripple", "holding"))

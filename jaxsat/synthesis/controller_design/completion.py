@@ -9,8 +9,7 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.dispersion_trial import dispersion_issues
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
-from jaxsat.scenario.laws import find_law
-from jaxsat.scenario.wheel_tables import wheels_make_all
+from jaxsat.scenario.parts.wheels import wheels_make_all
 from jaxsat.synthesis.comparison import horizon
 from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict
 
@@ -79,7 +78,7 @@ def _distributions(
     """Those of the level hard by key, times in τ."""
     alone = bool(scenario.wheel) and (
         not verdict.judgement.actuators.torques.any()
-        or wheels_make_all(scenario.wheel, find_law(scenario.control.law).declaration.torques)
+        or wheels_make_all(scenario.wheel, scenario.law.declaration.torques)
     )
     rate, start = RATE / scale.time, {"attitude": {"distribution": "random-attitude"}}
     if alone:

@@ -7,9 +7,9 @@ import numpy as np
 
 from jaxsat.core.allocation import torque_directions
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.coordinates import inertia_matrix
 from jaxsat.scenario.layout import believed_axes
-from jaxsat.scenario.wheel_tables import rotors
+from jaxsat.scenario.parts.wheels import rotors
+from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.studies import Sensitivity, numbers_of
 from jaxsat.studies.ensemble import DRAWN
 from jaxsat.studies.sensitivities import Sensitivities

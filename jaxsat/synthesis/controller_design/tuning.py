@@ -8,7 +8,6 @@ import numpy as np
 from jaxsat.core.declaration.keys import Numeric
 from jaxsat.core.processors import processors
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.optimisers import DERIVATIVE_FREE
 from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
 from jaxsat.synthesis.comparison import ComparisonRow
@@ -80,7 +79,7 @@ def tuning_table(scenario: Scenario, scale: Scale, steps: int, validation: int) 
     if scenario.tuning is not None:
         return scenario.tuning.model_copy(update=budget)
     control = written_out(scenario).control
-    bounds, declaration = {}, find_law(control.law).declaration
+    bounds, declaration = {}, scenario.law.declaration
     if declaration.searched:
         budget |= {"optimiser": DERIVATIVE_FREE, "starts": SEARCHED_STARTS}
     for key in declaration.keys:

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build_start
-from jaxsat.scenario.coordinates import inertia_matrix
+from jaxsat.scenario.quantities import inertia_matrix
 
 VECTORS: Mapping[str, Sequence[str]] = {
     "thruster": ("position_m", "direction", "torque_axis"),

@@ -16,9 +16,10 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.actuator_set import all_actuators
 from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.cautions import HELD_TURN
-from jaxsat.scenario.coordinates import free_inertia, inertia_matrix
 from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.layout import believed_axes, torque_limit
+from jaxsat.scenario.parts.wheels import free_inertia
+from jaxsat.scenario.quantities import inertia_matrix
 
 DRAWN_FAILURES = ("failure_time", "failed_thruster", "failure_kind", "failure_amount")
 """Dispersed quantities of failures in flight."""

@@ -17,7 +17,6 @@ from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.errors import BuildError, at_key
 from jaxsat.scenario.build.run import build, build_loop
 from jaxsat.scenario.build.study import EngineName, build_study, tolerances_of
-from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.optimisers import DERIVATIVE_FREE
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
@@ -167,7 +166,7 @@ def try_tuning(scenario: Scenario) -> None:
 def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> Scenario:
     """The scenario with the gains of a point of the search in `[control]`."""
     gains = plan.space.gains(plan.space.to_values(point))
-    tunable = find_law(scenario.control.law).declaration.tunable
+    tunable = scenario.law.declaration.tunable
     numbers: dict[str, Any] = {}
     for key, place in tunable.items():
         if place in gains:
@@ -220,7 +219,7 @@ def _native(evaluator: CostEvaluator) -> CostEvaluator:
 def _search(scenario: Scenario, table: Mapping[str, BoundsTable]) -> tuple[SearchSpace, np.ndarray]:
     controller = controller_of(build_loop(scenario))
     parameters, values = [], []
-    for key, place in find_law(scenario.control.law).declaration.tunable.items():
+    for key, place in scenario.law.declaration.tunable.items():
         bounds = table.get(key)
         if bounds is None:
             continue

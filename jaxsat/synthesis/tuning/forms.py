@@ -5,10 +5,9 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 from jaxsat.scenario.coordinates import uses_error_coordinates
-from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.parts.thrusters import ModulationTable
 from jaxsat.scenario.resolution import substeps_of
 from jaxsat.scenario.schema import Scenario, flattened
-from jaxsat.scenario.thruster_tables import ModulationTable
 from jaxsat.scenario.tuning_tables import TuningTable
 
 FINER = 10.0
@@ -23,7 +22,7 @@ the loop stiff would hold up all others."""
 def in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
     """Coordinates and steps written out, so that the smooth law runs as the exact one does."""
     simulation, solver = scenario.simulation, scenario.simulation.solver
-    if find_law(scenario.control.law).declaration.sampled:
+    if scenario.law.declaration.sampled:
         return scenario
     error = uses_error_coordinates(flattened(scenario))
     if solver.step_s is None and solver.steps != "fixed":
@@ -40,7 +39,7 @@ def in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
 def refined(scenario: Scenario) -> Scenario:
     """The scenario in finer steps."""
     solver = scenario.simulation.solver
-    if find_law(scenario.control.law).declaration.sampled:
+    if scenario.law.declaration.sampled:
         changes: dict[str, Any] = {"substeps": 2 * substeps_of(scenario)}
     elif solver.step_s is not None:
         changes = {"step_s": solver.step_s / 2}

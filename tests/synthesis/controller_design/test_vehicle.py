@@ -10,9 +10,9 @@ from jaxsat.control.oscillatory import Slow
 from jaxsat.core.allocation import torque_directions
 from jaxsat.core.inertia import normal_axes
 from jaxsat.scenario.build.run import build_loop
-from jaxsat.scenario.coordinates import inertia_matrix
 from jaxsat.scenario.holding import missing_torque
 from jaxsat.scenario.layout import believed_axes
+from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.studies import number_at
 from jaxsat.studies.perturbed import controller_of
 from jaxsat.synthesis.controller_design.candidates import (

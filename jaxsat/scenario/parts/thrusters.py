@@ -1,23 +1,164 @@
-"""Rules on `[[thruster]]` and `[modulation]`."""
+"""`[[thruster]]`, `[modulation]`: thrusters that push, and how commands become pulses."""
 
 import math
+from typing import Annotated, Literal
 
 import numpy as np
+from annotated_types import Gt, Le
 
 from jaxsat.core.allocation import least_propellant, plane_map
+from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.core.declaration.laws import LAWS
+from jaxsat.core.ranges import SECONDS, TORQUE_LIMIT, Range
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.parts.actuator import ActuatorDeclaration
+from jaxsat.scenario.parts.wheels import wheels_make_all
+from jaxsat.scenario.quantities import (
+    Direction,
+    Line,
+    Number,
+    Position3,
+    Switch,
+    Table,
+    Time,
+    choice,
+    quantity,
+    within,
+)
 from jaxsat.scenario.rules import at, rule, rule_over
-from jaxsat.scenario.thruster_tables import working_torques
-from jaxsat.scenario.wheel_tables import wheels_make_all
 from jaxsat.scenario.wording import shown
+
+FORCE = Range(1e-9, 1e9)
+"""Of a thruster, N."""
+
+SPECIFIC_IMPULSE = Range(1.0, 1e5)
+"""s; cold gas has 60, an ion engine some thousands."""
+
+STANDARD_GRAVITY = 9.80665
+"""m/s², which turns a specific impulse in s into an exhaust velocity (CGPM, 1901)."""
+
 
 MAX_THRUSTERS = 24
 """Of which the table of bases stays small."""
 
 NO_TORQUE = 1e-12
 """N m; a force through the centre of mass makes less by rounding."""
+
+
+class ThrusterTable(Table):
+    """`[[thruster]]`: one thruster, by its place and force or by its torque."""
+
+    name: Line | None = choice("A name of its own; by default it goes by its number from 1", None)
+    position_m: Position3 | None = quantity(
+        "Where it sits, from the centre of mass, body axes", "m", None
+    )
+    direction: Direction | None = quantity(
+        "Direction of its force on the body, body axes", "1", None
+    )
+    force_N: Annotated[Number, within(FORCE)] | None = quantity("Full thrust", "N", None)
+    torque_axis: Direction | None = quantity(
+        "Direction of its torque, body axes, in place of position and direction", "1", None
+    )
+    torque_N_m: Annotated[Number, within(TORQUE_LIMIT)] | None = quantity(
+        "Torque at full thrust, in place of the force", "N m", None
+    )
+    two_sided: Switch = choice(
+        "Whether it is a pair that also pushes the other way, else it pushes one way only", False
+    )
+    min_on_time_s: Time = quantity("Shortest time that its valve is open", "s", 0.0)
+    valve_delay_s: Time = quantity("Time from a command to the valve", "s", 0.0)
+    rise_time_s: Time = quantity("Time from no thrust to full thrust, on a straight line", "s", 0.0)
+    fall_time_s: Time = quantity("Time from full thrust to none, on a straight line", "s", 0.0)
+    specific_impulse_s: Annotated[Number, within(SPECIFIC_IMPULSE)] | None = quantity(
+        "Specific impulse; by default its propellant is not counted", "s", None
+    )
+    failed: Switch = choice("Whether it has failed before the start, and the law knows it", False)
+
+    def torque(self) -> np.ndarray:
+        """Torque on the body at full thrust, N m."""
+        if self.torque_axis is not None and self.torque_N_m is not None:
+            axis = np.array(self.torque_axis)
+            return axis / np.linalg.norm(axis) * self.torque_N_m
+        return np.cross(np.array(self.position_m), self.force())
+
+    def force(self) -> np.ndarray:
+        """Force on the body at full thrust, N; zero for a thruster given by its torque."""
+        if self.direction is None or self.force_N is None:
+            return np.zeros(3)
+        direction = np.array(self.direction)
+        return direction / np.linalg.norm(direction) * self.force_N
+
+    def propellant_flow(self) -> float:
+        """Propellant at full thrust, kg/s; none where it is not told."""
+        if self.specific_impulse_s is None or self.force_N is None:
+            return 0.0
+        return self.force_N / (self.specific_impulse_s * STANDARD_GRAVITY)
+
+
+ModulationKind = Literal["pwm", "delta-sigma", "pwpf", "ideal"]
+
+
+class ModulationTable(Table):
+    """`[modulation]`: how commanded thrust becomes pulses."""
+
+    kind: ModulationKind | None = choice(
+        'Pulse width ("pwm"), whole minimum pulses whose remainder is kept ("delta-sigma"), pulse '
+        'width and frequency by a Schmitt trigger behind a lag ("pwpf"), or a throttle ("ideal"); '
+        'by default "delta-sigma" where every thruster has a min_on_time_s, else "pwm"',
+        None,
+    )
+    gain: Annotated[Number, Gt(0), Le(1e6)] = quantity("Gain of the lag of PWPF", "1", 4.5)
+    time_constant_s: Annotated[Number, within(SECONDS)] = quantity(
+        "Time constant of the lag of PWPF", "s", 0.15
+    )
+    on_level: Annotated[Number, Gt(0), Le(1e6)] = quantity(
+        "Output of the lag at which PWPF opens", "1", 0.45
+    )
+    off_level: Annotated[Number, Gt(0), Le(1e6)] = quantity(
+        "Output of the lag at which PWPF shuts", "1", 0.15
+    )
+
+
+def modulation_kind(
+    table: ModulationTable | None, thrusters: tuple[ThrusterTable, ...]
+) -> ModulationKind:
+    """How thrusters are pulsed; by default the mean thrust has no dead zone, if possible."""
+    if table is not None and table.kind is not None:
+        return table.kind
+    return "delta-sigma" if all(one.min_on_time_s > 0 for one in thrusters) else "pwm"
+
+
+_KINDS = tuple(kind for kind in FailureKind if kind is not FailureKind.REVERSED)
+
+THRUSTER = ActuatorDeclaration(
+    "thruster",
+    ThrusterTable,
+    1000,
+    "Thrusters that push, in place of those that make a torque of either sign",
+    _KINDS,
+    _KINDS,
+)
+
+IDEAL_KINDS = (
+    FailureKind.DEAD,
+    FailureKind.DEGRADED,
+    FailureKind.STUCK_ON,
+    FailureKind.STUCK_AT,
+    FailureKind.TURNED,
+    FailureKind.REVERSED,
+)
+"""How thrusters of `spacecraft.thruster_torque_axes` fail, whose torques have both signs."""
+
+
+def working_torques(thrusters: tuple[ThrusterTable, ...]) -> np.ndarray:
+    """Torques (3, m) at full thrust of what works at the start, both ways of two-sided ones."""
+    columns = [sign * one.torque() for one in thrusters if not one.failed for sign in signs(one)]
+    return np.array(columns).reshape(-1, 3).T
+
+
+def signs(thruster: ThrusterTable) -> tuple[float, ...]:
+    """Which way it pushes: 1 and, where it is two-sided, -1."""
+    return (1.0, -1.0) if thruster.two_sided else (1.0,)
 
 
 @rule(
@@ -62,18 +203,9 @@ def _each_thruster_is_whole(thrusters):
         )
 
 
-@rule("thruster")
-def _thrusters_have_names_of_their_own(thrusters):
-    names = [one.name or str(number) for number, one in enumerate(thrusters, 1)]
-    for number, name in enumerate(names):
-        if names.index(name) < number:
-            message = f"must be a name of its own, got {shown(name)} again"
-            yield Issue(("thruster", number, "name"), message)
-
-
 @rule("thruster", "control.law")
 def _thrusters_need_a_sampled_law(thrusters, law):
-    if thrusters and not find_law(law).declaration.sampled:
+    if thrusters and not law.declaration.sampled:
         allowed = [f'"{name}"' for name, one in LAWS.items() if one.declaration.sampled]
         yield at(
             "thruster",
@@ -84,7 +216,7 @@ def _thrusters_need_a_sampled_law(thrusters, law):
 
 @rule("thruster", "wheel", "control.law")
 def _a_law_that_commands_duties_has_thrusters_alone(thrusters, wheels, law):
-    if not find_law(law).declaration.commands_duties:
+    if not law.declaration.commands_duties:
         return
     if not thrusters:
         message = f'must be given under the law "{law}", which diagnoses them, got none'
@@ -92,12 +224,6 @@ def _a_law_that_commands_duties_has_thrusters_alone(thrusters, wheels, law):
     if wheels:
         message = f'must not be given under the law "{law}", which knows of thrusters alone'
         yield at("wheel", f"{message}, got {len(wheels)}")
-
-
-@rule("thruster", "actuators.kind")
-def _one_kind_of_actuators(thrusters, kind):
-    if thrusters:
-        yield at("actuators", f"must not be given with [[thruster]], got {shown(kind)}")
 
 
 def _whole(thrusters) -> bool:
@@ -109,7 +235,7 @@ def _whole(thrusters) -> bool:
 
 @rule("thruster", "control.law", "wheel")
 def _thrusters_make_what_the_law_commands(thrusters, law, wheels):
-    declaration = find_law(law).declaration
+    declaration = law.declaration
     torques, any_plane = declaration.torques, declaration.any_plane and not wheels
     if wheels and torques and wheels_make_all(wheels, torques):
         return

@@ -1,0 +1,77 @@
+"""How actuators fail: the kinds, with the text that a scenario has, the number and the meaning.
+
+The number stands in compiled programs, in the codes of stores, and in what a study draws.
+"""
+
+import enum
+from collections.abc import Iterable
+from typing import Any
+
+
+class AbstractFailureKind(enum.IntEnum):
+    """A kind of failure: its number, its `text` in a scenario, and its `meaning`.
+
+    `keys` are those of `[[failure]]` of which one tells how much, none for a kind that has no
+    amount.
+    """
+
+    text: str
+    meaning: str
+    keys: tuple[str, ...]
+
+    def __new__(cls, number: int, text: str, meaning: str, *keys: str) -> "AbstractFailureKind":
+        """A member, declared as a tuple of these."""
+        member = int.__new__(cls, number)
+        member._value_ = number
+        member.text, member.meaning, member.keys = text, meaning, keys
+        return member
+
+    @property
+    def one_number(self) -> bool:
+        """Whether its amount is one number; a turn has three, and most kinds have none."""
+        return bool(self.keys) and self.keys != ("turn_rad",)
+
+    def amount(self, table: Any) -> float:
+        """How much a checked table `[[failure]]` tells; 0 where that is no one number."""
+        given = (getattr(table, key) for key in self.keys if self.one_number)
+        return next((amount for amount in given if amount is not None), 0.0)
+
+
+class FailureKind(AbstractFailureKind):
+    """How a thruster or a magnetorquer fails."""
+
+    DEAD = 0, "dead", "no torque any more"
+    DEGRADED = 1, "degraded", "a fraction of the torque that it should make", "fraction"
+    STUCK_ON = 2, "stuck-on", "full thrust, or the limit of its dipole, all the time"
+    STUCK_AT = 3, "stuck-at", "a fraction of that all the time", "fraction"
+    LEAKING = 4, "leaking", "never less than a fraction of full thrust", "fraction"
+    DELAYED = 5, "delayed", "its valve follows delay_s later", "delay_s"
+    INTERMITTENT = 6, "intermittent", "off for a fraction of every 10 s", "fraction"
+    TURNED = 7, "turned", "its force or torque is turned by turn_rad", "turn_rad"
+    REVERSED = 8, "reversed", "the opposite of the torque that it should make"
+
+
+class WheelFailureKind(AbstractFailureKind):
+    """How a reaction wheel fails."""
+
+    DEAD = 0, "dead", "its motor makes no torque any more, it coasts"
+    DEGRADED = 1, "degraded", "its motor makes a fraction of the torque that it should", "fraction"
+    STOPPED = 2, "stopped", "it stands still at once, its momentum goes to the body"
+    FRICTION_BY = 3, "friction-up", "viscous and Coulomb friction times factor", "factor"
+    FRICTION_TO = (
+        4,
+        "friction-up",
+        "Coulomb friction at least friction_N_m",
+        "friction_N_m",
+    )
+    RUNAWAY = 5, "runaway", "full torque, the way that it turns, the positive one from rest"
+
+
+def failure_kind(kinds: Iterable[AbstractFailureKind], table: Any) -> AbstractFailureKind:
+    """The kind of a checked table `[[failure]]` among those of what it strikes.
+
+    Of several with one text it is the one whose amount is given.
+    """
+    alike = [kind for kind in kinds if kind.text == table.kind]
+    given = (one for one in alike if any(getattr(table, key) is not None for key in one.keys))
+    return next(given, alike[0])

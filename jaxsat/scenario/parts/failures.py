@@ -1,0 +1,246 @@
+"""`[[failure]]`: what breaks in flight, and failures that never strike."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from annotated_types import Ge, Le
+
+from jaxsat.core.ranges import FRICTION
+from jaxsat.scenario.errors import Issue, Location
+from jaxsat.scenario.parts.actuator import names_of, number_of
+from jaxsat.scenario.parts.registry import ACTUATORS
+from jaxsat.scenario.parts.thrusters import IDEAL_KINDS
+from jaxsat.scenario.quantities import (
+    Line,
+    Number,
+    Rotation3,
+    Table,
+    Time,
+    choice,
+    quantity,
+    within,
+)
+from jaxsat.scenario.rules import rule, rule_over
+from jaxsat.scenario.wording import shown
+
+_IDEAL = "thruster of thruster_torque_axes"
+_BY_NAME = {one.name: one for one in ACTUATORS}
+_TABLES = tuple(_BY_NAME)
+_KINDS = {one.name: one.kinds for one in ACTUATORS} | {_IDEAL: IDEAL_KINDS}
+_KINDS_IN_WORDS = ". ".join(
+    f"Of a {name}: " + ", ".join(f'"{kind.text}" ({kind.meaning})' for kind in kinds)
+    for name, kinds in _KINDS.items()
+)
+
+if TYPE_CHECKING:
+    FailureName = str
+else:
+    FailureName = Literal[
+        tuple(dict.fromkeys(kind.text for kinds in _KINDS.values() for kind in kinds))
+    ]
+
+AMOUNTS = sorted({key for kinds in _KINDS.values() for kind in kinds for key in kind.keys})
+"""Keys that say how much."""
+
+
+class FailureTable(Table):
+    """`[[failure]]`: what happens to an actuator in flight; the law is not told.
+
+    Of several failures of one actuator the later one replaces the earlier.
+    """
+
+    of: Line = choice(
+        "What fails, such as "
+        + ", ".join(f'"{name} {number}"' for number, name in enumerate(_TABLES, 1))
+        + ' or "thruster" and its name'
+    )
+    at_s: Time = quantity("When it fails", "s")
+    kind: FailureName = choice(f"How it fails. {_KINDS_IN_WORDS}")
+    fraction: Annotated[Number, Ge(-1), Le(1)] | None = quantity(
+        "How much, of full thrust or torque or of time; below 0 only of a torque of either sign "
+        "that is stuck",
+        "1",
+        None,
+    )
+    delay_s: Time | None = quantity("How much later its valve follows", "s", None)
+    turn_rad: Rotation3 | None = quantity(
+        "Rotation vector by which its force, or its torque where only that is given, is turned, "
+        "body axes",
+        "rad",
+        None,
+    )
+    factor: Annotated[Number, within(FRICTION)] | None = quantity(
+        "Factor on its viscous and Coulomb friction", "1", None
+    )
+    friction_N_m: Annotated[Number, within(FRICTION)] | None = quantity(
+        "Coulomb friction that it now has, if it had less", "N m", None
+    )
+
+    @property
+    def part(self) -> str:
+        """What kind of part fails: the first word of `of`."""
+        return self.of.partition(" ")[0]
+
+
+@rule_over("failure", "spacecraft.thruster_torque_axes", *_TABLES)
+def _failures_have_something_to_strike(values):
+    tables = {name: values[name] for name in _TABLES}
+    tables["thruster"] = tables["thruster"] or values["spacecraft.thruster_torque_axes"] or ()
+    for number, one in enumerate(values["failure"]):
+        if number_of(one.of, one.part, tables.get(one.part, ())) is None:
+            names = [f'"{name} {which}"' for name, all in tables.items() for which in names_of(all)]
+            few = f"one of {', '.join(names[:6])}" if names else "an actuator"
+            yield Issue(("failure", number, "of"), f"must name {few}, got {shown(one.of)}")
+
+
+@rule("failure")
+def _one_actuator_fails_once_at_a_time(failures):
+    for number, one in enumerate(failures):
+        for before, other in enumerate(failures[:number], 1):
+            if (one.of, one.at_s) == (other.of, other.at_s):
+                yield Issue(
+                    ("failure", number, "at_s"),
+                    f"must differ from that of failure {before}: of two failures of {one.of} the "
+                    f"later one replaces the earlier, and at one instant neither is (here "
+                    f'"{other.kind}" and "{one.kind}"), got {shown(one.at_s)}',
+                )
+
+
+@rule("failure", "thruster")
+def _failures_say_what_and_how_much(failures, thrusters):
+    for number, one in enumerate(failures):
+        ideal = one.part == "thruster" and not thrusters
+        actuator = _BY_NAME.get(one.part)
+        if actuator is None:
+            continue
+        kinds = IDEAL_KINDS if ideal else actuator.kinds
+        alike = [kind for kind in kinds if kind.text == one.kind]
+        if not alike:
+            which = _IDEAL if ideal else one.part
+            names = ", ".join(dict.fromkeys(kind.text for kind in kinds))
+            message = f"must be one of {names} for a {which}, got {shown(one.kind)}"
+            yield Issue(("failure", number, "kind"), message)
+            continue
+        yield from _amounts(number, one, [key for kind in alike for key in kind.keys])
+        signed = (ideal or actuator.both_signs) and one.kind == "stuck-at"
+        if one.fraction is not None and one.fraction < 0 and not signed:
+            message = f"must be at least 0, got {shown(one.fraction)}"
+            yield Issue(("failure", number, "fraction"), message)
+
+
+def _amounts(number, one, wanted):
+    """Issues on the keys that say how much."""
+    given = [key for key in AMOUNTS if getattr(one, key) is not None]
+    what = f'for a failure of kind "{one.kind}"'
+    for key in given:
+        if key not in wanted:
+            found = shown(getattr(one, key))
+            yield Issue(("failure", number, key), f"must not be given {what}, got {found}")
+    if wanted and not set(given) & set(wanted):
+        message = f"must be given {what}, got nothing"
+        yield Issue(("failure", number, wanted[-1]), message, (), True)
+    elif len(set(given) & set(wanted)) > 1:
+        message = f"must not be given with {wanted[0]} {what}"
+        yield Issue(("failure", number, wanted[-1]), message)
+
+
+@rule("failure", "spacecraft.torque_limit_N_m", "thruster")
+def _stuck_torques_have_a_size(failures, limit, thrusters):
+    for number, one in enumerate(failures):
+        ideal = not thrusters and one.part == "thruster"
+        if ideal and limit is None and one.kind.startswith("stuck"):
+            message = f'must not be "{one.kind}" without spacecraft.torque_limit_N_m'
+            yield Issue(
+                ("failure", number, "kind"), f"{message}: the stuck torque is a fraction of it"
+            )
+
+
+@rule("failure", "actuators.kind")
+def _failures_are_those_of_jaxsats_own_actuators(failures, kind):
+    if failures:
+        yield Issue(("failure",), f"must not be given with actuators.kind = {shown(kind)}")
+
+
+@rule("failure", "control.law", "simulation.solver.steps", "simulation.solver.step_s")
+def _no_fixed_steps_across_a_failure(failures, law, steps, step):
+    fixed = steps == "fixed" or (steps is None and step is not None)
+    if failures and fixed and not law.declaration.sampled:
+        yield Issue(
+            ("simulation", "solver", "steps" if steps == "fixed" else "step_s"),
+            "must be left to adaptive steps where something fails in flight, which ends a step, "
+            f"got {shown(steps if steps == 'fixed' else step)}",
+        )
+
+
+LASTING = ("dead", "stopped")
+"""Kinds after which one does not expect that an actuator works again."""
+
+
+def failure_cautions(scenario: Any) -> Iterator[Issue]:
+    """What never strikes, what strikes an actuator that has failed, and what ends a failure."""
+    yield from _after_the_end(scenario)
+    for number, one in enumerate(scenario.failure):
+        if _failed_before(scenario, one):
+            message = "should be an actuator that works at the start, else nothing more fails"
+            yield Issue(("failure", number, "of"), f"{message}, got {shown(one.of)}")
+    if _drawn(scenario, "failure_time_s") is None:
+        yield from _working_again(scenario)
+
+
+def _after_the_end(scenario: Any) -> Iterator[Issue]:
+    """Times at or after the end of the run; of those that are drawn the least ones."""
+    outage = getattr(scenario.star_tracker, "outage_start_s", None)
+    begins: dict[str, dict[Location, float]] = {
+        "failure_time_s": {
+            ("failure", number, "at_s"): one.at_s for number, one in enumerate(scenario.failure)
+        },
+        "tracker_outage_start_s": {}
+        if outage is None
+        else {("star_tracker", "outage_start_s"): outage},
+    }
+    end = scenario.simulation.duration_s
+    for key, times in begins.items():
+        drawn = _drawn(scenario, key)
+        for location, at in (times if drawn is None else _least(key, drawn)).items():
+            if at >= end:
+                message = f"should be before simulation.duration_s = {shown(end)}"
+                yield Issue(location, f"{message}, else it never strikes, got {shown(at)}")
+
+
+def _drawn(scenario: Any, key: str) -> Any:
+    return getattr(scenario.dispersion, key, None)
+
+
+def _least(key: str, drawn: Any) -> dict[Location, float]:
+    """The least number that is drawn, and where it is told; nothing where there is none."""
+    for name in ("low", "values"):
+        told = getattr(drawn, name)
+        if told is not None:
+            return {("dispersion", key, name): min(told) if isinstance(told, tuple) else told}
+    return {}
+
+
+def _failed_before(scenario: Any, one: FailureTable) -> bool:
+    """Whether it changes nothing of what has failed before the start."""
+    actuator = _BY_NAME[one.part]
+    if one.kind not in [kind.text for kind in actuator.idle]:
+        return False
+    if one.part == "thruster" and not scenario.thruster:
+        return one.of.partition(" ")[2] in map(str, scenario.spacecraft.failed_thrusters)
+    tables = getattr(scenario, one.part)
+    number = number_of(one.of, one.part, tables)
+    return number is not None and tables[number].failed
+
+
+def _working_again(scenario: Any) -> Iterator[Issue]:
+    """Failures of what was dead or had seized, which end that."""
+    last: dict[str, FailureTable] = {}
+    for number, one in sorted(enumerate(scenario.failure), key=lambda found: found[1].at_s):
+        before = last.get(one.of)
+        if before is not None and before.kind in LASTING and one.kind not in LASTING:
+            yield Issue(
+                ("failure", number, "kind"),
+                f'should be meant to replace "{before.kind}" at {shown(before.at_s)} s, after '
+                f"which {one.of} works again in part, got {shown(one.kind)}",
+            )
+        last[one.of] = one

@@ -1,0 +1,298 @@
+"""`[[wheel]]`: reaction wheels."""
+
+from typing import Annotated
+
+import numpy as np
+
+from jaxsat.core.allocation import least_squares_map, unit_columns, what_is_left
+from jaxsat.core.declaration.failures import WheelFailureKind
+from jaxsat.core.ranges import FRICTION, MOMENT, TORQUE, TORQUE_LIMIT, WHEEL_MOMENTUM, WHEEL_NOISE
+from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.parts.actuator import ActuatorDeclaration, number_of
+from jaxsat.scenario.quantities import (
+    Direction,
+    Line,
+    Number,
+    Switch,
+    Table,
+    choice,
+    inertia_matrix,
+    quantity,
+    within,
+)
+from jaxsat.scenario.rules import at, rule, rule_over
+from jaxsat.scenario.tables import working_axes
+from jaxsat.scenario.wording import shown
+
+MISSING = 1e-9
+"""A part of a command, relative to it, that counts as not made."""
+
+
+class WheelTable(Table):
+    """`[[wheel]]`: one reaction wheel."""
+
+    name: Line | None = choice("A name of its own; by default it goes by its number from 1", None)
+    axis: Direction = quantity("Direction of its axis, body axes", "1")
+    torque_limit_N_m: Annotated[Number, within(TORQUE_LIMIT)] | None = quantity(
+        "Largest torque of its motor; by default unlimited", "N m", None
+    )
+    momentum_limit_N_m_s: Annotated[Number, within(WHEEL_MOMENTUM)] | None = quantity(
+        "Largest momentum relative to the body; by default unlimited", "N m s", None
+    )
+    momentum_N_m_s: Annotated[Number, within(TORQUE)] = quantity(
+        "Momentum relative to the body at the start", "N m s", 0.0
+    )
+    rotor_inertia_kg_m2: Annotated[Number, within(MOMENT)] | None = quantity(
+        "Inertia of its rotor about the axis, part of spacecraft.inertia_kg_m2; its momentum then "
+        "also changes as the body turns faster, and viscous friction needs it. Without it, 0 is "
+        "assumed: the momentum changes by motor and friction alone",
+        "kg m²",
+        None,
+    )
+    viscous_friction_N_m_s: Annotated[Number, within(FRICTION)] = quantity(
+        "Viscous friction, for each rad/s of the rotor", "N m s", 0.0
+    )
+    coulomb_friction_N_m: Annotated[Number, within(FRICTION)] = quantity(
+        "Coulomb friction, which may hold the rotor at rest", "N m", 0.0
+    )
+    tachometer_noise_N_m_s: Annotated[Number, within(WHEEL_NOISE)] = quantity(
+        "Standard deviation of white noise on the momentum that a sampled law is told, a sample",
+        "N m s",
+        0.0,
+    )
+    failed: Switch = choice(
+        "Whether its motor has failed before the start, and the law knows it; it coasts", False
+    )
+
+
+WHEEL = ActuatorDeclaration(
+    "wheel",
+    WheelTable,
+    100,
+    "Reaction wheels, which make what they can of the torque that the law commands; thrusters "
+    "make the rest",
+    tuple(WheelFailureKind),
+    (WheelFailureKind.DEAD, WheelFailureKind.DEGRADED),
+    maker="jaxsat.spacecraft.wheels:Wheels.from_tables",
+)
+
+
+def rotors(wheels: tuple[WheelTable, ...]) -> np.ndarray:
+    """Σ J_w a aᵀ (3, 3) of all wheels, kg m²."""
+    axes = wheel_axes(wheels)
+    inertia = np.array([one.rotor_inertia_kg_m2 or 0.0 for one in wheels])
+    return (inertia * axes) @ axes.T
+
+
+def free_inertia(inertia: tuple, wheels: tuple[WheelTable, ...]) -> np.ndarray:
+    """What turns under a torque of an inertia with the wheels locked: it without rotors, kg m²."""
+    return inertia_matrix(inertia) - rotors(wheels)
+
+
+def wheel_axes(wheels: tuple[WheelTable, ...]) -> np.ndarray:
+    """A unit column for each wheel."""
+    return unit_columns(np.array([one.axis for one in wheels], float).reshape(-1, 3).T)
+
+
+def failed_wheels(wheels: tuple[WheelTable, ...]) -> tuple[int, ...]:
+    """Numbers, from 1, of those that have failed."""
+    return tuple(number for number, one in enumerate(wheels, 1) if one.failed)
+
+
+def left_by_wheels(wheels: tuple[WheelTable, ...], torques: int) -> np.ndarray:
+    """The part (torques, torques) of a command that the working wheels do not make."""
+    axes = wheel_axes(tuple(one for one in wheels if not one.failed))
+    return what_is_left(axes, least_squares_map(axes, torques))
+
+
+def wheels_make_all(wheels: tuple[WheelTable, ...], torques: int) -> bool:
+    """Whether the working wheels make every command, so that thrusters beside them do nothing."""
+    return not left_by_wheels(wheels, torques).any()
+
+
+def limit_of_wheels(wheels: tuple[WheelTable, ...], torques: int) -> float | None:
+    """The largest command (N m) about all axes at once for which no working wheel is at its limit.
+
+    Of what they make of it; None for no limit.
+    """
+    working = tuple(one for one in wheels if not one.failed)
+    if torques not in (2, 3):
+        return None
+    shares = np.abs(least_squares_map(wheel_axes(working), torques)).sum(axis=1)
+    limits = [
+        one.torque_limit_N_m / share
+        for one, share in zip(working, shares, strict=True)
+        if one.torque_limit_N_m is not None and share > 1e-9
+    ]
+    return min(limits, default=None)
+
+
+@rule("wheel")
+def _each_wheel_is_whole(wheels):
+    for number, one in enumerate(wheels):
+        limit, momentum = one.momentum_limit_N_m_s, one.momentum_N_m_s
+        if limit is not None and abs(momentum) > limit:
+            message = f"must not exceed momentum_limit_N_m_s = {shown(limit)}"
+            yield Issue(("wheel", number, "momentum_N_m_s"), f"{message}, got {shown(momentum)}")
+        if one.viscous_friction_N_m_s and one.rotor_inertia_kg_m2 is None:
+            message = "must be given in kg m² with viscous_friction_N_m_s, got nothing"
+            yield Issue(("wheel", number, "rotor_inertia_kg_m2"), message, (), True)
+
+
+@rule_over("wheel", "spacecraft.inertia_kg_m2")
+def _rotors_are_part_of_the_body(values):
+    wheels = values["wheel"]
+    if not rotors(wheels).any():
+        return
+    for key in ("spacecraft.inertia_kg_m2", "control.model.inertia_kg_m2"):
+        given = values.get(key)
+        if given is None:
+            continue
+        if np.linalg.eigvalsh(free_inertia(given, wheels))[0] > 0:
+            continue
+        most = max(range(len(wheels)), key=lambda k: wheels[k].rotor_inertia_kg_m2 or 0.0)
+        yield Issue(
+            ("wheel", most, "rotor_inertia_kg_m2"),
+            f"must be a part of {key}, which is that with the wheels locked: less the rotors of "
+            "all wheels about their axes it must be positive definite, got "
+            f"{shown(wheels[most].rotor_inertia_kg_m2)}",
+        )
+
+
+@rule("wheel", "control.law")
+def _coulomb_friction_needs_a_sampled_law(wheels, law):
+    if law.declaration.sampled:
+        return
+    for number, one in enumerate(wheels):
+        if one.coulomb_friction_N_m:
+            yield Issue(
+                ("wheel", number, "coulomb_friction_N_m"),
+                f'must be 0 under the law "{law}", whose torque changes all the time: a rotor '
+                f"comes to rest and leaves it, got {shown(one.coulomb_friction_N_m)}",
+            )
+
+
+@rule(
+    "control.law",
+    "wheel",
+    "thruster",
+    "spacecraft.thruster_torque_axes",
+    "spacecraft.failed_thrusters",
+    "magnetorquer",
+)
+def _wheels_and_thrusters_make_what_the_law_commands(
+    law, wheels, thrusters, axes, failed, magnetorquers
+):
+    declaration = law.declaration
+    torques = declaration.torques
+    if declaration.commands_wheels:
+        yield from _wheels_alone(law, wheels, thrusters or axes)
+        return
+    if wheels and torques == 1:
+        yield at("wheel", f'must be left out under the law "{law}", which knows thrusters alone')
+    if not wheels or thrusters or magnetorquers or torques not in (2, 3):
+        return
+    working = working_axes(axes or (), failed)
+    missing = what_is_left(working, least_squares_map(working, torques))
+    missing = missing @ left_by_wheels(wheels, torques)
+    if abs(missing).max() > MISSING:
+        left = sum(not one.failed for one in wheels)
+        which = "x and y" if torques == 2 else "x, y and z"
+        yield at(
+            "wheel",
+            f"must leave wheels that make independent torques about body axes {which} with the "
+            f"thrusters left, got {left} of {len(wheels)} wheels and {working.shape[1]} thrusters",
+        )
+
+
+def _wheels_alone(law, wheels, thrusters):
+    """Issues under a law that diagnoses wheels: they alone make torques about three axes."""
+    what = f'under the law "{law}", which diagnoses wheels'
+    if thrusters:
+        key = "spacecraft.thruster_torque_axes" if isinstance(thrusters[0], tuple) else "thruster"
+        yield at(key, f"must not be given {what}, got {len(thrusters)}")
+    if not wheels or left_by_wheels(wheels, 3).any():
+        left = sum(not one.failed for one in wheels)
+        message = f"must leave independent torques about body axes x, y and z {what}"
+        yield at("wheel", f"{message}, got {left} of {len(wheels)}", not wheels)
+    for number, one in enumerate(wheels):
+        if one.torque_limit_N_m is None:
+            message = f"must be given in N m {what} by their full torque, got nothing"
+            yield Issue(("wheel", number, "torque_limit_N_m"), message, (), True)
+
+
+@rule("wheel", "control.law")
+def _tachometers_belong_to_a_sampled_law(wheels, law):
+    for number, one in enumerate(wheels):
+        if one.tachometer_noise_N_m_s and not law.declaration.sampled:
+            message = f'must be 0 under the law "{law}", which is not sampled'
+            found = shown(one.tachometer_noise_N_m_s)
+            yield Issue(("wheel", number, "tachometer_noise_N_m_s"), f"{message}, got {found}")
+
+
+@rule("wheel", "control.law", "simulation.solver.steps", "simulation.solver.step_s")
+def _no_fixed_steps_across_a_momentum_limit(wheels, law, steps, step):
+    if steps == "adaptive" or (steps is None and step is None) or law.declaration.sampled:
+        return
+    if any(one.momentum_limit_N_m_s is not None for one in wheels):
+        yield at(
+            f"simulation.solver.{'steps' if steps == 'fixed' else 'step_s'}",
+            "must be left to adaptive steps where a wheel has a momentum limit, as its torque "
+            f"ends there within a step, got {shown(steps if steps == 'fixed' else step)}",
+        )
+
+
+@rule("failure", "wheel")
+def _wheels_can_fail_so(failures, wheels):
+    for number, one in enumerate(failures):
+        place = number_of(one.of, "wheel", wheels)
+        if place is None:
+            continue
+        wheel = wheels[place]
+        if one.kind == "runaway" and wheel.torque_limit_N_m is None:
+            message = f'must be given for a failure of {one.of} by "runaway", got nothing'
+            yield Issue(("wheel", place, "torque_limit_N_m"), message, (), True)
+        if one.factor is not None and not (
+            wheel.viscous_friction_N_m_s or wheel.coulomb_friction_N_m
+        ):
+            message = f"must be left out where {one.of} has no friction, got {shown(one.factor)}"
+            yield Issue(("failure", number, "factor"), f"{message} (friction_N_m gives it some)")
+
+
+@rule("failure", "control.law")
+def _failures_suit_the_law(failures, law):
+    sampled = law.declaration.sampled
+    for number, one in enumerate(failures):
+        if one.friction_N_m is not None and not sampled:
+            yield Issue(
+                ("failure", number, "friction_N_m"),
+                f'must be left out under the law "{law}", whose torque changes all the time: '
+                f"Coulomb friction needs a sampled law, got {shown(one.friction_N_m)}",
+            )
+
+
+@rule_over("failure", "control.law")
+def _what_has_seized_stays_so_under_a_continuous_law(values):
+    """Where it may be freed by a later failure of the same wheel, or by one that is drawn so."""
+    law, failures = values["control.law"], values["failure"]
+    if law.declaration.sampled:
+        return
+    drawn = {
+        name: any(key.startswith(f"dispersion.{name}.") for key in values)
+        for name in ("failure_time_s", "failure_kind", "failed_wheel")
+    }
+    wheels = [(number, one) for number, one in enumerate(failures) if one.part == "wheel"]
+    for number, one in wheels:
+        frees = any(
+            (other.of == one.of or drawn["failed_wheel"])
+            and (other.kind == "stopped" or drawn["failure_kind"])
+            and (other.at_s < one.at_s or drawn["failure_time_s"])
+            for place, other in wheels
+            if place != number
+        )
+        if frees:
+            yield Issue(
+                ("failure", number, "of"),
+                f'must not be a wheel that may have "stopped" before, under the law "{law}": only '
+                f"a sampled law lets one that has seized turn again, got {shown(one.of)}",
+            )
