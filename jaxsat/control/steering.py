@@ -8,9 +8,22 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.core.checks import as_float, as_optional_float, require_positive
-from jaxsat.spacecraft import Magnetorquers, nearest_within, wheel_momentum
+from jaxsat.spacecraft import (
+    ControlMomentGyros,
+    GyroStates,
+    Magnetorquers,
+    inverse_of,
+    nearest_within,
+    wheel_momentum,
+)
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.environment import DipoleField
+
+NEARLY_SINGULAR = 0.1
+"""det(A Aᵀ) of unit columns A below which rates of gimbals are damped; an even set has over 1."""
+
+DAMPING = 0.01
+"""What is added to A Aᵀ where its determinant is zero."""
 
 
 class AbstractSteering(eqx.Module):
@@ -18,9 +31,6 @@ class AbstractSteering(eqx.Module):
 
     kind: eqx.AbstractClassVar[str]
     """That of the effector of the body that is commanded."""
-
-    axes: eqx.AbstractVar[Float[Array, "3 k"]]
-    """A unit vector for each of them, body axes."""
 
     @abc.abstractmethod
     def __call__(
@@ -75,3 +85,47 @@ class MagneticSteering(AbstractSteering):
         working = jnp.where(jnp.any(self.shares != 0, axis=1), 1.0, 0.0)
         dipoles, _ = nearest_within(across, working, self.dipole_limit, shares)
         return dipoles, command - jnp.cross(self.axes @ dipoles, field)
+
+
+class GimbalSteering(AbstractSteering):
+    """Rates of gimbals that make a torque: A dδ/dt = τ, with A the columns of their reach.
+
+    τ is the law's command and ω × h, which cancels what the momentum h of the `gyros` does to a
+    body that turns. Rates are least squares within the limits of the gimbals; of a torque that they
+    cannot make, the greatest part is. Near a singular set of angles, where no rate makes a torque
+    about some axis, they are those of the singularity-robust inverse Aᵀ (A Aᵀ + λ 1)⁻¹, in which λ
+    grows from zero (Nakamura and Hanafusa, J. Dynamic Systems, Measurement and Control 108, 1986).
+    No rates are added that make no torque, so that angles may come to a singular set and stay.
+    `working` is 1 for each gyro that is commanded, 0 for others. What gyros do not make is left.
+    """
+
+    kind: ClassVar[str] = ControlMomentGyros.kind
+
+    gyros: ControlMomentGyros
+    working: Float[Array, " k"] = eqx.field(converter=as_float)
+
+    def __call__(
+        self, t: Float[Array, ""], state: PlantState, command: Float[Array, "3"]
+    ) -> tuple[Float[Array, " k"], Float[Array, "3"]]:
+        """The rate of each gimbal (rad/s), and the command left to others (N m)."""
+        own = state.find(GyroStates)
+        if own is None:
+            raise ValueError("Argument `state` must have the states of gyros, but has none.")
+        sound = jnp.zeros(self.gyros.failure_times.shape, bool)
+        reach = self.gyros.reach(t, state, own, sound, jnp.zeros_like(t))
+        size = jnp.sqrt(jnp.sum(reach.columns**2, axis=0))
+        turns = (size > 0) & (self.working > 0)
+        units = reach.columns / jnp.where(size > 0, size, 1.0)[None]
+        torque = command + jnp.cross(state.omega, self.gyros.momentum(own))
+        weight = jnp.where(turns, 1.0, 0.0)
+        wanted = weight * _robust(units * weight[None], torque)
+        used, _ = nearest_within(units, weight, size * reach.high, wanted)
+        return used / jnp.where(size > 0, size, 1.0), command - units @ used + (torque - command)
+
+
+def _robust(columns: Float[Array, "3 k"], torque: Float[Array, "3"]) -> Float[Array, " k"]:
+    """Uses of unit columns that make a torque (N m), damped where the columns lack a direction."""
+    square = columns @ columns.T
+    determinant = jnp.dot(square[0], jnp.cross(square[1], square[2]))
+    lack = jnp.maximum(1 - determinant / NEARLY_SINGULAR, 0.0)
+    return columns.T @ (inverse_of(square + DAMPING * lack**2 * jnp.eye(3)) @ torque)

@@ -111,8 +111,8 @@ class FlightController(eqx.Module):
         if loop.steering:
             one = loop.steering[0]
             raise CannotExport(
-                f"{one.kind}: must be left out of what becomes flight code, which does not steer "
-                f"it, got {one.axes.shape[1]}"
+                f"{one.kind}: must be left out of what becomes flight code, which has no part that "
+                f"steers it, got {type(one).__name__}"
             )
         navigation = loop.navigation
         if navigation is None:

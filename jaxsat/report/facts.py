@@ -12,6 +12,7 @@ from jaxsat.core.tolerances import Tolerances
 from jaxsat.report.document import Facts
 from jaxsat.scenario.laws import known_law
 from jaxsat.scenario.tables import OrbitTable
+from jaxsat.store.labels import PARTS
 
 
 def scenario_tables(dataset: xr.Dataset) -> dict[str, Any]:
@@ -65,7 +66,7 @@ def _actuators(scenario: Mapping[str, Any]) -> str:
         parts.append(
             f"{len(axes)} ideal thrusters{more}" + (f", failed: {failed}" if failed else "")
         )
-    for kind in ("thruster", "wheel", "magnetorquer"):
+    for kind in PARTS:
         tables = scenario.get(kind, ())
         if tables:
             failed = sum(bool(table.get("failed")) for table in tables)

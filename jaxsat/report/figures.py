@@ -106,7 +106,7 @@ def torque_figure(
     ranged = "torque_max" in dataset
     held = "constraint_torque" in dataset
     count = (len(names) if ranged else 1) + held + 1
-    others = {"wheel_torque", "dipole"} & set(dataset.data_vars)
+    others = {"wheel_torque", "dipole", "gimbal_rate"} & set(dataset.data_vars)
     heading = figure_title(
         dataset, "torque of all actuators" if others else "thruster torque", title
     )

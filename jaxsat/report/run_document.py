@@ -95,12 +95,13 @@ def _actuation(dataset: xr.Dataset) -> dict[str, str]:
     peak = np.nanmax(np.abs(np.concatenate([dataset[one].values for one in told])), axis=0)
     found = {"torque": f"at most {_numbers(peak)} N m{'' if ranged else ' at the saved times'}"}
     if "effort" in dataset:
-        several = {"wheel_momentum", "dipole"} & set(dataset)
+        several = {"wheel_momentum", "dipole", "gimbal_rate"} & set(dataset)
         by = "all actuators" if several else "the thrusters"
         found["effort"] = f"{_numbers(dataset['effort'])} N m s by {by}"
-    for name, what in (("wheel_momentum", "wheels"), ("dipole", "magnetorquers")):
+    parts = {"wheel_momentum": "wheels", "dipole": "magnetorquers", "gimbal_rate": "gimbals"}
+    for name, what in parts.items():
         if name in dataset:
-            unit = {"A m2": "A m²"}.get(dataset[name].units, "N m s")
+            unit = {"A m2": "A m²", "rad s-1": "rad/s"}.get(dataset[name].units, "N m s")
             found[what] = f"at most {_numbers(abs(dataset[name]).max('time'))} {unit}"
     if "constraint_effort" in dataset:
         peak = float(abs(dataset["constraint_torque"]).max())

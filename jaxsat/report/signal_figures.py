@@ -17,7 +17,7 @@ from jaxsat.report.time_axes import (
     place_legend,
     shade_modes,
 )
-from jaxsat.store.labels import part_names
+from jaxsat.store.labels import PARTS, part_names
 
 OWN_FIGURES = frozenset(
     (
@@ -105,7 +105,7 @@ def signals_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
 def _labels(dataset: xr.Dataset, variable: xr.DataArray) -> list[str]:
     """What each column is of: a coordinate, or the name of a part of the spacecraft."""
     component = str(variable.dims[1])
-    if component in ("thruster", "wheel", "magnetorquer"):
+    if component in PARTS:
         return part_names(dataset.attrs.get("scenario", ""), component, variable.shape[1])
     return [str(one) for one in variable[component].values]
 

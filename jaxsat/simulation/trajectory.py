@@ -52,7 +52,8 @@ class Signals(eqx.Module):
     `mode` tells which part of a sampled controller is at work, by its own numbers (zero for
     continuous ones). `wheel_momentum` is that of each wheel relative to the body and `wheel_torque`
     what it does to the body along its axis, None without wheels; `dipole` (A m²) is that of each
-    magnetorquer, None without them. Of thrusters that push, `torque`
+    magnetorquer, None without them; `gimbal_angle` (rad) and `gimbal_rate` (rad/s) are those of
+    each control moment gyro, None without them. Of thrusters that push, `torque`
     is the mean over the period that begins here, and `thrust_level`, over full thrust, that until
     the next time; `propellant` (kg) and `valve_openings` have been used so far. They are
     None for other actuators. What is told of estimates is None without `jaxsat.control.navigation`:
@@ -77,6 +78,8 @@ class Signals(eqx.Module):
     wheel_momentum: Float[Array, "*times wheels"] | None = None
     wheel_torque: Float[Array, "*times wheels"] | None = None
     dipole: Float[Array, "*times k"] | None = None
+    gimbal_angle: Float[Array, "*times g"] | None = None
+    gimbal_rate: Float[Array, "*times g"] | None = None
     thrust_level: Float[Array, "*times m"] | None = None
     propellant: Float[Array, "*times"] | None = None
     valve_openings: Float[Array, "*times m"] | None = None

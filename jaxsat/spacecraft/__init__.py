@@ -1,7 +1,7 @@
 """The spacecraft: inertia, thrusters and what is left of them after failures, wheels,
 magnetorquers, sensors."""
 
-from jaxsat.core.declaration.failures import FailureKind, WheelFailureKind
+from jaxsat.core.declaration.failures import FailureKind, GimbalFailureKind, WheelFailureKind
 from jaxsat.spacecraft.actuators import (
     AbstractActuators,
     AbstractSmoothActuators,
@@ -11,11 +11,16 @@ from jaxsat.spacecraft.actuators import (
 )
 from jaxsat.spacecraft.allocation import LeastPropellant
 from jaxsat.spacecraft.bounded_least_squares import nearest_within
-from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext
+from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.failures import (
     AbstractFailures,
     FailureEvents,
     MagnetorquerFailures,
+)
+from jaxsat.spacecraft.gimbals import (
+    ControlMomentGyros,
+    GimbalFailures,
+    GyroStates,
 )
 from jaxsat.spacecraft.gyro import Gyro
 from jaxsat.spacecraft.holds import AbstractPulsedActuators, Consumption, Hold, Usage
@@ -59,13 +64,17 @@ __all__ = [
     "Actuators",
     "ActuatorsWithWheels",
     "Consumption",
+    "ControlMomentGyros",
     "DeltaSigma",
     "DrawnSensors",
     "Effect",
     "EffectorContext",
     "FailureEvents",
     "FailureKind",
+    "GimbalFailureKind",
+    "GimbalFailures",
     "Gyro",
+    "GyroStates",
     "Hold",
     "IdealThrottle",
     "LeastPropellant",
@@ -77,6 +86,7 @@ __all__ = [
     "PulsedActuatorsWithWheels",
     "PulsedThrusters",
     "Pulses",
+    "Reach",
     "Sensors",
     "Spacecraft",
     "StarTracker",

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.smooth import sat
 from jaxsat.spacecraft.axes import turned_axes
+from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.failures import FailureEvents
 from jaxsat.spacecraft.thrusters import Thrusters, allocation
 
@@ -54,6 +55,11 @@ class AbstractActuators(eqx.Module):
         """What each kind of effector of the body is asked for, by its kind; here none is."""
         del command
         return {}
+
+    def reach(self, struck: Bool[Array, " f"]) -> Reach:
+        """What thrusters can do once these failures have struck; here there are none."""
+        del struck
+        return Reach.none()
 
 
 class AbstractSmoothActuators(AbstractActuators):
@@ -141,6 +147,17 @@ class Actuators(AbstractActuators):
             return self
         gain, level, axes = self.failures.two_signed(struck, self.torque_axes)
         return dataclasses.replace(self, torque_axes=axes, gain=gain, level=level, failures=None)
+
+    def reach(self, struck: Bool[Array, " f"]) -> Reach:
+        """The torque of each thruster (N m), of either sign."""
+        now = self.after_failures(struck)
+        gain, level = 1.0, 0.0
+        if now.gain is not None and now.level is not None:
+            gain, level = jnp.abs(now.gain), now.level
+        room = jnp.where(gain > 0, self.limit, 0.0) * jnp.where(gain > 0, gain, 1.0)
+        held = level * jnp.where(jnp.isfinite(self.limit), self.limit, 0.0)
+        each = jnp.zeros(now.torque_axes.shape[1])
+        return Reach.free(now.torque_axes, each + held - room, each + held + room)
 
     def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
         """Positive for each thruster of which more than its limit is asked."""

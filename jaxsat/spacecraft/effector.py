@@ -11,10 +11,11 @@ once, and gives dω/dt back, from which the effector has the derivative of its o
 has D = -J_w a aᵀ, τ = a c and dh/dt = -c - J_w aᵀdω/dt, a magnetorquer D = 0, τ = m × B and no
 state. A failure that strikes at once is the same with an impulse for τ and a change of ω for dω/dt.
 
-Five things belong to an effector. Its *state* is integrated. Its *command* stays between samples or
+Six things belong to an effector. Its *state* is integrated. Its *command* stays between samples or
 comes from a continuous law. Its *mode* tells how it moves (a wheel rests, or is at its limit) and
 may depend on dω/dt. Its *piece* is made of mode and command, and is what the torque depends on
-until the mode changes. Its *failures* make of it another effector that fails no more.
+until the mode changes. Its *failures* make of it another effector that fails no more. Its *reach*
+is what it can do now, which is all that allocation and controllability know of it.
 """
 
 import abc
@@ -49,6 +50,32 @@ class EffectorContext(NamedTuple):
 
     place: CircularOrbit
     failures: tuple[tuple[int, Any], ...]
+
+
+class Reach(NamedTuple):
+    """What devices can do to the body now: `columns` @ use, each use from `low` to `high`.
+
+    The use of a device is the number that commands it, of a reaction wheel a torque (N m), of a
+    gimbal a rate (rad/s); its column is the torque on the body for one unit of it. `price` is what
+    a unit costs, in kg/s of propellant. A device that does not obey has `low` equal to `high`.
+    """
+
+    columns: Float[Array, "3 n"]
+    low: Float[Array, " n"]
+    high: Float[Array, " n"]
+    price: Float[Array, " n"]
+
+    @staticmethod
+    def free(
+        columns: Float[Array, "3 n"], low: Float[Array, " n"], high: Float[Array, " n"]
+    ) -> "Reach":
+        """That of devices whose use costs no propellant."""
+        return Reach(columns, low, high, jnp.zeros_like(low))
+
+    @staticmethod
+    def none() -> "Reach":
+        """That of nothing."""
+        return Reach.free(jnp.zeros((3, 0)), jnp.zeros(0), jnp.zeros(0))
 
 
 class AbstractEffector(eqx.Module):
@@ -120,6 +147,21 @@ class AbstractEffector(eqx.Module):
         self, state: PyTree, command: Float[Array, " count"], struck: Bool[Array, " f"]
     ) -> "tuple[AbstractEffector, Float[Array, ' count']]":
         """The effector that fails no more once these failures have struck, and its command."""
+
+    def reach(
+        self,
+        t: RealScalar,
+        plant: PlantState,
+        state: PyTree,
+        struck: Bool[Array, " f"],
+        span: RealScalar,
+    ) -> Reach:
+        """What the devices can do at time `t` (s) once these failures have struck.
+
+        That which they can go on doing for `span` seconds; of zero seconds, now.
+        """
+        del t, plant, state, struck, span
+        return Reach.none()
 
     # Motion: a mode, a piece, the effect and the derivative.
 

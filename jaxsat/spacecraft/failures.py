@@ -1,6 +1,7 @@
 """What happens to a thruster in flight: failures as events at a time."""
 
 import abc
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -61,6 +62,18 @@ class AbstractFailures(eqx.Module):
         amount = [one.amount(table) for one, (_, table) in zip(kind, failures, strict=True)]
         return cls(number, at, kind, amount)  # pyright: ignore[reportCallIssue]
 
+    def with_events(
+        self,
+        number: Float[Array, " f"],
+        at: Float[Array, " f"],
+        kind: Float[Array, " f"],
+        amount: Float[Array, " f"],
+    ) -> "AbstractFailures":
+        """As many other failures of the same actuators."""
+        names = [field.name for field in dataclasses.fields(self)]
+        events = dict(zip(names[:4], (number, at, kind, amount), strict=True))
+        return dataclasses.replace(self, **events)
+
     @property
     def count(self) -> int:
         """How many events there are."""
@@ -120,12 +133,21 @@ class FailureEvents(AbstractFailures):
         thruster works, is judged at the sample.
         """
         last = self.last(now >= self.at - t, torque.shape[1])
-        kind, amount = last.kind, last.amount
-        pauses = kind == FailureKind.INTERMITTENT
+        pauses = last.kind == FailureKind.INTERMITTENT
         since = t - jnp.where(pauses, last.since, t)
         within = since - CYCLE * jnp.floor(since / CYCLE)
-        silent = (kind == FailureKind.DEAD) | (kind == FailureKind.STUCK_AT)
-        silent = silent | (pauses & (within < amount * CYCLE))
+        return self._condition(last, torque, pauses & (within < last.amount * CYCLE))
+
+    def at_work(self, struck: Bool[Array, " f"], torque: Float[Array, "3 m"]) -> "Condition":
+        """State of all thrusters once those events have struck, in no pause of any."""
+        last = self.last(struck, torque.shape[1])
+        return self._condition(last, torque, jnp.zeros(torque.shape[1], bool))
+
+    def _condition(
+        self, last: LastFailure, torque: Float[Array, "3 m"], paused: Bool[Array, " m"]
+    ) -> "Condition":
+        kind, amount = last.kind, last.amount
+        silent = (kind == FailureKind.DEAD) | (kind == FailureKind.STUCK_AT) | paused
         held = (kind == FailureKind.STUCK_AT) | (kind == FailureKind.LEAKING)
         return Condition(
             jnp.where(silent, 0.0, jnp.where(kind == FailureKind.DEGRADED, amount, 1.0)),

@@ -9,6 +9,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.spacecraft.effector import Reach
+
 RealScalar = Float[Array, ""]
 
 
@@ -118,6 +120,11 @@ class AbstractPulsedActuators(eqx.Module):
         """What each kind of effector of the body is asked for, by its kind; here none is."""
         del command
         return {}
+
+    def reach(self, struck: Bool[Array, " f"]) -> Reach:
+        """What thrusters can do once these failures have struck; here there are none."""
+        del struck
+        return Reach.none()
 
     @abc.abstractmethod
     def finish(self, plan: PyTree, running: PyTree) -> tuple[PyTree, Usage]:

@@ -12,7 +12,7 @@ from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.spacecraft.axes import turned_axes, unit_axes
-from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext
+from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.environment.magnetic_field import DipoleField
 from jaxsat.spacecraft.failures import MagnetorquerFailures
 
@@ -71,6 +71,17 @@ class Magnetorquers(AbstractEffector):
         gain, level = self.failures.two_signed(struck, self.count)
         left = eqx.tree_at(lambda one: one.failures, self, None)
         return left, gain * self._dipoles(command) + level * self.dipole_limit
+
+    def reach(self, t, plant, state: None, struck, span) -> Reach:
+        """a × B of each axis a, in N m for one A m²: together the plane across the field B."""
+        del state, span
+        field = self.field.in_body(jnp.asarray(t), plant.attitude)
+        columns = jnp.cross(self.axes, field[:, None], axis=0)
+        gain, level = jnp.ones(self.count), jnp.zeros(self.count)
+        if self.failures is not None:
+            gain, level = self.failures.two_signed(struck, self.count)
+        most = self.dipole_limit
+        return Reach.free(columns, (level - jnp.abs(gain)) * most, (level + jnp.abs(gain)) * most)
 
     def _dipoles(self, command: Float[Array, " k"]) -> Float[Array, " k"]:
         return jnp.clip(command, -self.dipole_limit, self.dipole_limit)

@@ -8,6 +8,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.smooth import at_least, within
 from jaxsat.spacecraft.allocation import LeastPropellant
+from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.failures import Condition, FailureEvents
 from jaxsat.spacecraft.holds import AbstractPulsedActuators, Consumption, Hold, Usage
 from jaxsat.spacecraft.modulation import AbstractModulation, Pulses
@@ -155,6 +156,14 @@ class PulsedThrusters(AbstractPulsedActuators):
         if self.failures is None:
             return Condition.sound(self.thrusters.torque)
         return self.failures.condition(t, now, self.thrusters.torque)
+
+    def reach(self, struck: Bool[Array, " f"]) -> Reach:
+        """The duty of each, from what leaks to what is left of full thrust."""
+        condition = Condition.sound(self.thrusters.torque)
+        if self.failures is not None:
+            condition = self.failures.at_work(struck, self.thrusters.torque)
+        high = jnp.maximum(condition.gain, condition.floor)
+        return Reach(condition.torque, condition.floor, high, self.thrusters.flow)
 
     def under_way(self, plan, running):
         """Whether time is left."""

@@ -16,6 +16,7 @@ from jaxsat.core.allocation import (
 from jaxsat.core.checks import as_array, as_float, as_optional_float, require_positive
 from jaxsat.spacecraft.actuators import AbstractActuators, AbstractSmoothActuators
 from jaxsat.spacecraft.bounded_least_squares import nearest_within
+from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.holds import AbstractPulsedActuators
 from jaxsat.spacecraft.wheels import Wheels
 
@@ -116,6 +117,10 @@ class ActuatorsWithWheels(AbstractActuators):
             return self
         return dataclasses.replace(self, thrusters=self.thrusters.after_failures(struck))
 
+    def reach(self, struck: Bool[Array, " f"]) -> Reach:
+        """That of the thrusters."""
+        return Reach.none() if self.thrusters is None else self.thrusters.reach(struck)
+
     @property
     def event_count(self) -> int:
         """One for each wheel with a limit, and those of the thrusters."""
@@ -175,6 +180,10 @@ class PulsedActuatorsWithWheels(AbstractPulsedActuators):
     def commands(self, command: Float[Array, " torques"]) -> dict[str, Array]:
         """The torque that each wheel is to put on the body, N m."""
         return self.wheels.commands(command)
+
+    def reach(self, struck: Bool[Array, " f"]) -> Reach:
+        """That of the thrusters."""
+        return self.thrusters.reach(struck)
 
     def init(self) -> PyTree:
         """The thrusters' memory."""

@@ -26,7 +26,7 @@ from jaxsat.core.declaration.failures import WheelFailureKind
 from jaxsat.core.errors import ArgumentError
 from jaxsat.spacecraft import wheel_course
 from jaxsat.spacecraft.axes import unit_axes
-from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext
+from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.wheel_failures import WheelFailures
 from jaxsat.spacecraft.wheel_piece import WheelPiece
 from jaxsat.spacecraft.wheel_states import WheelStates, first_states
@@ -296,6 +296,35 @@ class Wheels(AbstractEffector):
         torque = condition.command(self.motor_torque(command), state.momentum, self.torque_limit)
         return wheels, torque
 
+    def reach(self, t, plant, state: WheelMomenta, struck, span) -> Reach:
+        """The torque of each motor that friction leaves, N m, whichever way the wheel turns.
+
+        Within the room that its momentum leaves. One that runs away makes its full torque.
+        """
+        del t, plant
+        momentum = state.momentum
+        motor = jnp.full_like(momentum, jnp.inf)
+        motor = motor if self.torque_limit is None else self.torque_limit
+        condition = None
+        wheels, full = self.driven(state, self.idle(), struck)[0], motor
+        if self.failures is not None:
+            condition = self.failures.condition(struck, self.count)
+            motor = jnp.where(condition.gain > 0, condition.gain * full, 0.0)
+        friction = wheels.decay * jnp.abs(momentum)
+        if wheels.coulomb_friction is not None:
+            friction = friction + wheels.coulomb_friction
+        high = jnp.maximum(motor - friction, 0.0)
+        low = -high
+        if condition is not None:
+            away = jnp.where(momentum < 0, full, -full)
+            low = jnp.where(condition.runaway, away, low)
+            high = jnp.where(condition.runaway, away, high)
+        if self.momentum_limit is not None:
+            down = _for_span(self.momentum_limit - momentum, span)
+            up = _for_span(self.momentum_limit + momentum, span)
+            low, high = jnp.clip(low, -down, up), jnp.clip(high, -down, up)
+        return Reach.free(self.axes, low, high)
+
     def without_corners(self) -> "Wheels":
         """The same without Coulomb friction and failures in flight."""
         return eqx.tree_at(
@@ -395,6 +424,13 @@ class Wheels(AbstractEffector):
                 "A wheel that has seized must not fail once more under a continuous controller, "
                 "whose state has no jump of the momentum that the body got."
             )
+
+
+def _for_span(room: Float[Array, " wheels"], span) -> Float[Array, " wheels"]:
+    """The torque (N m) that takes this room of momentum (N m s) in a time (s)."""
+    room = jnp.maximum(room, 0.0)
+    now = jnp.where(room > 0, jnp.inf, 0.0)
+    return jnp.where(span > 0, room / jnp.where(span > 0, span, 1.0), now)
 
 
 def wheel_momentum(state: Any) -> Float[Array, " wheels"] | None:

@@ -67,6 +67,8 @@ VARIABLES = {
     "wheel_momentum": _Variable(("wheel",), "N m s", "wheel momentum relative to the body"),
     "wheel_torque": _Variable(("wheel",), "N m", "wheel torque on the body along its axis"),
     "dipole": _Variable(("magnetorquer",), "A m2", "dipole of each magnetorquer along its axis"),
+    "gimbal_angle": _Variable(("gimbal",), "rad", "angle of each gimbal"),
+    "gimbal_rate": _Variable(("gimbal",), "rad s-1", "rate of each gimbal"),
     "attitude_estimate_error": _Variable(
         ("body_axis",), "rad", "rotation vector from estimated to true attitude in body axes"
     ),
@@ -87,7 +89,7 @@ VARIABLES = {
     ),
 }
 """Signals, each over `time`; those from `constraint_torque` on only where there is such a torque,
-thruster (a two-sided one counts as two), wheel, magnetorquer or estimate."""
+thruster (a two-sided one counts as two), wheel, magnetorquer, gimbal or estimate."""
 
 RANGES = {
     "least": ("torque_min", "least"),

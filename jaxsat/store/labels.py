@@ -15,7 +15,7 @@ AXES: dict[str, tuple[str, ...]] = {
 """By axis; the components along any other one are numbered from 1."""
 
 
-PARTS = ("thruster", "wheel", "magnetorquer")
+PARTS = ("thruster", "wheel", "magnetorquer", "gimbal")
 """The axes along which actuators stand, by their kind in a scenario."""
 
 SETTLED, UNSETTLED = "settled", "unsettled"

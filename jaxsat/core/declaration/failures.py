@@ -67,6 +67,18 @@ class WheelFailureKind(AbstractFailureKind):
     RUNAWAY = 5, "runaway", "full torque, the way that it turns, the positive one from rest"
 
 
+class GimbalFailureKind(AbstractFailureKind):
+    """How a control moment gyro fails."""
+
+    LOCKED = 0, "locked", "its gimbal keeps its angle"
+    RUN_DOWN = (
+        1,
+        "run-down",
+        "its rotor's momentum falls to 1/e in every time_constant_s",
+        "time_constant_s",
+    )
+
+
 def failure_kind(kinds: Iterable[AbstractFailureKind], table: Any) -> AbstractFailureKind:
     """The kind of a checked table `[[failure]]` among those of what it strikes.
 

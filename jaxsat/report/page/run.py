@@ -29,6 +29,7 @@ from jaxsat.report.run_document import failures_of, run_document, until_end
 from jaxsat.report.signal_figures import BOUND, further_signals
 from jaxsat.report.time_axes import mode_names
 from jaxsat.store.coarseness import coarseness
+from jaxsat.store.labels import PARTS
 
 GROUPS = {
     "Attitude": ("pointing_error_total", "pointing_error", "euler_angle", "w", "z"),
@@ -87,7 +88,7 @@ def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Document:
 
 def _named_parts(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> xr.Dataset:
     """With the names that the scenario gives to actuators in place of numbers."""
-    for kind in ("thruster", "wheel", "magnetorquer"):
+    for kind in PARTS:
         names = [str(table.get("name", n)) for n, table in enumerate(scenario.get(kind, ()), 1)]
         if dataset.sizes.get(kind) == len(names) == len(set(names)):
             dataset = dataset.assign_coords({kind: names})

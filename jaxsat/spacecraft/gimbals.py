@@ -1,0 +1,221 @@
+"""Single-gimbal control moment gyros: rotors of steady momentum that gimbals turn.
+
+Leve, Hamilton and Peck, Spacecraft Momentum Control Systems, 2015, sections 3.3 and 4.2. A rotor
+has the momentum H relative to the body along its spin axis, which a gimbal turns by the angle δ
+about the gimbal axis g. With s the spin axis at δ = 0, and t = g × s:
+
+    h = H (cos δ s + sin δ t),    τ = -dδ/dt H (cos δ t - sin δ s) - dH/dt h / H
+
+is the momentum and the torque on the body. Motors keep H as it is until a rotor runs down,
+dH/dt = -H / T. The inertia of the spacecraft has rotors and gimbals in it, and does not change with
+the angles; gimbals follow their commands at once, within a limit of their rates.
+"""
+
+from collections.abc import Sequence
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float
+
+from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
+from jaxsat.core.declaration.failures import GimbalFailureKind
+from jaxsat.core.errors import ArgumentError
+from jaxsat.spacecraft.axes import unit_axes
+from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
+from jaxsat.spacecraft.failures import AbstractFailures
+
+ACROSS = 1e-6
+"""The cosine between a gimbal axis and its spin axis that counts as zero."""
+
+
+class GimbalFailures(AbstractFailures):
+    """Failures of gyro number `gimbal`, of a `GimbalFailureKind`."""
+
+    gimbal: Float[Array, " f"] = eqx.field(converter=as_float)
+    at: Float[Array, " f"] = eqx.field(converter=as_float)
+    kind: Float[Array, " f"] = eqx.field(converter=as_float)
+    amount: Float[Array, " f"] = eqx.field(converter=as_float)
+
+    @property
+    def number(self) -> Float[Array, " f"]:
+        """That of the gyro which each strikes."""
+        return self.gimbal
+
+    def condition(
+        self, struck: Bool[Array, " f"], count: int
+    ) -> tuple[Bool[Array, " k"], Float[Array, " k"]]:
+        """Which of `count` gimbals are locked, and by what part (1/s) rotors slow down."""
+        last = self.last(struck, count)
+        runs_down = last.kind == GimbalFailureKind.RUN_DOWN
+        time = jnp.where(runs_down & (last.amount > 0), last.amount, 1.0)
+        return last.kind == GimbalFailureKind.LOCKED, jnp.where(runs_down, 1 / time, 0.0)
+
+
+class GyroStates(eqx.Module):
+    """The state of control moment gyros: gimbal angles (rad) and momenta of rotors (N m s)."""
+
+    angle: Float[Array, " k"] = eqx.field(converter=as_float)
+    momentum: Float[Array, " k"] = eqx.field(converter=as_float)
+
+
+class GyroPiece(NamedTuple):
+    """Gimbal rates (rad/s), and by what part rotors slow down (1/s)."""
+
+    rate: Float[Array, " k"]
+    slowing: Float[Array, " k"]
+
+
+class ControlMomentGyros(AbstractEffector):
+    """k single-gimbal control moment gyros, each of which is commanded a gimbal rate, rad/s.
+
+    `gimbal_axes` and `spin_axes` (3, k), the latter at gimbal angles of zero, are scaled to unit
+    length. `rotor_momentum` (N m s) is that of each rotor, `rate_limit` (rad/s) bounds gimbal
+    rates; each is one number, or one for each gyro. `failures` strike them in flight. `slowing`
+    (1/s) is that of rotors which have failed, None for none. Raises `ValueError` for axes that are
+    not perpendicular, a momentum of zero, and a rate limit that is not above zero and finite.
+    """
+
+    kind: ClassVar[str] = "gimbal"
+
+    gimbal_axes: Float[Array, "3 k"]
+    spin_axes: Float[Array, "3 k"]
+    rotor_momentum: Float[Array, " k"]
+    rate_limit: Float[Array, " k"]
+    failures: GimbalFailures | None
+    slowing: Float[Array, " k"] | None = eqx.field(converter=as_optional_float)
+
+    def __init__(
+        self,
+        gimbal_axes: ArrayLike | list,
+        spin_axes: ArrayLike | list,
+        rotor_momentum: ArrayLike | list,
+        rate_limit: ArrayLike | list,
+        failures: GimbalFailures | None = None,
+    ):
+        self.gimbal_axes = unit_axes(as_float(gimbal_axes))
+        self.spin_axes = unit_axes(as_float(spin_axes))
+        self.rotor_momentum = as_float(rotor_momentum) * jnp.ones(self.count)
+        self.rate_limit = as_float(rate_limit) * jnp.ones(self.count)
+        self.failures = failures
+        self.slowing = None
+
+    def __check_init__(self):
+        require_positive("rotor_momentum", self.rotor_momentum)
+        require_positive("rate_limit", self.rate_limit)
+        if self.spin_axes.shape != self.gimbal_axes.shape:
+            rule = f"must have the shape {self.gimbal_axes.shape} of `gimbal_axes`"
+            raise ArgumentError("spin_axes", rule, self.spin_axes.shape)
+        gimbal, spin = concrete(self.gimbal_axes), concrete(self.spin_axes)
+        if gimbal is None or spin is None:
+            return
+        cosine = np.abs(np.sum(gimbal * spin, axis=0))
+        if np.any(cosine > ACROSS):
+            rule = "must be perpendicular to `gimbal_axes`"
+            raise ArgumentError("spin_axes", rule, f"cosines up to {cosine.max():.3g}")
+
+    @classmethod
+    def from_tables(
+        cls, tables: Sequence[Any], context: EffectorContext
+    ) -> "tuple[ControlMomentGyros, GyroStates]":
+        """Those of checked tables `[[gimbal]]` of a scenario, and their states at the start."""
+
+        def each(key: str) -> np.ndarray:
+            return np.array([getattr(one, key) for one in tables], float)
+
+        gyros = cls(
+            each("axis").T,
+            each("spin_axis").T,
+            each("rotor_momentum_N_m_s"),
+            each("rate_limit_rad_s"),
+            GimbalFailures.of_tables(context.failures, GimbalFailureKind),
+        )
+        return gyros, GyroStates(each("angle_rad"), gyros.rotor_momentum)
+
+    @property
+    def count(self) -> int:
+        """How many gyros there are."""
+        return self.gimbal_axes.shape[1]
+
+    def directions(
+        self, angle: Float[Array, " k"]
+    ) -> tuple[Float[Array, "3 k"], Float[Array, "3 k"]]:
+        """Unit vectors along each rotor, and along what its momentum changes by."""
+        across = jnp.cross(self.gimbal_axes, self.spin_axes, axis=0)
+        cosine, sine = jnp.cos(angle)[None], jnp.sin(angle)[None]
+        along = cosine * self.spin_axes + sine * across
+        return along, cosine * across - sine * self.spin_axes
+
+    # State, effect and derivative.
+
+    def init(self) -> GyroStates:
+        """Angles of zero, and all rotors at their momentum."""
+        return GyroStates(jnp.zeros(self.count), self.rotor_momentum)
+
+    def with_momenta(self, state: GyroStates, change) -> GyroStates:
+        """That of each rotor changed; an angle is the same in a body of any size."""
+        return GyroStates(state.angle, change(state.momentum))
+
+    def momentum(self, state: GyroStates) -> Float[Array, "3"]:
+        """Σ h in body axes, N m s."""
+        return self.directions(state.angle)[0] @ state.momentum
+
+    def _rates(self, command: Float[Array, " k"]) -> Float[Array, " k"]:
+        return jnp.clip(command, -self.rate_limit, self.rate_limit)
+
+    def piece(self, mode: tuple, command: Float[Array, " k"]) -> GyroPiece:
+        """Gimbal rates within their limits."""
+        del mode
+        slowing = jnp.zeros(self.count) if self.slowing is None else self.slowing
+        return GyroPiece(self._rates(command), slowing)
+
+    def effect(self, piece: GyroPiece, t, plant, state: GyroStates) -> Effect:
+        """-dh/dt as it is relative to the body."""
+        del t, plant
+        along, change = self.directions(state.angle)
+        momentum = state.momentum
+        return Effect(along @ (piece.slowing * momentum) - change @ (piece.rate * momentum))
+
+    def derivative(self, piece: GyroPiece, plant, state: GyroStates, acceleration) -> GyroStates:
+        """dδ/dt and dH/dt."""
+        del plant, acceleration
+        return GyroStates(piece.rate, -piece.slowing * state.momentum)
+
+    def signals(self, piece: GyroPiece, state: GyroStates, acceleration) -> dict[str, Array]:
+        """The rate of each gimbal."""
+        del state, acceleration
+        return {"gimbal_rate": piece.rate}
+
+    def stored(self, state: GyroStates) -> dict[str, Array]:
+        """The angle of each gimbal."""
+        return {"gimbal_angle": state.angle}
+
+    # Failures in flight, and what is left.
+
+    def _condition(self, struck: Bool[Array, " f"]) -> tuple[Bool[Array, " k"], Float[Array, " k"]]:
+        if self.failures is None:
+            return jnp.zeros(self.count, bool), jnp.zeros(self.count)
+        return self.failures.condition(struck, self.count)
+
+    def driven(
+        self, state: GyroStates, command: Float[Array, " k"], struck: Bool[Array, " f"]
+    ) -> "tuple[ControlMomentGyros, Float[Array, ' k']]":
+        """Gyros that fail no more, and the rate of each gimbal that is not locked, rad/s."""
+        if self.failures is None:
+            return self, command
+        locked, slowing = self._condition(struck)
+        left = eqx.tree_at(
+            lambda one: (one.failures, one.slowing),
+            self,
+            (None, slowing),
+            is_leaf=lambda x: x is None,
+        )
+        return left, jnp.where(locked, 0.0, command)
+
+    def reach(self, t, plant, state: GyroStates, struck, span) -> Reach:
+        """-H (cos δ t - sin δ s) of each gyro, in N m for one rad/s of its gimbal."""
+        del t, plant, span
+        _, change = self.directions(state.angle)
+        rate = jnp.where(self._condition(struck)[0], 0.0, self.rate_limit)
+        return Reach.free(-change * state.momentum[None], -rate, rate)
