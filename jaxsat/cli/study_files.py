@@ -135,10 +135,12 @@ def write_one_case(
     """One case again, as a folder like that of `jaxsat simulate`."""
     from jaxsat.cli.simulate import figures_of
     from jaxsat.report.saving import save_figures
-    from jaxsat.store import OutputError, OutputFolder, dataset_bytes
+    from jaxsat.store import OutputError, OutputFolder
 
     try:
         with dask_unseen(), OutputFolder(target, kind="run", overwrite=overwrite) as folder:
+            from jaxsat.store import dataset_bytes  # imports xarray
+
             dataset, drawn = interruptibly(lambda: replayed(scenario, study, number))
             folder.write("scenario.toml", dataset.attrs["scenario"])
             folder.write("trajectory.nc", dataset_bytes(dataset))

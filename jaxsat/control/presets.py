@@ -27,7 +27,7 @@ from jaxsat.control.oscillatory import AbstractDemand, MorinSamson, Oscillator, 
 from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, Steady
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
-from jaxsat.core.checks import as_float
+from jaxsat.core.checks import as_float, numpy_if_known
 from jaxsat.core.declaration.scaling import Scaling, in_seconds
 from jaxsat.core.declaration.settling import TUNED_PERIOD
 from jaxsat.core.declaration.settling import holding_amplitude as own_amplitude
@@ -270,7 +270,8 @@ def _estimator(
 
 def _balanced(fine: FineStage) -> Float[jax.Array, ""]:
     """A drift at rest (rad/s²) for which the attitude is not changed."""
-    return BALANCED * fine.oscillator.form.coupling * fine.holding_amplitude**2 / 2
+    _, coupling, amplitude = numpy_if_known(fine.oscillator.form.coupling, fine.holding_amplitude)
+    return as_float(BALANCED * coupling * amplitude**2 / 2)
 
 
 def _moments(form: NormalForm) -> list[float]:

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxsat.core.checks import as_array, as_float, concrete, require_inertia
+from jaxsat.core.checks import as_array, as_float, concrete, numpy_if_known, require_inertia
 
 
 def _as_inertia(value: ArrayLike | list | tuple) -> Float[Array, "3 3"]:
@@ -23,9 +23,10 @@ def _as_inertia(value: ArrayLike | list | tuple) -> Float[Array, "3 3"]:
 
 def inverse_of(inertia: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
     """Inverse of an inertia by cofactors: cheap inside a loop and free of LAPACK."""
-    a, b, c = inertia
-    cofactors = jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)])
-    return cofactors.T / jnp.dot(a, cofactors[0])
+    xp, (a, b, c) = numpy_if_known(inertia)
+    cofactors = xp.stack([xp.cross(b, c), xp.cross(c, a), xp.cross(a, b)])
+    inverse = cofactors.T / xp.dot(a, cofactors[0])
+    return as_array(inverse) if isinstance(inverse, np.ndarray) else inverse
 
 
 class Spacecraft(eqx.Module):
@@ -45,6 +46,9 @@ class Spacecraft(eqx.Module):
     @property
     def moments(self) -> Float[Array, "3"]:
         """The diagonal of the inertia, J1, J2, J3 of equation (37), kg m²."""
+        known = concrete(self.inertia)
+        if known is not None:
+            return as_array(np.diagonal(known))
         a, b, c = self.inertia
         return jnp.stack([a[0], b[1], c[2]])  # far fewer operations than jnp.diagonal
 

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jaxsat.core.allocation import unit_columns
-from jaxsat.core.checks import as_float, concrete, require_finite, require_positive
+from jaxsat.core.checks import as_float, concrete, numpy_if_known, require_finite, require_positive
 from jaxsat.core.declaration.failures import WheelFailureKind
 from jaxsat.core.errors import ArgumentError
 from jaxsat.spacecraft import wheel_course
@@ -129,7 +129,10 @@ class Wheels(AbstractEffector):
         return wheels, WheelMomenta(np.array([one.momentum_N_m_s for one in tables]))
 
     def _of_each(self, value: OfEach) -> Float[Array, " wheels"] | None:
-        return None if value is None else as_float(value) * jnp.ones(self.count)
+        if value is None:
+            return None
+        xp, numbers = numpy_if_known(as_float(value))
+        return as_float(xp.broadcast_to(numbers, (self.count,)))
 
     @property
     def count(self) -> int:

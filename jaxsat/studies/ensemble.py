@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.core.checks import require_counts
@@ -128,7 +127,7 @@ class Study:
 
     def replay(self, number: int) -> Replay:
         """One case again, with its history and the bits that it has in any study."""
-        case = jax.tree.map(lambda x: jnp.asarray(x[0]), self.cases(np.array([number])))
+        case = jax.tree.map(lambda x: x[0], self.cases(np.array([number])))
         return self.engine.replay(self.program, case, self.gains)
 
     def columns(self) -> dict[str, Column]:

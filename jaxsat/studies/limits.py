@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 import jaxsat.core.ranges as ranges
-from jaxsat.core.checks import as_float, concrete
+from jaxsat.core.checks import as_float, concrete, numpy_if_known
 from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.simulation.parts import failures_of, parts_of
@@ -58,8 +58,7 @@ def changing(
 def limits_of_change(values: Range, nominal: Float[Array, " n"]) -> Limits:
     """Relative changes that keep nominal numbers in their range; zero remains zero whatever it is
     multiplied with."""
-    known = concrete(nominal)
-    xp, numbers = (jnp, nominal) if known is None else (np, known)  # which compiles nothing
+    xp, numbers = numpy_if_known(nominal)
     safe = xp.where(numbers == 0, 1.0, numbers)
     one, other = values.low / safe, values.high / safe
     free = xp.where(numbers == 0, xp.inf, 0.0)
@@ -68,10 +67,10 @@ def limits_of_change(values: Range, nominal: Float[Array, " n"]) -> Limits:
 
 def of_products(loop: AbstractLoop) -> Limits:
     """Jij² < Ji Jj, else some axis has a negative moment; what else must hold the draw tells."""
-    inertia, moments = loop.plant.spacecraft.inertia, moments_of(loop)
+    xp, inertia, moments = numpy_if_known(loop.plant.spacecraft.inertia, moments_of(loop))
     first, second = np.array([0, 0, 1]), np.array([1, 2, 2])
-    widest = jnp.sqrt(moments[first] * moments[second])
-    least, there = jnp.min(moments), inertia[first, second]
+    widest = xp.sqrt(moments[first] * moments[second])
+    least, there = xp.min(moments), inertia[first, second]
     return Limits((-widest - there) / least, (widest - there) / least)
 
 

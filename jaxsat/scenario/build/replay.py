@@ -3,8 +3,9 @@
 from typing import TYPE_CHECKING
 
 import jax
-import jax.numpy as jnp
+import numpy as np
 
+from jaxsat.core.checks import as_array
 from jaxsat.scenario import Scenario, dump
 from jaxsat.simulation import Assessment, Trajectory
 from jaxsat.store import trajectory_dataset
@@ -21,16 +22,14 @@ def replay_case(scenario: Scenario, study: Study, number: int) -> "xr.Dataset":
     and the values drawn for it (`drawn_NAME`). It has every observed instant.
     """
     replay = study.replay(number)
-    steps = jnp.array(len(replay.times) - 1)
-    signals = jax.tree.map(jnp.asarray, replay.signals)
-    code = jnp.asarray(replay.outputs.code)
-    settled, unknown = jnp.asarray(replay.outputs.settling_time), jnp.asarray(jnp.nan)
+    steps, unknown = as_array(np.array(len(replay.times) - 1)), as_array(np.array(np.nan))
+    outputs, signals = jax.tree.map(as_array, (replay.outputs, replay.signals))
     attitude = scenario.law.declaration.regulates_attitude
+    settled, error = outputs.settling_time, outputs.integration_error
     assessment = Assessment(settled, unknown) if attitude else Assessment(unknown, settled)
-    error = replay.outputs.integration_error
-    times, ranges = jnp.asarray(replay.times), signals.torque_range
+    times, ranges = as_array(replay.times), signals.torque_range
     dataset = trajectory_dataset(
-        Trajectory(times, signals, None, code, steps, assessment, ranges, error),
+        Trajectory(times, signals, None, outputs.code, steps, assessment, ranges, error),
         title=scenario.title,
         scenario=dump(scenario),
         modes=getattr(scenario.law.controller, "modes", None),
