@@ -5,8 +5,6 @@ themselves, so that one mistake hides no other.
 """
 
 from jaxsat.core.allocation import allocation_matrix, torque_directions
-from jaxsat.core.declaration.laws import LAWS
-from jaxsat.core.declaration.sensors import DELAY, GYRO_KEYS, TRACKER_KEYS
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.scenario.coordinates import (
     ERROR_COORDINATE_KEYS,
@@ -17,16 +15,12 @@ from jaxsat.scenario.coordinates import (
 )
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.wheels import limit_of_wheels
-from jaxsat.scenario.rules import at, rule, rule_over
+from jaxsat.scenario.rules import at, is_multiple, rule, rule_over
 from jaxsat.scenario.tables import working_axes
 from jaxsat.scenario.wording import shown
 
 MAX_SAMPLES = 2_000_000
 """Of one run; their signals take a third of a gigabyte."""
-
-ROUNDING = 1e-9
-"""How far a time may be from a whole multiple, relative to itself, and never more than a ten
-millionth of what it is a multiple of."""
 
 
 @rule("spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters")
@@ -193,12 +187,6 @@ def _dwells_within_the_run(dwell, duration):
         )
 
 
-def is_multiple(whole: float, part: float) -> bool:
-    """Whether `whole` is `part` a whole number of times, up to rounding."""
-    count = round(whole / part)
-    return count >= 1 and abs(count * part - whole) <= min(ROUNDING * whole, 1e-7 * part)
-
-
 @rule_over("simulation.coordinates", *ERROR_COORDINATE_KEYS)
 def _error_coordinates_hold(values):
     obstacle = error_coordinate_obstacle(values)
@@ -284,30 +272,3 @@ def _no_fixed_steps_across_jumps(values):
             f"large as the state; round it ({' and '.join(law.declaration.jumps_without)} above "
             f"0) or leave the torque unlimited, got {shown(steps if steps == 'fixed' else step)}",
         )
-
-
-def _needs_a_sampled_law(table: str, key: str) -> None:
-    """Register that a table, known by one of its keys, belongs to a sampled law."""
-
-    @rule("control.law", f"{table}.{key}")
-    def _check(law, value):
-        del value
-        if not law.declaration.sampled:
-            allowed = ", ".join(
-                f'"{name}"' for name, known in LAWS.items() if known.declaration.sampled
-            )
-            yield at(table, f'must belong to a sampled law ({allowed}), got "{law}"')
-
-
-for _table, _key in (
-    ("sampling", DELAY),
-    ("gyro", GYRO_KEYS[0]),
-    ("star_tracker", TRACKER_KEYS[0]),
-):
-    _needs_a_sampled_law(_table, _key.name)
-
-
-@rule("control.period_s", "sampling.delay_s")
-def _delay_within_a_period(period, delay):
-    if delay > period:
-        yield at("sampling.delay_s", f"must be at most control.period_s, got {shown(delay)}")

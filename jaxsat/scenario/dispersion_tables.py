@@ -1,4 +1,4 @@
-"""The `[dispersion]` and `[sampling]` tables: what differs between the cases of a study."""
+"""The `[dispersion]` table: what differs between the cases of a study."""
 
 from typing import Annotated, Any, Literal
 
@@ -6,9 +6,8 @@ from annotated_types import Len
 from pydantic import Discriminator, Tag, model_validator
 
 from jaxsat.core.declaration.quantities import DISPERSIBLE, DispersibleQuantity
-from jaxsat.core.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.core.errors import ArgumentError
-from jaxsat.scenario.declared import fields_of, table_with
+from jaxsat.scenario.declared import table_with
 from jaxsat.scenario.quantities import Number, Switch, Table, choice, quantity
 
 NumberOrList = Annotated[
@@ -78,7 +77,3 @@ class DispersionTable(table_with({one.key: _dispersed(one) for one in DISPERSIBL
         """Those given, by the name of the quantity, in the order in which they are applied."""
         tables = {name: getattr(self, one.key) for name, one in DISPERSIBLE.items()}
         return {name: table for name, table in tables.items() if table is not None}
-
-
-class SamplingTable(table_with(fields_of((*SENSOR_KEYS, DELAY)))):
-    """`[sampling]`: what is between a sampled law and the plant."""

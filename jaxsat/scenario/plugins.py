@@ -22,7 +22,6 @@ from types import ModuleType
 from typing import Any
 
 from jaxsat.core.declaration import LawDeclaration, PartDeclaration
-from jaxsat.core.declaration.sensors import ESTIMATORS
 from jaxsat.core.errors import FOREIGN, JaxsatError
 from jaxsat.core.once import once
 
@@ -70,7 +69,7 @@ ESTIMATOR = PluginKind(
     "jaxsat.estimators",
     ("jaxsat.control.navigation:AbstractEstimator",),
     PartDeclaration,
-    own=ESTIMATORS,
+    own=("mekf", "none"),
 )
 
 

@@ -109,6 +109,17 @@ def _in_order(low: str, high: str, values: Values) -> Iterator[Issue]:
         yield at(f"control.{low}", f"must not exceed {high} = {shown(other)}, got {shown(one)}")
 
 
+ROUNDING = 1e-9
+"""How far a time may be from a whole multiple, relative to itself, and never more than a ten
+millionth of what it is a multiple of."""
+
+
+def is_multiple(whole: float, part: float) -> bool:
+    """Whether `whole` is `part` a whole number of times, up to rounding."""
+    count = round(whole / part)
+    return count >= 1 and abs(count * part - whole) <= min(ROUNDING * whole, 1e-7 * part)
+
+
 def at(key: str, message: str, missing: bool = False) -> Issue:
     """An issue at a dotted key."""
     return Issue(tuple(key.split(".")), message, (), missing)

@@ -15,20 +15,24 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from jaxsat.core.declaration.laws import Law
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
-from jaxsat.scenario import sensor_checks as _sensor_checks  # noqa: F401
 from jaxsat.scenario import tuning_checks as _tuning_checks  # noqa: F401
 from jaxsat.scenario.control_tables import ControlTable
-from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
+from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.panel_tables import PanelTable
 from jaxsat.scenario.part_tables import ActuatorsOfAKind, DisturbanceTable
 from jaxsat.scenario.parts.failures import FailureTable
 from jaxsat.scenario.parts.magnetorquers import UnloadingTable
 from jaxsat.scenario.parts.registry import ACTUATORS
+from jaxsat.scenario.parts.sensors import (
+    EstimatorOfAKind,
+    GyroTable,
+    SamplingTable,
+    StarTrackerTable,
+)
 from jaxsat.scenario.parts.thrusters import ModulationTable
 from jaxsat.scenario.quantities import Line, Table, Text, choice
 from jaxsat.scenario.rules import broken_rules
-from jaxsat.scenario.sensor_tables import EstimatorOfAKind, GyroTable, StarTrackerTable
 from jaxsat.scenario.tables import (
     InitialTable,
     OrbitTable,

@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxsat.core.checks import as_float, numpy_if_known, require_finite, require_positive
-from jaxsat.core.declaration.sensors import GYRO_KEYS
 
 
 def _as_three(value: ArrayLike | list | tuple) -> Float[Array, "3"]:
@@ -53,12 +52,17 @@ class Gyro(eqx.Module):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any]) -> "Gyro":
-        """That of a checked table with the keys `jaxsat.core.declaration.sensors.GYRO_KEYS`."""
-        density, walk, bias, sigma, scale, misalignment, limit = (
-            values[own.name] for own in GYRO_KEYS
+        """That of a checked table `[gyro]` of a scenario."""
+        limit = values["limit_rad_s"]
+        return cls(
+            values["noise_density_rad_s_sqrt_Hz"],
+            values["bias_walk_rad_s2_sqrt_Hz"],
+            values["bias_rad_s"],
+            values["bias_sigma_rad_s"],
+            values["scale_factor"],
+            values["misalignment_rad"],
+            np.inf if limit is None else limit,
         )
-        limit = np.inf if limit is None else limit
-        return cls(density, walk, bias, sigma, scale, misalignment, limit)
 
     def rate_variance(self, period: Float[Array, ""]) -> Float[Array, ""]:
         """Variance of the white noise of one sample, (rad/s)², for samples `period` s apart."""

@@ -11,7 +11,6 @@ from numpy.typing import DTypeLike
 
 from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_float, require_positive
-from jaxsat.core.declaration.sensors import SENSOR_KEYS
 from jaxsat.core.noise import sample_noise
 
 
@@ -38,9 +37,8 @@ class Sensors(eqx.Module):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], key: UInt32[Array, "2"]) -> "Sensors":
-        """Those of a checked table with the keys `jaxsat.core.declaration.sensors.SENSOR_KEYS`."""
-        rate_noise, attitude_noise = (values[own.name] for own in SENSOR_KEYS)
-        return cls(rate_noise, attitude_noise, key)
+        """Those of a checked table `[sampling]` of a scenario."""
+        return cls(values["rate_noise_rad_s"], values["attitude_noise_rad"], key)
 
     def __call__(
         self, sample: Int[Array, ""], attitude: AbstractAttitude, omega: Float[Array, "3"]

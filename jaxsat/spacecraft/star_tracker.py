@@ -17,7 +17,6 @@ from jaxsat.core.checks import (
     require_counts,
     require_positive,
 )
-from jaxsat.core.declaration.sensors import TRACKER_KEYS
 from jaxsat.core.errors import ArgumentError
 
 Queue = TypeVar("Queue")
@@ -74,16 +73,18 @@ class StarTracker(eqx.Module):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], period: float) -> "StarTracker":
-        """That of a checked table with the keys `jaxsat.core.declaration.sensors.TRACKER_KEYS`.
-
-        `period` (s) is that of the law.
-        """
-        across, along, boresight, update, latency, limit, *outage = (
-            values[own.name] for own in TRACKER_KEYS
+        """That of a checked table `[star_tracker]` of a scenario; `period` (s) is the law's."""
+        update, limit = values["update_period_s"], values["rate_limit_rad_s"]
+        return cls(
+            values["across_rad"],
+            values["along_rad"],
+            values["boresight"],
+            1 if update is None else round(update / period),
+            round(values["latency_s"] / period),
+            np.inf if limit is None else limit,
+            values["outage_start_s"],
+            values["outage_s"],
         )
-        every = 1 if update is None else round(update / period)
-        limit = np.inf if limit is None else limit
-        return cls(across, along, boresight, every, round(latency / period), limit, *outage)
 
     @property
     def deviations(self) -> Float[Array, "3"]:

@@ -24,12 +24,13 @@ from helpers.magnetic import document
 from jaxsat.core import search_path
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.disturbances import DISTURBANCES
-from jaxsat.core.declaration.sensors import ESTIMATORS, GYRO_KEYS, TRACKER_KEYS
 from jaxsat.scenario.build.run import build_loop
 from jaxsat.scenario.laws import find_law
 from jaxsat.scenario.parts.magnetorquers import MAGNETORQUER
+from jaxsat.scenario.parts.sensors import GYRO_KEYS, TRACKER_KEYS
 from jaxsat.scenario.parts.thrusters import IDEAL_KINDS, THRUSTER
 from jaxsat.scenario.parts.wheels import WHEEL
+from jaxsat.scenario.plugins import ESTIMATOR
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
@@ -234,7 +235,7 @@ class Part(NamedTuple):
 OF_JAXSAT = [ideal, pulsed, wheels, magnetorquers, noise_and_delay, disturbances, panels]
 OF_JAXSAT += [failing_ideal_thrusters, failing_pulsed_thrusters, failing_magnetorquers]
 OF_JAXSAT += [failing_wheels, failing_wheels_without_rotors]
-PARTS = [Part(one.__name__, one) for one in OF_JAXSAT] + [estimated(kind) for kind in ESTIMATORS]
+PARTS = [Part(one.__name__, one) for one in OF_JAXSAT] + [estimated(kind) for kind in ESTIMATOR.own]
 PARTS += [Part("tachometers", tachometers, "healthy.natural_frequency")]
 PLUGINS = [
     Part("law_of_the_docs", law_of_the_docs, "kp"),

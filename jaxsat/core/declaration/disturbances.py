@@ -8,8 +8,7 @@ _ZERO = (0.0, 0.0, 0.0)
 
 
 def _vector(name: str, meaning: str, unit: str, values: Range):
-    low, high = values
-    return number(name, meaning, unit, at_least=low, at_most=high, size=3, default=_ZERO)
+    return number(name, meaning, unit, within=values, size=3, default=_ZERO)
 
 
 PERIODIC = PartDeclaration(

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from jaxsat.core.ranges import Range
+
 LARGEST = 1e12
 """Size of a number whose declaration has no bound of its own."""
 
@@ -81,6 +83,7 @@ def number(
     meaning: str,
     unit: str = "1",
     *,
+    within: Range | None = None,
     above: float | int | None = None,
     at_least: float | int | None = None,
     at_most: float | int = LARGEST,
@@ -92,9 +95,12 @@ def number(
 ) -> Key:
     """Declare a number, or a list of `size` of them, with its unit in SI ("1" for none).
 
-    `tunable=True` says that `jaxsat tune` may change it and that the attribute of the built object
-    has the name of the key; a text is its dotted path. Only numbers above 0 are tuned.
+    Its bounds are those of the range `within`, or each by itself. `tunable=True` says that
+    `jaxsat tune` may change it and that the attribute of the built object has the name of the key;
+    a text is its dotted path. Only numbers above 0 are tuned.
     """
+    if within is not None:
+        at_least, at_most = within
     kind = Numeric(above, at_least, at_most, size, or_one)
     path = name if tunable is True else tunable or None
     return Key(name, meaning, unit, kind, default, path, width)

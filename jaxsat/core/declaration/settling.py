@@ -80,8 +80,7 @@ _COMMON_KEYS = (
         "period_s",
         "Time between two runs of the controller; the gains are tuned for 0.1",
         "s",
-        at_least=SECONDS.low,
-        at_most=SECONDS.high,
+        within=SECONDS,
         default=TUNED_PERIOD,
     ),
 )

@@ -60,8 +60,7 @@ _KEYS = (
         "period_s",
         "Time between two runs of the controller",
         "s",
-        at_least=SECONDS.low,
-        at_most=SECONDS.high,
+        within=SECONDS,
     ),
     number(
         SLOPE_LIMITS[0],

@@ -6,6 +6,8 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
+from jaxsat.control.context import WheelContext
+from jaxsat.control.steering import MagneticSteering
 from jaxsat.core.allocation import (
     direction_matrix,
     least_squares_map,
@@ -13,11 +15,13 @@ from jaxsat.core.allocation import (
     unit_columns,
 )
 from jaxsat.core.checks import as_array, as_float
-from jaxsat.scenario.build.failures import failing
+from jaxsat.scenario.build.plant import place_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
-from jaxsat.scenario.build.pulsed_thrusters import pulsed_thrusters
+from jaxsat.scenario.build.sensors import tachometer_noise
+from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
+from jaxsat.scenario.parts.magnetorquers import UnloadingTable
 from jaxsat.scenario.parts.thrusters import working_torques
-from jaxsat.scenario.parts.wheels import failed_wheels, wheel_axes, wheels_make_all
+from jaxsat.scenario.parts.wheels import failed_wheels, left_by_wheels, wheel_axes, wheels_make_all
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft import (
@@ -26,10 +30,13 @@ from jaxsat.spacecraft import (
     ActuatorContext,
     Actuators,
     ActuatorsWithWheels,
+    EffectorContext,
+    Magnetorquers,
     NoThrusters,
     PulsedActuatorsWithWheels,
     Thrusters,
     WheelDrives,
+    Wheels,
 )
 
 
@@ -97,3 +104,31 @@ def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
         shared = as_array(direction_matrix(known, torque_directions(known)))
         return Actuators(thrusters.torque_axes, shared, as_float(limit))
     return Actuators.of(thrusters, limit, torques)
+
+
+def wheel_context(scenario: Scenario) -> WheelContext | None:
+    """What a law that commands each wheel is told of them; None for others."""
+    if not scenario.law.declaration.commands_wheels:
+        return None
+    wheels, _ = Wheels.from_tables(scenario.wheel, EffectorContext(place_of(scenario.orbit), ()))
+    delay = 0.0 if scenario.sampling is None else scenario.sampling.delay_s
+    failed = np.array([one.failed for one in scenario.wheel])
+    return WheelContext(wheels, failed, tachometer_noise(scenario), delay, rate_noise(scenario))
+
+
+def build_steering(scenario: Scenario, torquers: Magnetorquers) -> MagneticSteering:
+    """Dipoles for what wheels do not make of a command of three torques, and that unload them."""
+    axes, working = np.asarray(torquers.axes), [not one.failed for one in scenario.magnetorquer]
+    shares = np.zeros((axes.shape[1], 3))
+    shares[working] = np.linalg.pinv(axes[:, working])
+    unloading = scenario.unloading or UnloadingTable()
+    wheels = scenario.wheel
+    return MagneticSteering(
+        torquers.field,
+        axes,
+        shares,
+        torquers.dipole_limit,
+        left_by_wheels(wheels, 3) if wheels else np.eye(3),
+        1 / unloading.time_constant_s,
+        wheel_axes(wheels) if wheels else None,
+    )

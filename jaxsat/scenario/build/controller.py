@@ -12,11 +12,11 @@ from jaxsat.control.context import LawContext, UnsuitableModel
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.laws import Law
 from jaxsat.core.errors import FOREIGN
+from jaxsat.scenario.build.actuators import wheel_context
 from jaxsat.scenario.build.errors import BuildError
 from jaxsat.scenario.build.plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.scenario.build.plugin_trial import broken
-from jaxsat.scenario.build.pulsed_thrusters import thruster_context
-from jaxsat.scenario.build.wheels import wheel_context
+from jaxsat.scenario.build.thrusters import thruster_context
 from jaxsat.scenario.control_tables import ModelTable
 from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue

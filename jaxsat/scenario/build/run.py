@@ -18,23 +18,17 @@ from jaxsat.control import (
 )
 from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_array, as_float
-from jaxsat.core.declaration import Key
-from jaxsat.core.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.core.errors import PrecisionError
-from jaxsat.core.noise import key_of_seed
 from jaxsat.core.ranges import MAX_FIXED_STEPS
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.scenario.build.actuators import build_actuators, ideal_thrusters
+from jaxsat.scenario.build.actuators import build_actuators, build_steering, ideal_thrusters
 from jaxsat.scenario.build.controller import build_controller
 from jaxsat.scenario.build.errors import BuildError, at_key, made_of_numbers
-from jaxsat.scenario.build.magnetorquers import build_steering
-from jaxsat.scenario.build.navigation import build_navigation
 from jaxsat.scenario.build.plant import build_effectors, build_plant
 from jaxsat.scenario.build.plugin_trial import require_runs
-from jaxsat.scenario.build.wheels import build_tachometers
+from jaxsat.scenario.build.sensors import build_navigation, build_sampling, build_tachometers
 from jaxsat.scenario.coordinates import uses_error_coordinates
-from jaxsat.scenario.dispersion_tables import SamplingTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.laws import is_plugin
 from jaxsat.scenario.resolution import substeps_of
@@ -53,7 +47,7 @@ from jaxsat.simulation import (
 )
 from jaxsat.simulation.engine import fly
 from jaxsat.simulation.methods import MIN_STEP
-from jaxsat.spacecraft import AbstractActuators, Magnetorquers, Sensors
+from jaxsat.spacecraft import AbstractActuators, Magnetorquers
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
@@ -170,23 +164,6 @@ def _closed(
     if uses_error_coordinates(flattened(scenario) | {"control.law": scenario.law}):
         return ErrorCoordinateLoop(plant, cast(AbstractBacksteppingLaw, controller))
     return ContinuousLoop(plant, controller, cast(AbstractActuators, build_actuators(scenario)))
-
-
-def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:
-    """Sensors and delay; None for those that are perfect in every case.
-
-    None of these sensors beside a gyro and a star tracker, see `build_navigation`.
-    """
-    values = (scenario.sampling or SamplingTable()).model_dump()
-
-    def is_there(key: Key) -> bool:
-        return values[key.name] > 0 or getattr(scenario.dispersion, key.name, None) is not None
-
-    sensors = Sensors.from_table(values, key_of_seed(scenario.simulation.seed))
-    return (
-        sensors if scenario.gyro is None and any(map(is_there, SENSOR_KEYS)) else None,
-        as_float(values[DELAY.name]) if is_there(DELAY) else None,
-    )
 
 
 def build_start(scenario: Scenario) -> PlantState:

@@ -8,7 +8,8 @@ from jaxsat.core.declaration.settling import equivalent_limit
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.dispersion_trial import dispersion_issues
 from jaxsat.scenario.build.run import build
-from jaxsat.scenario.dispersion_tables import DispersionTable, SamplingTable
+from jaxsat.scenario.dispersion_tables import DispersionTable
+from jaxsat.scenario.parts.sensors import SamplingTable
 from jaxsat.scenario.parts.wheels import wheels_make_all
 from jaxsat.synthesis.comparison import horizon
 from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
-from jaxsat.core.declaration.sensors import DELAY, SENSOR_KEYS
 from jaxsat.core.solvers import class_name
 from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.build.load import load
@@ -16,6 +15,7 @@ from jaxsat.scenario.build.study import (
     build_study,
 )
 from jaxsat.scenario.dispersion_tables import PARAMETERS
+from jaxsat.scenario.parts.sensors import DELAY, SENSOR_KEYS
 from jaxsat.scenario.toml_text import toml_value
 from jaxsat.simulation.engine import NativeEngine, ReferenceEngine
 from jaxsat.studies import QUANTITIES, LatinHypercube, Sobol

@@ -1,6 +1,9 @@
-"""From a scenario to gyro, star tracker and estimator."""
+"""From a scenario to what a sampled law is told."""
 
 from typing import Any, cast
+
+import numpy as np
+from jaxtyping import Array, Float
 
 from jaxsat.control.navigation import (
     AbstractEstimator,
@@ -10,15 +13,42 @@ from jaxsat.control.navigation import (
     RawMeasurements,
 )
 from jaxsat.core.checks import as_float
-from jaxsat.core.declaration.sensors import GYRO_KEYS, TRACKER_KEYS
 from jaxsat.core.noise import key_of_seed
 from jaxsat.scenario.build.plant import orbit_of, orbit_rate
 from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
-from jaxsat.scenario.declared import values_of
+from jaxsat.scenario.parts.sensors import EstimatorTable, OwnEstimatorTable, SamplingTable
 from jaxsat.scenario.plugins import ESTIMATOR, find_part
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.sensor_tables import EstimatorTable, OwnEstimatorTable
-from jaxsat.spacecraft import Gyro, StarTracker
+from jaxsat.spacecraft import Gyro, Sensors, StarTracker, Tachometers
+
+
+def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:
+    """Sensors and delay; None for those that are perfect in every case.
+
+    None of these sensors beside a gyro and a star tracker, see `build_navigation`.
+    """
+    values = dict(scenario.sampling or SamplingTable())
+
+    def differs(name: str) -> bool:
+        return values[name] > 0 or getattr(scenario.dispersion, name, None) is not None
+
+    noisy = scenario.gyro is None and (differs("rate_noise_rad_s") or differs("attitude_noise_rad"))
+    key = key_of_seed(scenario.simulation.seed)
+    return (
+        Sensors.from_table(values, key) if noisy else None,
+        as_float(values["delay_s"]) if differs("delay_s") else None,
+    )
+
+
+def build_tachometers(scenario: Scenario) -> Tachometers | None:
+    """Those of a sampled law; None where all are exact."""
+    noise = tachometer_noise(scenario)
+    return Tachometers(noise, key_of_seed(scenario.simulation.seed)) if noise.any() else None
+
+
+def tachometer_noise(scenario: Scenario) -> np.ndarray:
+    """Standard deviation of the noise on the momentum of each wheel, N m s."""
+    return np.array([one.tachometer_noise_N_m_s for one in scenario.wheel])
 
 
 def build_navigation(scenario: Scenario) -> Navigation | None:
@@ -28,9 +58,9 @@ def build_navigation(scenario: Scenario) -> Navigation | None:
     """
     if scenario.gyro is None or scenario.star_tracker is None:
         return None
-    gyro = Gyro.from_table(values_of(GYRO_KEYS, scenario.gyro))
+    gyro = Gyro.from_table(dict(scenario.gyro))
     period = cast(Any, scenario.control).period_s
-    tracker = StarTracker.from_table(values_of(TRACKER_KEYS, scenario.star_tracker), period)
+    tracker = StarTracker.from_table(dict(scenario.star_tracker), period)
     table: Any = scenario.estimator or OwnEstimatorTable()
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
     estimator = _estimator(table, EstimatorContext(gyro, tracker, orbit, as_float(period)))

@@ -1,0 +1,207 @@
+"""From tables `[[thruster]]` to thrusters that push, and what a law is told of them."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from jaxsat.control.context import ThrusterContext
+from jaxsat.control.diagnosis import ThrusterModel
+from jaxsat.core.checks import as_float
+from jaxsat.core.declaration.failures import FailureKind, failure_kind
+from jaxsat.scenario.layout import command_torques, thruster_costs
+from jaxsat.scenario.parts.actuator import number_of
+from jaxsat.scenario.parts.failures import FailureTable
+from jaxsat.scenario.parts.thrusters import (
+    ModulationTable,
+    ThrusterTable,
+    modulation_kind,
+    signs,
+    working_torques,
+)
+from jaxsat.scenario.schema import Scenario
+from jaxsat.spacecraft import (
+    AbstractModulation,
+    Actuators,
+    DeltaSigma,
+    FailureEvents,
+    Gyro,
+    IdealThrottle,
+    LeastPropellant,
+    PulsedThrusters,
+    PulseWidth,
+    PulseWidthPulseFrequency,
+    ThrusterSet,
+)
+
+
+def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
+    """The thrusters that work, how they share a command of so many torques, and what fails."""
+    working = [one for one in scenario.thruster if not one.failed]
+    dispersed = getattr(scenario.dispersion, "delay_s", None) is not None
+    delay = dispersed or (scenario.sampling is not None and scenario.sampling.delay_s > 0)
+    thrusters = _thruster_set(working)
+    drawn = getattr(scenario.dispersion, "failure_kind", None) is not None
+    late = delay or drawn or any(one.kind == "delayed" for one in scenario.failure)
+    as_commanded = scenario.law.declaration.commands_duties
+    commanded = command_torques(scenario, torques or 3)
+    return PulsedThrusters(
+        thrusters,
+        None if as_commanded else LeastPropellant.of(*commanded, tabled=True),
+        _modulation(scenario),
+        thruster_failures(scenario.failure, scenario.thruster),
+        late or thrusters.valve_delay is not None,
+    )
+
+
+def thruster_context(scenario: Scenario) -> ThrusterContext | None:
+    """What a law that commands duties is told of the thrusters that work; None for others."""
+    if not scenario.law.declaration.commands_duties:
+        return None
+    working = [one for one in scenario.thruster if not one.failed]
+    thrusters = _thruster_set(working)
+    zero = np.zeros(thrusters.count)
+    delay = 0.0 if scenario.sampling is None else scenario.sampling.delay_s
+
+    def late(ramp: Any) -> np.ndarray:
+        times = (thrusters.valve_delay, None if ramp is None else np.asarray(ramp) / 2)
+        return sum((np.asarray(one) for one in times if one is not None), zero + delay)
+
+    model = ThrusterModel(
+        thrusters.torque,
+        thrusters.min_on_time,
+        late(thrusters.rise_time),
+        late(thrusters.fall_time),
+        _modulation(scenario),
+    )
+    whole = isinstance(model.modulation, DeltaSigma | PulseWidth)
+    pulse = np.asarray(thrusters.min_on_time) if whole else zero
+    return ThrusterContext(model, thruster_costs(scenario), rate_noise(scenario), pulse)
+
+
+def rate_noise(scenario: Scenario) -> float:
+    """Standard deviation (rad/s) of the rates that a sampled law is told, from sample to sample."""
+    if scenario.gyro is not None:
+        gyro = Gyro.from_table(dict(scenario.gyro))
+        period = getattr(scenario.control, "period_s")  # noqa: B009
+        return float(gyro.rate_variance(as_float(period))) ** 0.5
+    return 0.0 if scenario.sampling is None else scenario.sampling.rate_noise_rad_s
+
+
+def _thruster_set(working: list[ThrusterTable]) -> ThrusterSet:
+    sided = [(one, sign) for one in working for sign in signs(one)]
+
+    def each(name: str) -> np.ndarray:
+        return np.array([getattr(one, name) for one, _ in sided], float)
+
+    def unless_zero(*names: str) -> list[Any]:
+        values = [each(name) for name in names]
+        return values if any(value.any() for value in values) else [None] * len(names)
+
+    rise, fall = unless_zero("rise_time_s", "fall_time_s")
+    return ThrusterSet(
+        torque=np.array([sign * one.torque() for one, sign in sided]).T,
+        force=np.array([sign * one.force() for one, sign in sided]).T,
+        flow=np.array([one.propellant_flow() for one, _ in sided]),
+        min_on_time=each("min_on_time_s"),
+        valve_delay=unless_zero("valve_delay_s")[0],
+        rise_time=rise,
+        fall_time=fall,
+    )
+
+
+def _modulation(scenario: Scenario) -> AbstractModulation:
+    table = scenario.modulation or ModulationTable()
+    kind = modulation_kind(table, scenario.thruster)
+    if kind == "pwpf":
+        period: Any = getattr(scenario.control, "period_s")  # noqa: B009
+        return PulseWidthPulseFrequency.of(
+            period, table.gain, table.time_constant_s, table.on_level, table.off_level
+        )
+    return {"pwm": PulseWidth, "delta-sigma": DeltaSigma, "ideal": IdealThrottle}[kind]()
+
+
+def failing(scenario: Scenario, ideal: Actuators) -> Actuators:
+    """Thrusters of `spacecraft.thruster_torque_axes` with what strikes those that work."""
+    table = scenario.spacecraft
+    if scenario.thruster or not scenario.failure:
+        return ideal
+    rows = range(1, len(table.thruster_torque_axes or ()) + 1)
+    working = [number for number in rows if number not in table.failed_thrusters]
+    axes = np.asarray(ideal.torque_axes)
+    found = [(number_of(one.of, "thruster", rows), one) for one in scenario.failure]
+    events = []
+    for number, one in found:
+        if number is None or number + 1 not in working:
+            continue
+        place, turned = working.index(number + 1), axes.copy()
+        if one.turn_rad is not None:
+            turned[:, place] = _rotated(turned[:, place], one.turn_rad)
+        events.append((one, place, turned))
+    return dataclasses.replace(ideal, failures=_events(events, None))
+
+
+def thruster_failures(
+    tables: tuple[FailureTable, ...], thrusters: tuple[ThrusterTable, ...]
+) -> FailureEvents | None:
+    """Events on working thrusters; those on one that has failed already change nothing.
+
+    Kinds that strike one way of a two-sided thruster strike that which is declared.
+    """
+    events = []
+    places = _places(thrusters)
+    nominal = working_torques(thrusters)
+    for table in tables:
+        number = number_of(table.of, "thruster", thrusters)
+        if number is None or not places[number]:
+            continue
+        turned = nominal.copy()
+        if table.turn_rad is not None:
+            for place in places[number]:
+                turned[:, place] = _turned(thrusters[number], nominal[:, place], table.turn_rad)
+        events.append((table, places[number][0], turned))
+    partner = [place for both in places for place in reversed(both)]
+    return _events(events, partner if any(len(both) > 1 for both in places) else None)
+
+
+def _events(
+    events: list[tuple[FailureTable, int, np.ndarray]], partner: list[int] | None
+) -> FailureEvents | None:
+    """Tables, which column each strikes, and the torques as it would turn them."""
+    if not events:
+        return None
+    kinds = [failure_kind(FailureKind, table) for table, _, _ in events]
+    return FailureEvents(
+        thruster=[place for _, place, _ in events],
+        at=[table.at_s for table, _, _ in events],
+        kind=kinds,
+        amount=[kind.amount(table) for kind, (table, _, _) in zip(kinds, events, strict=True)],
+        turned=np.stack([turned for _, _, turned in events]),
+        partner=partner,
+    )
+
+
+def _places(thrusters: tuple[ThrusterTable, ...]) -> list[list[int]]:
+    """Columns of each thruster among those that work: none, one, or two of a two-sided one."""
+    places, column = [], 0
+    for one in thrusters:
+        count = 0 if one.failed else len(signs(one))
+        places.append(list(range(column, column + count)))
+        column += count
+    return places
+
+
+def _turned(thruster: ThrusterTable, torque: np.ndarray, rotation: tuple[float, ...]) -> np.ndarray:
+    """The torque (N m) once the force, or the torque itself, is turned by a rotation vector."""
+    if thruster.position_m is None:
+        return _rotated(torque, rotation)
+    way = math.copysign(1.0, float(torque @ thruster.torque()))
+    return np.cross(np.array(thruster.position_m), _rotated(way * thruster.force(), rotation))
+
+
+def _rotated(vector: np.ndarray, rotation: tuple[float, ...]) -> np.ndarray:
+    """A vector turned by a rotation vector, rad."""
+    from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
+
+    return Rotation.from_rotvec(rotation).apply(vector)
