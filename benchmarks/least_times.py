@@ -31,8 +31,8 @@ from jaxsat.synthesis.bounds import (
     solution_of,
 )
 from jaxsat.synthesis.comparison import LIMITS, ComparisonSetting, Start, comparison_scenario
+from jaxsat.synthesis.comparison.acceptance import comparison_study
 from jaxsat.synthesis.comparison.front import arrives
-from jaxsat.synthesis.comparison.studies import comparison_study
 from planner import compiled, in_parts
 
 GUESSES = 48

@@ -47,7 +47,7 @@ from jaxsat.controllability import (
     analyse as analyse,
     failure_table as failure_table,
 )
-from jaxsat.synthesis.controller_design.reading import (
+from jaxsat.synthesis.controller_design.request import (
     read_vehicle as read_vehicle,
 )
 from jaxsat.synthesis.controller_design.result import (

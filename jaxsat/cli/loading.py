@@ -10,7 +10,7 @@ from jaxsat.cli.terminal import UserMistake, print_warning
 if TYPE_CHECKING:
     from jaxsat.scenario import Scenario
     from jaxsat.scenario.build.load import Purpose
-    from jaxsat.synthesis.controller_design.reading import Vehicle
+    from jaxsat.synthesis.controller_design.request import Vehicle
 
 
 def load_or_explain(
@@ -47,7 +47,7 @@ def vehicle_or_explain(name_or_path: str, overrides: Sequence[str] = ()) -> "Veh
     show_progress(f"reading {name_or_path}")
     use_double_precision()
     from jaxsat.scenario import ScenarioError
-    from jaxsat.synthesis.controller_design.reading import read_vehicle
+    from jaxsat.synthesis.controller_design.request import read_vehicle
 
     try:
         return read_vehicle(name_or_path, overrides, caution=print_warning)

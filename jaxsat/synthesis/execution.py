@@ -1,12 +1,20 @@
-"""How a tuning, a comparison or a design runs, and who is told of it."""
+"""How a tuning, a comparison or a design runs, who is told of it, and the folder that keeps it."""
 
+import json
+import tempfile
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from jaxsat.scenario.build.study import EngineName
-from jaxsat.studies import AbstractExecutor, Work
+from jaxsat.store import OutputError, ResumableFolder, study_columns
+from jaxsat.store.differences import differences
+from jaxsat.studies import AbstractExecutor, AbstractStopRule, Study, Work, run_study
 
 
 @dataclass(frozen=True)
@@ -34,3 +42,67 @@ class Listener:
     remark: Callable[[str], None] = lambda text: None
     warn: Callable[[str], None] = warnings.warn
     approve: Callable[[Sequence[Work]], None] = lambda works: None
+
+
+def run_columns(
+    study: Study,
+    store: Path,
+    what: str,
+    execution: Execution = Execution(),
+    listener: Listener = Listener(),
+    *,
+    until: AbstractStopRule | None = None,
+    names: Iterable[str] | None = None,
+) -> dict[str, np.ndarray]:
+    """The columns of a study by name, all or those of `names`; its store gets what it lacks.
+
+    With `until` they have as many cases as that rule asks for. `what` runs is told to the listener.
+    """
+    if study.remark is not None:
+        listener.remark(study.remark)
+    listener.progress(what, None)
+    counted = run_study(
+        study,
+        store,
+        executor=execution.executor,
+        until=until,
+        report=lambda progress: listener.progress(what, progress),
+        tell=listener.warn,
+        elsewhere=execution.elsewhere,
+    )
+    columns = study_columns(store)
+    return {name: np.asarray(columns[name][:counted]) for name in names or columns}
+
+
+@contextmanager
+def folder_of_call(
+    out: str | Path | None, kind: str, identity: Mapping[str, Any] | None = None
+) -> Iterator[ResumableFolder]:
+    """The folder by which the same call is resumed; without `out` one that goes when it ends.
+
+    Raises `OutputError` as `resumable_folder` does.
+    """
+    with ExitStack() as stack:
+        if out is None:
+            out = Path(stack.enter_context(tempfile.TemporaryDirectory())) / kind
+        yield stack.enter_context(resumable_folder(out, kind, identity, kind))
+
+
+def resumable_folder(
+    path: str | Path, kind: str, identity: Mapping[str, Any] | None, what: str
+) -> ResumableFolder:
+    """A folder of one kind of result, new or of the same `identity` (plain data, if any).
+
+    Raises `OutputError` for a folder that cannot be used, or that holds another `what`.
+    """
+    if identity is None:
+        return ResumableFolder(path, kind, {})
+    identity = json.loads(json.dumps(identity))
+    folder = ResumableFolder(path, kind, {"identity": identity})
+    other = differences(folder.about["identity"], identity)
+    if other:
+        folder.close()
+        raise OutputError(
+            f"{folder.path} holds another {what} ({'; '.join(other)}); give another folder."
+        )
+    return folder

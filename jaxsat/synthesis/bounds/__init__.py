@@ -1,7 +1,6 @@
 """How good control can get: least time and least effort of a manoeuvre, found open loop."""
 
 from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of
-from jaxsat.synthesis.bounds.plans import plans_of, solution_of
 from jaxsat.synthesis.bounds.run import (
     UnsolvedBound,
     UnsuitableScenario,
@@ -12,9 +11,15 @@ from jaxsat.synthesis.bounds.run import (
     required_manoeuvre,
     tolerances_at,
 )
-from jaxsat.synthesis.bounds.search import Bound, best_of_starts
+from jaxsat.synthesis.bounds.search import (
+    Bound,
+    Verification,
+    best_of_starts,
+    plans_of,
+    propagate,
+    solution_of,
+)
 from jaxsat.synthesis.bounds.transcription import BoundObjective, Solution, Transcription
-from jaxsat.synthesis.bounds.verification import Verification, propagate
 
 __all__ = [
     "Bound",

@@ -11,8 +11,7 @@ from jaxsat.scenario.build.run import build_tolerances, build_uncontrolled
 from jaxsat.simulation import AbstractLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of
-from jaxsat.synthesis.bounds.plans import plans_of
-from jaxsat.synthesis.bounds.search import Bound, best_of_starts
+from jaxsat.synthesis.bounds.search import Bound, best_of_starts, plans_of
 from jaxsat.synthesis.bounds.transcription import MIN_DURATION_S, BoundObjective
 
 Report = Callable[[str], None]

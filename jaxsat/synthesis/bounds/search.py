@@ -1,11 +1,112 @@
-"""The best of several starts, plans among them: what is found is a local optimum each time."""
+"""The best of several starts, plans of `jaxsat.control.planning` among them, each flown again.
 
+What is found is a local optimum each time. It is flown by an integrator and equations of its own.
+"""
+
+import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from jaxsat.control.planning import Plan, Planner, PlanStatus
+from jaxsat.core.tolerances import Tolerances
+from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop
+from jaxsat.spacecraft import Actuators, Wheels
+from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
 from jaxsat.synthesis.bounds.transcription import BoundObjective, Solution, Transcription
-from jaxsat.synthesis.bounds.verification import Verification, propagate
+
+TOLERANCE = 1e-11
+
+MAX_ANGLE, MAX_RATE = 1e-4, 1e-5
+"""A flight arrives at rest if it ends so near it (rad, rad/s)."""
+
+MAX_EXCESS = 0.01
+"""And within what is allowed of tilt, turn and rate if it exceeds it by no more of itself."""
+
+
+class Verification(NamedTuple):
+    """How far from the target a flight ends, in angle (rad) and relative rate (rad/s).
+
+    The rate is that in inertial axes where rates alone are to be stopped.
+    `effort` is ∫ Σ|T_i| dt (N m s) and `largest_thrust` the largest of any thruster (N m). `tilt`
+    and `turn` (rad) are the parts of the angle across and about the third axis.
+    """
+
+    angle: float
+    rate: float
+    effort: float
+    largest_thrust: float
+    tilt: float
+    turn: float
+
+    def arrives(self, manoeuvre: Manoeuvre) -> bool:
+        """Whether it ends where the manoeuvre does."""
+        if manoeuvre.ends_at_rest:
+            angles, ends = (self.angle,), (MAX_ANGLE, MAX_RATE)
+        else:
+            angles = (self.tilt, abs(self.turn))
+            ends = tuple((1 + MAX_EXCESS) * one for one in manoeuvre.end)
+        near = manoeuvre.rates_only or all(a < b for a, b in zip(angles, ends, strict=False))
+        return near and self.rate < ends[-1]
+
+
+def propagate(manoeuvre: Manoeuvre, solution: Solution) -> Verification:
+    """Fly a solution's thrusts by DOP853, the attitude as direction cosines by (1), (10), (11)."""
+    inverse = np.linalg.inv(manoeuvre.inertia)
+    length = solution.duration / len(solution.thrust)
+
+    def rate(t, y, torque):
+        cosines, omega = y[:9].reshape(3, 3), y[9:]
+        nadir = cosines[:, 2]
+        gradient = 3 * manoeuvre.gradient_rate**2 * np.cross(nadir, manoeuvre.inertia @ nadir)
+        turning = np.cross(omega, manoeuvre.inertia @ omega)
+        total = torque + manoeuvre.disturbance(t) + gradient - turning
+        turned = -np.cross(relative_rate(cosines, omega), cosines, axisb=0, axisc=0)
+        return np.concatenate([turned.ravel(), acceleration(total)])
+
+    def acceleration(total):
+        if not manoeuvre.third_rate_held:
+            return inverse @ total
+        return np.append(np.linalg.solve(manoeuvre.inertia[:2, :2], total[:2]), 0.0)
+
+    def relative_rate(cosines, omega):
+        axis = np.eye(3)[1] if manoeuvre.small_angle else cosines[:, 1]
+        return omega + manoeuvre.orbit_rate * axis
+
+    from scipy.integrate import solve_ivp  # takes its time, and a check flies nothing
+
+    y = np.concatenate([_cosines(manoeuvre.quaternion).ravel(), manoeuvre.omega])
+    for number, thrust in enumerate(solution.thrust):
+        span = (number * length, (number + 1) * length)
+        torque = manoeuvre.torque_axes @ thrust
+        flown = solve_ivp(rate, span, y, "DOP853", args=(torque,), rtol=TOLERANCE, atol=TOLERANCE)
+        y = flown.y[:, -1]
+    cosines, omega = y[:9].reshape(3, 3), y[9:]
+    sine = np.array([cosines[1, 2] - cosines[2, 1], cosines[2, 0] - cosines[0, 2]])
+    sine = np.append(sine, cosines[0, 1] - cosines[1, 0]) / 2
+    angle = np.arctan2(np.linalg.norm(sine), (np.trace(cosines) - 1) / 2)
+    tilt = np.arctan2(np.hypot(cosines[0, 2], cosines[1, 2]), cosines[2, 2])
+    turn = np.arctan2(cosines[0, 1] - cosines[1, 0], cosines[0, 0] + cosines[1, 1])
+    torques = solution.thrust @ manoeuvre.torque_axes.T
+    return Verification(
+        float(angle),
+        float(np.linalg.norm(omega if manoeuvre.rates_only else relative_rate(cosines, omega))),
+        float(np.abs(torques).sum() * length),
+        float(np.abs(solution.thrust).max()),
+        float(tilt),
+        float(turn),
+    )
+
+
+def _cosines(quaternion: np.ndarray) -> np.ndarray:
+    q0, q = quaternion[0], quaternion[1:]
+    cross = np.array([[0, -q[2], q[1]], [q[2], 0, -q[0]], [-q[1], q[0], 0]])
+    return (q0**2 - q @ q) * np.eye(3) + 2 * np.outer(q, q) - 2 * q0 * cross
+
 
 INTERVALS = 96
 """Twice those of a plan, so that each plan is among the solutions."""
@@ -86,3 +187,60 @@ def best_of_starts(
     best, verification = found[0]
     count = len(plans) + starts
     return Bound(objective, best, verification, count, [one.value for one, _ in found])
+
+
+GUESSES = 48
+
+STRETCHES = (2.0, 4.0, 8.0)
+"""Durations of plans of least effort over the least time."""
+
+
+def plans_of(
+    loop: AbstractLoop,
+    start: PlantState,
+    objective: BoundObjective,
+    longest: float,
+    tolerances: Tolerances | None = None,
+) -> list[Solution]:
+    """The plan of least time and, for least effort, those in some durations up to `longest` (s).
+
+    They end within `tolerances` or, without them, at rest; so does a further one. None where the
+    planner has nothing to offer: with less than two thrusters, for a third rate that is held, and
+    where no plan arrives.
+    """
+    planner = _planner(loop, tolerances)
+    if planner is None:
+        return []
+    plans = [_quickest(planner, start)]
+    if tolerances is not None:  # what comes to rest settles, too
+        plans.append(_quickest(dataclasses.replace(planner, tolerances=None), start))
+    if objective is BoundObjective.EFFORT and int(plans[0].status) != PlanStatus.FAILED:
+        cheapest = eqx.filter_jit(planner.cheapest)
+        least = float(plans[0].duration)
+        durations = dict.fromkeys(min(stretch * least, longest) for stretch in STRETCHES)
+        plans += [cheapest(jnp.zeros(()), start, jnp.asarray(one)) for one in durations]
+    return [solution_of(plan) for plan in plans if int(plan.status) != PlanStatus.FAILED]
+
+
+@eqx.filter_jit
+def _quickest(planner: Planner, start: PlantState) -> Plan:
+    return planner.quickest(jnp.zeros(()), start)
+
+
+def solution_of(plan: Plan) -> Solution:
+    """A plan as what a search finds, its duration as its value."""
+    states = np.concatenate([plan.quaternion, plan.omega], axis=1)
+    duration = float(plan.duration)
+    return Solution(duration, duration, np.asarray(plan.torque), states)
+
+
+def _planner(loop: AbstractLoop, tolerances: Tolerances | None) -> Planner | None:
+    if not isinstance(loop, ContinuousLoop | SampledLoop):
+        return None
+    plant, thrusters = loop.plant, loop.actuators
+    if not isinstance(thrusters, Actuators) or plant.third_rate_held:
+        return None
+    if plant.find(Wheels) is not None or thrusters.torque_axes.shape[1] < 2:
+        return None
+    axes, limit = thrusters.torque_axes, thrusters.limit
+    return Planner(plant, axes, limit, guesses=GUESSES, tolerances=tolerances)

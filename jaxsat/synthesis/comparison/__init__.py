@@ -7,7 +7,9 @@ from jaxsat.synthesis.comparison.acceptance import (
     MORE_LAWS,
     PERIOD,
     ComparisonSetting,
+    Start,
     comparison_scenario,
+    comparison_study,
     horizon,
 )
 from jaxsat.synthesis.comparison.front import FlownPoint, Front, FrontPoint, front
@@ -27,7 +29,6 @@ from jaxsat.synthesis.comparison.run import (
     comparison_settings,
     require_suitable,
 )
-from jaxsat.synthesis.comparison.studies import Start, comparison_study
 from jaxsat.synthesis.comparison.verdict import (
     ComparisonRow,
     ComparisonVerdict,

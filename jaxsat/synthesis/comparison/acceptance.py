@@ -4,6 +4,7 @@ Starts, spacecraft, disturbance and dispersions are the scenarios `acceptance-LE
 Here is what differs between the laws: their tables, and how long they are given.
 """
 
+import enum
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -15,9 +16,11 @@ from pydantic import ValidationError
 from jaxsat.core.search_path import add_folders
 from jaxsat.scenario import Problem, Scenario, ScenarioError
 from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.study import EngineName, build_study
 from jaxsat.scenario.errors import key_of
 from jaxsat.scenario.laws import is_plugin, known_law
 from jaxsat.scenario.overrides import override
+from jaxsat.studies import Study
 
 LEVELS = ("nominal", "mc", "hard")
 """Of dispersions, each a scenario `acceptance-LEVEL`."""
@@ -152,3 +155,40 @@ def _control(law: str) -> dict[str, Any]:
         "lower_threshold_rad_s": threshold,
         "measured_disturbance": (False, False, False),
     }
+
+
+class Start(enum.Enum):
+    """Where the cases of a study begin: at random, or all in the paper's initial state."""
+
+    RANDOM = "random"
+    PAPER = "paper"
+
+
+def comparison_study(
+    setting: ComparisonSetting,
+    start: Start,
+    count: int,
+    seed: int,
+    *,
+    engine: EngineName = "auto",
+    batch_size: int = 50,
+    chunk: int | None = None,
+) -> Study:
+    """`count` cases of one law on the acceptance set.
+
+    With the same seed case i is the same spacecraft, start and noise for every law and limit. The
+    other arguments are those of `build_study`.
+    """
+    scenario = comparison_scenario(setting)
+    if start is Start.PAPER:
+        scenario = _from_the_papers_start(scenario)
+    return build_study(
+        scenario, count, seed=seed, engine=engine, batch_size=batch_size, chunk=chunk
+    )
+
+
+def _from_the_papers_start(scenario: Scenario) -> Scenario:
+    undrawn = {"attitude": None, "omega_rad_s": None}
+    dispersion = scenario.dispersion
+    assert dispersion is not None  # every acceptance scenario has one
+    return scenario.model_copy(update={"dispersion": dispersion.model_copy(update=undrawn)})

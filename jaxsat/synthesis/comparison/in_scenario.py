@@ -1,8 +1,6 @@
 """Laws compared on the dispersed cases of any scenario, its failures in flight among them."""
 
-import tempfile
 from collections.abc import Iterable, Mapping
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,15 +15,20 @@ from jaxsat.store.study_names import named_store
 from jaxsat.studies import RecoverySummary, Study, study_work
 from jaxsat.studies.recovery_summary import summarise_recovery
 from jaxsat.synthesis.comparison.acceptance import FILE, validated
-from jaxsat.synthesis.comparison.files import scenario_figures, write_record
-from jaxsat.synthesis.comparison.run import ComparisonRun, UnsuitableLaw
+from jaxsat.synthesis.comparison.run import (
+    KIND,
+    ComparisonRun,
+    UnsuitableLaw,
+    scenario_figures,
+    write_record,
+)
 from jaxsat.synthesis.comparison.verdict import (
     ComparisonRow,
     ScenarioSetting,
     chosen_law,
     comparison_row,
 )
-from jaxsat.synthesis.execution import Execution, Listener
+from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
 
 
 class ScenarioVerdict(NamedTuple):
@@ -101,18 +104,12 @@ def compare_in_scenario(
     """
     studies = {law: _study(scenario, law, count, seed, execution) for law in dict.fromkeys(laws)}
     listener.approve([study_work(study, None) for study in studies.values()])
-    with ExitStack() as stack:
-        kept = None
-        if out is None:
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        else:
-            kept = stack.enter_context(ResumableFolder(out, "comparison", {}))
-            folder = kept.path
-        run = ComparisonRun(count, seed, folder, execution, listener)
-        found = _compared(scenario, studies, run)
-        if kept is not None:
-            _write(kept, scenario, found, seed)
-        return found
+    with folder_of_call(out, KIND) as folder:
+        run = ComparisonRun(count, seed, folder.path, execution, listener)
+        comparison = _compared(scenario, studies, run)
+        if out is not None:
+            _write(folder, scenario, comparison, seed)
+        return comparison
 
 
 def _study(scenario: Scenario, law: str, count: int, seed: int, execution: Execution) -> Study:

@@ -1,8 +1,7 @@
 """A comparison in one call: the studies of every setting, their rows, and the verdicts."""
 
-import tempfile
-from collections.abc import Iterable, Sequence
-from contextlib import ExitStack
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -12,31 +11,39 @@ import numpy as np
 from jaxsat.core.declaration.settling import TUNED_LIMITS
 from jaxsat.core.errors import JaxsatError
 from jaxsat.scenario.build.run import build
-from jaxsat.store import ResumableFolder, case_table, open_study, study_columns
+from jaxsat.store import (
+    ResumableFolder,
+    case_table,
+    command_line,
+    open_study,
+    provenance,
+)
 from jaxsat.store.study_names import acceptance_store
-from jaxsat.studies import Study, Work, run_study
+from jaxsat.studies import Study, Work
 from jaxsat.synthesis.bounds import End
 from jaxsat.synthesis.comparison.acceptance import (
     LAWS,
     PERIOD,
     ComparisonSetting,
+    Start,
     comparison_scenario,
+    comparison_study,
     horizon,
 )
-from jaxsat.synthesis.comparison.files import acceptance_figures, write_record
-from jaxsat.synthesis.comparison.least_bounds import least_bounds
-from jaxsat.synthesis.comparison.least_times import LeastTime, least_times
-from jaxsat.synthesis.comparison.studies import Start, comparison_study
+from jaxsat.synthesis.comparison.least_times import LeastTime, least_bounds, least_times
 from jaxsat.synthesis.comparison.verdict import (
     ComparisonRow,
     ComparisonVerdict,
     choose_laws,
     comparison_row,
 )
-from jaxsat.synthesis.execution import Execution, Listener
+from jaxsat.synthesis.execution import Execution, Listener, folder_of_call, run_columns
 
 if TYPE_CHECKING:
     import pandas as pd
+
+KIND = "comparison"
+"""Of the output folder."""
 
 COLUMNS = ("settling_time", "effort", "peak_rate", "code")
 
@@ -127,21 +134,15 @@ def compare(
     require_suitable(settings)
     _tell_of_untuned(limits, listener)
     listener.approve([_work(one, count) for one in settings])
-    with ExitStack() as stack:
-        kept = None
-        if out is None:
-            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        else:
-            kept = stack.enter_context(ResumableFolder(out, "comparison", {}))
-            folder = kept.path
-        run = ComparisonRun(count, seed, folder, execution, listener)
+    with folder_of_call(out, KIND) as folder:
+        run = ComparisonRun(count, seed, folder.path, execution, listener)
         rows = run.rows(settings)
-        least = [least_bounds(one, bounds, seed, end, kept, listener) for one in limits if bounds]
-        found = Comparison(rows, choose_laws(rows), least, least_times(rows, seed, end))
-        if kept is not None:
-            data = {"seed": seed, **found.as_data()}
-            write_record(kept, data, lambda: acceptance_figures(rows))
-        return found
+        least = [least_bounds(one, bounds, seed, end, folder, listener) for one in limits if bounds]
+        comparison = Comparison(rows, choose_laws(rows), least, least_times(rows, seed, end))
+        if out is not None:
+            data = {"seed": seed, **comparison.as_data()}
+            write_record(folder, data, lambda: acceptance_figures(rows))
+        return comparison
 
 
 def comparison_settings(
@@ -221,20 +222,54 @@ class ComparisonRun:
 
     def columns(self, study: Study, what: str, store: Path) -> dict[str, np.ndarray]:
         """The `COLUMNS` of a study, which is run as far as its store lacks cases."""
-        if study.remark is not None:
-            self.listener.remark(study.remark)
-        self.listener.progress(what, None)
-        run_study(
-            study,
-            store,
-            executor=self.execution.executor,
-            report=lambda progress: self.listener.progress(what, progress),
-            tell=self.listener.warn,
-            elsewhere=self.execution.elsewhere,
-        )
-        columns = study_columns(store)
-        return {name: np.asarray(columns[name][: study.count]) for name in COLUMNS}
+        return run_columns(study, store, what, self.execution, self.listener, names=COLUMNS)
 
 
 def _several(given: Any) -> tuple:
     return (given,) if isinstance(given, str | float | int) else tuple(given)
+
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+RECORD = "comparison.json"
+
+Panel = tuple[str, float | None]
+"""Level and torque limit (N m) of a panel of the figure."""
+
+
+def write_record(
+    folder: ResumableFolder, data: Mapping[str, Any], figures: "Callable[[], dict[str, Figure]]"
+) -> None:
+    """The record as JSON, with what made it, and the figures; raises `OutputError`."""
+    from jaxsat.report.saving import save_figures
+
+    record = {"command": command_line(), **data, **provenance()}
+    folder.write(RECORD, json.dumps(record, indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    save_figures(figures, folder.write)
+
+
+def acceptance_figures(rows: Sequence[ComparisonRow]) -> "dict[str, Figure]":
+    """Settling times on the acceptance set, a panel for every limit and level."""
+    from jaxsat.report.comparison_figures import settling_comparison
+
+    panels: dict[Panel, dict[str, Any]] = {}
+    for row in rows:
+        panels.setdefault(row.setting[:2], {})[row.setting.law] = row.settling_times
+    horizons = {row.setting[:2]: horizon(row.setting.torque_limit) for row in rows}
+    title = "Three axes with two torques, third rate free"
+    return {"comparison": settling_comparison(panels, horizons, title)}
+
+
+def scenario_figures(
+    title: str, duration: float, rows: Sequence[ComparisonRow], recovered: Mapping[str, Any]
+) -> "dict[str, Figure]":
+    """Settling times in a scenario that lasts `duration` s, and what recovered under each law."""
+    from jaxsat.report.comparison_figures import recovery_comparison, settling_comparison
+
+    panel: Panel = ("the same cases under every law", None)
+    times = {row.setting.law: row.settling_times for row in rows}
+    figures = {"comparison": settling_comparison({panel: times}, {panel: duration}, title)}
+    if recovered:
+        figures["recovered"] = recovery_comparison(recovered, title)
+    return figures

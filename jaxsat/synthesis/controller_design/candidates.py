@@ -17,7 +17,7 @@ from jaxsat.scenario.errors import key_of
 from jaxsat.scenario.laws import known_law
 from jaxsat.studies import number_at
 from jaxsat.studies.perturbed import controller_of
-from jaxsat.synthesis.controller_design.reading import ALL, QUICK
+from jaxsat.synthesis.controller_design.request import ALL, QUICK
 from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict, scale_of
 
 PERIOD = 0.1

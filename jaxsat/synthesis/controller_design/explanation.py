@@ -15,8 +15,7 @@ from jaxsat.studies.ensemble import DRAWN
 from jaxsat.studies.sensitivities import Sensitivities
 from jaxsat.synthesis.controller_design.candidates import Candidate, with_scaled_gains
 from jaxsat.synthesis.controller_design.studies import Columns
-from jaxsat.synthesis.controller_design.turned import turned
-from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict, coupling
+from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict, coupling, turned
 
 MOST_FLOWN = 400
 """Failing cases that are flown again at most."""

@@ -5,12 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import jaxsat
 from jaxsat.core.declaration.quantities import DISPERSIBLE
-from jaxsat.report.design_document import DESIGNED, design_document
+from jaxsat.report.design_document import DESIGNED, LINES, design_document
 from jaxsat.report.markdown import markdown_page
 from jaxsat.scenario import dump
 from jaxsat.store import ResumableFolder, provenance
 from jaxsat.synthesis.controller_design.explanation import drawn_numbers
-from jaxsat.synthesis.controller_design.headline import design_comment, headline
 from jaxsat.synthesis.controller_design.result import ControllerDesign, Step
 
 if TYPE_CHECKING:
@@ -23,7 +22,33 @@ PAGE, RECORD = "design.md", "design.json"
 
 def design_record(found: ControllerDesign) -> dict[str, Any]:
     """The record of a design, of which its document is made."""
-    return {"title": found.original.title, "headline": headline(found), **found.as_data()}
+    return {"title": found.original.title, "headline": found.headline, **found.as_data()}
+
+
+def design_comment(found: ControllerDesign, version: str) -> str:
+    """Lines for the head of the designed scenario: where it comes from and what it is proven on."""
+    verification = found.verification
+    assert verification is not None
+    lines = [
+        f"Designed by jaxsat {version} for: {found.original.title}",
+        *[f"  {line}" for line in found.verdict.lines()],
+        found.headline,
+        f"Verification: seed {found.settings.seeds.verification}, by "
+        f"`jaxsat montecarlo {DESIGNED} --seed {found.settings.seeds.verification} "
+        f"-n {found.settings.cases}`.",
+    ]
+    if found.assumed:
+        lines += [f"{LINES['assumed']}:"]
+        lines += [f"  {line}" for line in found.assumed]
+    if found.misses_attitude is not None:
+        lines.append(found.misses_attitude)
+    elif found.settings.attitude == "nearest" and not found.verdict.holds:
+        lines.append(
+            "Body axes are turned so that the nearest attitude that can be held is the target."
+        )
+    if not found.gains:
+        lines.append("The gains are functions of inertia, torque limit and control period.")
+    return "".join(f"# {line}\n" for line in lines)
 
 
 def write_files(found: ControllerDesign, folder: ResumableFolder) -> None:

@@ -7,11 +7,11 @@ import numpy as np
 
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.domain import domain_cautions
-from jaxsat.studies import Interval, Summary
+from jaxsat.studies import Interval, Summary, fraction_text
 from jaxsat.synthesis.comparison import ComparisonRow, ComparisonVerdict
 from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.controller_design.explanation import Remedy, Separation
-from jaxsat.synthesis.controller_design.settings import DesignSettings
+from jaxsat.synthesis.controller_design.request import ALL, QUICK, DesignSettings
 from jaxsat.synthesis.controller_design.tuning import Tuned
 from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict
 
@@ -133,6 +133,28 @@ class ControllerDesign:
         """Whether the interval of the fraction, of 95 %, is above the wanted one."""
         found = self.verification
         return found is not None and found.settled.low >= self.settings.settled
+
+    @property
+    def headline(self) -> str:
+        """The verdict in one sentence or two."""
+        verification, wanted = self.verification, f"{100 * self.settings.settled:.8g}"
+        if verification is None or self.chosen is None:
+            why = "No law of jaxsat fits what is left."
+            if self.settings.law not in (ALL, QUICK):
+                why = f"The law {self.settings.law} does not fit the vehicle."
+            return f"Nothing to design. {why}"
+        fraction = verification.settled
+        first = (
+            f"{self.chosen.name} settles {fraction_text(fraction)} of "
+            f"{verification.summary.cases} unseen cases; wanted were {wanted} %"
+        )
+        if self.proven:
+            return f"Reached: {first}. The whole interval is above."
+        if self.outcome == "reached":
+            return f"Reached: {first}. So many cases do not prove it: the interval begins below."
+        excluded = fraction.high < self.settings.settled
+        unsure = "" if excluded else ", which the interval does not exclude"
+        return f"Not reached: {first}{unsure}."
 
     @property
     def gains(self) -> dict[str, Any]:

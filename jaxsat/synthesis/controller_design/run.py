@@ -1,32 +1,28 @@
 """A design in one call, with the folder of the way: `design`."""
 
-import json
-import tempfile
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from jaxsat.core.processors import processors
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.laws import known_law
-from jaxsat.store import OutputError, ResumableFolder
-from jaxsat.store.differences import differences
 from jaxsat.studies import Serial, Threads, Work
 from jaxsat.synthesis.controller_design.files import write_files
-from jaxsat.synthesis.controller_design.reading import ALL, QUICK, Vehicle
-from jaxsat.synthesis.controller_design.result import ControllerDesign
-from jaxsat.synthesis.controller_design.settings import (
+from jaxsat.synthesis.controller_design.request import (
+    ALL,
+    QUICK,
     SCREENING_CASES,
     VALIDATION_CASES,
     Attitude,
     DesignSettings,
     Goal,
+    Vehicle,
 )
+from jaxsat.synthesis.controller_design.result import ControllerDesign
 from jaxsat.synthesis.controller_design.steps import DesignRun
 from jaxsat.synthesis.controller_design.studies import Studies
 from jaxsat.synthesis.controller_design.tuning import TUNED_CASES
-from jaxsat.synthesis.execution import Execution, Listener
+from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
 
 KIND = "design"
 """Of the output folder."""
@@ -88,18 +84,14 @@ def design(
     _require_law(settings.law)
     listener.approve([_work(vehicle, settings)])
     identity = {"scenario": scenario.model_dump(mode="json"), "timed": timed, **settings.identity()}
-    with ExitStack() as stack:
-        place = out
-        if place is None:
-            place = Path(stack.enter_context(tempfile.TemporaryDirectory())) / KIND
-        folder = stack.enter_context(_folder(place, identity))
-        chosen = execution.executor or (Threads(processors()) if processors() > 1 else Serial())
-        studies = Studies(folder, replace(execution, executor=chosen), listener)
-        found = DesignRun(scenario, settings, studies, timed).run()
+    with folder_of_call(out, KIND, identity) as folder:
+        executor = execution.executor or (Threads(processors()) if processors() > 1 else Serial())
+        studies = Studies(folder, replace(execution, executor=executor), listener)
+        designed = DesignRun(scenario, settings, studies, timed).run()
         if out is not None:
             listener.progress("figures and files", None)
-            write_files(found, folder)
-        return found
+            write_files(designed, folder)
+        return designed
 
 
 def _work(vehicle: Vehicle, settings: DesignSettings) -> Work:
@@ -110,19 +102,6 @@ def _work(vehicle: Vehicle, settings: DesignSettings) -> Work:
     duration = simulation.duration_s if vehicle.timed else USUAL_DURATION
     intervals = round(duration / simulation.save_every_s)
     return Work(trajectories, trajectories * intervals, cases * CASE, cases * CASE)
-
-
-def _folder(place: str | Path, identity: dict[str, Any]) -> ResumableFolder:
-    """The folder of this design, new or to be resumed."""
-    identity = json.loads(json.dumps(identity))
-    folder = ResumableFolder(place, KIND, {"identity": identity})
-    other = differences(folder.about["identity"], identity)
-    if other:
-        folder.close()
-        raise OutputError(
-            f"{folder.path} holds another design ({'; '.join(other)}); give another folder."
-        )
-    return folder
 
 
 def _require_law(name: str) -> None:

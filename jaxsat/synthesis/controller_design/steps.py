@@ -21,16 +21,15 @@ from jaxsat.synthesis.controller_design.candidates import (
 )
 from jaxsat.synthesis.controller_design.completion import completed
 from jaxsat.synthesis.controller_design.explanation import MOST_FLOWN, Remedy, remedies, separations
-from jaxsat.synthesis.controller_design.headline import first_answer
+from jaxsat.synthesis.controller_design.request import DesignSettings
 from jaxsat.synthesis.controller_design.result import ControllerDesign, Step, Verification
-from jaxsat.synthesis.controller_design.settings import DesignSettings
-from jaxsat.synthesis.controller_design.studies import Columns, Studies, row_of
+from jaxsat.synthesis.controller_design.studies import Columns, Studies, first_answer, row_of
 from jaxsat.synthesis.controller_design.tuning import TUNED, Tuned, tune_candidate, tuning_table
-from jaxsat.synthesis.controller_design.turned import turned
 from jaxsat.synthesis.controller_design.vehicle import (
     Scale,
     VehicleVerdict,
     scale_of,
+    turned,
     vehicle_verdict,
 )
 
@@ -137,7 +136,7 @@ class DesignRun:
         """The flights as they are; the first one is told as a first answer."""
         for number, (candidate, columns) in enumerate(flights):
             if number == 0:
-                self.studies.listener.remark(first_answer(candidate, columns))
+                self.studies.listener.remark(first_answer(candidate.name, columns))
             yield candidate, columns
 
     def _validation(self, contenders: tuple[Candidate, ...]) -> tuple[Step, tuple[Candidate, ...]]:

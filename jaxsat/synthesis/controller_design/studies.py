@@ -5,18 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jaxsat.core.numerals import number_text
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.study import build_study
-from jaxsat.store import ResumableFolder, study_columns
+from jaxsat.store import ResumableFolder
 from jaxsat.store.study_names import named_store
-from jaxsat.studies import (
-    AbstractStopRule,
-    Serial,
-    StudyProgress,
-    run_study,
-)
+from jaxsat.studies import AbstractStopRule, Serial, fraction_text, percentile, wilson
 from jaxsat.synthesis.comparison import ComparisonRow, ComparisonSetting, comparison_row
-from jaxsat.synthesis.execution import Execution, Listener
+from jaxsat.synthesis.execution import Execution, Listener, run_columns
 
 CHUNK = 256
 """Cases computed together: what an interrupted design loses at most, for each thread."""
@@ -51,23 +47,8 @@ class Studies:
         self.listener.progress(what, None)
         chunk = CHUNK if until is None else RULED_CHUNK
         study = build_study(scenario, count, seed=seed, engine=self.execution.engine, chunk=chunk)
-        if study.remark is not None:
-            self.listener.remark(study.remark)
-
-        def told(progress: StudyProgress) -> None:
-            self.listener.progress(what, progress)
-
         store = named_store(self.folder.path, name)
-        counted = run_study(
-            study,
-            store,
-            executor=self.execution.executor,
-            until=until,
-            report=told,
-            tell=self.listener.warn,
-            elsewhere=self.execution.elsewhere,
-        )
-        return {key: np.asarray(column[:counted]) for key, column in study_columns(store).items()}
+        return run_columns(study, store, what, self.execution, self.listener, until=until)
 
     def settled_again(
         self, what: str, scenario: Scenario, count: int, seed: int, numbers: np.ndarray
@@ -81,6 +62,18 @@ class Studies:
             executor.run(lambda i: study.values(parts[i])["settling_time"], range(len(parts)))
         )
         return np.isfinite(np.concatenate([found[i] for i in range(len(parts))]))
+
+
+def first_answer(name: str, columns: Columns) -> str:
+    """What the first law does in the screening, in one sentence, while the design goes on."""
+    times = np.asarray(columns["settling_time"])
+    fraction = wilson(int(np.isfinite(times).sum()), len(times))
+    half = percentile(times, 50.0).value
+    within = f", half within {number_text(half)} s" if np.isfinite(half) else ""
+    return (
+        f"first answer: {name} settles {fraction_text(fraction)} of {len(times)} unseen "
+        f"cases{within}; the design goes on"
+    )
 
 
 def row_of(step: str, torque: float, name: str, columns: Columns) -> ComparisonRow:

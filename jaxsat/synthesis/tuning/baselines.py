@@ -20,8 +20,8 @@ import scipy.optimize
 from jaxtyping import Float
 
 from jaxsat.synthesis.tuning.descent import DescentState
-from jaxsat.synthesis.tuning.evolution import PACKAGE, new_strategy, search_bounds
 from jaxsat.synthesis.tuning.plan import TuningPlan
+from jaxsat.synthesis.tuning.strategies import PACKAGE, new_strategy, search_bounds
 from jaxsat.synthesis.tuning.verdict import GainEvaluation, evaluate_gains
 
 POPULATION = 16
@@ -182,7 +182,7 @@ def cma_es(search: _Search, start: np.ndarray) -> None:
 
 def bfgs(search: _Search, start: np.ndarray) -> None:
     """optimistix' BFGS on the smooth law, from the given gains."""
-    from jaxsat.synthesis.tuning.quasi_newton import minimise
+    from jaxsat.synthesis.tuning.strategies import minimise
 
     low, high = search_bounds(search.plan.space)
 

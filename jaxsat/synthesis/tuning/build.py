@@ -42,9 +42,9 @@ from jaxsat.synthesis.tuning import (
     TuningSettings,
     WorstCase,
 )
-from jaxsat.synthesis.tuning.evolution import PACKAGE
 from jaxsat.synthesis.tuning.forms import in_one_form, refined, throttled, with_control
 from jaxsat.synthesis.tuning.parameters import Values
+from jaxsat.synthesis.tuning.strategies import PACKAGE
 
 
 def build_plan(

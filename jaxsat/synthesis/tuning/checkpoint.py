@@ -12,8 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.scenario.optimisers import OptimiserSettings
-from jaxsat.store import OutputError, ResumableFolder, machine
+from jaxsat.store import OutputError, machine
 from jaxsat.store.differences import differences
+from jaxsat.synthesis.execution import resumable_folder
 from jaxsat.synthesis.tuning.descent import (
     DescentState,
     StepRecord,
@@ -43,15 +44,9 @@ class TuningFolder:
     """Steps of the state that was kept last by this process; 0 for none."""
 
     def __init__(self, path: str | Path, identity: Mapping[str, Any], *, elsewhere: bool = False):
-        identity = json.loads(json.dumps(identity))
-        self._folder = ResumableFolder(path, "tuning", {"identity": identity})
+        self._folder = resumable_folder(path, "tuning", identity, "run")
         self.path = self._folder.path
         try:
-            other = differences(self._folder.about["identity"], identity)
-            if other:
-                raise OutputError(
-                    f"{self.path} holds another run ({'; '.join(other)}); give another folder."
-                )
             self._arrays = self._read(elsewhere)
             self.saved_steps = 0
         except BaseException:

@@ -15,9 +15,9 @@ from jaxsat.scenario.optimisers import OptimiserSettings
 from jaxsat.simulation import Outcome
 from jaxsat.simulation.engine import Outputs
 from jaxsat.synthesis.tuning.cost_evaluator import CaseGradients
-from jaxsat.synthesis.tuning.evolution import next_population
 from jaxsat.synthesis.tuning.parameters import Values
 from jaxsat.synthesis.tuning.plan import TuningPlan
+from jaxsat.synthesis.tuning.strategies import next_population
 from jaxsat.synthesis.tuning.unusable import NoGradient, unusable
 
 NEVER = np.inf

@@ -14,9 +14,8 @@ from jaxsat.synthesis.comparison import ComparisonSetting, choose_law, compariso
 from jaxsat.synthesis.controller_design import steps
 from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.controller_design.files import design_record
-from jaxsat.synthesis.controller_design.headline import headline
+from jaxsat.synthesis.controller_design.request import DesignSettings
 from jaxsat.synthesis.controller_design.result import Step
-from jaxsat.synthesis.controller_design.settings import DesignSettings
 from jaxsat.synthesis.controller_design.studies import Studies
 from jaxsat.synthesis.execution import Listener
 
@@ -44,7 +43,7 @@ def test_a_law_that_does_not_fit_is_told_with_its_reason():
     found = jaxsat.design(scenario, law="three-slew")
     assert found.outcome == "nothing to design"
     assert "two independent axes" in found.left_out[0]
-    assert headline(found).startswith("Nothing to design. The law three-slew does not fit")
+    assert found.headline.startswith("Nothing to design. The law three-slew does not fit")
 
 
 @pytest.mark.parametrize(

@@ -25,10 +25,9 @@ from jaxsat.synthesis.controller_design.candidates import (
 )
 from jaxsat.synthesis.controller_design.completion import completed
 from jaxsat.synthesis.controller_design.explanation import stronger
-from jaxsat.synthesis.controller_design.reading import ALL, QUICK, read_vehicle
+from jaxsat.synthesis.controller_design.request import ALL, QUICK, read_vehicle
 from jaxsat.synthesis.controller_design.tuning import tuning_table
-from jaxsat.synthesis.controller_design.turned import turned
-from jaxsat.synthesis.controller_design.vehicle import scale_of, vehicle_verdict
+from jaxsat.synthesis.controller_design.vehicle import scale_of, turned, vehicle_verdict
 
 BARE = """
 [spacecraft]

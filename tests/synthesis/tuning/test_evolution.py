@@ -6,8 +6,8 @@ import pytest
 from jaxsat.scenario.optimisers import OptimiserSettings
 from jaxsat.simulation.engine import Outputs
 from jaxsat.synthesis.tuning.cost_evaluator import recovery_costs
-from jaxsat.synthesis.tuning.evolution import next_population, search_bounds
 from jaxsat.synthesis.tuning.parameters import Parameter, SearchSpace
+from jaxsat.synthesis.tuning.strategies import next_population, search_bounds
 
 pytest.importorskip("cma")
 SPACE = SearchSpace((Parameter("a", 0.1, 10.0), Parameter("b", 1.0, 100.0)))

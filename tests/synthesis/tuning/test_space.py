@@ -14,7 +14,7 @@ from jaxsat.synthesis.tuning import (
     TailCompression,
     WorstCase,
 )
-from jaxsat.synthesis.tuning.quasi_newton import minimise
+from jaxsat.synthesis.tuning.strategies import minimise
 
 SPACE = SearchSpace(
     (

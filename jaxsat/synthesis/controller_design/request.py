@@ -1,0 +1,167 @@
+"""What is asked of a design: the vehicle of a file, and how much is computed by which seeds.
+
+The file need not say more than what is left of the vehicle.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from jaxsat.core.checks import require_counts
+from jaxsat.core.text import clean
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.study import EngineName
+from jaxsat.scenario.given import given_keys
+from jaxsat.scenario.overrides import override
+from jaxsat.scenario.read import warn
+
+ALL, QUICK = "all", "quick"
+"""In place of a law: every law of jaxsat that fits, or those that are verified within minutes."""
+
+UNNAMED_LAW = "three-slew"
+"""Law of a scenario whose file names none; every key of it that is left out has a default."""
+
+UNTIMED = 1.0
+"""Duration (s) of a scenario whose file has none."""
+
+_DEFAULTS: Mapping[str, tuple[tuple[str, ...], Any]] = {
+    "title": (("title",), ""),
+    "orbit.rate_rad_s": (("orbit.rate_rad_s", "orbit.altitude_km"), 0.0),
+    "initial.quaternion": (
+        ("initial.quaternion", "initial.w", "initial.z_rad", "initial.z_deg"),
+        [1.0, 0.0, 0.0, 0.0],
+    ),
+    "initial.omega_rad_s": (("initial.omega_rad_s", "initial.omega_deg_s"), [0.0, 0.0, 0.0]),
+    "control.law": (("control.law",), UNNAMED_LAW),
+    "simulation.duration_s": (("simulation.duration_s",), UNTIMED),
+    "simulation.save_every_s": (("simulation.save_every_s",), 0.5),
+}
+"""Keys that may be left out, by any of which a file gives them, and what they are then; the title
+is the file's name."""
+
+
+class Vehicle(NamedTuple):
+    """A scenario to design for: the law that was asked for, and whether a duration was given."""
+
+    scenario: Scenario
+    law: str
+    timed: bool
+
+
+def read_vehicle(
+    name_or_path: str | Path,
+    overrides: Iterable[str] = (),
+    *,
+    caution: Callable[[str], None] = warn,
+) -> Vehicle:
+    """The scenario of a file whose vehicle is to get a controller.
+
+    What `jaxsat.load` needs and a vehicle does not have may be left out: title, orbit (inertial
+    pointing then), start (at rest in the wanted attitude), law (those of `QUICK`; so with "coast"),
+    duration. A body in orbit without `[disturbance]` and without wheels gets gravity gradient.
+    Raises `ScenarioError` and tells `caution` as `jaxsat.load` does.
+    """
+    given = list(overrides)
+    present = given_keys(name_or_path, given)
+    lacking = [key for key, (spellings, _) in _DEFAULTS.items() if not present & {*spellings}]
+    name = clean(Path(name_or_path).stem) or "vehicle"
+    added = [override(key, name if key == "title" else _DEFAULTS[key][1]) for key in lacking]
+    if _has_unsaid_torques(present, in_orbit="orbit.rate_rad_s" not in lacking):
+        added.append(override("disturbance.gravity_gradient", True))
+    scenario = load(name_or_path, [*added, *given], purpose="motion", caution=caution)
+    law = scenario.control.law
+    quick = "control.law" in lacking or law == "coast"
+    return Vehicle(scenario, QUICK if quick else law, "simulation.duration_s" not in lacking)
+
+
+def _has_unsaid_torques(present: set[str], in_orbit: bool) -> bool:
+    """Whether a body in orbit has no word on its disturbances; wheels would store their torque."""
+    tables = {key.partition(".")[0] for key in present}
+    return in_orbit and not tables & {"disturbance", "wheel"}
+
+
+SCREENING_CASES, VALIDATION_CASES, SURE_CASES = 500, 1000, 2000
+
+MAX_SEED = 2**63 - 4
+"""So that three more follow which a scenario can have."""
+
+Attitude = Literal["wanted", "nearest"]
+Goal = Literal["quickest", "settled"]
+
+
+class Seeds(NamedTuple):
+    """One for every step, so that no step sees the cases of another."""
+
+    screening: int
+    tuning: int
+    validation: int
+    verification: int
+
+
+@dataclass(frozen=True)
+class DesignSettings:
+    """What is asked of a design.
+
+    `law` is one law, "all" or "quick", `settled` the fraction of cases that must settle, `cases`
+    those of the verification, `steps` those of the tuner (0 leaves tuning out). With `attitude`
+    "nearest" the controller is designed for the nearest attitude that can be held. The `goal`
+    "quickest" is the quickest law of those that settle most; "settled" is done with the first one
+    that surely settles the wanted fraction. Raises `ValueError` for numbers that cannot be.
+    """
+
+    law: str
+    settled: float = 0.99
+    cases: int = 2000
+    steps: int = 16
+    seed: int = 0
+    attitude: Attitude = "wanted"
+    goal: Goal = "quickest"
+    engine: EngineName = "auto"
+
+    def __post_init__(self):
+        require_counts(cases=self.cases)
+        if self.steps < 0:
+            raise ValueError(f"Argument `steps` must not be negative, but got {self.steps}.")
+        if not 0 <= self.seed <= MAX_SEED:
+            raise ValueError(f"Argument `seed` must be from 0 to {MAX_SEED}, but got {self.seed}.")
+        if not 0 < self.settled <= 1:
+            raise ValueError(
+                f"Argument `settled` must be above 0 and at most 1, but got {self.settled}."
+            )
+        if self.attitude not in ("wanted", "nearest"):
+            raise ValueError(
+                f"Argument `attitude` must be wanted or nearest, but got {self.attitude}."
+            )
+        if self.goal not in ("quickest", "settled"):
+            raise ValueError(f"Argument `goal` must be quickest or settled, but got {self.goal}.")
+
+    @property
+    def seeds(self) -> Seeds:
+        """Consecutive ones from `seed` on."""
+        return Seeds(*range(self.seed, self.seed + 4))
+
+    @property
+    def screening_cases(self) -> int:
+        """Cases on which candidates are screened, at most."""
+        return min(SCREENING_CASES if self.goal == "quickest" else SURE_CASES, self.cases)
+
+    @property
+    def validation_cases(self) -> int:
+        """Cases on which tuned gains must be better."""
+        return min(VALIDATION_CASES, self.cases)
+
+    def identity(self) -> dict[str, Any]:
+        """What a folder is resumed by: all but the verification's size."""
+        return {
+            "goal": self.goal,
+            "settled": self.settled,
+            "law": self.law,
+            "steps": self.steps,
+            "seed": self.seed,
+            "attitude": self.attitude,
+            "engine": self.engine,
+            "screening_cases": self.screening_cases,
+            "validation_cases": self.validation_cases,
+        }
