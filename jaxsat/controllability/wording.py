@@ -224,8 +224,9 @@ def _wheel_sentence(judgement: Judgement) -> str:
         return f"Controllable: {rank} by three independent wheel axes."
     if judgement.dimension == 6:
         return (
-            f"Controllable: {rank}; two wheels turn the body to any attitude, where thrusters add "
-            f"or remove momentum. {cone_words(judgement.cone).capitalize()}."
+            f"Controllable: {rank}; two wheels turn the body to any attitude, so that "
+            f"{_momentum_changers(judgement)} in any inertial direction. "
+            f"{cone_words(judgement.cone).capitalize()}."
         )
     where = "on the level set of the conserved momentum"
     if not found.rests:
@@ -274,7 +275,19 @@ def momentum_words(judgement: Judgement) -> str | None:
         return f"{start}, conserved: no actuator removes momentum from the wheels"
     if found.axes == 1:
         return f"{start}; valid while the momentum of the wheel is small"
-    return f"{start}; thrusters can remove it in any inertial direction by turning the body"
+    turned = "two wheels turn" if found.axes == 2 else "the wheels turn"
+    return f"{start}; {turned} the body, so that {_momentum_changers(judgement)} in any direction"
+
+
+def _momentum_changers(judgement: Judgement) -> str:
+    """Which thrusters change the momentum: one that pushes one way is enough if the body turns."""
+    actuators = judgement.actuators
+    pushing = np.any(actuators.torques, axis=0)
+    if np.sum(pushing) > 1:
+        return "thrusters change the momentum"
+    (number,) = np.flatnonzero(pushing)
+    way = "pushes both ways" if actuators.two_sided[number] else "pushes one way"
+    return f"the one thruster, which {way}, changes the momentum"
 
 
 def once_stopped_words(judgement: Judgement, stopped: Judgement | None) -> str | None:

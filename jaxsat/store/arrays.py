@@ -20,14 +20,7 @@ from jaxsat.store.chunks import (
     encoded,
 )
 from jaxsat.store.errors import OutputError
-from jaxsat.store.files import (
-    WRITERS,
-    new_token,
-    parse_json,
-    partial_name,
-    read_file,
-    write_file,
-)
+from jaxsat.store.files import WRITERS, parse_json, read_file, write_file
 from jaxsat.store.header import Header
 from jaxsat.store.ledger import Ledger
 
@@ -42,19 +35,14 @@ class StoreArrays:
     def __init__(self, path: Path, header: Header, ledger: Ledger, repairs: list[str]):
         self._path, self._header, self._ledger, self._repairs = path, header, ledger, repairs
         self._rows: int | None = None
-        self._token: str | None = None
         self._pool = ThreadPoolExecutor(WRITERS, thread_name_prefix="jaxsat-store")
 
     def begin(self) -> None:
         """Have all folders, and nothing that a killed process was about to write."""
-        names = (*self._header.arrays, *self._header.coordinates)
-        for name in names:
+        for name in (*self._header.arrays, *self._header.coordinates):
             self._make_folder(name)
-        for token in self._ledger.tokens:
-            for name in names:
-                with contextlib.suppress(FileNotFoundError):
-                    (self._path / name / partial_name(token)).unlink()
-        self._ledger.clean()
+            with contextlib.suppress(FileNotFoundError):
+                (self._path / name / self._header.partial).unlink()
 
     def repair(self) -> None:
         """Have coordinates and metadata be what they should for the cases done."""
@@ -73,7 +61,6 @@ class StoreArrays:
         try:
             self._fit()
             self._write_header(self._header.content(self._ledger.end))
-            self._ledger.clean()
         finally:
             self._pool.shutdown()
 
@@ -137,15 +124,12 @@ class StoreArrays:
 
     def _write_all(self, files: Mapping[str, bytes]) -> None:
         """Write files, no two of one array, and wait until all are on the disk."""
-        if self._token is None:
-            self._token = new_token()
-            self._ledger.add_token(self._token)
-        partial = partial_name(self._token)
 
         def write(item: tuple[str, bytes]) -> None:
             path = Path(item[0])
             self._make_folder(path.parent)
-            write_file(self._path / path, item[1], partial=self._path / path.parts[0] / partial)
+            partial = self._path / path.parts[0] / self._header.partial
+            write_file(self._path / path, item[1], partial=partial)
 
         list(self._pool.map(write, files.items()))
 

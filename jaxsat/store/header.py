@@ -21,10 +21,10 @@ from jaxsat.store.chunks import (
     group_metadata,
 )
 from jaxsat.store.errors import OutputError
-from jaxsat.store.files import content_hash, parse_json, read_or_explain
+from jaxsat.store.files import content_hash, parse_json, partial_name, read_or_explain
 from jaxsat.store.provenance import provenance
 
-FORMAT = 3
+FORMAT = 4
 
 
 class Header(NamedTuple):
@@ -40,6 +40,11 @@ class Header(NamedTuple):
     def tag(self) -> str:
         """What the ledger of this study is known by."""
         return _hash({"identity": self.identity, **self.layout()})
+
+    @property
+    def partial(self) -> str:
+        """The name of this study's files while they are written."""
+        return partial_name(self.tag)
 
     @property
     def arrays(self) -> dict[str, Column]:

@@ -1,11 +1,11 @@
 """How jaxsat knows its own: a marker in every folder says what the folder is and what was written.
 
-An entry for a file is made before the file is: its hash, and the name it bears until it is whole.
-So even what a killed process left can be told from what a user put there, and only what is
-unchanged since jaxsat wrote it is ever replaced or removed.
+The marker is one document, replaced whole. It names a file's hash before the file is written, and
+one name for all files while they are written. So even what a killed process left can be told from
+what a user put there, and only what is unchanged since jaxsat wrote it is ever replaced or removed.
 """
 
-import contextlib
+import json
 import os
 import stat
 from collections.abc import Callable, Iterator, Mapping
@@ -16,19 +16,17 @@ from jaxsat.store.errors import OutputError, reason, system_failure
 from jaxsat.store.files import (
     content_hash,
     new_token,
+    parse_json,
     partial_name,
     read_file,
     read_or_explain,
     write_file,
 )
-from jaxsat.store.journal import Journal
 
 MARKER = ".jaxsat"
 """File by which jaxsat knows a folder as its own."""
 
-FORMAT = 1
-
-COMPLETE = {"complete": True}
+FORMAT = 2
 
 OF_SYSTEMS = frozenset({".DS_Store", "Thumbs.db", "desktop.ini", ".directory"})
 """Files that file managers leave wherever they look, and that hold nothing of anybody's."""
@@ -61,9 +59,10 @@ def _is_plain(mode: int) -> bool:
 
 
 class Marker:
-    """What a folder's marker says, and the hashes of all that was written since.
+    """What a folder is, and the hashes of all that was written to it.
 
-    `kind` is the type of the result, such as "run"; `about` is plain data kept with it.
+    `kind` is the type of the result, such as "run"; `about` is plain data kept with it; `complete`
+    says that nothing is to come. `partial` is the name of files while they are written.
     """
 
     folder: Path
@@ -71,41 +70,41 @@ class Marker:
     about: Mapping[str, Any]
     complete: bool
 
-    def __init__(self, folder: Path, journal: Journal, entries: list[dict[str, Any]], sound: bool):
-        header = entries[0]
-        self.folder = folder
-        self.kind = header["kind"]
-        self.about = header["about"]
-        self.complete = COMPLETE in entries[1:]
-        self._journal = journal
-        self._sound = sound
-        self._hashes: dict[str, set[str]] = {}
-        self._partials: set[str] = set()
-        for entry in entries[1:]:
-            if "file" in entry:
-                self._remember(entry)
+    def __init__(
+        self,
+        folder: Path,
+        kind: str,
+        about: Mapping[str, Any],
+        partial: str,
+        *,
+        complete: bool = False,
+        hashes: Mapping[str, list[str]] | None = None,
+    ):
+        self.folder, self.kind, self.about = folder, kind, dict(about)
+        self.complete = complete
+        self._partial = folder / partial
+        self._hashes = {name: list(several) for name, several in (hashes or {}).items()}
 
     @staticmethod
     def make(folder: Path, kind: str, about: Mapping[str, Any]) -> "Marker":
         """The marker of a folder that this process has just made; raises `OSError`."""
-        journal = Journal(folder / MARKER)
-        header = {"written_by": "jaxsat", "format": FORMAT, "kind": kind, "about": dict(about)}
-        journal.write([header])
-        return Marker(folder, journal, [header], sound=True)
+        marker = Marker(folder, kind, about, partial_name(new_token()))
+        marker._save()
+        return marker
 
     @staticmethod
     def read(folder: Path) -> "Marker | None":
         """The marker that a folder has, if it has one that can be read; raises `OSError`."""
-        journal = Journal(folder / MARKER)
-        found = journal.read()
-        if found is None or not found.good:
+        document = parse_json(read_file(folder / MARKER))
+        try:
+            check, form = document.pop("check"), document.pop("format")
+            if check != _check({"format": form, **document}) or form != FORMAT:
+                return None
+            marker = Marker(folder, **document)
+            inside = all(map(_is_inside, marker.names)) and _is_name(document["partial"])
+        except (AttributeError, KeyError, TypeError):  # of another form
             return None
-        header, *entries = found.good
-        if not _is_header(header):
-            return None
-        valid = [entry for entry in entries if entry == COMPLETE or _is_file(entry)]
-        sound = found.damaged == 0 and len(valid) == len(entries)
-        return Marker(folder, journal, [header, *valid], sound)
+        return marker if inside else None
 
     @property
     def names(self) -> list[str]:
@@ -114,21 +113,21 @@ class Marker:
 
     def write(self, name: str, data: bytes, *, durable: bool = True) -> None:
         """Write a file of the folder, or replace it, once the marker knows it; raises `OSError`."""
-        path = self.folder / name
-        partial = path.with_name(partial_name(new_token()))
-        self._note(name, data, durable, partial=partial.relative_to(self.folder).as_posix())
-        write_file(path, data, durable=durable, partial=partial)
+        self._note(name, data)
+        self._save(durable=durable)
+        write_file(self.folder / name, data, durable=durable, partial=self._partial)
+        self._hashes[name] = [content_hash(data)]
 
     def adopt(self, name: str) -> None:
-        """Know a file that is in the folder as written for it; raises `OSError`."""
+        """Know a file that is in the folder as written for it, once `finish` says so."""
         data = read_file(self.folder / name)
         if data is not None and not self.is_unchanged(name, data):
-            self._note(name, data, durable=False)
+            self._note(name, data)
 
     def finish(self) -> None:
         """Say that nothing is to come; raises `OSError`."""
-        self._journal.append(COMPLETE)
         self.complete = True
+        self._save()
 
     def has_written(self, name: str, data: bytes) -> bool:
         """Whether this is what jaxsat wrote to a file."""
@@ -142,17 +141,15 @@ class Marker:
         data = read_file(path) if data is None else data
         return data is not None and self.has_written(name, data)
 
-    def remove_partials(self) -> None:
-        """Remove the files that a killed process was about to write."""
-        for name in self._partials:
-            with contextlib.suppress(FileNotFoundError, NotADirectoryError):
-                (self.folder / name).unlink()
+    def remove_partial(self) -> None:
+        """Remove the file that a killed process was about to write."""
+        self._partial.unlink(missing_ok=True)
 
     def foreign_files(self, is_made_of_it: Made = nothing) -> list[str]:
         """What is in the folder and not proven to be as jaxsat wrote it, nor what a build makes of
         that, as `is_made_of_it` tells of a name; raises `OSError`."""
         folders = {parent.as_posix() for name in self._hashes for parent in Path(name).parents}
-        found = [] if self._sound else [MARKER]
+        foreign = []
         for name, mode in walk(self.folder):
             if name == MARKER and stat.S_ISREG(mode):
                 continue
@@ -161,11 +158,11 @@ class Marker:
             elif not stat.S_ISREG(mode):
                 known = False
             else:
-                known = name in self._partials or _is_of_system(self.folder / name)
+                known = name == self._partial.name or _is_of_system(self.folder / name)
                 known = known or (name in self._hashes and self.is_unchanged(name))
             if not known and not (_is_plain(mode) and is_made_of_it(name)):
-                found.append(name)
-        return sorted(found)
+                foreign.append(name)
+        return sorted(foreign)
 
     def remove_folder(self, is_made_of_it: Made = nothing) -> list[str]:
         """Remove the folder if all of it is jaxsat's; else nothing, and say what is not."""
@@ -181,32 +178,36 @@ class Marker:
         self.folder.rmdir()  # which fails if something has come meanwhile
         return []
 
-    def _note(self, name: str, data: bytes, durable: bool, **more: str) -> None:
-        entry = {"file": name, "hash": content_hash(data), **more}
-        self._journal.append(entry, durable=durable)
-        self._remember(entry)
+    def _note(self, name: str, data: bytes) -> None:
+        """Expect a content of a file; until it is there, what was there before is right too."""
+        self._hashes.setdefault(name, []).append(content_hash(data))
 
-    def _remember(self, entry: Mapping[str, Any]) -> None:
-        self._hashes.setdefault(entry["file"], set()).add(entry["hash"])
-        if "partial" in entry:
-            self._partials.add(entry["partial"])
-
-
-def _is_header(entry: Mapping[str, Any]) -> bool:
-    return (
-        entry.get("written_by") == "jaxsat"
-        and entry.get("format") == FORMAT
-        and isinstance(entry.get("kind"), str)
-        and isinstance(entry.get("about"), dict)
-    )
+    def _save(self, *, durable: bool = True) -> None:
+        document = {
+            "format": FORMAT,
+            "kind": self.kind,
+            "about": self.about,
+            "complete": self.complete,
+            "partial": self._partial.name,
+            "hashes": self._hashes,
+        }
+        text = json.dumps({**document, "check": _check(document)}, indent=1) + "\n"
+        write_file(self.folder / MARKER, text, durable=durable, partial=self._partial)
 
 
-def _is_file(entry: Mapping[str, Any]) -> bool:
-    texts = [entry.get("file"), entry.get("hash"), entry.get("partial", "")]
-    if not all(isinstance(text, str) for text in texts):
-        return False
-    inside = [Path(text) for text in (texts[0], texts[2])]  # the folder, whoever wrote the marker
-    return not any(path.is_absolute() or ".." in path.parts for path in inside)
+def _check(document: Mapping[str, Any]) -> str:
+    return content_hash(json.dumps(document, sort_keys=True).encode())
+
+
+def _is_name(text: str) -> bool:
+    """Whether a path is the name of something that lies in the folder itself."""
+    return _is_inside(text) and Path(text).name == text
+
+
+def _is_inside(name: str) -> bool:
+    """Whether a path leads to a place in the folder, whoever wrote the marker."""
+    path = Path(name)
+    return not path.is_absolute() and ".." not in path.parts
 
 
 def read_unchanged(path: Path) -> bytes | None:

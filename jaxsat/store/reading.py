@@ -22,7 +22,7 @@ class StudyColumn:
     dtype: np.dtype
 
     def __init__(self, path: Path, header: Header, ledger: Ledger, name: str):
-        self._path, self._header, self._done, self._name = path, header, ledger.done, name
+        self._path, self._header, self._ledger, self._name = path, header, ledger, name
         self.column = STATUS_COLUMN if name == STATUS else header.columns[name]
         self.shape = (ledger.end, *self.column.shape)
         self.dtype = np.dtype(self.column.dtype)
@@ -59,7 +59,7 @@ class StudyColumn:
         size = self._header.chunk
         values = np.full((high - low, *self.column.shape), self.column.fill, self.dtype)
         for chunk in range(low // size, -(-high // size)):
-            record = self._done.get(chunk)
+            record = self._ledger.done.get(chunk)
             if record is not None:
                 found = self._chunk(chunk, record)
                 start = chunk * size
@@ -74,8 +74,8 @@ class StudyColumn:
             return np.full(record.cases, DONE, self.dtype)
         found = read_chunk(self._path, self._header, chunk, self._name, record)
         if found is None:  # unless the study has grown since the ledger was read
-            now = Ledger(self._path, self._header).done.get(chunk, record)
-            if now != record and now.cases >= record.cases:
+            now = self._ledger.read(chunk)
+            if now is not None and now != record and now.cases >= record.cases:
                 found = read_chunk(self._path, self._header, chunk, self._name, now)
         if found is None:
             first = chunk * self._header.chunk

@@ -119,7 +119,7 @@ class ResumableFolder:
                 f"{self.path} holds another kind of result ({marker.kind}, not {self._kind}); "
                 "give another folder with --out."
             )
-        marker.remove_partials()
+        marker.remove_partial()
         for name in marker.names:
             if not marker.is_unchanged(name):
                 self._refuse_changed(name)

@@ -29,7 +29,6 @@ from jaxsat.store.errors import OutputError, reason, system_failure
 from jaxsat.store.files import write_file
 from jaxsat.store.header import Header, read_header, run_record
 from jaxsat.store.ledger import (
-    LEDGER,
     ChunkRecord,
     Ledger,
     read_chunk,
@@ -151,10 +150,10 @@ class StudyStore:
         hashes = {name: chunk_hash(name, chunk, data) for name, data in files.items()}
         with self._writing():
             if chunk in self._ledger.done:  # fewer cases of it, and its files will be others
-                self._ledger.remove(chunk)
+                self._ledger.withdraw(chunk)
             self._arrays.grow(int(numbers[-1]) + 1, self.count)
             self._arrays.write_chunk(chunk, files)
-            self._ledger.add(chunk, ChunkRecord(len(numbers), hashes))
+            self._ledger.write(chunk, ChunkRecord(len(numbers), hashes))
             self._arrays.write_status(chunk, len(numbers))
 
     def values(self, chunk: int, names: list[str]) -> dict[str, np.ndarray]:
@@ -189,8 +188,7 @@ class StudyStore:
         try:
             if not is_absent_or_empty(self.path):
                 return
-            files = {METADATA: header.content(), LEDGER: Ledger.empty(header)}
-            files |= header.coordinate_files()
+            files = {METADATA: header.content(), **header.coordinate_files()}
             for name, metadata in header.metadata(0).items():
                 files[f"{name}/{METADATA}"] = as_json(metadata)
             make_folder(self.path, "study", files)
@@ -231,10 +229,12 @@ class StudyStore:
         """Find what is damaged, and make the rest what it should be."""
         self._arrays.begin()
         if self._ledger.damaged:
-            lost = self._ledger.damaged
-            what = "was missing" if lost < 0 else f"had {lost} lines that cannot be read"
-            self.repairs.append(f"the ledger {what}; what they told of is computed again")
-            self._ledger.rewrite()
+            self.repairs.append(
+                f"the ledger had {len(self._ledger.damaged)} records that cannot be read; these "
+                "chunks are computed again"
+            )
+            for chunk in sorted(self._ledger.damaged):
+                self._ledger.withdraw(chunk)
         for chunk, record in sorted(self._ledger.done.items()):
             bad = [
                 name
@@ -248,12 +248,12 @@ class StudyStore:
 
     def _withdraw_damaged(self, chunk: int, what: str) -> None:
         self.repairs.append(f"chunk {chunk} {what} and is computed again")
-        self._ledger.remove(chunk)
+        self._ledger.withdraw(chunk)
 
     def _check_status(self) -> None:
         """Have the status say what the ledger does; it may know of chunks that the ledger lost."""
-        for chunk in sorted(self._ledger.known | status_chunks(self.path)):
-            if chunk not in self._ledger.known:
+        for chunk in sorted(self._ledger.chunks | status_chunks(self.path)):
+            if chunk not in self._ledger.chunks:
                 self._withdraw_damaged(chunk, "was lost from the ledger")
             record = self._ledger.done.get(chunk)
             self._arrays.write_status(chunk, 0 if record is None else record.cases)

@@ -62,7 +62,7 @@ def test_nobody_else_can_read_or_write_any_of_it(folder, made, umask):
     finally:
         os.umask(before)
     assert mode(folder) == 0o700
-    assert [mode(path) for path in folder.iterdir()] == [0o600, 0o600]  # entry and key
+    assert [mode(path) for path in folder.iterdir()] == [0o600]
 
 
 def shortened(entry: Path) -> None:
@@ -77,11 +77,6 @@ def with_a_bit_flipped(entry: Path) -> None:
 
 def emptied(entry: Path) -> None:
     entry.write_bytes(b"")
-
-
-def from_elsewhere(entry: Path) -> None:
-    """With a sound hash, as anybody can make it."""
-    entry.write_bytes(cache._code(bytes(32), entry.name, b"evil") + b"evil")
 
 
 def of_another_name(entry: Path) -> None:
@@ -106,23 +101,10 @@ def readable_by_all(entry: Path) -> None:
     entry.chmod(0o644)
 
 
-def with_a_new_key(entry: Path) -> None:
-    (entry.parent / cache.KEY).unlink()
-
-
-def with_a_short_key(entry: Path) -> None:
-    (entry.parent / cache.KEY).write_bytes(b"short")
-
-
-def with_a_known_key(entry: Path) -> None:
-    (entry.parent / cache.KEY).chmod(0o644)
-
-
 @pytest.mark.parametrize(
     "change",
     [
-        shortened, with_a_bit_flipped, emptied, from_elsewhere, of_another_name, linked, a_pipe,
-        readable_by_all, with_a_new_key, with_a_short_key, with_a_known_key,
+        shortened, with_a_bit_flipped, emptied, of_another_name, linked, a_pipe, readable_by_all,
     ],
 )  # fmt: skip
 def test_an_entry_that_may_not_be_ours_is_made_again(folder, made, change):
@@ -141,7 +123,7 @@ def test_a_link_is_replaced_and_its_target_left_alone(folder, made):
     cache.object_code(TEXT)
     target_file = folder.parent / "mine"
     target_file.write_text("mine")
-    for path in (*entries(folder), folder / cache.KEY):
+    for path in entries(folder):
         path.unlink()
         path.symlink_to(target_file)
     cache.object_code(TEXT)
@@ -301,9 +283,8 @@ def test_writers_at_once_do_not_disturb_one_another(folder, made):
         codes = list(pool.map(cache.object_code, [TEXT] * 40))
     assert set(codes) == {f"code of {TEXT}".encode()}
     made.clear()
-    cache.object_code(TEXT)  # a key that came later may have won
     cache.object_code(TEXT)
-    assert len(made) <= 1
+    assert made == []
 
 
 def test_the_command_line_shows_it_as_one_line(capsys, monkeypatch):

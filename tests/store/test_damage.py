@@ -167,7 +167,7 @@ def test_a_store_of_an_older_format_is_refused(stores, tmp_path):
     path = tmp_path / "s"
     shutil.copytree(stores[0], path)
     text = (path / "zarr.json").read_text()
-    (path / "zarr.json").write_text(text.replace('"jaxsat_format": 3', '"jaxsat_format": 2'))
+    (path / "zarr.json").write_text(text.replace('"jaxsat_format": 4', '"jaxsat_format": 3'))
     for attempt in (study_columns, open_study, lambda path: made(path, COUNT, CHUNK)):
         with pytest.raises(OutputError, match=r"another version of jaxsat.*open_zarr"):
             attempt(path)

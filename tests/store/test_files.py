@@ -11,7 +11,6 @@ import pytest
 from jaxsat.store import OutputError, refuse_existing, save_file
 from jaxsat.store import files as module
 from jaxsat.store.files import read_file, write_file
-from jaxsat.store.journal import Journal
 
 
 def names(path):
@@ -95,46 +94,6 @@ def test_a_file_that_a_user_names_is_replaced_only_when_asked(tmp_path):
     for place in (tmp_path, Path(os.devnull), tmp_path / "nowhere" / "f"):
         with pytest.raises(OutputError, match=r"is not a (file|folder)"):
             refuse_existing(place, overwrite=True)
-
-
-def test_a_journal_knows_what_was_changed(tmp_path):
-    journal = Journal(tmp_path / "j", "tag")
-    assert journal.read() is None
-    journal.write([{"a": 1}])
-    journal.append({"b": [1.5, "x\n"]})
-    assert journal.read() == ([{"a": 1}, {"b": [1.5, "x\n"]}], 0)
-    assert Journal(tmp_path / "j", "other").read() == ([], 2)
-    content = (tmp_path / "j").read_bytes()
-    for place in range(len(content)):
-        (tmp_path / "j").write_bytes(
-            content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :]
-        )
-        found = journal.read()
-        assert found.damaged >= 1
-        assert len(found.good) < 2
-    for length in range(len(content)):
-        (tmp_path / "j").write_bytes(content[:length])
-        found = journal.read()
-        assert len(found.good) + found.damaged == len(content[:length].splitlines())
-    assert Journal(tmp_path / "missing").read() is None
-
-
-def test_a_journal_that_meets_a_full_disk_is_what_it_was(tmp_path, monkeypatch):
-    journal = Journal(tmp_path / "j")
-    journal.write([{"a": 1}])
-    plain = os.write
-    calls = []
-
-    def full(handle, data):
-        calls.append(len(data))
-        if len(calls) > 1:
-            raise OSError(28, "No space left on device")
-        return plain(handle, data[:5])
-
-    monkeypatch.setattr(os, "write", full)
-    with pytest.raises(OSError, match="No space"):
-        journal.append({"b": 2})
-    assert journal.read() == ([{"a": 1}], 0)
 
 
 WRITERS = """

@@ -1,8 +1,11 @@
 """Folders that a command goes on with: the user's files stay, damaged ones are not used."""
 
+import json
+
 import pytest
 
 from jaxsat.store import OutputError, OutputFolder, ResumableFolder, StudyStore
+from jaxsat.store import marker as module
 from jaxsat.store.marker import MARKER, Marker
 
 
@@ -115,7 +118,7 @@ def test_what_a_killed_process_left_is_removed_and_a_new_folder_without_results(
     marker = Marker.read(run)
     assert marker is not None
     marker.write("late", b"x")
-    (partial,) = [name for name in marker._partials if (run / name).parent == run][-1:] or [""]
+    partial = json.loads((run / MARKER).read_bytes())["partial"]
     (run / partial).write_bytes(b"half")
     users = run / ".jaxsat-0123456789abcdef.partial"
     users.write_bytes(b"of the user")
@@ -125,3 +128,38 @@ def test_what_a_killed_process_left_is_removed_and_a_new_folder_without_results(
     with pytest.raises(KeyError), opened(run.parent / "new"):
         raise KeyError
     assert not (run.parent / "new").exists()
+
+
+def test_a_write_that_was_broken_off_leaves_the_old_content_known(run, monkeypatch):
+    """However often that happens; what was there before is known until it is replaced."""
+    plain = module.write_file
+
+    def fail(path, *arguments, **options):
+        if path.name == "state":
+            raise OSError(28, "No space left on device")
+        plain(path, *arguments, **options)
+
+    for content in (b"two", b"three"):
+        with opened(run) as folder:
+            monkeypatch.setattr(module, "write_file", fail)
+            with pytest.raises(OutputError, match="No space left on device"):
+                folder.write("state", content)
+            monkeypatch.undo()
+            assert folder.read("state") == b"one"
+    with opened(run) as folder:
+        folder.write("state", b"four")
+        folder.write("state", b"five")
+    (run / "state").write_bytes(b"two")
+    with pytest.raises(OutputError, match="was damaged, or changed"):
+        opened(run)
+
+
+@pytest.mark.parametrize("change", [{"hashes": {"../x": ["a"]}}, {"partial": "../x"}, {"more": 1}])
+def test_a_marker_of_another_form_is_none(run, change):
+    """Even one whose hash is right."""
+    document = json.loads((run / MARKER).read_bytes())
+    document.pop("check")
+    document |= change
+    check = module._check(document)
+    (run / MARKER).write_text(json.dumps({**document, "check": check}))
+    assert Marker.read(run) is None

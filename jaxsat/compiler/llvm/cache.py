@@ -4,21 +4,17 @@ The folder is the platform's for caches, or that of the environment variable JAX
 Writers of the same entry do not disturb one another: an entry appears whole or not at all.
 
 Machine code runs as it is, so whoever could write an entry could do whatever this user can. The
-folder is therefore this user's alone (`private`), and an entry begins with a code (HMAC-SHA256) of
-its name and content under a random key, which lies in the same folder and which this user alone can
-read. An entry that is damaged, that was brought from elsewhere (another user's cache, an archive)
-or that stands under another's name is not run, but made anew. This does not protect from who can
-read the key: programs of the same user, and root, who need no cache to do harm. Access lists beyond
-the mode bits are not looked at.
+folder and every entry are therefore this user's alone (`private`). An entry begins with a hash
+(SHA-256) of its name and content: one that is damaged, or that stands under another's name, is not
+run, but made anew. The hash keeps nobody out, nor could a key that lies beside the entries. Access
+lists beyond the mode bits are not looked at.
 
 Where the cache cannot be used, a `CacheWarning` tells why, once in a process.
 """
 
 import contextlib
 import hashlib
-import hmac
 import os
-import secrets
 import sys
 import threading
 import warnings
@@ -33,10 +29,8 @@ ENTRIES = 256
 KINDS = (".o", ".kernel")
 """How the names of entries end: machine code, and kernels (`kept`)."""
 
-KEY = "key"
-
 _BYTES = 32
-"""Of the key, and of a code."""
+"""Of the hash before an entry's content."""
 
 _told = threading.Event()
 _threads = threading.Lock()
@@ -93,14 +87,11 @@ def kept(name: str) -> bytes | None:
     """What an entry contains; None where there is none, or none that was written here."""
     try:
         place = private_folder(folder())
-        key = _key(place)
     except OSError as error:
         _tell(error)
         return None
     content = read(place / name)
-    if content is None or not hmac.compare_digest(
-        content[:_BYTES], _code(key, name, content[_BYTES:])
-    ):
+    if content is None or content[:_BYTES] != _hash(name, content[_BYTES:]):
         return None
     with contextlib.suppress(OSError):
         os.utime(place / name)
@@ -111,26 +102,14 @@ def keep(name: str, content: bytes) -> None:
     """Let an entry contain this, if there is a place for it."""
     try:
         place = private_folder(folder())
-        write(place / name, _code(_key(place), name, content) + content)
+        write(place / name, _hash(name, content) + content)
         _remove_oldest(place)
     except OSError as error:
         _tell(error)
 
 
-def _key(place: Path) -> bytes:
-    """The key of a folder, made for the first entry. Of several processes at once the last wins."""
-    with _threads:
-        key = read(place / KEY)
-        if key is None or len(key) != _BYTES:
-            write(place / KEY, secrets.token_bytes(_BYTES))
-            key = read(place / KEY)
-    if key is None or len(key) != _BYTES:
-        raise _Unusable(f"{place / KEY} does not keep what is written to it")
-    return key
-
-
-def _code(key: bytes, name: str, content: bytes) -> bytes:
-    return hmac.digest(key, name.encode() + content, "sha256")
+def _hash(name: str, content: bytes) -> bytes:
+    return hashlib.sha256(name.encode() + b"\0" + content).digest()
 
 
 def _remove_oldest(place: Path) -> None:
