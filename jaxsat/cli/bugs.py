@@ -24,7 +24,7 @@ OUT_OF_MEMORY_TEXTS = ("RESOURCE_EXHAUSTED", "can't start new thread", "Cannot a
 
 def failure_of(error: BaseException) -> FailedRun | None:
     """What to tell of an exception that means a lack of memory or a failing disk, else None."""
-    from jaxsat.store.errors import FAILURES
+    from jaxsat.store.files import FAILURES
 
     if isinstance(error, BrokenPipeError):
         return FailedRun("a process that was to take part in this has gone")

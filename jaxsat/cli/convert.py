@@ -96,7 +96,7 @@ def _converted(
 ) -> str:
     from jaxsat.cli.conversion import ConversionError, attitude_ephemeris, signal_table
     from jaxsat.store import open_trajectory
-    from jaxsat.store.coarseness import coarseness
+    from jaxsat.store.dataset import coarseness
 
     dataset = open_trajectory(path)
     if start is None:

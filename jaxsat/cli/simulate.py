@@ -71,7 +71,7 @@ def simulate(
             files = folder.names
     except OutputError as error:
         raise output_problem(error) from None
-    from jaxsat.store.coarseness import coarseness
+    from jaxsat.store.dataset import coarseness
 
     for told in (coarseness(dataset), excessive_error(errors_of(dataset), chosen)):
         if told:

@@ -1,7 +1,6 @@
 """Controllability of a spacecraft from its inertia and torque axes alone."""
 
 from jaxsat.controllability.actuators import ActuatorSet, actuator_set, thruster_torques
-from jaxsat.controllability.authority import turn_time
 from jaxsat.controllability.closed_forms import (
     ClosedForm,
     one_thruster_condition,
@@ -15,13 +14,19 @@ from jaxsat.controllability.closure import (
     symmetric_product,
 )
 from jaxsat.controllability.cone import TorqueCone, torque_cone
-from jaxsat.controllability.drift_barrier import momentum_barrier, separatrix_normals
-from jaxsat.controllability.energy import (
+from jaxsat.controllability.decision import turn_time
+from jaxsat.controllability.drift import (
     EnergyCounterexample,
+    Recurrence,
+    Trajectory,
+    divergence,
+    drift_trajectory,
     energy_bound,
     energy_counterexample,
     energy_history,
+    recurrence,
 )
+from jaxsat.controllability.drift_barrier import momentum_barrier, separatrix_normals
 from jaxsat.controllability.failures import (
     FailureCase,
     failure_arrays,
@@ -67,13 +72,6 @@ from jaxsat.controllability.maps import (
 from jaxsat.controllability.net_force import NetForce, net_force
 from jaxsat.controllability.pointwise import rank_at_state
 from jaxsat.controllability.rank import Analysis, analyse, ranks_away_from_rest
-from jaxsat.controllability.recurrence import (
-    Recurrence,
-    Trajectory,
-    divergence,
-    drift_trajectory,
-    recurrence,
-)
 from jaxsat.controllability.torque_ranges import judge_ranges, opposing_share, torque_reserve
 from jaxsat.controllability.wheels import MomentumLevelSet, momentum_level_set
 from jaxsat.controllability.wording import verdict_sentence

@@ -16,9 +16,18 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxsat.controllability.layout import TOLERANCE
-from jaxsat.controllability.nonnegative import nonnegative_least_squares
 from jaxsat.core.numerals import fixed_text
 from jaxsat.core.once import once_property
+
+
+def nonnegative_least_squares(
+    columns: Float[np.ndarray, "n k"], target: Float[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " k"], float]:
+    """Weights λ ≥ 0 that minimise |columns λ - target|, and that least distance."""
+    from scipy.optimize import nnls  # takes its time, and most studies have no use for it
+
+    return nnls(columns, target, maxiter=200 * columns.shape[1])
+
 
 ROUNDING = 1e-9
 """Sines below this are rounding of the data, and so are columns shorter than this times the

@@ -6,8 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.controllability.actuators import ActuatorSet
-from jaxsat.controllability.cone import TorqueCone, unit_rays
-from jaxsat.controllability.nonnegative import nonnegative_least_squares
+from jaxsat.controllability.cone import TorqueCone, nonnegative_least_squares, unit_rays
 
 COUPLE = 1e-7
 """A least net force below this times the forces that make the torque is rounding."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.controllability.authority import decided_turn_time
 from jaxsat.controllability.closed_forms import (
     ClosedForm,
     one_thruster_condition,
@@ -16,6 +15,7 @@ from jaxsat.controllability.decision import (
     RANK_OF_DIMENSION,
     closure_growth,
     decide_rank,
+    decided_turn_time,
 )
 from jaxsat.controllability.layout import TOLERANCE, Layout, Numbers, make_layout
 from jaxsat.controllability.linear import (

@@ -6,8 +6,7 @@ What needs xarray, which takes its time, is imported when first used.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from jaxsat.store.errors import OutputError, system_failure
-from jaxsat.store.files import refuse_existing, save_file
+from jaxsat.store.files import OutputError, refuse_existing, save_file, system_failure
 from jaxsat.store.folder import OutputFolder
 from jaxsat.store.provenance import command_line, machine, provenance
 from jaxsat.store.resumable import ResumableFolder
@@ -16,29 +15,30 @@ if TYPE_CHECKING:
     from jaxsat.store.chunks import Column
     from jaxsat.store.dataset import (
         dataset_bytes,
+        is_within,
         open_trajectory,
         save_dataset,
+        time_at_rest,
+        time_to_settle,
         trajectory_dataset,
     )
-    from jaxsat.store.opening import open_study
     from jaxsat.store.reading import study_columns
-    from jaxsat.store.settling import is_within, time_at_rest, time_to_settle
     from jaxsat.store.store import StudyStore
-    from jaxsat.store.tables import case_table, save_case_table
+    from jaxsat.store.tables import case_table, open_study, save_case_table
 
 _LATER = {
     "Column": "chunks",
     "StudyStore": "store",
     "case_table": "tables",
     "dataset_bytes": "dataset",
-    "is_within": "settling",
-    "open_study": "opening",
+    "is_within": "dataset",
+    "open_study": "tables",
     "open_trajectory": "dataset",
     "save_case_table": "tables",
     "save_dataset": "dataset",
     "study_columns": "reading",
-    "time_at_rest": "settling",
-    "time_to_settle": "settling",
+    "time_at_rest": "dataset",
+    "time_to_settle": "dataset",
     "trajectory_dataset": "dataset",
 }
 

@@ -19,8 +19,7 @@ from jaxsat.store.chunks import (
     differs_in_rows_alone,
     encoded,
 )
-from jaxsat.store.errors import OutputError
-from jaxsat.store.files import WRITERS, parse_json, read_file, write_file
+from jaxsat.store.files import WRITERS, OutputError, parse_json, read_file, write_file
 from jaxsat.store.header import Header
 from jaxsat.store.ledger import Ledger
 

@@ -1,124 +1,25 @@
-"""Trajectories as xarray datasets, in memory and as netCDF files."""
+"""Trajectories as xarray datasets, in memory and as netCDF files, and what they tell."""
 
 import enum
 import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import h5py
+import jax
 import numpy as np
 import xarray as xr
 
 from jaxsat.control.sampled import mode_label
 from jaxsat.core.pointing import SEQUENCE, euler_angles, pointing_error
 from jaxsat.core.text import clean
+from jaxsat.core.tolerances import Tolerances, within
 from jaxsat.simulation import Assessment, Signals, Trajectory
-from jaxsat.store.errors import OutputError, one_line
-from jaxsat.store.files import save_file
-from jaxsat.store.labels import AXES, PARTS, part_names
+from jaxsat.store.files import OutputError, one_line, save_file
+from jaxsat.store.labels import AXES, ERRORS, PARTS, RANGES, TOTALS, VARIABLES, Label, part_names
 from jaxsat.store.marker import read_unchanged
 from jaxsat.store.provenance import provenance_attributes
-
-
-class _Variable(NamedTuple):
-    """How one signal is labelled."""
-
-    dimensions: tuple[str, ...]
-    units: str
-    long_name: str
-
-
-VARIABLES = {
-    "w": _Variable(("w_component",), "1", "tilt relative to the orbit frame (Tsiotras-Longuski)"),
-    "z": _Variable((), "rad", "turn about the third axis (Tsiotras-Longuski)"),
-    "quaternion": _Variable(
-        ("quaternion_component",), "1", "unit quaternion from orbit to body frame, scalar first"
-    ),
-    "omega": _Variable(("body_axis",), "rad s-1", "inertial angular velocity in body axes"),
-    "relative_rate": _Variable(
-        ("body_axis",), "rad s-1", "angular velocity relative to the orbit frame in body axes"
-    ),
-    "torque": _Variable(("body_axis",), "N m", "torque of all actuators in body axes"),
-    "disturbance": _Variable(("body_axis",), "N m", "disturbance torque in body axes"),
-    "rate_error": _Variable(
-        ("driven_axis",), "rad s-1", "angular velocity less the reference of the control law"
-    ),
-    "lyapunov": _Variable((), "J", "Lyapunov function of the control law"),
-    "mode": _Variable((), "1", "part of a switching law or supervisor that is active"),
-    "constraint_torque": _Variable(
-        (), "N m", "ideal torque about the third axis that holds the third rate"
-    ),
-    "thrust_level": _Variable(
-        ("thruster",), "1", "mean thrust until the next time, over full thrust"
-    ),
-    "propellant": _Variable((), "kg", "propellant used"),
-    "valve_openings": _Variable(("thruster",), "1", "openings of each valve"),
-    "diagnosed_kind": _Variable(
-        ("thruster",),
-        "1",
-        "diagnosed failure: -1 none, 0 dead, 1 degraded, 2 stuck on, 3 stuck at, 4 leaking, "
-        "5 reversed, 6 friction up, 7 runaway, 8 stopped",
-    ),
-    "detection_statistic": _Variable(
-        ("thruster",), "1", "CUSUM statistic of each actuator over the threshold of an alarm"
-    ),
-    "alarm": _Variable((), "1", "1 while the cause of an alarm is being isolated"),
-    "wheel_momentum": _Variable(("wheel",), "N m s", "wheel momentum relative to the body"),
-    "wheel_torque": _Variable(("wheel",), "N m", "wheel torque on the body along its axis"),
-    "dipole": _Variable(("magnetorquer",), "A m2", "dipole of each magnetorquer along its axis"),
-    "gimbal_angle": _Variable(("gimbal",), "rad", "angle of each gimbal"),
-    "gimbal_rate": _Variable(("gimbal",), "rad s-1", "rate of each gimbal"),
-    "attitude_estimate_error": _Variable(
-        ("body_axis",), "rad", "rotation vector from estimated to true attitude in body axes"
-    ),
-    "attitude_estimate_3sigma": _Variable(
-        ("body_axis",), "rad", "three standard deviations that the estimator claims of the same"
-    ),
-    "rate_estimate_error": _Variable(
-        ("body_axis",), "rad s-1", "angular velocity less the estimated one in body axes"
-    ),
-    "rate_estimate_3sigma": _Variable(
-        ("body_axis",), "rad s-1", "three standard deviations that the estimator claims of the same"
-    ),
-    "bias_estimate_error": _Variable(
-        ("body_axis",), "rad s-1", "gyro bias less the estimated one in body axes"
-    ),
-    "bias_estimate_3sigma": _Variable(
-        ("body_axis",), "rad s-1", "three standard deviations that the estimator claims of the same"
-    ),
-}
-"""Signals, each over `time`; those from `constraint_torque` on only where there is such a torque,
-thruster (a two-sided one counts as two), wheel, magnetorquer, gimbal or estimate."""
-
-RANGES = {
-    "least": ("torque_min", "least"),
-    "largest": ("torque_max", "largest"),
-    "mean": ("torque_mean", "mean"),
-}
-"""Of the torque from each saved time to the next, where that differs from the torque saved."""
-
-TOTALS = {
-    "settled_from": _Variable(
-        (), "s", "when attitude and relative rate came to stay within the tolerances"
-    ),
-    "at_rest_from": _Variable((), "s", "when the inertial rate came to stay within its tolerance"),
-    "effort": _Variable(("body_axis",), "N m s", "integral of the size of the torque"),
-    "constraint_effort": _Variable((), "N m s", "the same of the torque that holds the third rate"),
-}
-"""Of the whole run, judged on the integrator's steps and not at the saved times."""
-
-ERRORS = {
-    "rate_error_estimate": (
-        "rate",
-        _Variable((), "rad s-1", "error of the rate that the length of the steps leaves"),
-    ),
-    "attitude_error_estimate": (
-        "attitude",
-        _Variable((), "rad", "error of the attitude that the length of the steps leaves"),
-    ),
-}
-"""Of equal steps, see `IntegrationError`."""
 
 
 def trajectory_dataset(
@@ -258,7 +159,7 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
 
 
 def _labelled(
-    source: Signals | Assessment, labels: Mapping[str, _Variable], first: tuple[str, ...]
+    source: Signals | Assessment, labels: Mapping[str, Label], first: tuple[str, ...]
 ) -> dict[str, xr.Variable | None]:
     """What of the source is labelled; None for what it has not."""
     values = {name: getattr(source, name) for name in labels}
@@ -307,3 +208,64 @@ def pointing(quaternion: np.ndarray) -> dict[str, xr.Variable]:
         )
         for name, (values, axis, meaning) in entries.items()
     }
+
+
+_within = jax.jit(within)
+
+
+def is_within(dataset: xr.Dataset, tolerances: Tolerances | None = None) -> np.ndarray:
+    """At which of the saved times attitude and relative rate are all within the tolerances."""
+    w, z, rate = (jax.numpy.asarray(dataset[name].values) for name in ("w", "z", "relative_rate"))
+    return np.asarray(_within(w, z, rate, Tolerances() if tolerances is None else tolerances))
+
+
+def time_to_settle(dataset: xr.Dataset) -> float:
+    """The instant from which all tolerances hold to the end, s; infinite if there is none.
+
+    It was judged during the run, on the integrator's steps, by the tolerances of `simulate`: the
+    saved times do not matter.
+    """
+    return _total(dataset, "settled_from")
+
+
+def time_at_rest(dataset: xr.Dataset) -> float:
+    """The same for the inertial rates alone, whatever the attitude: what a rate law can do, s."""
+    return _total(dataset, "at_rest_from")
+
+
+def _total(dataset: xr.Dataset, name: str) -> float:
+    if name not in dataset:
+        raise ValueError(
+            f"Argument `dataset` must hold {name}, which the run itself tells, but got one with "
+            f"{', '.join(map(str, dataset.data_vars))}; simulate again."
+        )
+    return float(dataset[name])
+
+
+MOST_TURN = 2 * np.pi / 3
+"""Between two records (rad): from half a turn on, nobody can tell which way it went."""
+
+
+def coarseness(dataset: xr.Dataset) -> str:
+    """What to say where a body turns too far between two saved times; nothing where it does not.
+
+    The turn is that of the saved attitudes or, where it is more, that of the saved rates.
+    """
+    if not {"time", "quaternion", "omega"} <= set(dataset.variables) or len(dataset["time"]) < 2:
+        return ""
+    times, q = dataset["time"].values, dataset["quaternion"].values
+    steps = np.diff(times)
+    rates = np.linalg.norm(dataset["omega"].values, axis=1)
+    by_rates = np.maximum(rates[1:], rates[:-1]) * steps
+    by_attitudes = 2 * np.arccos(np.clip(np.abs(np.sum(q[1:] * q[:-1], axis=1)), 0, 1))
+    turns = np.nan_to_num(np.maximum(by_rates, by_attitudes))
+    worst = int(np.argmax(turns))
+    if turns[worst] <= MOST_TURN:
+        return ""
+    enough = steps[worst] * MOST_TURN / turns[worst]
+    return (
+        f"the attitude is saved too coarsely to be interpolated: the body turns by "
+        f"{turns[worst] / (2 * np.pi):.3g} of a turn between {times[worst]:g} and "
+        f"{times[worst + 1]:g} s; save it at least every {enough:.2g} s "
+        "(simulation.save_every_s)"
+    )

@@ -9,8 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
-from jaxsat.store.errors import OutputError, reason, system_failure
-from jaxsat.store.files import sync_file, sync_folder
+from jaxsat.store.files import OutputError, reason, sync_file, sync_folder, system_failure
 from jaxsat.store.marker import MARKER, Made, Marker, abbreviated, foreign_files_in, nothing, walk
 from jaxsat.store.temporary import TemporaryFolder, temporary_folder
 

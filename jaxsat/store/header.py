@@ -20,8 +20,7 @@ from jaxsat.store.chunks import (
     coordinate_files,
     group_metadata,
 )
-from jaxsat.store.errors import OutputError
-from jaxsat.store.files import content_hash, parse_json, partial_name, read_or_explain
+from jaxsat.store.files import OutputError, content_hash, parse_json, partial_name, read_or_explain
 from jaxsat.store.provenance import provenance
 
 FORMAT = 4

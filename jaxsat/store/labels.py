@@ -1,8 +1,8 @@
-"""What is called how in results: axes, the components along them, outcomes of cases."""
+"""What is called how in results: axes and components, variables with units, outcomes of cases."""
 
 import tomllib
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 AXES: dict[str, tuple[str, ...]] = {
     "body_axis": ("x", "y", "z"),
@@ -20,6 +20,104 @@ PARTS = ("thruster", "wheel", "magnetorquer", "gimbal")
 
 SETTLED, UNSETTLED = "settled", "unsettled"
 """How a case that reached its end is called; any other is called by its failure."""
+
+
+class Label(NamedTuple):
+    """How one variable of a trajectory is labelled: its dimensions, units and long name."""
+
+    dimensions: tuple[str, ...]
+    units: str
+    long_name: str
+
+
+VARIABLES = {
+    "w": Label(("w_component",), "1", "tilt relative to the orbit frame (Tsiotras-Longuski)"),
+    "z": Label((), "rad", "turn about the third axis (Tsiotras-Longuski)"),
+    "quaternion": Label(
+        ("quaternion_component",), "1", "unit quaternion from orbit to body frame, scalar first"
+    ),
+    "omega": Label(("body_axis",), "rad s-1", "inertial angular velocity in body axes"),
+    "relative_rate": Label(
+        ("body_axis",), "rad s-1", "angular velocity relative to the orbit frame in body axes"
+    ),
+    "torque": Label(("body_axis",), "N m", "torque of all actuators in body axes"),
+    "disturbance": Label(("body_axis",), "N m", "disturbance torque in body axes"),
+    "rate_error": Label(
+        ("driven_axis",), "rad s-1", "angular velocity less the reference of the control law"
+    ),
+    "lyapunov": Label((), "J", "Lyapunov function of the control law"),
+    "mode": Label((), "1", "part of a switching law or supervisor that is active"),
+    "constraint_torque": Label(
+        (), "N m", "ideal torque about the third axis that holds the third rate"
+    ),
+    "thrust_level": Label(("thruster",), "1", "mean thrust until the next time, over full thrust"),
+    "propellant": Label((), "kg", "propellant used"),
+    "valve_openings": Label(("thruster",), "1", "openings of each valve"),
+    "diagnosed_kind": Label(
+        ("thruster",),
+        "1",
+        "diagnosed failure: -1 none, 0 dead, 1 degraded, 2 stuck on, 3 stuck at, 4 leaking, "
+        "5 reversed, 6 friction up, 7 runaway, 8 stopped",
+    ),
+    "detection_statistic": Label(
+        ("thruster",), "1", "CUSUM statistic of each actuator over the threshold of an alarm"
+    ),
+    "alarm": Label((), "1", "1 while the cause of an alarm is being isolated"),
+    "wheel_momentum": Label(("wheel",), "N m s", "wheel momentum relative to the body"),
+    "wheel_torque": Label(("wheel",), "N m", "wheel torque on the body along its axis"),
+    "dipole": Label(("magnetorquer",), "A m2", "dipole of each magnetorquer along its axis"),
+    "gimbal_angle": Label(("gimbal",), "rad", "angle of each gimbal"),
+    "gimbal_rate": Label(("gimbal",), "rad s-1", "rate of each gimbal"),
+    "attitude_estimate_error": Label(
+        ("body_axis",), "rad", "rotation vector from estimated to true attitude in body axes"
+    ),
+    "attitude_estimate_3sigma": Label(
+        ("body_axis",), "rad", "three standard deviations that the estimator claims of the same"
+    ),
+    "rate_estimate_error": Label(
+        ("body_axis",), "rad s-1", "angular velocity less the estimated one in body axes"
+    ),
+    "rate_estimate_3sigma": Label(
+        ("body_axis",), "rad s-1", "three standard deviations that the estimator claims of the same"
+    ),
+    "bias_estimate_error": Label(
+        ("body_axis",), "rad s-1", "gyro bias less the estimated one in body axes"
+    ),
+    "bias_estimate_3sigma": Label(
+        ("body_axis",), "rad s-1", "three standard deviations that the estimator claims of the same"
+    ),
+}
+"""Signals, each over `time`; those from `constraint_torque` on only where there is such a torque,
+thruster (a two-sided one counts as two), wheel, magnetorquer, gimbal or estimate."""
+
+RANGES = {
+    "least": ("torque_min", "least"),
+    "largest": ("torque_max", "largest"),
+    "mean": ("torque_mean", "mean"),
+}
+"""Of the torque from each saved time to the next, where that differs from the torque saved."""
+
+TOTALS = {
+    "settled_from": Label(
+        (), "s", "when attitude and relative rate came to stay within the tolerances"
+    ),
+    "at_rest_from": Label((), "s", "when the inertial rate came to stay within its tolerance"),
+    "effort": Label(("body_axis",), "N m s", "integral of the size of the torque"),
+    "constraint_effort": Label((), "N m s", "the same of the torque that holds the third rate"),
+}
+"""Of the whole run, judged on the integrator's steps and not at the saved times."""
+
+ERRORS = {
+    "rate_error_estimate": (
+        "rate",
+        Label((), "rad s-1", "error of the rate that the length of the steps leaves"),
+    ),
+    "attitude_error_estimate": (
+        "attitude",
+        Label((), "rad", "error of the attitude that the length of the steps leaves"),
+    ),
+}
+"""Of equal steps, see `IntegrationError`."""
 
 
 def flags_of(column: Any) -> tuple[str, ...]:

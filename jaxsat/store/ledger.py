@@ -16,8 +16,15 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxsat.store.chunks import STATUS, chunk_file, chunk_hash, decoded
-from jaxsat.store.errors import OutputError, reason, system_failure
-from jaxsat.store.files import content_hash, parse_json, read_or_explain, write_file
+from jaxsat.store.files import (
+    OutputError,
+    content_hash,
+    parse_json,
+    read_or_explain,
+    reason,
+    system_failure,
+    write_file,
+)
 from jaxsat.store.header import Header
 
 LEDGER = f"{STATUS}/ledger"

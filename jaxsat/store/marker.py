@@ -12,14 +12,16 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from jaxsat.store.errors import OutputError, reason, system_failure
 from jaxsat.store.files import (
+    OutputError,
     content_hash,
     new_token,
     parse_json,
     partial_name,
     read_file,
     read_or_explain,
+    reason,
+    system_failure,
     write_file,
 )
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxsat.store.chunks import DONE, STATUS, STATUS_COLUMN
-from jaxsat.store.errors import OutputError
+from jaxsat.store.files import OutputError
 from jaxsat.store.header import Header, read_header
 from jaxsat.store.ledger import ChunkRecord, Ledger, read_chunk, read_ledger
 

@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from jaxsat.store.errors import OutputError, reason, system_failure
-from jaxsat.store.files import read_or_explain
-from jaxsat.store.locking import lock_folder
+from jaxsat.store.files import OutputError, read_or_explain, reason, system_failure
 from jaxsat.store.marker import Marker, abbreviated
-from jaxsat.store.temporary import is_absent_or_empty, make_folder
+from jaxsat.store.temporary import is_absent_or_empty, lock_folder, make_folder
 
 
 class ResumableFolder:

@@ -25,8 +25,7 @@ from jaxsat.store.chunks import (
     encoded,
 )
 from jaxsat.store.differences import OTHER_PROGRAM, differences
-from jaxsat.store.errors import OutputError, reason, system_failure
-from jaxsat.store.files import write_file
+from jaxsat.store.files import OutputError, reason, system_failure, write_file
 from jaxsat.store.header import Header, read_header, run_record
 from jaxsat.store.ledger import (
     ChunkRecord,
@@ -35,9 +34,8 @@ from jaxsat.store.ledger import (
     read_chunk_file,
     status_chunks,
 )
-from jaxsat.store.locking import lock_folder
 from jaxsat.store.provenance import machine
-from jaxsat.store.temporary import is_absent_or_empty, make_folder
+from jaxsat.store.temporary import is_absent_or_empty, lock_folder, make_folder
 
 
 class StudyStore:

@@ -1,4 +1,7 @@
-"""Folders that are made beside their target and take its name when they are whole."""
+"""Folders that are made beside their target and take its name when they are whole.
+
+A folder has one writer: a lock that ends with the process that holds it, however it ends.
+"""
 
 import contextlib
 import errno
@@ -12,10 +15,56 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from jaxsat.store.errors import OutputError
-from jaxsat.store.files import sync_files, sync_folder
-from jaxsat.store.locking import FolderLock, lock_folder
+from jaxsat.store.files import OutputError, reason, sync_files, sync_folder, system_failure
 from jaxsat.store.marker import MARKER, Marker
+
+
+class FolderLock:
+    """A lock on a folder, held until it is closed."""
+
+    def __init__(self, handle: int):
+        self._handle: int | None = handle
+
+    def close(self) -> None:
+        """Give the folder free."""
+        if self._handle is not None:
+            os.close(self._handle)
+            self._handle = None
+
+
+def lock_folder(path: Path) -> FolderLock:
+    """Lock a folder for this process; raises `OutputError` while another one holds it."""
+    try:
+        handle = _open(path)
+    except OSError as error:
+        raise system_failure(f"{path} cannot be opened: {reason(error)}.", error) from error
+    try:
+        _lock(handle)
+    except OSError as error:
+        os.close(handle)
+        message = f"{path} is being written to by another process."
+        raise OutputError(message, failure=True) from error
+    return FolderLock(handle)
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _open(path: Path) -> int:
+        return os.open(path.with_name(f".{path.name}.lock"), os.O_RDWR | os.O_CREAT)
+
+    def _lock(handle: int) -> None:
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+
+else:
+    import fcntl
+
+    def _open(path: Path) -> int:
+        return os.open(path, os.O_RDONLY)
+
+    def _lock(handle: int) -> None:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
 
 LOCKED_BY = 10.0
 """Seconds. A folder of this age that nobody holds a lock on has nobody who writes to it."""

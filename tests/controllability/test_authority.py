@@ -63,7 +63,7 @@ def test_two_thrusters_turn_as_the_series_says(signs):
 
 def test_one_thruster_turns_as_the_series_says():
     """About the axis that neither thrust nor the first bracket has: t⁶/180 and t⁸/4032."""
-    from jaxsat.controllability.authority import _columns
+    from jaxsat.controllability.decision import _columns
 
     axis = np.array([[0.5, 0.6, 0.7]]).T / np.linalg.norm([0.5, 0.6, 0.7])
     columns, powers = _columns(GENERAL, axis)

@@ -14,6 +14,7 @@ from jaxsat.controllability import (
     momentum_level_set,
 )
 from jaxsat.controllability.wheels import one_wheel_brackets
+from jaxsat.controllability.wording import momentum_words
 
 JA = np.array([[9.0, 0.5, -0.3], [0.5, 5.0, 0.8], [-0.3, 0.8, 7.0]])
 AXES = np.array([[1.0, 0.3, 0.1], [0.2, -1.0, 0.5], [0.5, 0.4, 1.0]])
@@ -184,3 +185,21 @@ def test_wheels_are_counted_by_independent_axes():
 def test_one_wheel_without_momentum_turns_about_one_axis():
     turn = level_set(JA, AXES[:, :1]).turned_about
     np.testing.assert_allclose(np.cross(JA @ turn, AXES[:, 0]), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("torques", "two_sided", "words"),
+    [
+        ([[0.3], [0.2], [1.0]], False, "the one thruster, which pushes one way, changes"),
+        ([[0.3, 0], [0.2, 0], [1.0, 0]], True, "the one thruster, which pushes both ways, changes"),
+        ([[0.3, 0], [0.2, 0], [1.0, -1]], False, "thrusters change"),
+    ],
+)
+def test_the_verdict_of_two_wheels_says_which_thrusters_change_the_momentum(
+    torques, two_sided, words
+):
+    """One that makes no torque changes none."""
+    actuators = actuator_set(torques, two_sided=two_sided, wheel_axes=np.eye(3)[:, :2])
+    judgement = judge([5.0, 7.0, 9.0], actuators)
+    assert f"so that {words} the momentum in any inertial direction" in verdict_sentence(judgement)
+    assert momentum_words(judgement).endswith(f"so that {words} the momentum in any direction")

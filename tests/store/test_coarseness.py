@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from scipy.spatial.transform import Rotation
 
-from jaxsat.store.coarseness import coarseness
+from jaxsat.store.dataset import coarseness
 
 
 def spin(turns):

@@ -22,7 +22,8 @@ from jaxsat.store import (
     time_to_settle,
     trajectory_dataset,
 )
-from jaxsat.store.dataset import TOTALS, VARIABLES, dataset_bytes
+from jaxsat.store.dataset import dataset_bytes
+from jaxsat.store.labels import TOTALS, VARIABLES
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ from jaxsat.report.page.replay import craft
 from jaxsat.report.run_document import failures_of, run_document, until_end
 from jaxsat.report.signal_figures import BOUND, further_signals
 from jaxsat.report.time_axes import mode_names
-from jaxsat.store.coarseness import coarseness
+from jaxsat.store.dataset import coarseness
 from jaxsat.store.labels import PARTS
 
 GROUPS = {
