@@ -10,8 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.controllability import (
     actuator_set,
+    judge,
     lie_bracket,
     momentum_level_set,
+    verdict_sentence,
 )
 from jaxsat.controllability.wheels import one_wheel_brackets
 from jaxsat.controllability.wording import momentum_words
