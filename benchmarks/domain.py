@@ -1,6 +1,6 @@
 """Where the laws that settle still do: one dimensionless number swept at a time (docs/laws.md).
 
-    python benchmarks/domain.py --out domain.csv --declare jaxsat/core/declaration/verified.py
+    python benchmarks/domain.py --out domain.csv --declare jaxsat/core/declaration/verified.toml
 
 Around the paper's spacecraft at 5 N m and the dispersions of `acceptance-hard`. One row for every
 law and value, with the fraction that settled within 144 τ; an existing file is added to.
@@ -61,16 +61,14 @@ REFERENCE = {
 }
 """What they are for the paper's spacecraft at 5 N m."""
 
-HEAD = '''"""What share of {cases} hard cases settled, one dimensionless number swept at a time.
+HEAD = """\
+# What share of {cases} hard cases settled, one dimensionless number swept at a time, around the
+# paper's spacecraft at 5 N m; `moment_ratio` at c = 0.3. Read by `jaxsat.core.declaration.domain`.
+# Written by
+#
+#     python benchmarks/domain.py --out domain.csv --declare jaxsat/core/declaration/verified.toml
 
-Around the paper's spacecraft at 5 N m; `moment_ratio` at c = 0.3. Written by
-
-    python benchmarks/domain.py --out domain.csv --declare jaxsat/core/declaration/verified.py
 """
-
-from jaxsat.core.declaration.domain import Sweep
-
-'''
 
 
 def scenario_of(law: str, number: str, value: float) -> Scenario:
@@ -149,19 +147,19 @@ def rows(cases: int, seed: int, done: set[tuple[str, str, float]]) -> Iterator[d
 
 
 def declared(kept: list[dict[str, str]], cases: int) -> str:
-    """The rows as `jaxsat/core/declaration/verified.py`."""
+    """The rows as `jaxsat/core/declaration/verified.toml`."""
     text = HEAD.format(cases=cases)
     for law in LAWS:
-        text += f"{law.upper().replace('-', '_')} = (\n"
         for number in SWEEPS:
-            found = sorted(
-                (float(row["value"]), round(float(row["settled"]), 3))
+            settled = sorted(
+                [float(row["value"]), round(float(row["settled"]), 3)]
                 for row in kept
                 if (row["law"], row["number"]) == (law, number)
             )
-            text += f"    Sweep({number!r}, {REFERENCE[number]!r}, {tuple(found)!r}),\n"
-        text += f')\n"""Of the law {law}."""\n\n'
-    return text
+            text += (
+                f"[{law}.{number}]\nreference = {REFERENCE[number]!r}\nsettled = {settled!r}\n\n"
+            )
+    return text.rstrip() + "\n"
 
 
 def main() -> None:
@@ -170,7 +168,7 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=128)
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--out", type=Path, default=Path("domain.csv"))
-    parser.add_argument("--declare", type=Path, help="Python file to write the rows to")
+    parser.add_argument("--declare", type=Path, help="data file to write the rows to")
     given = parser.parse_args()
     warnings.simplefilter("ignore", ScenarioWarning)
     jax.config.update("jax_enable_x64", True)

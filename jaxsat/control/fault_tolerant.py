@@ -24,7 +24,7 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
-from jaxsat.core.declaration.fault_tolerant import FAULT_TOLERANT
+from jaxsat.core.declaration.three_torques import FAULT_TOLERANT
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
 

@@ -20,7 +20,7 @@ from jaxsat.control.two_wheels import TwoWheels
 from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
 from jaxsat.core.checks import as_array, as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
-from jaxsat.core.declaration.fault_tolerant import FAULT_TOLERANT_WHEELS
+from jaxsat.core.declaration.three_torques import FAULT_TOLERANT_WHEELS
 from jaxsat.spacecraft import wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState
 

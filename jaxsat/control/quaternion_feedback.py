@@ -15,7 +15,7 @@ from jaxsat.control.context import LawContext
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
-from jaxsat.core.declaration.quaternion_feedback import QUATERNION_FEEDBACK
+from jaxsat.core.declaration.three_torques import QUATERNION_FEEDBACK
 from jaxsat.core.quotients import share_within
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 

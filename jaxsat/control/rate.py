@@ -12,7 +12,7 @@ from jaxsat.control.context import LawContext
 from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
-from jaxsat.core.declaration.rate import RATE
+from jaxsat.core.declaration.paper import RATE
 from jaxsat.core.smooth import Width, as_width, root_abs, signed_root
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 

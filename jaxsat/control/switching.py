@@ -22,7 +22,7 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.three_axis import ThreeAxisLaw
 from jaxsat.core.checks import as_float, concrete, require_positive
 from jaxsat.core.declaration import LawDeclaration
-from jaxsat.core.declaration.switching import SLOPE_LIMITS, SWITCHING
+from jaxsat.core.declaration.paper import SLOPE_LIMITS, SWITCHING
 from jaxsat.spacecraft.dynamics import PlantState
 
 

@@ -14,7 +14,7 @@ from jaxsat.control.integrating_factor import AbstractIntegratingFactor
 from jaxsat.control.internal_model import InternalModel
 from jaxsat.core.checks import all_positive, as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
-from jaxsat.core.declaration.three_axis import THREE_AXIS
+from jaxsat.core.declaration.paper import THREE_AXIS
 from jaxsat.core.quotients import quotient, reciprocal
 from jaxsat.core.smooth import Width, as_width, sat
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody

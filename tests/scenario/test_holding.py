@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from jaxsat.core.declaration.verified import THREE_SLEW
+from jaxsat.core.declaration.domain import sweeps_of
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -67,7 +67,7 @@ def test_an_attitude_that_cannot_be_held_is_told():
 
 def test_what_lies_outside_the_verified_ranges_is_told_with_what_happens_there():
     small = told("spacecraft.inertia_kg_m2=[272,265.75,312.5]")
-    sweep = next(one for one in THREE_SLEW if one.number == "coupling")
+    sweep = next(one for one in sweeps_of("three-slew") if one.number == "coupling")
     low, high = sweep.verified
     assert f"c = (S1 - S2) / Jn from {low:.3g} to {high:.3g}" in small
     settled = dict(sweep.settled)[0.02]

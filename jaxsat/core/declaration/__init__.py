@@ -6,6 +6,7 @@ from jaxsat.core.declaration.keys import (
     Finding,
     Key,
     Numeric,
+    PartDeclaration,
     Rule,
     Switch,
     choice,
@@ -13,7 +14,6 @@ from jaxsat.core.declaration.keys import (
     switch,
 )
 from jaxsat.core.declaration.law import LawDeclaration
-from jaxsat.core.declaration.part import PartDeclaration
 
 __all__ = [
     "LARGEST",

@@ -1,7 +1,6 @@
 """The disturbances that come with jaxsat, whose keys stand in `[disturbance]` itself."""
 
-from jaxsat.core.declaration.keys import number, switch
-from jaxsat.core.declaration.part import PartDeclaration
+from jaxsat.core.declaration.keys import PartDeclaration, number, switch
 from jaxsat.core.ranges import ANGLE, DIPOLE, FREQUENCY, LENGTH, TORQUE, Range
 
 _ZERO = (0.0, 0.0, 0.0)

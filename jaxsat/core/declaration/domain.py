@@ -1,7 +1,9 @@
 """Where a law was verified, in dimensionless numbers, and what was measured beyond."""
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import resources
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -85,3 +87,16 @@ class Sweep:
         low, high = self.verified
         outside = [one for one in self.settled if (one[0] < low if value < low else one[0] > high)]
         return min(outside, key=lambda one: abs(one[0] - value), default=None)
+
+
+_SWEEPS = tomllib.loads(
+    (resources.files("jaxsat.core.declaration") / "verified.toml").read_text("utf-8")
+)
+
+
+def sweeps_of(law: str) -> tuple[Sweep, ...]:
+    """Those that were measured of one of jaxsat's laws, in the order of the data file."""
+    return tuple(
+        Sweep(number, row["reference"], tuple(map(tuple, row["settled"])))
+        for number, row in _SWEEPS[law].items()
+    )

@@ -5,7 +5,7 @@ tuning its search space.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -142,3 +142,26 @@ class Rule:
 
     keys: tuple[str, ...]
     check: Callable[..., Iterator[Finding]]
+
+
+def require_own_keys(keys: Sequence[Key], owner: str, common: Sequence[str]) -> None:
+    """Raise `ValueError` for keys that an owner declares twice, or that every one has."""
+    names = [key.name for key in keys]
+    for name in names:
+        if name in common or names.count(name) > 1:
+            what = f"a key of every {owner}" if name in common else "one of them twice"
+            raise ValueError(f"Argument `keys` must be the {owner}'s own, but got {name}, {what}.")
+
+
+@dataclass(frozen=True)
+class PartDeclaration:
+    """What a scenario needs to know of a disturbance, of actuators or of an estimator.
+
+    `summary` is one line, what the part does; `keys` are those of its table.
+    """
+
+    summary: str
+    keys: tuple[Key, ...] = ()
+
+    def __post_init__(self):
+        require_own_keys(self.keys, "part", ("kind",))

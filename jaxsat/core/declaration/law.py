@@ -1,10 +1,11 @@
 """What a control law declares about itself, and what it is built from."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from jaxsat.core.declaration.domain import Sweep
-from jaxsat.core.declaration.keys import Key, Rule
+from jaxsat.core.declaration.keys import Key, Rule, number, require_own_keys
+from jaxsat.core.ranges import SECONDS
 
 OF_ALL_LAWS = ("law", "model", "measured_disturbance")
 """Keys of `[control]` that mean the same under every law."""
@@ -62,11 +63,7 @@ class LawDeclaration:
     domain: tuple[Sweep, ...] = ()
 
     def __post_init__(self):
-        names = [key.name for key in self.keys]
-        for name in names:
-            if name in OF_ALL_LAWS or names.count(name) > 1:
-                what = "a key of every law" if name in OF_ALL_LAWS else "one of them twice"
-                raise ValueError(f"Argument `keys` must be the law's own, but got {name}, {what}.")
+        require_own_keys(self.keys, "law", OF_ALL_LAWS)
 
     @property
     def sampled(self) -> bool:
@@ -87,3 +84,9 @@ class LawDeclaration:
     def widths(self) -> tuple[str, ...]:
         """The keys that round corners."""
         return tuple(key.name for key in self.keys if key.width)
+
+
+def control_period(default: Any = ..., remark: str = "") -> Key:
+    """Declare the key of a sampled law's period, with a remark behind its meaning."""
+    meaning = f"Time between two runs of the controller{remark}"
+    return number("period_s", meaning, "s", within=SECONDS, default=default)

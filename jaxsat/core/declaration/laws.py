@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-from jaxsat.core.declaration.fault_tolerant import FAULT_TOLERANT, FAULT_TOLERANT_WHEELS
 from jaxsat.core.declaration.law import LawDeclaration
 from jaxsat.core.declaration.one_torque import ONE_TORQUE
-from jaxsat.core.declaration.quaternion_feedback import QUATERNION_FEEDBACK
-from jaxsat.core.declaration.rate import RATE
+from jaxsat.core.declaration.paper import RATE, SWITCHING, THREE_AXIS
 from jaxsat.core.declaration.settling import OSCILLATORY, PLANNED, THREE_SLEW
-from jaxsat.core.declaration.switching import SWITCHING
-from jaxsat.core.declaration.three_axis import THREE_AXIS
+from jaxsat.core.declaration.three_torques import (
+    FAULT_TOLERANT,
+    FAULT_TOLERANT_WHEELS,
+    QUATERNION_FEEDBACK,
+)
 
 
 @dataclass(frozen=True)

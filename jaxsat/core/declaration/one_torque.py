@@ -1,8 +1,7 @@
 """What the law of one torque declares."""
 
 from jaxsat.core.declaration.keys import number, switch
-from jaxsat.core.declaration.law import LawDeclaration
-from jaxsat.core.ranges import SECONDS
+from jaxsat.core.declaration.law import LawDeclaration, control_period
 
 ONE_TORQUE = LawDeclaration(
     summary="stop the rotation with one torque: turn the momentum to where it can be braked, "
@@ -52,13 +51,7 @@ ONE_TORQUE = LawDeclaration(
             tunable="rest_rate",
         ),
         switch("estimate_inertia", "Whether inertia and torque axis are estimated in flight", True),
-        number(
-            "period_s",
-            "Time between two runs of the controller",
-            "s",
-            within=SECONDS,
-            default=0.1,
-        ),
+        control_period(default=0.1),
     ),
     torques=1,
     needs_torque_limit=True,

@@ -4,11 +4,10 @@ import dataclasses
 import math
 from collections.abc import Sequence
 
-from jaxsat.core.declaration import verified
+from jaxsat.core.declaration.domain import sweeps_of
 from jaxsat.core.declaration.keys import LARGEST, number, switch
-from jaxsat.core.declaration.law import LawDeclaration
+from jaxsat.core.declaration.law import LawDeclaration, control_period
 from jaxsat.core.declaration.scaling import Scaling
-from jaxsat.core.ranges import SECONDS
 
 TUNED_MOMENTS = (449.5, 264.6, 312.5)
 """Principal moments (kg m²) for which the gains are tuned."""
@@ -76,13 +75,7 @@ _COMMON_KEYS = (
     switch(
         "estimate_axes", "Whether leaning thruster axes and the inertia ratio are estimated", True
     ),
-    number(
-        "period_s",
-        "Time between two runs of the controller; the gains are tuned for 0.1",
-        "s",
-        within=SECONDS,
-        default=TUNED_PERIOD,
-    ),
+    control_period(TUNED_PERIOD, "; the gains are tuned for 0.1"),
 )
 
 
@@ -123,7 +116,7 @@ OSCILLATORY = LawDeclaration(
     ),
     any_plane=True,
     needs_torque_limit=True,
-    domain=verified.OSCILLATORY,
+    domain=sweeps_of("oscillatory"),
 )
 
 _THREE_SLEW_KEYS = (
@@ -154,7 +147,7 @@ THREE_SLEW = LawDeclaration(
     keys=(*_THREE_SLEW_KEYS, *_COMMON_KEYS),
     any_plane=True,
     needs_torque_limit=True,
-    domain=verified.THREE_SLEW,
+    domain=sweeps_of("three-slew"),
 )
 
 PLANNED = LawDeclaration(
