@@ -51,7 +51,7 @@ def _measured(folder: Path, *, has_emulator: bool) -> Measured:
     if not has_emulator:
         return Measured(stack, int(sizes[0]), None, f"{QEMU} not installed")
     section = "-Wl,--section-start=.vectors=0x0"
-    parts = ["-DSTEPS", "cortex_m.c", "controller.c", "-o", "steps.elf", "-lm"]
+    parts = ["-DSTEPS", "cortex_m.c", "controller.o", "-o", "steps.elf", "-lm"]
     _run(folder, ARM, *_FLAGS, section, *parts)
     told = _run(
         folder, QEMU, "-M", "mps2-an386", "-nographic", "-icount", "shift=0",

@@ -1,5 +1,6 @@
 """Test vectors: samples of closed loops and edge cases, with what the controller is to answer."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -9,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.compiler.llvm.mapped import Mapped
+from jaxsat.compiler.lowering import CannotLower
 from jaxsat.control import AbstractSampledController
 from jaxsat.control.navigation import AbstractEstimator, Estimate, Measurement
 from jaxsat.core.attitude import Quaternion
@@ -147,21 +149,38 @@ def _closed_loops(
     total = max(SAMPLES, min(LONGEST, round(duration / period)))
     stride = total // SAMPLES
 
-    def run(key):
-        first = recording.start(_start(start, key))
+    def first(key):
+        return recording.start(_start(start, key))
 
-        def block(state, begin):
-            def one(i, before_and_now):
-                return before_and_now[1], _after(recording, begin + i, period, before_and_now[1])
+    def block(case):
+        """`stride` periods, of which the last is observed."""
+        state, begin = case
 
-            before, following = jax.lax.fori_loop(0, stride, one, (state, state))
-            return following, _observed(loop, begin + stride - 1, before, following)
+        def one(i, before_and_now):
+            return before_and_now[1], _after(recording, begin + i, period, before_and_now[1])
 
-        return jax.lax.scan(block, first, jnp.arange(SAMPLES, dtype=jnp.int32) * stride)[1]
+        before, following = jax.lax.fori_loop(0, stride, one, (state, state))
+        return following, _observed(loop, begin + stride - 1, before, following)
 
     keys = jax.random.split(jax.random.key(seed), CASES)
-    found = jax.jit(jax.vmap(run))(keys)
-    return jax.tree.map(lambda x: np.asarray(x).reshape(-1, *x.shape[2:]), found)
+    state, samples = _over_cases(first, keys)(keys), []
+    run = _over_cases(block, (state, np.zeros(CASES, np.int32)))
+    for number in range(SAMPLES):
+        state, sample = run((state, np.full(CASES, number * stride, np.int32)))
+        samples.append(sample)
+    return jax.tree.map(lambda *rows: np.stack(rows, 1).reshape(-1, *rows[0].shape[1:]), *samples)
+
+
+def _over_cases(function: Callable[[PyTree], PyTree], cases: PyTree) -> Callable[[PyTree], PyTree]:
+    """A function of one case over leading axes like those of `cases`, compiled.
+
+    XLA, which takes several times as long, compiles what the compiled engine does not know.
+    """
+    one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), cases)
+    try:
+        return Mapped(lambda case, shared: function(case), one, contract=False)
+    except CannotLower:
+        return jax.jit(jax.vmap(function))
 
 
 def _start(start: PlantState, key: Array) -> PlantState:

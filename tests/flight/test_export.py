@@ -89,6 +89,16 @@ def test_a_law_with_branches_loops_and_functions_agrees_to_the_bit(tmp_path, sin
     assert "malloc" not in text
 
 
+@pytest.mark.slow
+def test_closed_loops_are_those_that_xla_flies(monkeypatch):
+    request = _request(Sliced(gain=[3.0, 2.0]))
+    program = flight_program(request.loop, request.start)
+    flown = vectors.vectors(program, request.loop, request.start, request.duration)
+    monkeypatch.setattr(vectors, "_over_cases", lambda function, cases: jax.jit(jax.vmap(function)))
+    by_xla = vectors.vectors(program, request.loop, request.start, request.duration)
+    np.testing.assert_allclose(flown.given[:64], by_xla.given[:64], rtol=1e-9, atol=1e-12)
+
+
 @needs("cppcheck")
 @pytest.mark.slow
 @pytest.mark.parametrize("libm", [False, True], ids=["own", "libm"])
