@@ -123,7 +123,7 @@ class Verdict:
 class Document:
     """One result; `kind` says what it is and where it came from.
 
-    `plots` are its `TimePlots`, if it has any.
+    `plots` is their `TimeWindow`, if it has any.
     """
 
     title: str

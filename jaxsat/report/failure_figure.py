@@ -5,20 +5,18 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxsat.core.pointing import pointing_error
-from jaxsat.report.style import FURTHER_LINES, LINES, escape_mathematics, panels
-from jaxsat.report.time_axes import (
+from jaxsat.report.facts import scenario_tables
+from jaxsat.report.figure_painter import paint
+from jaxsat.report.plot import TIME, Axis, Line, Plot, Timeline
+from jaxsat.report.run_plots import signal_plots
+from jaxsat.report.style import MOST_LINES, escape_mathematics
+from jaxsat.report.timeline import (
     DIAGNOSED,
     diagnosed_part,
-    failures,
-    figure_title,
-    place_legend,
+    failures_of,
+    subject_title,
     verdicts,
 )
-from jaxsat.store.labels import part_names
-
-STYLES = (*LINES, *FURTHER_LINES)
-"""Of the lines of a panel, one after the other."""
 
 GREYS = ("1.0", "0.72", "0.86", "0.94")
 """Of the phases, light ones beside dark ones."""
@@ -40,25 +38,23 @@ def failure_figure(dataset: xr.Dataset, *, title: str = "") -> Figure | None:
 
     None where nothing fails, or the law does not diagnose its actuators.
     """
-    struck = failures(dataset)
+    struck = _failures(dataset)
     if not struck or "detection_statistic" not in dataset:
         return None
-    heading = figure_title(dataset, "failure, diagnosis, recovery", title)
-    wheels = diagnosed_part(dataset) == "wheel"
-    figure, (total, tests, *others) = panels(3 if wheels else 2, heading, 2.2)
-    time = dataset["time"].values
-    size = np.linalg.norm(pointing_error(dataset["quaternion"].values), axis=1)
-    total.plot(time, size, **LINES[0])
-    total.set_ylabel("pointing\nerror (°)")
-    total.set_ylim(0, 1.45 * np.nanmax(size))
-    _draw_phases(dataset, total)
-    _draw_tests(dataset, tests)
+    time, size = dataset["time"].values, dataset["pointing_error_total"].values
+    axis = Axis("Pointing error", "°", limits=(0.0, 1.45 * float(np.nanmax(size))))
+    plots = [Plot("Pointing error", "", TIME, axis, [Line(time, size)]), _tests(dataset)]
+    if diagnosed_part(dataset) == "wheel":
+        plots += signal_plots(dataset, "wheel_momentum")
     told = [*struck[:1], *verdicts(dataset)][:3]
     if len(struck) > 1:  # failures and what was isolated, without the alarms
         told = sorted([*struck, *(one for one in verdicts(dataset) if one[1] != "alarm")])
+    timeline = Timeline(time, [(at, "") for at, _ in told])
+    heading = title or subject_title(dataset, "failure, diagnosis, recovery")
+    figure = paint(plots, heading, 1.7, timeline)
+    total = figure.axes[0]
+    _draw_phases(dataset, total)
     for row, (at, name) in enumerate(told):
-        for panel in (total, tests, *others):
-            panel.axvline(at, color="black", linewidth=0.9, linestyle=(0, (1, 1.5)))
         total.annotate(
             f"{escape_mathematics(name)}, {at:.0f} s",
             (at, total.get_ylim()[1] * (0.55 - 0.14 * (row % ROWS))),
@@ -68,24 +64,17 @@ def failure_figure(dataset: xr.Dataset, *, title: str = "") -> Figure | None:
             verticalalignment="center",
             bbox={"facecolor": "white", "alpha": 0.85, "linewidth": 0, "pad": 1},
         )
-    for momenta in others:
-        values = dataset["wheel_momentum"].values
-        names = part_names(dataset.attrs.get("scenario", ""), "wheel", values.shape[1])
-        for number, (name, line) in enumerate(zip(names, values.T, strict=True)):
-            momenta.plot(time, line, label=f"wheel {name}", **STYLES[number % len(STYLES)])
-        place_legend(momenta, len(names))
-        momenta.set_ylabel("wheel momentum\n(N m s)")
-    for panel in (total, tests, *others):
-        panel.set_xlim(time[0], time[-1])
-    (tests, *others)[-1].set_xlabel("time (s)")
-    figure.align_ylabels([total, tests, *others])
     return figure
+
+
+def _failures(dataset: xr.Dataset) -> list[tuple[float, str]]:
+    return failures_of(scenario_tables(dataset), dataset["time"].values)
 
 
 def phases(dataset: xr.Dataset) -> list[tuple[float, float, str]]:
     """Begin and end (s) of the phases of a run in which something fails, and their names."""
     start, end = float(dataset["time"][0]), float(dataset["time"][-1])
-    struck = [at for at, _ in failures(dataset)]
+    struck = [at for at, _ in _failures(dataset)]
     settled = float(dataset["settled_from"]) if "settled_from" in dataset else np.inf
     instants = [(start, "healthy: three axes")]
     for failed, following in zip(struck, [*struck[1:], np.inf], strict=True):
@@ -110,7 +99,7 @@ def _left(dataset: xr.Dataset, at: float) -> str:
 
 
 def _draw_phases(dataset: xr.Dataset, axes: Axes) -> None:
-    found, one = phases(dataset), len(failures(dataset)) == 1
+    found, one = phases(dataset), len(_failures(dataset)) == 1
     whole = found[-1][1] - found[0][0]
     before = False
     for number, (begin, end, name) in enumerate(found):
@@ -133,17 +122,14 @@ def _draw_phases(dataset: xr.Dataset, axes: Axes) -> None:
         )
 
 
-def _draw_tests(dataset: xr.Dataset, axes: Axes) -> None:
-    """The CUSUM statistic of those actuators that came near an alarm most."""
+def _tests(dataset: xr.Dataset) -> Plot:
+    """The CUSUM statistics, or those of the actuators that came nearest to an alarm."""
     time, values = dataset["time"].values, dataset["detection_statistic"].values
-    order = np.argsort(-np.nanmax(values, axis=0))[:3]
-    part = diagnosed_part(dataset)
-    names = part_names(dataset.attrs.get("scenario", ""), part, values.shape[1])
-    for rank, place in enumerate(order):
-        number = place if part == "wheel" else rank  # a wheel looks as it does among the momenta
-        label = f"{part} {names[place]}"
-        axes.plot(time, values[:, place], label=label, **STYLES[number % len(STYLES)])
-    axes.axhline(1.0, color="black", linewidth=1.2, linestyle="--", label="alarm")
-    axes.set_ylim(0, 1.15 * max(1.0, float(np.nanmax(values))))
-    axes.set_ylabel("CUSUM over\nits threshold (–)")
-    place_legend(axes, 4)
+    part, places = diagnosed_part(dataset), np.arange(values.shape[1])
+    if len(places) >= MOST_LINES:
+        places = np.argsort(-np.nanmax(values, axis=0))[:3]
+    names = dataset[part].values
+    lines = [Line(time, values[:, place], f"{part} {names[place]}") for place in places]
+    lines.append(Line(time[[0, -1]], np.ones(2), "alarm"))
+    top = 1.15 * max(1.0, float(np.nanmax(values)))
+    return Plot("Tests", "", TIME, Axis("CUSUM over its threshold", limits=(0.0, top)), lines)

@@ -1,61 +1,301 @@
-"""Plots painted by matplotlib."""
+"""Plots painted by matplotlib.
 
+Margins are fixed: text that is measured to lay out a figure takes as long as drawing it.
+"""
+
+import itertools
+import re
 import textwrap
 from collections.abc import Sequence
 
+import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatterSciNotation
+from matplotlib.transforms import ScaledTranslation
 
 from jaxsat.core.text import clean
-from jaxsat.report.plot import Plot
+from jaxsat.report.decimation import kept_samples, largest_of_parts
+from jaxsat.report.plot import Axis, Line, Plot, Strips, Timeline
 from jaxsat.report.style import (
-    FURTHER_LINES,
-    LINES,
     MAX_TITLE_LENGTH,
+    SETTINGS,
+    STYLES,
     escape_mathematics,
-    panels,
+    line_of,
+    set_title,
 )
 
-BAND, BARS = "#a9d6f3", "#56B4E9"
-TITLE_WIDTH = 110
-"""Characters of a line above a panel."""
+BARS = "#56B4E9"
+DARKEST_BAND = 0.3
+"""Opacity of the only band of a panel; several share it."""
 
 FAINT = {"color": "#999999", "linestyle": "-", "linewidth": 0.8, "zorder": 1.5}
-STYLES = (*LINES, *FURTHER_LINES)
+
+WIDTH = 7.0
+LEFT, RIGHT, TOP, BOTTOM = 1.0, 0.15, 0.27, 0.45
+"""Inches around the panels of a figure."""
+
+TICKS, ROW, GAP = 0.22, 0.17, 0.17
+"""Inches of the numbers below a panel, of a line of text above one, and between panels at least."""
+
+LABEL_AT = 0.52
+"""Inches from a panel to what its axis is called; numbers at ticks have this room."""
+
+TITLE_WIDTH, LABEL_WIDTH, LEGEND_WIDTH, HANDLE = 110, 22, 100, 7
+"""Characters of a line above a panel, beside one, and in a legend; of a line drawn in a legend."""
+
+NAME = 9
+"""Characters of the name of a strip."""
+
+MARK_ROWS = 4
+"""Names of instants below each other, before the next begins at the top again."""
+
+STRIP_PARTS = 300
+"""Into how many parts the time of strips is divided."""
+
+POWER = re.compile(r"\$\\mathdefault\{(-?)(?:(.+)\\times)?10\^\{(-?\d+)\}\}\$")
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def paint(plots: Sequence[Plot], title: str, height: float = 2.3) -> Figure:
-    """A figure with a panel for each plot below each other, each `height` inches."""
-    figure, axes = panels(len(plots), title, height)
-    for panel, plot in zip(axes, plots, strict=True):
-        _paint(panel, plot)
-    figure.align_ylabels(axes)
+class PowerFormatter(LogFormatterSciNotation):
+    """Powers of ten as plain text, 2×10⁻³: mathematics takes ten times as long to set."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """The number at a tick."""
+        text = super().__call__(x, pos)
+        power = POWER.fullmatch(text)
+        if power is None:
+            return text.replace("$\\mathdefault{", "").replace("}$", "")
+        sign, factor, exponent = power.groups()
+        return f"{sign and '−'}{f'{factor}×' if factor else ''}10{exponent.translate(RAISED)}"
+
+
+def paint(
+    plots: Sequence[Plot], title: str, height: float = 2.3, timeline: Timeline | None = None
+) -> Figure:
+    """A figure with a panel for each plot below each other, each with `height` inches.
+
+    Panels over the same axis have its numbers below the last of them alone. The `timeline` is
+    shown in all panels, its names in the uppermost.
+    """
+    shades = [*timeline.shades] if timeline is not None else []
+    legends = [_entries(plot) + (shades if not place else []) for place, plot in enumerate(plots)]
+    heads = [_head(plot, legend) for plot, legend in zip(plots, legends, strict=True)]
+    shared = [one.x == other.x for one, other in itertools.pairwise(plots)] + [False]
+    below = [0.0 if same else TICKS for same in shared]
+    below[-1] = BOTTOM
+    whole = TOP + sum(heads) + height * len(plots) + sum(below)
+    with rc_context({**SETTINGS}):
+        figure, axes, top = Figure(figsize=(WIDTH, whole)), [], whole - TOP
+        for plot, head, foot in zip(plots, heads, below, strict=True):
+            top -= head + height
+            right = RIGHT if plot.strips is None else RIGHT + 0.6
+            place = (LEFT / WIDTH, top / whole, 1 - (LEFT + right) / WIDTH, height / whole)
+            axes.append(figure.add_axes(place))
+            top -= foot
+        set_title(figure, title, 1 - 0.07 / whole)
+        for number, (panel, plot) in enumerate(zip(axes, plots, strict=True)):
+            if timeline is not None:
+                panel.set_xlim(timeline.times[0], timeline.times[-1])
+            _paint(figure, panel, plot)
+            if timeline is not None:
+                _show_timeline(panel, timeline, named=not number)
+            if len(legends[number]) > 1:
+                _place_legend(panel, legends[number], above=not plot.told)
+            panel.tick_params(labelbottom=not shared[number])
+            if number + 1 == len(plots) or plot.x.label != plots[number + 1].x.label:
+                panel.set_xlabel(escape_mathematics(plot.x.text))
     return figure
 
 
-def _paint(panel: Axes, plot: Plot) -> None:
+def paint_grid(rows: Sequence[Sequence[Plot | None]], title: str) -> Figure:
+    """A figure with rows of panels beside each other and one legend; None leaves a place empty.
+
+    A line looks alike in all panels by its label. Markers tell many of them apart.
+    """
+    plots = [plot for row in rows for plot in row if plot is not None]
+    names = list(dict.fromkeys(line.label for plot in plots for line in plot.lines))
+    size = (max(6.5, 3.2 * len(rows[0]) + 0.8), 2.3 * len(rows) + 1.1)
+    with rc_context({**SETTINGS}):
+        figure = Figure(figsize=size, layout="constrained")
+        panels = figure.subplots(len(rows), len(rows[0]), squeeze=False, sharey=True)
+        set_title(figure, title)
+    handles = {}
+    for place, plot in np.ndenumerate(np.array([[*row] for row in rows], dtype=object)):
+        panel = panels[place]
+        if plot is None:
+            panel.set_visible(False)
+            continue
+        for line in plot.lines:
+            number = names.index(line.label)
+            look = line_of(number) | {"markevery": (0.03 * (number % 5), 0.15)}
+            look |= {"drawstyle": "steps-post"} if line.steps else {}
+            handles[line.label] = panel.plot(line.x, line.y, **look)[0]
+        panel.set_title(escape_mathematics(plot.title), fontsize=8, loc="left")
+        _scale(panel, plot)
+        panel.set_ylabel(escape_mathematics(plot.y.text) if place[1] == 0 else "")
+        panel.set_xlabel(escape_mathematics(plot.x.text) if place[0] == len(rows) - 1 else "")
+    labels = [*map(escape_mathematics, handles)]
+    columns = min(5, _columns(labels))
+    figure.legend([*handles.values()], labels, loc="outside lower center", ncols=columns)
+    return figure
+
+
+def _head(plot: Plot, legend: Sequence[str]) -> float:
+    """Inches above a panel, for a sentence or a legend."""
+    if plot.told:
+        return GAP + ROW * len(_sentences(plot).split("\n"))
+    return GAP + ROW * (-(-len(legend) // _columns(legend)) if len(legend) > 1 else 0)
+
+
+def _sentences(plot: Plot) -> str:
+    return textwrap.fill(clean(f"{plot.title}. {plot.told}", MAX_TITLE_LENGTH), TITLE_WIDTH)
+
+
+def _entries(plot: Plot) -> list[str]:
+    """What the legend of a plot tells apart."""
+    bands = (line.band.label for line in plot.lines if line.band is not None)
+    labels = [*(line.label for line in plot.lines), *dict.fromkeys(bands)]
+    return [escape_mathematics(label) for label in labels if label]
+
+
+def _columns(legend: Sequence[str]) -> int:
+    return max(1, min(len(legend), LEGEND_WIDTH // (max(map(len, legend)) + HANDLE)))
+
+
+def _place_legend(panel: Axes, legend: Sequence[str], *, above: bool) -> None:
+    """In the panel, or above it at the right."""
+    place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1}
+    handles = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+    shown = {label: handles[label] for label in legend if label in handles}
+    place |= {"ncols": _columns(legend)}
+    panel.legend([*shown.values()], [*shown], fontsize=8, **(place if above else {}))
+
+
+def _paint(figure: Figure, panel: Axes, plot: Plot) -> None:
     if plot.bars is not None:
         edges, heights = plot.bars.edges, plot.bars.heights
         width = edges[1:] - edges[:-1]
         look = {"color": BARS, "edgecolor": "#ffffff", "linewidth": 0.4}
         panel.bar(edges[:-1], heights, width, align="edge", **look)
-    if plot.band is not None:
-        first = plot.lines[0]
-        step = "post" if first.steps else None
-        ends = (plot.band.low, plot.band.high)
-        panel.fill_between(first.x, *ends, step=step, color=BAND, linewidth=0)
+    bands = sum(line.band is not None for line in plot.lines)
     for number, line in enumerate(plot.lines):
-        look = dict(FAINT if line.faint else STYLES[number % len(STYLES)])
-        look |= {"drawstyle": "steps-post"} if line.steps else {}
-        look |= {"marker": "o", "markersize": 3.5} if line.points else {}
-        panel.plot(line.x, line.y, label=escape_mathematics(line.label), **look)
-    if sum(bool(line.label) for line in plot.lines) > 1:
-        panel.legend(fontsize=8)
-    panel.set_xscale("log" if plot.x.log else "linear")
-    panel.set_yscale("log" if plot.y.log else "linear")
+        _paint_line(panel, line, number, plot.y.log, DARKEST_BAND / max(bands, 1))
+    _scale(panel, plot)
+    panel.set_ylabel(_beside(plot.y), fontsize=8)
+    inches = ScaledTranslation(-LABEL_AT, 0, figure.dpi_scale_trans)
+    panel.yaxis.set_label_coords(0, 0.5, panel.transAxes + inches)
+    if plot.strips is not None:
+        _paint_strips(figure, panel, plot, plot.strips)
+    if plot.told:
+        panel.set_title(_sentences(plot), fontsize=8, loc="left", parse_math=False, y=1.0)
+
+
+def _beside(axis: Axis) -> str:
+    """What stands beside an axis, in up to three lines, its unit always."""
+    lines = textwrap.wrap(axis.text, LABEL_WIDTH)
+    if len(lines) > 3:
+        unit = axis.text[len(axis.label) :].strip()
+        lines = textwrap.wrap(axis.label, LABEL_WIDTH, max_lines=3 - bool(unit), placeholder="…")
+        lines += [unit] if unit else []
+    return "\n".join(map(escape_mathematics, lines))
+
+
+def _scale(panel: Axes, plot: Plot) -> None:
+    """Scales, limits and what stands at the ticks."""
+    for axis, quantity, set_scale in (
+        (panel.xaxis, plot.x, panel.set_xscale),
+        (panel.yaxis, plot.y, panel.set_yscale),
+    ):
+        if quantity.linear_to is not None:
+            set_scale("symlog", linthresh=quantity.linear_to)
+            axis.set_major_formatter(PowerFormatter(linthresh=quantity.linear_to))
+        elif quantity.log:
+            set_scale("log")
+            axis.set_major_formatter(PowerFormatter())
+            axis.set_minor_formatter(PowerFormatter(labelOnlyBase=False))
+        if quantity.names:
+            axis.set_ticks([*quantity.names], [*map(escape_mathematics, quantity.names.values())])
     panel.set_xlim(*plot.x.limits)
     panel.set_ylim(*plot.y.limits)
-    panel.set_xlabel(escape_mathematics(plot.x.text))
-    panel.set_ylabel(escape_mathematics(plot.y.text))
-    told = textwrap.fill(clean(f"{plot.title}. {plot.told}", MAX_TITLE_LENGTH), TITLE_WIDTH)
-    panel.set_title(told, fontsize=8, loc="left", parse_math=False)
+
+
+def _paint_line(panel: Axes, line: Line, number: int, log: bool, shade: float) -> None:
+    look = dict(FAINT if line.faint else STYLES[number % len(STYLES)])
+    band = line.band
+    columns = [line.y] if band is None else [line.y, band.low, band.high]
+    kept = kept_samples(np.stack(columns, axis=1))
+    x = line.x[kept]
+    if band is not None:
+        label = escape_mathematics(band.label)
+        shown = label not in panel.get_legend_handles_labels()[1]
+        panel.fill_between(
+            x,
+            band.low[kept],
+            band.high[kept],
+            step="post" if line.steps else None,
+            label=label if label and shown else "_",
+            color=look["color"],
+            alpha=shade,
+            linewidth=0.4,
+        )
+    look |= {"drawstyle": "steps-post"} if line.steps else {}
+    look |= {"marker": "o", "markersize": 3.5} if line.points else {}
+    y = np.where(line.y > 0, line.y, np.nan) if log else line.y
+    panel.plot(x, y[kept], label=escape_mathematics(line.label), **look)
+
+
+def _paint_strips(figure: Figure, panel: Axes, plot: Plot, strips: Strips) -> None:
+    """A strip in shades of grey for each component; a bar tells what the shades mean.
+
+    Each shade is of the largest value of a time that is wide enough to be seen.
+    """
+    begins, largest = largest_of_parts(strips.values, STRIP_PARTS)
+    count = len(strips.labels)
+    drawn = panel.pcolormesh(
+        np.append(strips.x[begins], strips.x[-1]),
+        np.arange(count + 1) + 0.5,
+        largest.T,
+        cmap="Greys",
+        rasterized=True,
+    )
+    names = [escape_mathematics(clean(label, NAME)) for label in strips.labels]
+    panel.set_yticks(np.arange(1, count + 1), names, fontsize=7)
+    panel.grid(visible=False)
+    left, bottom, width, height = panel.get_position().bounds
+    place = (left + width + 0.1 / WIDTH, bottom, 0.12 / WIDTH, height)
+    bar = figure.colorbar(drawn, cax=figure.add_axes(place))
+    bar.ax.tick_params(labelsize=7)
+
+
+def _show_timeline(panel: Axes, timeline: Timeline, *, named: bool) -> None:
+    """Dotted lines at the marks, and bands of grey in the panel that has the names."""
+    for row, (at, name) in enumerate(timeline.marks):
+        panel.axvline(at, color="black", linewidth=0.9, linestyle=(0, (1, 1.5)))
+        if named:
+            panel.text(
+                at,
+                0.97 - 0.13 * (row % MARK_ROWS),
+                f" {escape_mathematics(name)}",
+                transform=panel.get_xaxis_transform(),
+                verticalalignment="top",
+                fontsize="small",
+                clip_on=True,
+                bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1},
+            )
+    greys = np.linspace(0.7, 0.9, max(len(timeline.shades), 1))
+    for grey, (name, there) in zip(greys, timeline.shades.items() if named else (), strict=False):
+        panel.fill_between(
+            timeline.times,
+            0,
+            1,
+            where=list(there),
+            transform=panel.get_xaxis_transform(),
+            color=str(grey),
+            linewidth=0,
+            zorder=0.5,
+            step="post",
+            label=escape_mathematics(name),
+        )

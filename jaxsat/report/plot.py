@@ -3,8 +3,8 @@
 Colours and dashes are the painters', by the order of lines.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,18 +13,34 @@ import numpy as np
 class Axis:
     """A quantity, its unit ("" or "1" where it has none), and what is shown of it.
 
-    `limits` are its ends, None for one that follows the data.
+    `limits` are its ends, None for one that follows the data. On paper an axis is logarithmic
+    beyond `linear_to` on either side of zero; a page, which can be enlarged, stays linear. `names`
+    stand at some values in place of numbers.
     """
 
     label: str
     unit: str = ""
     log: bool = False
     limits: tuple[float | None, float | None] = (None, None)
+    linear_to: float | None = None
+    names: Mapping[int, str] = field(default_factory=dict)
 
     @property
     def text(self) -> str:
         """What stands beside the axis."""
         return f"{self.label} ({self.unit})" if self.unit not in ("", "1") else self.label
+
+
+TIME = Axis("time", "s")
+
+
+@dataclass(frozen=True)
+class Band:
+    """What lies between two values (n,) over the points of a line, and what that is."""
+
+    low: np.ndarray
+    high: np.ndarray
+    label: str = ""
 
 
 @dataclass(frozen=True)
@@ -40,14 +56,7 @@ class Line:
     steps: bool = False
     points: bool = False
     faint: bool = False
-
-
-@dataclass(frozen=True)
-class Band:
-    """What lies between two values (n,) over the points of the first line."""
-
-    low: np.ndarray
-    high: np.ndarray
+    band: Band | None = None
 
 
 @dataclass(frozen=True)
@@ -59,13 +68,41 @@ class Bars:
 
 
 @dataclass(frozen=True)
+class Strips:
+    """Values (n, m) at `x` (n,), too many for lines: a strip in shades for each of the `labels`."""
+
+    x: np.ndarray
+    values: np.ndarray
+    labels: Sequence[str]
+
+
+@dataclass(frozen=True)
 class Plot:
-    """One panel: its title, what it tells in a sentence, and what is drawn."""
+    """One panel: its title, what it tells in a sentence, and what is drawn.
+
+    Without a sentence the numbers of its lines are told where nobody sees them.
+    """
 
     title: str
     told: str
     x: Axis
     y: Axis
     lines: Sequence[Line] = ()
-    band: Band | None = None
     bars: Bars | None = None
+    strips: Strips | None = None
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """What happens while signals last: instants (s) with their names, and named spans of time.
+
+    `shades` say of each sample of `times` (n,) whether it belongs to a span of that name.
+    """
+
+    times: np.ndarray
+    marks: Sequence[tuple[float, str]] = ()
+    shades: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    def unshaded(self) -> "Timeline":
+        """Without the spans."""
+        return replace(self, shades={})

@@ -12,6 +12,7 @@ from jaxsat.core.text import capitalised
 from jaxsat.report.cells import step_error
 from jaxsat.report.document import Document, Facts, Verdict
 from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude
+from jaxsat.report.timeline import failures_of
 from jaxsat.store import time_at_rest, time_to_settle
 
 
@@ -38,16 +39,6 @@ def until_end(dataset: xr.Dataset) -> xr.Dataset:
     good = np.flatnonzero(np.isfinite(dataset["quaternion"].values).all(axis=1))
     last = int(good[-1]) if len(good) else 0
     return dataset.isel(time=slice(0, last + 1))
-
-
-def failures_of(scenario: Mapping[str, Any], times: np.ndarray) -> list[tuple[float, str]]:
-    """When (s) what fails until the last of the times, in order, such as (300, "wheel 2 dead")."""
-    found = [
-        (at, f"{table.get('of', '')} {table.get('kind', 'fails')}")
-        for table in scenario.get("failure", ())
-        if (at := float(table.get("at_s", 0.0))) <= times[-1]
-    ]
-    return sorted(found)
 
 
 def run_verdict(

@@ -13,6 +13,9 @@ from jaxsat.core.text import clean
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+FAST: Mapping[str, Any] = {"pil_kwargs": {"compress_level": 2}}
+"""How PNG is compressed: a tenth larger than with all effort, in a third of the time."""
+
 Figures = Mapping[str, "Figure | Callable[[], Figure]"]
 """Figures by file name, or what makes them."""
 
@@ -58,12 +61,12 @@ def _drawn(name: str, figure: "Figure | Callable[[], Figure]") -> dict[str, byte
         if engine is not None:
             engine.execute(made)
             made.set_layout_engine("none")  # laid out once, for both
-        for ending, draw, metadata in (
-            ("png", FigureCanvasAgg(made).print_png, {"Software": None}),
-            ("svg", FigureCanvasSVG(made).print_svg, {"Date": None}),
+        for ending, draw, options in (
+            ("png", FigureCanvasAgg(made).print_png, {"metadata": {"Software": None}, **FAST}),
+            ("svg", FigureCanvasSVG(made).print_svg, {"metadata": {"Date": None}}),
         ):
             buffer = io.BytesIO()
-            draw(buffer, metadata=metadata)
+            draw(buffer, **options)
             found[f"{name}.{ending}"] = buffer.getvalue()
     except Exception as error:
         _tell(f"figure {name}", error)

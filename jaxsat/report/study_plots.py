@@ -7,6 +7,9 @@ import numpy as np
 from jaxsat.report.plot import Axis, Band, Bars, Line, Plot
 from jaxsat.studies import fraction_text, percent_texts, wilson
 
+EARLIEST = 10.0
+"""Seconds at which the logarithmic time axes begin; nothing that tumbles settles before."""
+
 POINTS, BINS = 400, 20
 """Points of a line, bins of a quantity."""
 
@@ -111,6 +114,24 @@ def settling_over(label: str, values: np.ndarray, times: np.ndarray, unit: str) 
     return _banded(title, told, middles, points, Axis(label, unit), y, points=True)
 
 
+def settled_by_law(
+    title: str, times: Mapping[str, np.ndarray], horizon: float | None = None
+) -> Plot:
+    """The fraction settled by a time under each law, of settling times (s), infinite if never.
+
+    The axis ends with the `horizon` (s) or, without one, with the last that settles.
+    """
+    shares = {}
+    for law, of_law in times.items():
+        good = np.sort(of_law[np.isfinite(of_law)])
+        share = np.arange(len(good) + 1) / max(1, len(of_law))
+        ends = [] if horizon is None else [horizon]
+        at = np.concatenate([[EARLIEST], good, ends])
+        shares[law] = (at, np.append(share, share[-1:] if ends else []))
+    x = Axis("time", "s", log=True, limits=(EARLIEST, horizon))
+    return curves(title, shares, x, Axis("fraction settled", limits=(-0.03, 1.03)), steps=True)
+
+
 def curves(
     title: str,
     of: Mapping[str, tuple[np.ndarray, np.ndarray]],
@@ -152,5 +173,5 @@ def _banded(
 ) -> Plot:
     """A line with a band: `values` (n, 3) are middle, lower and upper."""
     middle, low, high = values.T
-    line = Line(at, middle, y.label, steps=steps, points=points)
-    return Plot(title, told, x, y, [line], Band(low, high))
+    line = Line(at, middle, y.label, steps=steps, points=points, band=Band(low, high))
+    return Plot(title, told, x, y, [line])

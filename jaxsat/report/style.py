@@ -6,13 +6,13 @@ dash pattern, so that no figure depends on colour.
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
-
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from jaxsat.core.text import clean
+
+if TYPE_CHECKING:  # pages take their colours from here and have no matplotlib
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MAX_TITLE_LENGTH, MAX_LABEL_LENGTH = 200, 60
 """Characters; no more fit on a figure."""
@@ -35,6 +35,10 @@ FURTHER_LINES: tuple[Mapping[str, Any], ...] = tuple(
 )
 """For the fourth line of a panel and the fifth."""
 
+STYLES = (*LINES, *FURTHER_LINES)
+MOST_LINES = len(STYLES)
+"""Lines that can be told apart; more signals are drawn as strips."""
+
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 
@@ -43,9 +47,8 @@ def line_of(number: int) -> dict[str, Any]:
 
     The markers tell the first seven apart in grey, also where they lie close.
     """
-    lines = (*LINES, *FURTHER_LINES)
     marker = {"marker": MARKERS[number % len(MARKERS)], "markersize": 4.0}
-    return {**lines[number % len(lines)], **marker}
+    return {**STYLES[number % MOST_LINES], **marker}
 
 
 SETTINGS: Mapping[str, Any] = MappingProxyType(
@@ -61,14 +64,19 @@ SETTINGS: Mapping[str, Any] = MappingProxyType(
         "svg.hashsalt": "jaxsat",
         "svg.fonttype": "path",
         "figure.dpi": 130,
+        "axes.formatter.limits": (-3, 5),
     }
 )
 
 
-def set_title(figure: Figure, title: str) -> None:
-    """Give a figure a title from outside as it is: one line, without mathematics."""
+def set_title(figure: "Figure", title: str, top: float = 0.98) -> None:
+    """Give a figure a title from outside as it is: one line, without mathematics.
+
+    `top` is where it stands, as a part of the height.
+    """
     text = clean(title, MAX_TITLE_LENGTH)
-    figure.suptitle(text, fontsize=10, fontweight="bold", x=0.01, ha="left", parse_math=False)
+    look = {"fontsize": 10, "fontweight": "bold", "ha": "left", "va": "top"}
+    figure.suptitle(text, x=0.01, y=top, parse_math=False, **look)
 
 
 def escape_mathematics(label: str) -> str:
@@ -76,8 +84,11 @@ def escape_mathematics(label: str) -> str:
     return clean(label, MAX_LABEL_LENGTH).replace("$", "\\$")
 
 
-def panels(count: int, title: str, height: float = 2.1) -> tuple[Figure, list[Axes]]:
+def panels(count: int, title: str, height: float = 2.1) -> "tuple[Figure, list[Axes]]":
     """A figure with `count` panels above each other that share the time axis, and a title."""
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
     with rc_context(dict[Any, Any](SETTINGS)):
         figure = Figure(figsize=(7.0, height * count + 0.7), layout="constrained")
         axes = figure.subplots(count, 1, squeeze=False)[:, 0]

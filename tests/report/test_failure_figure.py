@@ -23,13 +23,15 @@ def run(settled):
     mode = np.where((time >= 40) & (time < 41), 1, 0)
     attributes = {"flag_values": np.array([0.0, 1.0]), "flag_meanings": "three_axes alarm"}
     variables = {
-        "quaternion": (("time", "q"), np.tile([0.8, 0.6, 0.0, 0.0], (101, 1))),
+        "pointing_error_total": ("time", np.full(101, 73.7)),
         "diagnosed_kind": (("time", "thruster"), kinds),
         "detection_statistic": (("time", "thruster"), np.zeros((101, 2))),
         "mode": ("time", mode, attributes),
         "settled_from": settled,
     }
-    return xr.Dataset(variables, {"time": time}, {"scenario": SCENARIO, "title": "Story"})
+    return xr.Dataset(
+        variables, {"time": time, "thruster": ["a", "b"]}, {"scenario": SCENARIO, "title": "Story"}
+    )
 
 
 def test_phases_are_divided_by_failure_isolation_and_settling():
@@ -46,7 +48,7 @@ def test_phases_are_divided_by_failure_isolation_and_settling():
 def test_the_figure_names_what_happened_and_is_left_out_where_nothing_fails():
     made = failure_figure(run(70.0))
     texts = " ".join(text.get_text() for panel in made.axes for text in panel.texts)
-    for part in ("healthy", "settled", "thruster b: dead, 30 s", "alarm, 40 s", "isolated"):
+    for part in ("healthy", "settled", "thruster b dead, 30 s", "alarm, 40 s", "isolated"):
         assert part in texts
     assert failure_figure(run(70.0).assign_attrs(scenario="")) is None
     assert failure_figure(run(70.0).drop_vars("detection_statistic")) is None

@@ -5,8 +5,14 @@ import pytest
 import xarray as xr
 
 from jaxsat.core.pointing import euler_angles, pointing_error
-from jaxsat.report.figures import rates_figure, torque_figure, trajectory_figures
-from jaxsat.report.signal_figures import further_signals, pointing_figure, signals_figure
+from jaxsat.report.figures import (
+    pointing_figure,
+    rates_figure,
+    torque_figure,
+    trajectory_figures,
+)
+from jaxsat.report.run_plots import further_signals
+from jaxsat.store.dataset import pointing
 
 TIMES = np.arange(101.0)
 AXES = {"body_axis": ["x", "y", "z"], "thruster": [str(i) for i in range(1, 9)]}
@@ -31,9 +37,10 @@ def dataset(**more):
             "torque": signal(torque, "N m", "body_axis"),
             "lyapunov": signal(np.full(101, np.nan), "J"),
             "mode": signal(np.zeros(101)),
+            **pointing(quaternion),
             **more,
         },
-        {"time": TIMES, **AXES},
+        {"time": TIMES, **AXES, "euler_axis": ["roll", "pitch", "yaw"]},
         {"title": "Cost $5 and $6"},
     )
 
@@ -52,8 +59,8 @@ def test_the_pointing_error_is_drawn_in_degrees_and_broken_where_it_jumps():
     np.testing.assert_allclose(drawn[kept], error[kept, 1])
     np.testing.assert_allclose(euler.lines[1].get_ydata(), euler_angles(quaternion)[:, 1])
     assert [axis.get_ylabel().replace("\n", " ") for axis in (total, axes, euler)] == [
-        "total error (°)",
-        "error about body axes (°)",
+        "Total pointing error (°)",
+        "Pointing error about body axes (°)",
         "Euler angles 3-2-1 (°)",
     ]
 
@@ -71,8 +78,8 @@ def test_a_torque_that_changes_between_saved_times_shows_its_range():
     band = first.collections[0].get_paths()[0].vertices[:, 1]
     assert (band.min(), band.max()) == (-1.0, 1.0)
     assert np.all(np.asarray(first.lines[0].get_ydata()) == 0)
-    assert first.get_ylabel() == "torque T1 (N m)"
-    assert second.get_ylabel() == "torque T2 (N m)"
+    assert first.get_ylabel() == "Torque T1 (N m)"
+    assert second.get_ylabel() == "Torque T2 (N m)"
     assert len(enlarged.collections) == 2
     third = dataset(**{name: run[name].roll(body_axis=1) for name in run if "torque" in str(name)})
     assert len(torque_figure(third.roll(body_axis=1)).axes) == 4, "about the third axis too"
@@ -102,18 +109,19 @@ def test_any_further_signal_gets_a_panel_with_its_name_and_unit():
         pulses=signal(pulses, "1", "thruster", "pulses of each thruster"),
     )
     assert further_signals(run) == ["rate_estimate_error", "propellant", "pulses"]
-    figure = signals_figure(run)
+    figure = trajectory_figures(run)["signals"]
     figure.canvas.draw()  # dollar signs begin no mathematics
     first, second, third, shades = figure.axes
-    assert len(first.lines) == 3 + 6
+    assert (len(first.lines), len(first.collections)) == (3, 3), "errors and their bounds"
+    assert first.get_ylim()[1] == pytest.approx(1.1 * max(3.0, np.abs(error[2:]).max()))
     np.testing.assert_array_equal(first.lines[1].get_ydata(), error[:, 1])
     assert [text.get_text() for text in first.get_legend().get_texts()] == ["x", "y", "z", "±3σ"]
     assert first.get_ylabel().split("\n")[-1] == "(rad/s)"
     assert second.get_ylabel().endswith("(kg)")
     (strips,) = third.collections  # more components than lines can be told apart
-    np.testing.assert_array_equal(strips.get_array(), pulses[:-1].T)
-    assert third.get_ylabel() == "thruster"
-    assert shades.get_ylabel().replace("\n", " ") == "pulses of each thruster"
+    np.testing.assert_array_equal(strips.get_array(), pulses.T)
+    assert third.get_ylabel().replace("\n", " ") == "Pulses of each thruster"
+    assert shades.get_position().x0 > third.get_position().x1, "a bar beside it"
     assert set(trajectory_figures(run)) - set(trajectory_figures(dataset())) == {"signals"}
 
 
@@ -141,5 +149,5 @@ def test_a_failure_is_marked_in_every_panel_and_named_once():
     for panel in panels:
         marks = [line for line in panel.lines if np.all(np.asarray(line.get_xdata()) == 30)]
         assert len(marks) == 1
-    assert [text.get_text().strip() for text in panels[0].texts] == ["thruster 3: stuck-on"]
+    assert [text.get_text().strip() for text in panels[0].texts] == ["thruster 3 stuck-on"]
     assert not panels[1].texts

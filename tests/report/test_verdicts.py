@@ -4,7 +4,7 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.control.diagnosis import DiagnosedKind
-from jaxsat.report.time_axes import DIAGNOSED, verdicts
+from jaxsat.report.timeline import DIAGNOSED, verdicts
 
 
 def test_alarms_and_verdicts_are_found_in_the_signals():
@@ -13,7 +13,10 @@ def test_alarms_and_verdicts_are_found_in_the_signals():
     mode = xr.Variable("time", [0.0, 0, 1, 2, 2, 1, 0, 0])
     mode.attrs |= {"flag_values": [0.0, 1, 2], "flag_meanings": "three_axes alarm reallocated"}
     kinds = xr.Variable(("time", "thruster"), kinds)
-    found = xr.Dataset({"mode": mode, "diagnosed_kind": kinds}, {"time": np.arange(8) * 10.0})
+    found = xr.Dataset(
+        {"mode": mode, "diagnosed_kind": kinds},
+        {"time": np.arange(8) * 10.0, "thruster": [1, 2, 3]},
+    )
     assert verdicts(found) == [
         (20.0, "alarm"),
         (30.0, "thruster 2: isolated, stuck on"),
@@ -21,8 +24,8 @@ def test_alarms_and_verdicts_are_found_in_the_signals():
         (60.0, "thruster 2: works again"),
     ]
     assert verdicts(found.drop_vars("diagnosed_kind")) == []
-    found.attrs["scenario"] = '[[thruster]]\ntwo_sided=true\nname="a"\n[[thruster]]\n'
-    assert verdicts(found)[1] == (30.0, "thruster a-: isolated, stuck on")
+    named = found.assign_coords(thruster=["a+", "a-", "b"])
+    assert verdicts(named)[1] == (30.0, "thruster a-: isolated, stuck on")
 
 
 def test_every_kind_has_its_words():

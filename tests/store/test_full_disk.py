@@ -91,7 +91,7 @@ def test_reproduce(small_disk, monkeypatch, capsys):
 
     monkeypatch.setattr(reproduce, "_simulate_all", lambda quiet: {"rate": large()})
     monkeypatch.setattr(reproduction, "judge", lambda datasets: [])
-    monkeypatch.setattr(reproduction, "paper_figures", lambda datasets: {})
+    monkeypatch.setattr("jaxsat.report.reproduction.figures.paper_figures", lambda datasets: {})
     monkeypatch.chdir(small_disk)
     with pytest.raises(SystemExit) as caught:
         main(["reproduce", "--out", "out"])

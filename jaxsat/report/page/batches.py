@@ -22,12 +22,12 @@ from jaxsat.report.facts import (
     scenario_facts,
     scenario_tables,
 )
-from jaxsat.report.page.charts import MOST_LINES
 from jaxsat.report.page.plots import chart_of
 from jaxsat.report.page.reading import form_explained, read_lines, read_record
 from jaxsat.report.plot import Axis
 from jaxsat.report.reproduction import RUNS, claims_document, judge
-from jaxsat.report.study_plots import curves
+from jaxsat.report.study_plots import curves, settled_by_law
+from jaxsat.report.style import MOST_LINES
 from jaxsat.report.tuning_document import tuning_document
 from jaxsat.report.tuning_plots import gain_plots, loss_plots
 from jaxsat.store import open_trajectory, study_columns
@@ -70,20 +70,14 @@ def comparison_section(folder: Path) -> Document:
 
 def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
     """The fraction settled by a time, a line for each law, from the stores that are there."""
-    charts: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]] = {}
+    times: dict[str, dict[str, np.ndarray]] = {}
     for row in rows:
-        where = place_of(row)
         store = store_of_row(folder, row)
         if (store / "zarr.json").is_file():
-            times = np.asarray(study_columns(store)["settling_time"])
-            good = np.sort(times[np.isfinite(times)])
-            share = np.arange(len(good) + 1) / max(1, len(times))
-            charts.setdefault(where, {})[row["law"]] = (np.append(0.0, good), share)
-    time, share = Axis("time", "s"), Axis("fraction settled")
-    return [
-        chart_of(curves(f"{where}: fraction settled by a time", laws, time, share, steps=True))
-        for where, laws in charts.items()
-    ]
+            settling = np.asarray(study_columns(store)["settling_time"])
+            times.setdefault(place_of(row), {})[row["law"]] = settling
+    title = "{}: fraction settled by a time"
+    return [chart_of(settled_by_law(title.format(where), of)) for where, of in times.items()]
 
 
 def reproduction_section(folder: Path) -> Document:

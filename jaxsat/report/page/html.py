@@ -50,6 +50,7 @@ def _title(sections: Sequence[Document], results: int) -> str:
 
 def render(sections: Sequence[Document], title: str) -> str:
     """The HTML of some sections."""
+    from bokeh.document import Document as Models
     from bokeh.embed import components
     from bokeh.resources import Resources
     from jinja2 import Environment, PackageLoader, select_autoescape
@@ -64,6 +65,10 @@ def render(sections: Sequence[Document], title: str) -> str:
     script, places = "", {}
     if charts:
         keys = {f"chart{number}": chart.figure for number, chart in enumerate(charts)}
+        models = Models()
+        with models.models.freeze():  # each alone goes through all that are there
+            for figure in keys.values():
+                models.add_root(figure)
         script, divs = components(keys, wrap_script=False)
         places = {id(chart.figure): divs[key] for key, chart in zip(keys, charts, strict=True)}
     environment = Environment(
@@ -113,7 +118,7 @@ def _window(section: Document) -> dict[str, Any] | None:
 
 def _inks(charts: Sequence[Chart]) -> dict[str, list[str]]:
     """The models whose colours go with those of the page, by tag."""
-    from jaxsat.report.page.charts import INKS
+    from jaxsat.report.page.plots import INKS
 
     found: dict[str, set[str]] = {ink: set() for ink in INKS}
     for chart in charts:

@@ -1,108 +1,310 @@
-"""Plots painted by Bokeh."""
+"""Plots painted by Bokeh, in one style; models that follow the colours of the page carry a tag."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from bokeh.models import ColumnDataSource, HoverTool
+from bokeh.models import (
+    BoxZoomTool,
+    ColumnDataSource,
+    CrosshairTool,
+    DataRange1d,
+    HoverTool,
+    LinearAxis,
+    LinearColorMapper,
+    PrintfTickFormatter,
+    Range1d,
+    RangeTool,
+    Span,
+)
+from bokeh.palettes import cividis
+from bokeh.plotting import figure
 
+from jaxsat.core.numerals import number_text
+from jaxsat.report.decimation import kept_samples, largest_of_parts
 from jaxsat.report.document import Chart, Key
-from jaxsat.report.page.charts import INK, INK_FILL, key_of, new_figure, plain, stroke_of
-from jaxsat.report.page.decimation import kept_samples
-from jaxsat.report.plot import Axis, Bars, Line, Plot
+from jaxsat.report.plot import Axis, Bars, Line, Plot, Strips, Timeline
+from jaxsat.report.style import MOST_LINES, STYLES
 
-HEIGHT, BLUE = 260, "#56B4E9"
+HEIGHT, HEIGHT_OVER_TIME = 260, 190
+BLUE = "#56B4E9"
 FAINT: dict[str, Any] = {"line_color": "#999999", "line_width": 0.8}
 FORM = "{%.5g}"
 
+STRIP_PARTS = 800
+"""Into how many parts the time of strips is divided."""
 
-def chart_of(plot: Plot) -> Chart:
-    """The plot with what a pointer is told of the nearest point."""
-    scales = {
-        f"{name}_axis_type": "log" for name, axis in (("x", plot.x), ("y", plot.y)) if axis.log
-    }
-    made = new_figure(x_label=plot.x.text, y_label=plot.y.text, height=HEIGHT, **scales)
-    for axis, shown in ((plot.x, made.x_range), (plot.y, made.y_range)):
+INK, INK_TEXT, INK_GRID, INK_FILL = "ink", "ink-text", "ink-grid", "ink-fill"
+"""Tags of models whose line, text, grid or area is black on white and light on dark."""
+INKS = (INK, INK_TEXT, INK_GRID, INK_FILL)
+
+
+class TimeWindow:
+    """The time that plots share: they are enlarged together, with one cursor and the marks."""
+
+    def __init__(self, timeline: Timeline):
+        start, end = float(timeline.times[0]), float(timeline.times[-1])
+        self.range = Range1d(
+            start=start, end=end, bounds=(start, end), min_interval=(end - start) * 1e-6
+        )
+        self.reset = (start, end)
+        self.cursor = Span(dimension="height", location=None, line_width=1.5, line_color="#CC3311")
+        self.cursor.tags = ["cursor"]
+        self._hair = Span(dimension="height", line_dash="dotted", line_width=1, tags=[INK])
+        self._marks = [at for at, _ in timeline.marks]
+
+    def joined_by(self, plot: Any) -> None:
+        """Give a Bokeh figure the marks, the cursor, and a line that follows the pointer."""
+        for instant in self._marks:
+            dashed = {"dimension": "height", "line_dash": "dashed", "tags": [INK]}
+            plot.add_layout(Span(location=instant, **dashed))
+        plot.add_layout(self.cursor)
+        plot.tools = [*plot.tools, CrosshairTool(overlay=self._hair, dimensions="height")]
+
+
+def chart_of(plot: Plot, window: TimeWindow | None = None) -> Chart:
+    """The plot with what a pointer is told of the nearest point; one over time in its window."""
+    axes = (("x", plot.x), ("y", plot.y))
+    options: dict[str, Any] = {f"{name}_axis_type": "log" for name, axis in axes if axis.log}
+    if window is None:
+        options |= {"x_label": plot.x.text, "y_label": plot.y.text, "height": HEIGHT}
+    else:
+        unit = "degrees" if plot.y.unit == "°" else plot.y.unit
+        options |= {"x_label": plot.x.text, "y_label": unit, "height": HEIGHT_OVER_TIME}
+        options |= {"x_range": window.range, "y_range": DataRange1d(range_padding=0.08)}
+    if plot.strips is not None:
+        options |= {"y_range": list(map(plain, plot.strips.labels)), "y_label": ""}
+    drawing = _figure(**options)
+    shown = {"y": drawing.y_range} | ({"x": drawing.x_range} if window is None else {})
+    for name, axis in axes:
         ends = zip(("start", "end"), axis.limits, strict=True)
-        shown.update(**{end: value for end, value in ends if value is not None})
+        if name in shown:
+            shown[name].update(**{end: value for end, value in ends if value is not None})
+    if plot.y.names:
+        drawing.yaxis.ticker = [*plot.y.names]
+        drawing.yaxis.major_label_overrides = dict(plot.y.names)
+    title = plot.title
     if plot.bars is not None:
-        _bars(made, plot, plot.bars)
-    for line in plot.lines:
-        if line.faint:
-            made.line(line.x, _drawable(line.y, plot.y), **FAINT)
-    for number, line in enumerate(line for line in plot.lines if not line.faint):
-        _line(made, plot, line, number)
-    return Chart(made, plot.title, f"{plot.title}. {plot.told}", _keys(plot))
+        _bars(drawing, plot, plot.bars)
+    if plot.strips is not None:
+        title = f"{title}, {_strips(drawing, plot, plot.strips)}".rstrip()
+    _lines(drawing, plot)
+    if window is not None:
+        window.joined_by(drawing)
+    return Chart(drawing, title, f"{plot.title}. {plot.told or _described(plot)}", _keys(plot))
+
+
+def overview_of(plot: Plot, window: TimeWindow) -> Chart:
+    """The first line over the whole time; the box in it is the window of all other plots."""
+    (start, end), line = window.reset, plot.lines[0]
+    kept = kept_samples(line.y[:, None], 1500)
+    drawing = _figure(x_range=Range1d(start=start, end=end), height=80)
+    drawing.line(line.x[kept], line.y[kept].astype("f4"), **stroke_of(2))
+    drawing.yaxis.visible = False
+    drawing.ygrid.visible = False
+    tool = RangeTool(x_range=window.range, start_gesture="pan")
+    tool.overlay.fill_color = BLUE
+    tool.overlay.fill_alpha = 0.2
+    drawing.tools = [tool]
+    drawing.add_layout(window.cursor)
+    title = f"{plot.title} over the whole run; drag in here to choose the window"
+    described = f"{plot.title} over the whole time, in which a window of time can be chosen."
+    return Chart(drawing, title, described)
+
+
+def stroke_of(number: int) -> dict[str, Any]:
+    """Colour, dashes and width of a line, as in the figures on paper."""
+    style = STYLES[number % MOST_LINES]
+    dash = style["linestyle"]
+    return {
+        "line_color": style["color"],
+        "line_dash": "solid" if dash == "-" else [max(1, round(3 * part / 2)) for part in dash[1]],
+        "line_width": max(1.4, 1.3 * style["linewidth"]),
+    }
+
+
+def plain(text: str) -> str:
+    """A label that is never taken for mathematics, for which Bokeh would load a library."""
+    for mark in ("$$", "\\[", "\\("):
+        text = text.replace(mark, mark[0] + "\u2060" + mark[1])
+    return text
+
+
+def _figure(*, x_label: str = "", y_label: str = "", x_range: Any = None, **options: Any) -> Any:
+    """An empty figure without a title, which the page has; dragging enlarges, no wheel is taken."""
+    drag = BoxZoomTool(dimensions="width") if x_range is not None else BoxZoomTool()
+    drawing = figure(
+        sizing_mode="stretch_width",
+        toolbar_location=None,
+        x_axis_label=plain(x_label) or None,
+        y_axis_label=plain(y_label) or None,
+        tools=[drag],
+        background_fill_color=None,
+        border_fill_color=None,
+        outline_line_color=None,
+        min_border_left=78,
+        output_backend="canvas",
+        **({} if x_range is None else {"x_range": x_range, "window_axis": "x"}),
+        **options,
+    )
+    drawing.toolbar.active_drag = drag
+    for axis in drawing.axis:
+        if isinstance(axis, LinearAxis):
+            axis.update(formatter=PrintfTickFormatter(format="%.9g"))
+        axis.tags = [INK, INK_TEXT]
+        axis.axis_label_text_font_style = "normal"
+        axis.axis_label_text_font_size = "12px"
+        axis.major_label_text_font_size = "12px"
+    for grid in drawing.grid:
+        grid.tags = [INK_GRID]
+    return drawing
 
 
 def _keys(plot: Plot) -> list[Key]:
     """What the lines are; nothing for a single one."""
     if sum(bool(line.label) for line in plot.lines) < 2:
         return []
-    keys = [key_of(number, line.label) for number, line in enumerate(plot.lines) if not line.faint]
+    lines = [line for line in plot.lines if not line.faint]
     faint = [line.label for line in plot.lines if line.faint and line.label]
-    return keys + [Key(label, FAINT["line_color"], "", FAINT["line_width"]) for label in faint]
+    keys = [_key(line.label, stroke_of(number)) for number, line in enumerate(lines)]
+    return keys + [_key(label, FAINT) for label in faint]
 
 
-def _bars(made: Any, plot: Plot, bars: Bars) -> None:
+def _key(label: str, stroke: Mapping[str, Any]) -> Key:
+    """What a line is in a legend."""
+    color, dash = stroke["line_color"], stroke.get("line_dash", "solid")
+    color = "currentColor" if color == "#000000" else color
+    dashes = "" if dash == "solid" else " ".join(map(str, dash))
+    return Key(label, color, dashes, stroke["line_width"])
+
+
+def _lines(drawing: Any, plot: Plot) -> None:
+    """Lines over the same points are told together, others each by itself."""
+    for line in plot.lines:
+        if line.faint:
+            drawing.line(line.x, _drawable(line.y, plot.y), **FAINT)
+    lines = [line for line in plot.lines if not line.faint]
+    if lines and all(line.x is lines[0].x for line in lines):
+        _group(drawing, plot, lines, 0)
+    else:
+        for number, line in enumerate(lines):
+            _group(drawing, plot, [line], number)
+
+
+def _group(drawing: Any, plot: Plot, lines: Sequence[Line], first: int) -> None:
+    """Lines over the same points, with bands; `first` is the number of the first of the plot."""
+    columns = {}
+    for number, line in enumerate(lines):
+        columns[f"y{number}"] = line.y
+        if line.band is not None:
+            columns |= {f"low{number}": line.band.low, f"high{number}": line.band.high}
+    kept = kept_samples(np.stack([*columns.values()], axis=1).astype(float))
     data: dict[str, Any] = {
-        "left": bars.edges[:-1],
-        "right": bars.edges[1:],
-        "top": bars.heights,
+        name: _drawable(column[kept], plot.y).astype("f4") for name, column in columns.items()
     }
-    drawn = made.quad(
-        left="left",
-        right="right",
-        top="top",
-        bottom=0,
-        source=ColumnDataSource(data),
-        fill_color=BLUE,
-        line_color=None,
-    )
-    over = f"@left{FORM} to @right{FORM} {plot.x.unit}"
-    _hover(made, drawn, [(plot.x.label, over), (plot.y.label, "@top{%d}")], "vline")
+    source = ColumnDataSource({"x": lines[0].x[kept], **data})
+    rows, drawn = [(plot.x.label, _told("x", plot.x))], []
+    for number, line in enumerate(lines):
+        stroke, ends = stroke_of(first + number), (f"low{number}", f"high{number}")
+        if line.band is not None:
+            _band(drawing, line, ends, stroke["line_color"], source)
+        drawn.append(_line(drawing, line, f"y{number}", stroke, source))
+        rows.append((line.label or plot.y.label, _told(f"y{number}", plot.y)))
+        if line.band is not None:
+            low, high = (_told(end, plot.y) for end in ends)
+            rows.append((line.band.label or "range", f"{low} to {high}"))
+    together = len(lines) > 1 or lines[0].band is not None or len(plot.lines) == 1
+    _hover(drawing, drawn[0], rows, "vline" if together else "mouse")
 
 
-def _line(made: Any, plot: Plot, line: Line, number: int) -> None:
-    """A line, its points, and for the first one the band."""
-    banded = plot.band is not None and number == 0
-    kept = slice(None) if banded else kept_samples(line.y[:, None])
-    data: dict[str, Any] = {"x": line.x[kept], "y": _drawable(line.y[kept], plot.y)}
-    rows = [(line.label, _at("y", plot.y)), (plot.x.label, _at("x", plot.x))]
-    if banded and plot.band is not None:
-        data |= {"low": plot.band.low, "high": plot.band.high}
-        rows.append(("range", f"@low{FORM} to {_at('high', plot.y)}"))
-    source, stroke = ColumnDataSource(data), stroke_of(number)
+def _band(
+    drawing: Any, line: Line, ends: tuple[str, str], color: str, source: ColumnDataSource
+) -> None:
+    look = {"fill_color": color, "fill_alpha": 0.25, "source": source}
+    if line.steps:
+        area = drawing.varea_step("x", *ends, step_mode="after", **look)
+    else:
+        area = drawing.varea("x", *ends, **look)
+    area.glyph.tags = [INK_FILL] if color == "#000000" else []
+
+
+def _line(
+    drawing: Any, line: Line, column: str, stroke: Mapping[str, Any], source: ColumnDataSource
+) -> Any:
     mode: dict[str, Any] = {"mode": "after"} if line.steps else {}
-    if banded:
-        area = {"fill_color": BLUE, "fill_alpha": 0.4, "source": source}
-        if line.steps:
-            made.varea_step("x", "low", "high", step_mode="after", **area)
-        else:
-            made.varea("x", "low", "high", **area)
-    drawn = (made.step if line.steps else made.line)("x", "y", source=source, **stroke, **mode)
+    draw = drawing.step if line.steps else drawing.line
+    drawn = draw("x", column, source=source, **stroke, **mode)
     ink = stroke["line_color"] == "#000000"
     drawn.glyph.tags = [INK] if ink else []
     if line.points:
         color = {"fill_color": stroke["line_color"], "line_color": None}
-        dots = made.scatter("x", "y", source=source, size=6, **color)
+        dots = drawing.scatter("x", column, source=source, size=6, **color)
         dots.glyph.tags = [INK_FILL] if ink else []
-    _hover(made, drawn, rows, "vline" if banded else "mouse")
+    return drawn
+
+
+def _bars(drawing: Any, plot: Plot, bars: Bars) -> None:
+    edges = {"left": bars.edges[:-1], "right": bars.edges[1:], "top": bars.heights}
+    source, names = ColumnDataSource(edges), {name: name for name in edges}
+    look: dict[str, Any] = {"fill_color": BLUE, "line_color": None}
+    drawn = drawing.quad(bottom=0, source=source, **names, **look)
+    over = f"{_told('left', Axis(''))} to {_told('right', plot.x)}"
+    _hover(drawing, drawn, [(plot.x.label, over), (plot.y.label, "@top{%d}")], "vline")
+
+
+def _strips(drawing: Any, plot: Plot, strips: Strips) -> str:
+    """Strips of shades, darker is larger; gives what the shades mean."""
+    shades = largest_of_parts(strips.values, STRIP_PARTS)[1].astype("f4").T
+    start, end = float(strips.x[0]), float(strips.x[-1])
+    finite = strips.values[np.isfinite(strips.values)]
+    top, low = (float(finite.max()), float(finite.min())) if finite.size else (1.0, 0.0)
+    low = 0.0 if abs(low) < 1e-9 * abs(top) else low
+    mapper = LinearColorMapper(palette=cividis(64), low=low, high=max(top, low + 1e-12))
+    mapper.nan_color = "rgba(0, 0, 0, 0)"
+    count = len(strips.labels)
+    drawn = drawing.image([shades], start, 0, end - start, count, color_mapper=mapper)
+    drawing.height = max(HEIGHT_OVER_TIME, 18 * count + 40)
+    _hover(drawing, drawn, [("t", "$x{%.6g} s"), (plot.title, _told("image", plot.y))], "mouse")
+    ends = [number_text(end, 3) for end in (low, top)]
+    unit = plot.y.unit
+    if ends[0] == ends[1]:
+        return f"{ends[0]} all the time {unit}"
+    return f"from {ends[0]} (dark) to {ends[1]} (bright) {unit}"
 
 
 def _drawable(values: np.ndarray, axis: Axis) -> np.ndarray:
     """Without what a logarithmic axis cannot show."""
-    return np.where(values > 0, values, np.nan) if axis.log else values
+    return np.where(values > 0, values, np.nan) if axis.log else np.asarray(values)
 
 
-def _at(column: str, axis: Axis) -> str:
+def _told(column: str, axis: Axis) -> str:
+    """A column in the words of a hover, with its unit."""
     unit = "" if axis.unit == "1" else axis.unit
     return f"@{column}{FORM} {unit}".rstrip()
 
 
-def _hover(made: Any, drawn: Any, rows: list[tuple[str, str]], mode: Any) -> None:
-    """What a pointer is told of the nearest point."""
-    keys = ("x", "y", "low", "high", "left", "right", "top")
-    printed: Any = {f"@{key}": "printf" for key in keys}
+def _hover(drawing: Any, drawn: Any, rows: Sequence[tuple[str, str]], mode: Any) -> None:
+    """What a pointer is told of the nearest point, every number printed as C does."""
     told = [(plain(label), text) for label, text in rows]
+    columns = {word.partition("{")[0] for _, text in told for word in text.split() if "{" in word}
+    printed: Any = dict.fromkeys(columns, "printf")
     hover = HoverTool(renderers=[drawn], mode=mode, tooltips=told, formatters=printed)
-    made.tools = [*made.tools, hover]
+    drawing.tools = [*drawing.tools, hover]
+
+
+def _described(plot: Plot) -> str:
+    """In words what lines or strips show, for who cannot see them."""
+    columns = [(line.label, line.y) for line in plot.lines if not line.faint]
+    if plot.strips is not None:
+        columns = [*zip(plot.strips.labels, plot.strips.values.T, strict=True)]
+    parts = []
+    for label, column in columns:
+        good = column[np.isfinite(column)]
+        if len(good):
+            size = float(np.abs(good).max())
+            least, most, last = (
+                number_text(one, 3, scale=size) for one in (good.min(), good.max(), good[-1])
+            )
+            told = f"from {least} to {most}, at the end {last} {plot.y.unit}".rstrip()
+            parts.append(f"{label or plot.y.label}: {told}")
+    return "; ".join(parts) + "." if parts else "No values."

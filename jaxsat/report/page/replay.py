@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.report.run_document import failures_of
-from jaxsat.report.time_axes import mode_names
+from jaxsat.report.timeline import mode_names
 from jaxsat.scenario.laws import known_law
 
 MOST_SAMPLES = 20_000

@@ -7,7 +7,6 @@ Acta Astronautica 83 (2013) 44-53.
 from jaxsat.report.reproduction.claim import Claim, ClaimVerdict
 from jaxsat.report.reproduction.claims import judge
 from jaxsat.report.reproduction.document import claims_document
-from jaxsat.report.reproduction.figures import paper_figures
 from jaxsat.report.reproduction.runs import RUNS, Run
 
-__all__ = ["RUNS", "Claim", "ClaimVerdict", "Run", "claims_document", "judge", "paper_figures"]
+__all__ = ["RUNS", "Claim", "ClaimVerdict", "Run", "claims_document", "judge"]

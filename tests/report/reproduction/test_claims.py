@@ -4,7 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.report.reproduction import RUNS, ClaimVerdict, claims_document, judge, paper_figures
+from jaxsat.report.reproduction import RUNS, ClaimVerdict, claims_document, judge
+from jaxsat.report.reproduction.figures import paper_figures
 from jaxsat.scenario import dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build

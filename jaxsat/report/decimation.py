@@ -36,3 +36,11 @@ def _places_of_largest(values: np.ndarray, begins: np.ndarray) -> np.ndarray:
     return np.array(
         [begin + np.argmax(values[begin:end]) for begin, end in zip(begins, ends, strict=True)]
     )
+
+
+def largest_of_parts(values: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:
+    """Where each of about `parts` parts of the samples (n, m) begins, and its largest values."""
+    begins = np.unique(
+        np.linspace(0, len(values), min(parts, len(values)), endpoint=False, dtype=int)
+    )
+    return begins, np.fmax.reduceat(values, begins)

@@ -1,0 +1,192 @@
+"""Plots of a run: how each of its signals is called and shown."""
+
+import dataclasses
+
+import numpy as np
+import xarray as xr
+
+from jaxsat.core.text import capitalised
+from jaxsat.report.plot import TIME, Axis, Band, Line, Plot, Strips
+from jaxsat.report.style import MOST_LINES
+from jaxsat.report.timeline import mode_names
+
+Span = tuple[float, float]
+
+TITLES = {
+    "pointing_error_total": "Total pointing error",
+    "pointing_error": "Pointing error about body axes",
+    "euler_angle": "Euler angles 3-2-1",
+    "omega": "Angular velocity ω",
+    "relative_rate": "Rate relative to the orbit frame",
+    "rate_error": "Rate minus its reference",
+    "torque": "Torque T",
+    "constraint_torque": "Ideal torque that holds the third rate",
+    "disturbance": "Disturbance torque",
+    "lyapunov": "Lyapunov function V",
+    "mode": "Phase of the control law",
+}
+"""Others go by their long name."""
+
+OWN = frozenset({*TITLES, "w", "z", "quaternion", "torque_min", "torque_max", "torque_mean"})
+"""The signals that every trajectory has, or that have a figure made for them."""
+
+SYMBOLS = {"omega": "ω", "torque": "T"}
+"""Of vectors whose components are numbered; those of others are called as in the dataset."""
+
+LOGARITHMIC = frozenset({"pointing_error_total", "lyapunov"})
+STEPS = frozenset({"mode", "valve_openings"})
+MUTE = frozenset({"constraint_torque", "disturbance", "rate_error", "lyapunov", "propellant"})
+"""Signals without which a reader knows as much where they are zero or unknown throughout."""
+
+WRAPPED = frozenset({"pointing_error", "euler_angle"})
+"""Angles in degrees that jump by a whole turn."""
+
+BOUND = "_3sigma"
+"""Ending of a signal that bounds an error, in place of "_error": three standard deviations."""
+
+
+def shown_unit(unit: str) -> str:
+    """A unit of the CF conventions as a person writes it."""
+    shown = {"degree": "°", "1": ""}.get(unit, unit)
+    return shown.replace(" s-1", "/s").replace("s-1", "1/s").replace("m2", "m²")
+
+
+def part_labels(variable: xr.DataArray) -> list[str]:
+    """What each column of a signal is of; "" for the one of a scalar."""
+    return [""] if variable.ndim == 1 else [str(one) for one in variable[variable.dims[1]].values]
+
+
+def further_signals(dataset: xr.Dataset) -> list[str]:
+    """The signals over time that have no figure made for them, such as an estimator's error."""
+    return [
+        str(name)
+        for name, variable in dataset.data_vars.items()
+        if variable.dims[:1] == ("time",)
+        and variable.ndim <= 2
+        and name not in OWN
+        and not str(name).endswith(BOUND)
+    ]
+
+
+def signal_plots(dataset: xr.Dataset, name: str) -> list[Plot]:
+    """The plot of one signal: none where it is not there or says nothing.
+
+    Beside a signal "…_error" the one "…_3sigma" is drawn as a band on either side of zero. One of
+    more components than lines can be told apart is drawn as a strip for each.
+    """
+    if name not in dataset:
+        return []
+    variable, time = dataset[name], dataset["time"].values
+    values = variable.values.reshape(len(time), -1).astype(float)
+    names = mode_names(dataset) if name == "mode" else {}
+    if (name in MUTE and not np.nan_to_num(values).any()) or (name == "mode" and len(names) < 2):
+        return []
+    title = TITLES.get(name) or capitalised(str(variable.attrs.get("long_name", name)))
+    unit = shown_unit(str(variable.attrs.get("units", "1")))
+    parts = part_labels(variable)
+    if len(parts) > MOST_LINES:
+        return [Plot(title, "", TIME, Axis(title, unit), strips=Strips(time, values, parts))]
+    if name in WRAPPED:
+        values = _broken_at_wraps(values)
+    bound, bands, limits = name.removesuffix("_error") + BOUND, [None] * len(parts), (None, None)
+    if bound in dataset:
+        sizes = dataset[bound].values.reshape(values.shape)
+        bands = [Band(-size, size, "±3σ") for size in sizes.T]
+        limits = _limits_once_settled(values, sizes)
+    labels = [_label(name, number, part) for number, part in enumerate(parts, 1)]
+    lines = [
+        Line(time, column, label, steps=name in STEPS, band=band)
+        for column, label, band in zip(values.T, labels, bands, strict=True)
+    ]
+    axis = Axis(title, unit, log=name in LOGARITHMIC, limits=limits, names=names)
+    return [Plot(title, "", TIME, axis, lines)]
+
+
+def attitude_plots(dataset: xr.Dataset) -> list[Plot]:
+    """The tilt w, and the turn z with the whole angle between body and orbit frame."""
+    time, tilt = dataset["time"].values, dataset["w"].values
+    turn = np.degrees(dataset["z"].values)
+    whole = dataset["pointing_error_total"].values
+    tilts = [Line(time, column, f"w{number}") for number, column in enumerate(tilt.T, 1)]
+    turns = [Line(time, turn, "z"), Line(time, whole, "whole rotation")]
+    return [
+        Plot("Tilt w", "", TIME, Axis("Tilt w"), tilts),
+        Plot("Turn z, and the whole rotation", "", TIME, Axis("Rotation angle", "°"), turns),
+    ]
+
+
+def pointing_plots(dataset: xr.Dataset) -> list[Plot]:
+    """The pointing error, total and about each body axis, and the Euler angles 3-2-1."""
+    names = ("pointing_error_total", "pointing_error", "euler_angle")
+    return [plot for name in names for plot in signal_plots(dataset, name)]
+
+
+def torque_plots(dataset: xr.Dataset) -> list[Plot]:
+    """The torque; one plot an axis, mean and range, where it changes between the saved times."""
+    if "torque_max" not in dataset:
+        plots = signal_plots(dataset, "torque")
+        return [dataclasses.replace(one, lines=one.lines[: _axes(dataset)]) for one in plots]
+    title = "Torque {}: mean and range until the next saved time"
+    return [
+        Plot(title.format(line.label), "", TIME, Axis(f"Torque {line.label}", "N m"), [ranged])
+        for line in torque_lines(dataset)
+        if (ranged := dataclasses.replace(line, label="mean"))
+    ]
+
+
+def torque_lines(dataset: xr.Dataset) -> list[Line]:
+    """The mean torque about each axis, with its range where it changes between the saved times."""
+    time = dataset["time"].values
+    if "torque_max" not in dataset:
+        return [line for plot in torque_plots(dataset) for line in plot.lines]
+    low, high, mean = (dataset[f"torque_{part}"].values.T for part in ("min", "max", "mean"))
+    return [
+        Line(time, mean[axis], f"T{axis + 1}", True, band=Band(low[axis], high[axis], "range"))
+        for axis in range(_axes(dataset))
+    ]
+
+
+def enlarged(plot: Plot, span: Span) -> Plot:
+    """The part of a plot over a span (s), with a linear axis of its own."""
+    begin, end = np.searchsorted(plot.lines[0].x, span)
+    part = slice(max(begin - 1, 0), end + 1)
+    lines = []
+    for line in plot.lines:
+        band = line.band and dataclasses.replace(
+            line.band, low=line.band.low[part], high=line.band.high[part]
+        )
+        lines.append(dataclasses.replace(line, x=line.x[part], y=line.y[part], band=band))
+    axis = Axis("enlarged", plot.y.unit)
+    return Plot(f"{plot.title}, enlarged", "", Axis("time", "s", limits=span), axis, lines)
+
+
+def _axes(dataset: xr.Dataset) -> int:
+    """Three where actuators turn about the third axis, else two."""
+    names = {"torque", "torque_min", "torque_max"} & set(dataset)
+    return 3 if any((np.abs(dataset[name][:, 2]) > 0).any() for name in names) else 2
+
+
+def _label(name: str, number: int, part: str) -> str:
+    """What a line is called; "" for the only one."""
+    if name in SYMBOLS:
+        return f"{SYMBOLS[name]}{number}"
+    if name == "pointing_error":
+        return f"about {part}"
+    return part
+
+
+def _limits_once_settled(
+    values: np.ndarray, bounds: np.ndarray
+) -> tuple[float | None, float | None]:
+    """Ends around errors and bounds (times, n) but those in the first fiftieth of the time, before
+    an estimator has settled."""
+    begin = len(values) // 50
+    late = np.concatenate([values[begin:].ravel(), bounds[begin:].ravel()])
+    largest = 1.1 * float(np.nanmax(np.abs(late), initial=0.0))
+    return (-largest, largest) if largest > 0 else (None, None)
+
+
+def _broken_at_wraps(angles: np.ndarray) -> np.ndarray:
+    """Angles (times, n) in degrees that a line through them does not join where they jump."""
+    jumps = np.abs(np.diff(angles, axis=0, prepend=angles[:1])) > 180
+    return np.where(jumps, np.nan, angles)

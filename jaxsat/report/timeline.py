@@ -1,0 +1,81 @@
+"""What happens during a run: failures, alarms, verdicts, and phases of the law."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from jaxsat.report.facts import scenario_tables
+from jaxsat.report.plot import Timeline
+
+DIAGNOSED = ("dead", "degraded", "stuck on", "stuck at a level", "leaking", "reversed",
+             "friction up", "runaway", "stopped")  # fmt: skip
+"""Kinds of failure by the numbers of `jaxsat.control.diagnosis.DiagnosedKind`."""
+
+MOST_VERDICTS = 6
+"""Alarms and verdicts that a figure names."""
+
+
+def timeline_of(dataset: xr.Dataset) -> Timeline:
+    """Failures, alarms and verdicts of a run, and when its law is not in its usual mode.
+
+    That is mode 0 or, without one, the mode in which the run ends.
+    """
+    time = dataset["time"].values
+    marks = [*failures_of(scenario_tables(dataset), time), *verdicts(dataset)]
+    names, modes = mode_names(dataset), dataset["mode"].values
+    last = modes[np.isfinite(modes)][-1:]
+    usual = 0 if 0 in names else int(last.sum())
+    shades = {name: modes == mode for mode, name in names.items() if mode != usual}
+    return Timeline(time, marks, shades)
+
+
+def subject_title(dataset: xr.Dataset, subject: str) -> str:
+    """The title of a run with what a figure of it shows."""
+    return f"{dataset.attrs.get('title', 'Trajectory')}: {subject}"
+
+
+def failures_of(scenario: Mapping[str, Any], times: np.ndarray) -> list[tuple[float, str]]:
+    """When (s) what fails until the last of the times, in order, such as (300, "wheel 2 dead")."""
+    return sorted(
+        (at, f"{table.get('of', '')} {table.get('kind', 'fails')}")
+        for table in scenario.get("failure", ())
+        if (at := float(table.get("at_s", 0.0))) <= times[-1]
+    )
+
+
+def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
+    """When (s) a law that diagnoses its actuators had its first alarms, and what it isolated."""
+    if "diagnosed_kind" not in dataset:
+        return []
+    time, kinds = dataset["time"].values, dataset["diagnosed_kind"].values
+    alarm = [mode for mode, name in mode_names(dataset).items() if name == "alarm"]
+    in_alarm = np.isin(dataset["mode"].values, alarm)
+    events = [(float(time[row]), "alarm") for row in np.flatnonzero(np.diff(in_alarm * 1) > 0) + 1]
+    part = diagnosed_part(dataset)
+    names = dataset[part].values
+    for row, place in np.argwhere(np.diff(kinds, axis=0) != 0):
+        kind = kinds[row + 1, place]
+        if np.isfinite(kind):
+            verdict = f"isolated, {DIAGNOSED[int(kind)]}" if kind >= 0 else "works again"
+            events.append((float(time[row + 1]), f"{part} {names[place]}: {verdict}"))
+    return sorted(events)[:MOST_VERDICTS]
+
+
+def diagnosed_part(dataset: xr.Dataset) -> str:
+    """What the law of a run diagnoses: "thruster" or "wheel"."""
+    return str(dataset["diagnosed_kind"].dims[-1])
+
+
+def mode_names(dataset: xr.Dataset) -> dict[int, str]:
+    """What the numbers of `mode` mean, those that occur."""
+    attributes, modes = dataset["mode"].attrs, dataset["mode"].values
+    meanings = str(attributes.get("flag_meanings", "")).split()
+    values = np.atleast_1d(attributes.get("flag_values", [])).astype(int).tolist()
+    present = set(modes[np.isfinite(modes)].astype(int).tolist())
+    return {
+        mode: meaning.replace("_", " ")
+        for mode, meaning in zip(values, meanings, strict=True)
+        if mode in present
+    }
