@@ -2,7 +2,7 @@
 
     python benchmarks/design_family.py --out family-designed
 
-designs a controller for every spacecraft of `jaxsat.synthesis.comparison.family`, of which those in
+designs a controller for every spacecraft of `random_family`, of which those in
 low orbit fly with gravity gradient, verifies it on unseen cases and writes table.csv, one row for
 every spacecraft, and family.png. Every spacecraft is kept as it is done: the same command resumes
 an interrupted run, and draws what there is with `--members 0`.
@@ -30,8 +30,8 @@ from jaxsat.report.saving import save_figures
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.store import ResumableFolder
 from jaxsat.studies import Serial, wilson
-from jaxsat.synthesis.comparison.family import SEED, SIZE, family_member, family_scenario
 from jaxsat.synthesis.execution import Execution
+from random_family import SEED, SIZE, family_member, family_scenario
 
 KIND, TABLE = "designed-family", "table.csv"
 

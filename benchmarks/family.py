@@ -22,7 +22,7 @@ from jaxsat.scenario.build.study import study_program
 from jaxsat.scenario.dump import dump
 from jaxsat.simulation.engine import FixedStepper, NativeEngine
 from jaxsat.studies import Independent, Study
-from jaxsat.synthesis.comparison.family import (
+from random_family import (
     SEED,
     SIZE,
     FamilyMember,

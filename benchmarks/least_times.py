@@ -23,15 +23,16 @@ import numpy as np
 
 from jaxsat.control.planning import Plan, Planner, PlanStatus
 from jaxsat.scenario.build.run import build, build_tolerances
-from jaxsat.synthesis.bounds import (
-    BoundObjective,
-    End,
-    best_of_starts,
-    manoeuvre_of,
-    solution_of,
+from jaxsat.synthesis.bounds.manoeuvre import End, manoeuvre_of
+from jaxsat.synthesis.bounds.search import best_of_starts, solution_of
+from jaxsat.synthesis.bounds.transcription import BoundObjective
+from jaxsat.synthesis.comparison.acceptance import (
+    LIMITS,
+    ComparisonSetting,
+    Start,
+    comparison_scenario,
+    comparison_study,
 )
-from jaxsat.synthesis.comparison import LIMITS, ComparisonSetting, Start, comparison_scenario
-from jaxsat.synthesis.comparison.acceptance import comparison_study
 from jaxsat.synthesis.comparison.front import arrives
 from planner import compiled, in_parts
 

@@ -25,11 +25,9 @@ from jaxsat.core.processors import processors
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.synthesis.bounds import (
-    BoundObjective,
-    best_of_starts,
-    manoeuvre_of,
-)
+from jaxsat.synthesis.bounds.manoeuvre import manoeuvre_of
+from jaxsat.synthesis.bounds.search import best_of_starts
+from jaxsat.synthesis.bounds.transcription import BoundObjective
 from jaxsat.synthesis.comparison.front import arrives
 
 

@@ -37,10 +37,10 @@ from jaxsat.simulation import SampledLoop
 from jaxsat.simulation.engine import FixedStepper, NativeEngine
 from jaxsat.spacecraft import Actuators
 from jaxsat.studies import Dispersed, Independent, Study, StudyCase
-from jaxsat.synthesis.comparison.family import FamilyMember, family_member, family_scenario
 from jaxsat.synthesis.controller_design.candidates import Candidate, with_larger_end_game
 from jaxsat.synthesis.controller_design.completion import completed
 from jaxsat.synthesis.controller_design.vehicle import scale_of, vehicle_verdict
+from random_family import FamilyMember, family_member, family_scenario
 
 LAWS = ("three-slew", "oscillatory")
 NAMES = (*LAWS, *(f"{law}, larger end game" for law in LAWS))

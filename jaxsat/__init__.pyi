@@ -20,20 +20,30 @@ from jaxsat.core.attitude import (
     WZ as WZ,
     Quaternion as Quaternion,
 )
-from jaxsat.synthesis.bounds import (
-    Bound as Bound,
+from jaxsat.synthesis.bounds.run import (
     bound as bound,
 )
-from jaxsat.synthesis.comparison import (
-    Comparison as Comparison,
-    ComparisonRow as ComparisonRow,
+from jaxsat.synthesis.bounds.search import (
+    Bound as Bound,
+)
+from jaxsat.synthesis.comparison.acceptance import (
     ComparisonSetting as ComparisonSetting,
-    ComparisonVerdict as ComparisonVerdict,
-    Front as Front,
-    compare as compare,
-    compare_in_scenario as compare_in_scenario,
     comparison_scenario as comparison_scenario,
+)
+from jaxsat.synthesis.comparison.front import (
+    Front as Front,
     front as front,
+)
+from jaxsat.synthesis.comparison.in_scenario import (
+    compare_in_scenario as compare_in_scenario,
+)
+from jaxsat.synthesis.comparison.run import (
+    Comparison as Comparison,
+    compare as compare,
+)
+from jaxsat.synthesis.comparison.verdict import (
+    ComparisonRow as ComparisonRow,
+    ComparisonVerdict as ComparisonVerdict,
 )
 from jaxsat.control import (
     AbstractController as AbstractController,
@@ -123,7 +133,7 @@ from jaxsat.simulation import (
     fixed as fixed,
     simulate as simulate,
 )
-from jaxsat.synthesis.tuning import (
+from jaxsat.synthesis.tuning.descent import (
     DescentProgress as DescentProgress,
 )
 from jaxsat.synthesis.tuning.run import (

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from jaxsat.core.tolerances import Tolerances
     from jaxsat.report.document import Document
     from jaxsat.scenario import Scenario
-    from jaxsat.synthesis.bounds import Bound, UnsuitableScenario
+    from jaxsat.synthesis.bounds.run import UnsuitableScenario
+    from jaxsat.synthesis.bounds.search import Bound
 
 Longest = Annotated[float | None, Parameter(converter=number(0.01, 1e9))]
 Objective = Literal["time", "effort"]
@@ -85,7 +86,7 @@ def bound(
         raise output_problem(error) from None
     chosen = load_or_explain(scenario, overrides, "motion")
     use_double_precision()
-    from jaxsat.synthesis.bounds import end_data, tolerances_at
+    from jaxsat.synthesis.bounds.run import end_data, tolerances_at
 
     found = _found(
         chosen, objective, target=target, end=end, starts=starts, longest=longest, seed=seed
@@ -106,7 +107,7 @@ def bound(
 def _found(scenario: "Scenario", objective: Objective, **keys: Any) -> "Bound | None":
     """What the library finds; its errors become mistakes and failures."""
     import jaxsat
-    from jaxsat.synthesis.bounds import UnsolvedBound, UnsuitableScenario
+    from jaxsat.synthesis.bounds.run import UnsolvedBound, UnsuitableScenario
 
     try:
         return interruptibly(
@@ -130,7 +131,7 @@ def _document(
 ) -> "Document":
     from jaxsat.core.numerals import number_text
     from jaxsat.report.document import Document, Facts, Verdict
-    from jaxsat.synthesis.bounds import end_text
+    from jaxsat.synthesis.bounds.run import end_text
 
     objective, flight = found.objective.value, found.verification
     unit = UNITS[objective]

@@ -139,7 +139,7 @@ def _on_acceptance_set(
     """The record of laws on the acceptance set."""
     import jaxsat
     from jaxsat.store import save_file
-    from jaxsat.synthesis.comparison import LAWS, LEVELS
+    from jaxsat.synthesis.comparison.acceptance import LAWS, LEVELS
 
     others = dict.fromkeys(one for one in laws if one not in (*LAWS, "all"))
     found = _computed(
@@ -178,7 +178,7 @@ def _in_scenario(
     if list(laws) == ["all"]:
         raise UserMistake("--law: must be given with a scenario, at least one law")
     scenario = load_or_explain(name, overrides, "study")
-    from jaxsat.synthesis.comparison import compare_in_scenario
+    from jaxsat.synthesis.comparison.in_scenario import compare_in_scenario
 
     found = _computed(
         out,
@@ -198,8 +198,8 @@ def _in_scenario(
 def _computed(out: Path, work: Callable[[], Found]) -> Found:
     """What the library finds; its errors become mistakes, and an interruption tells of `out`."""
     from jaxsat.scenario import ScenarioError
-    from jaxsat.synthesis.bounds import UnsolvedBound
-    from jaxsat.synthesis.comparison import UnsuitableLaw, UnsuitableSetting
+    from jaxsat.synthesis.bounds.run import UnsolvedBound
+    from jaxsat.synthesis.comparison.run import UnsuitableLaw, UnsuitableSetting
 
     try:
         with study_problems(), resumed_later(out):

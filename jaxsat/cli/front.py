@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from jaxsat.scenario import Scenario
-    from jaxsat.synthesis.comparison import Front
+    from jaxsat.synthesis.comparison.front import Front
 
 RESULT, FIGURE = "front.json", "front"
 
@@ -77,7 +77,7 @@ def front(
         _require_suitable(one, laws)
     use_double_precision()
     from jaxsat.store import OutputError, OutputFolder
-    from jaxsat.synthesis.bounds import end_data, tolerances_at
+    from jaxsat.synthesis.bounds.run import end_data, tolerances_at
 
     out = output.out or Path("jaxsat-front")
 
@@ -99,8 +99,8 @@ def front(
 
 def _require_suitable(scenario: "Scenario", laws: Sequence[str]) -> None:
     from jaxsat.scenario import ScenarioError
-    from jaxsat.synthesis.bounds import UnsuitableScenario, require_ideal_thrusters
-    from jaxsat.synthesis.comparison import scenario_under
+    from jaxsat.synthesis.bounds.run import UnsuitableScenario, require_ideal_thrusters
+    from jaxsat.synthesis.comparison.in_scenario import scenario_under
 
     try:
         require_ideal_thrusters(scenario, "a front")

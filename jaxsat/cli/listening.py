@@ -13,7 +13,7 @@ from jaxsat.cli.work import require_approval
 
 if TYPE_CHECKING:
     from jaxsat.synthesis.execution import Execution, Listener
-    from jaxsat.synthesis.tuning import DescentProgress
+    from jaxsat.synthesis.tuning.descent import DescentProgress
 
 
 def listener(target: Path, results: Resumable) -> "Listener":

@@ -208,7 +208,7 @@ class Resumable(Results):
 
 def torque_limits(given: Sequence[str]) -> list[float]:
     """The torque limits (N m) that are asked for, each once."""
-    from jaxsat.synthesis.comparison import LIMITS
+    from jaxsat.synthesis.comparison.acceptance import LIMITS
 
     limits: list[float] = []
     for text in given:

@@ -19,7 +19,7 @@ def refusals(scenario: "Scenario") -> Iterator[str]:
         yield "not for montecarlo and tune: dispersion must be given, got nothing"
     elif scenario.tuning is None:
         yield "not for tune: tuning must be given, got nothing"
-    from jaxsat.synthesis.bounds import required_manoeuvre
+    from jaxsat.synthesis.bounds.run import required_manoeuvre
 
     trials: dict[str, Callable[[], object]] = {
         "bound and front": lambda: required_manoeuvre(scenario),

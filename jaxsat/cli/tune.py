@@ -59,8 +59,8 @@ def tune(
 
     import jaxsat
     from jaxsat.store import OutputError
-    from jaxsat.synthesis.tuning import NoGradient
     from jaxsat.synthesis.tuning.run import TUNED
+    from jaxsat.synthesis.tuning.unusable import NoGradient
 
     try:
         with resumed_later(target / TUNED, "the best gains so far are in {}"):

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from jaxsat.core import search_path
-from jaxsat.synthesis.comparison import ComparisonSetting, compare
+from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
+from jaxsat.synthesis.comparison.run import compare
 from jaxsat.synthesis.execution import Listener
 
 QUICK = [

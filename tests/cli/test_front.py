@@ -9,8 +9,15 @@ import pytest
 from jaxsat.report.front_figure import front_figure
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.synthesis.comparison import FlownPoint, Front, FrontPoint, front, scenario_under
-from jaxsat.synthesis.comparison.front import STRETCHES, _falling
+from jaxsat.synthesis.comparison.front import (
+    STRETCHES,
+    FlownPoint,
+    Front,
+    FrontPoint,
+    _falling,
+    front,
+)
+from jaxsat.synthesis.comparison.in_scenario import scenario_under
 
 QUICK = ["acceptance-nominal", "--torque-limit", "20", "--guesses", "6"]
 QUICK += ["--set", "simulation.duration_s=60"]

@@ -17,8 +17,9 @@ import numpy as np
 from jaxsat.scenario.build.run import build
 from jaxsat.store import ResumableFolder
 from jaxsat.store.files import parse_json
-from jaxsat.synthesis.bounds import BoundObjective, End, end_data, manoeuvre_of, tolerances_at
-from jaxsat.synthesis.bounds.run import searched
+from jaxsat.synthesis.bounds.manoeuvre import End, manoeuvre_of
+from jaxsat.synthesis.bounds.run import end_data, searched, tolerances_at
+from jaxsat.synthesis.bounds.transcription import BoundObjective
 from jaxsat.synthesis.comparison.acceptance import (
     ComparisonSetting,
     comparison_scenario,

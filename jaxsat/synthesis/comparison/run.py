@@ -20,7 +20,7 @@ from jaxsat.store import (
 )
 from jaxsat.store.study_names import acceptance_store
 from jaxsat.studies import Study, Work
-from jaxsat.synthesis.bounds import End
+from jaxsat.synthesis.bounds.manoeuvre import End
 from jaxsat.synthesis.comparison.acceptance import (
     LAWS,
     PERIOD,
@@ -120,14 +120,14 @@ def compare(
 ) -> Comparison:
     """Compare laws on `count` cases of the acceptance set at each level and torque limit (N m).
 
-    A law is one of `jaxsat.synthesis.comparison.LAWS` or `MORE_LAWS`, `"module:Class"`, an
-    installed law, or a scenario file whose `[control]` is taken; a level is "nominal", "mc" or
-    "hard". `bounds` starts search for the least time and effort from the paper's start; they and
-    the least times end where `end` says. With `out` the studies are kept in that folder, with the
-    record and the figure that `jaxsat compare` writes, and the same call resumes them. Raises
-    `UnsuitableLaw`, `UnsuitableSetting`, `ValueError` for a level that there is not,
-    `ScenarioError` for a torque limit that no scenario can have, and `OutputError` for a folder
-    that cannot be used.
+    A law is one of `LAWS` or `MORE_LAWS` of `jaxsat.synthesis.comparison.acceptance`,
+    `"module:Class"`, an installed law, or a scenario file whose `[control]` is taken; a level is
+    "nominal", "mc" or "hard". `bounds` starts search for the least time and effort from the
+    paper's start; they and the least times end where `end` says. With `out` the studies are kept in
+    that folder, with the record and the figure that `jaxsat compare` writes, and the same call
+    resumes them. Raises `UnsuitableLaw`, `UnsuitableSetting`, `ValueError` for a level that there
+    is not, `ScenarioError` for a torque limit that no scenario can have, and `OutputError` for a
+    folder that cannot be used.
     """
     limits = tuple(map(float, _several(torque_limit)))
     settings = comparison_settings(_several(laws), _several(level), limits)

@@ -11,7 +11,7 @@ from jaxsat.scenario.build.run import build
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.parts.sensors import SamplingTable
 from jaxsat.scenario.parts.wheels import wheels_make_all
-from jaxsat.synthesis.comparison import horizon
+from jaxsat.synthesis.comparison.acceptance import horizon
 from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict
 
 RATE = 0.83

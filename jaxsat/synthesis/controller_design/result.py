@@ -8,7 +8,7 @@ import numpy as np
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.domain import domain_cautions
 from jaxsat.studies import Interval, Summary, fraction_text
-from jaxsat.synthesis.comparison import ComparisonRow, ComparisonVerdict
+from jaxsat.synthesis.comparison.verdict import ComparisonRow, ComparisonVerdict
 from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.controller_design.explanation import Remedy, Separation
 from jaxsat.synthesis.controller_design.request import ALL, QUICK, DesignSettings

@@ -11,7 +11,7 @@ from jaxsat.scenario.tuning_tables import TuningTable
 from jaxsat.store import OutputError
 from jaxsat.studies import WhenDecided, summarise, wilson
 from jaxsat.studies.statistics import LEVEL
-from jaxsat.synthesis.comparison import choose_law, settles_fewer
+from jaxsat.synthesis.comparison.verdict import choose_law, settles_fewer
 from jaxsat.synthesis.controller_design.candidates import (
     Candidate,
     Fitting,

@@ -11,7 +11,8 @@ from jaxsat.scenario.build.study import build_study
 from jaxsat.store import ResumableFolder
 from jaxsat.store.study_names import named_store
 from jaxsat.studies import AbstractStopRule, Serial, fraction_text, percentile, wilson
-from jaxsat.synthesis.comparison import ComparisonRow, ComparisonSetting, comparison_row
+from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
+from jaxsat.synthesis.comparison.verdict import ComparisonRow, comparison_row
 from jaxsat.synthesis.execution import Execution, Listener, run_columns
 
 CHUNK = 256

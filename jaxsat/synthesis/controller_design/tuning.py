@@ -10,13 +10,14 @@ from jaxsat.core.processors import processors
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.optimisers import DERIVATIVE_FREE
 from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
-from jaxsat.synthesis.comparison import ComparisonRow
+from jaxsat.synthesis.comparison.verdict import ComparisonRow
 from jaxsat.synthesis.controller_design.candidates import Candidate, written_out
 from jaxsat.synthesis.controller_design.studies import Studies
 from jaxsat.synthesis.controller_design.vehicle import Scale
-from jaxsat.synthesis.tuning import DescentState, TuningPlan
 from jaxsat.synthesis.tuning.build import build_plan, tuned_scenario
 from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity
+from jaxsat.synthesis.tuning.descent import DescentState
+from jaxsat.synthesis.tuning.plan import TuningPlan
 from jaxsat.synthesis.tuning.run import run_descent
 
 FOLDER = "tuning"

@@ -17,7 +17,7 @@ from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.errors import BuildError, at_key
 from jaxsat.scenario.build.run import build, build_loop
 from jaxsat.scenario.build.study import EngineName, build_study, tolerances_of
-from jaxsat.scenario.optimisers import DERIVATIVE_FREE
+from jaxsat.scenario.optimisers import DERIVATIVE_FREE, OptimiserSettings
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
@@ -26,24 +26,19 @@ from jaxsat.simulation.engine import AttitudeCost, Program, RunningCost, ScanEng
 from jaxsat.simulation.engine.native import NativeEngine, process_obstacle
 from jaxsat.studies import number_at
 from jaxsat.studies.perturbed import controller_of
-from jaxsat.synthesis.tuning import (
+from jaxsat.synthesis.tuning.aggregates import (
     AbstractAggregate,
     ConditionalValueAtRisk,
-    CostEvaluator,
     Mean,
     Objective,
-    OptimiserSettings,
-    Parameter,
     Quantile,
-    SearchSpace,
     TailCompression,
-    TrajectoryCounter,
-    TuningPlan,
-    TuningSettings,
     WorstCase,
 )
+from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator, TrajectoryCounter
 from jaxsat.synthesis.tuning.forms import in_one_form, refined, throttled, with_control
-from jaxsat.synthesis.tuning.parameters import Values
+from jaxsat.synthesis.tuning.parameters import Parameter, SearchSpace, Values
+from jaxsat.synthesis.tuning.plan import TuningPlan, TuningSettings
 from jaxsat.synthesis.tuning.strategies import PACKAGE
 
 

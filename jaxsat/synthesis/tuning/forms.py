@@ -24,7 +24,7 @@ def in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
     simulation, solver = scenario.simulation, scenario.simulation.solver
     if scenario.law.declaration.sampled:
         return scenario
-    error = uses_error_coordinates(flattened(scenario))
+    error = uses_error_coordinates(flattened(scenario) | {"control.law": scenario.law})
     if solver.step_s is None and solver.steps != "fixed":
         given = {
             "rtol": solver.rtol or table.tolerance,

@@ -16,17 +16,6 @@ from jaxsat.scenario.build.study import EngineName
 from jaxsat.store.files import parse_json
 from jaxsat.studies import Work
 from jaxsat.synthesis.execution import Listener
-from jaxsat.synthesis.tuning import (
-    DescentProgress,
-    DescentState,
-    Receipt,
-    TuningPlan,
-    TuningVerdict,
-    descend,
-    initial_state,
-    make_receipt,
-    make_verdict,
-)
 from jaxsat.synthesis.tuning.baselines import (
     BaselineResult,
     as_data,
@@ -35,7 +24,16 @@ from jaxsat.synthesis.tuning.baselines import (
 )
 from jaxsat.synthesis.tuning.build import build_plan, tuned_scenario
 from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity
+from jaxsat.synthesis.tuning.descent import (
+    DescentProgress,
+    DescentState,
+    descend,
+    initial_state,
+)
 from jaxsat.synthesis.tuning.history import history_dataset
+from jaxsat.synthesis.tuning.plan import TuningPlan
+from jaxsat.synthesis.tuning.receipt import Receipt, make_receipt
+from jaxsat.synthesis.tuning.verdict import TuningVerdict, make_verdict
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -8,7 +8,9 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft import Spacecraft
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit
-from jaxsat.synthesis.bounds import Manoeuvre, Solution, propagate
+from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
+from jaxsat.synthesis.bounds.search import propagate
+from jaxsat.synthesis.bounds.transcription import Solution
 
 PAPER = np.diag([449.5, 264.6, 312.5])
 XY = np.eye(3)[:, :2]

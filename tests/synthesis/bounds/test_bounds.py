@@ -19,16 +19,9 @@ from jaxsat.scenario.build.run import build, build_uncontrolled
 from jaxsat.simulation import SampledLoop, simulate
 from jaxsat.spacecraft import Actuators
 from jaxsat.spacecraft.environment import AbstractDisturbance
-from jaxsat.synthesis.bounds import (
-    BoundObjective,
-    Manoeuvre,
-    Solution,
-    Transcription,
-    best_of_starts,
-    manoeuvre_of,
-    plans_of,
-    propagate,
-)
+from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre, manoeuvre_of
+from jaxsat.synthesis.bounds.search import best_of_starts, plans_of, propagate
+from jaxsat.synthesis.bounds.transcription import BoundObjective, Solution, Transcription
 
 pytest.importorskip("casadi")
 

@@ -9,7 +9,7 @@ from jaxsat.control.switching import SwitchingMode
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.synthesis.comparison import (
+from jaxsat.synthesis.comparison.acceptance import (
     LAWS,
     LEVELS,
     PERIOD,

@@ -4,7 +4,7 @@ import pytest
 
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
-from jaxsat.synthesis.comparison import compare_in_scenario, scenario_under
+from jaxsat.synthesis.comparison.in_scenario import compare_in_scenario, scenario_under
 
 LAWS = ("quaternion-feedback", "fault-tolerant")
 

@@ -9,14 +9,9 @@ import pytest
 
 from jaxsat.core.ranges import SETTLED_RATE
 from jaxsat.report.comparison_document import comparison_document
-from jaxsat.synthesis.comparison import (
-    ComparisonSetting,
-    Start,
-    comparison_row,
-    comparison_study,
-    least_times,
-    median_least_time,
-)
+from jaxsat.synthesis.comparison.acceptance import ComparisonSetting, Start, comparison_study
+from jaxsat.synthesis.comparison.least_times import least_times, median_least_time
+from jaxsat.synthesis.comparison.verdict import comparison_row
 
 MOMENTS, ORBIT_RATE = np.array([449.5, 264.6, 312.5]), 0.0011
 DISTURBANCE = np.sum([0.01, 0.02, 0.001])

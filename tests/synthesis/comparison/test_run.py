@@ -2,12 +2,8 @@
 
 import pytest
 
-from jaxsat.synthesis.comparison import (
-    ComparisonSetting,
-    compare,
-    comparison_settings,
-    require_suitable,
-)
+from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
+from jaxsat.synthesis.comparison.run import compare, comparison_settings, require_suitable
 
 
 def test_settings_are_every_law_under_every_limit_at_every_level():

@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from jaxsat.synthesis.comparison import ComparisonSetting, choose_law, comparison_row
+from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
+from jaxsat.synthesis.comparison.verdict import choose_law, comparison_row
 
 
 def row(law, times, paper=50.0, effort=1.0):

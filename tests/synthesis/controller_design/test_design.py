@@ -10,7 +10,8 @@ import jaxsat
 from jaxsat.report.design_document import DESIGNED, design_document
 from jaxsat.report.markdown import markdown_page
 from jaxsat.store import ResumableFolder
-from jaxsat.synthesis.comparison import ComparisonSetting, choose_law, comparison_row
+from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
+from jaxsat.synthesis.comparison.verdict import choose_law, comparison_row
 from jaxsat.synthesis.controller_design import steps
 from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.controller_design.files import design_record

@@ -3,8 +3,9 @@
 import pytest
 
 from jaxsat.scenario.build.load import load
-from jaxsat.synthesis.tuning import descend, initial_state, make_receipt
 from jaxsat.synthesis.tuning.build import build_plan
+from jaxsat.synthesis.tuning.descent import descend, initial_state
+from jaxsat.synthesis.tuning.receipt import make_receipt
 from synthesis.tuning.scenarios import RATE
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jaxsat.synthesis.tuning import descend, initial_state
 from jaxsat.synthesis.tuning.baselines import METHODS, run_baselines
+from jaxsat.synthesis.tuning.descent import descend, initial_state
 from synthesis.tuning.plans import with_settings
 
 

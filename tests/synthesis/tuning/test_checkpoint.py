@@ -13,9 +13,9 @@ from corruption import corrupt
 from jaxsat.control import RateLaw
 from jaxsat.store import OutputError
 from jaxsat.studies.perturbed import controller_of
-from jaxsat.synthesis.tuning import descend, descent_step, initial_state
 from jaxsat.synthesis.tuning.build import build_plan
 from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity
+from jaxsat.synthesis.tuning.descent import descend, descent_step, initial_state
 from synthesis.tuning.plans import same_bits
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxsat.synthesis.tuning import initial_state
+from jaxsat.synthesis.tuning.descent import initial_state
 from synthesis.tuning.plans import with_settings
 
 

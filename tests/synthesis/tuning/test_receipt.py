@@ -9,7 +9,8 @@ import pytest
 
 from jaxsat.report.tuning_document import tuning_document
 from jaxsat.simulation.engine import AbstractCaseFactory, Program
-from jaxsat.synthesis.tuning import check_gradients, make_verdict
+from jaxsat.synthesis.tuning.receipt import check_gradients
+from jaxsat.synthesis.tuning.verdict import make_verdict
 
 
 @pytest.mark.slow

@@ -3,17 +3,16 @@
 import numpy as np
 import pytest
 
-from jaxsat.synthesis.tuning import (
+from jaxsat.scenario.optimisers import OptimiserSettings
+from jaxsat.synthesis.tuning.aggregates import (
     ConditionalValueAtRisk,
     Mean,
     Objective,
-    OptimiserSettings,
-    Parameter,
     Quantile,
-    SearchSpace,
     TailCompression,
     WorstCase,
 )
+from jaxsat.synthesis.tuning.parameters import Parameter, SearchSpace
 from jaxsat.synthesis.tuning.strategies import minimise
 
 SPACE = SearchSpace(

@@ -13,10 +13,10 @@ import pytest
 from jaxsat.control import RateLaw
 from jaxsat.simulation import Outcome
 from jaxsat.simulation.engine import AbstractCaseFactory, nan_in_run
-from jaxsat.synthesis.tuning import NoGradient, descent_step, initial_state
 from jaxsat.synthesis.tuning.cost_evaluator import CaseGradients
+from jaxsat.synthesis.tuning.descent import descent_step, initial_state
 from jaxsat.synthesis.tuning.receipt import Receipt, _first_masked, check_gradients
-from jaxsat.synthesis.tuning.unusable import unusable
+from jaxsat.synthesis.tuning.unusable import NoGradient, unusable
 from synthesis.tuning.plans import with_settings
 
 

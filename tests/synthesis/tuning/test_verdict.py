@@ -9,7 +9,7 @@ import pytest
 
 from jaxsat.report.tuning_document import tuning_document
 from jaxsat.simulation.engine import RunningCost
-from jaxsat.synthesis.tuning import make_verdict
+from jaxsat.synthesis.tuning.verdict import make_verdict
 
 
 def test_the_verdict_is_about_the_exact_law_on_other_cases(plan, final):

@@ -8,8 +8,8 @@ from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.build.run import build_loop
 from jaxsat.studies import number_at
 from jaxsat.studies.perturbed import controller_of
-from jaxsat.synthesis.tuning import check_gradients
 from jaxsat.synthesis.tuning.build import build_plan
+from jaxsat.synthesis.tuning.receipt import check_gradients
 
 CASES = 2
 ROUNDING = 1e-9

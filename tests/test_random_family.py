@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jaxsat.scenario.holding import missing_torque
-from jaxsat.synthesis.comparison.family import LEAST_COUPLING, family_member, family_scenario
+from random_family import LEAST_COUPLING, family_member, family_scenario
 
 MEMBERS = [family_member(number) for number in range(12)]
 
