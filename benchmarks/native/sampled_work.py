@@ -9,7 +9,8 @@ import numpy as np
 from hand_written import POINTER, WHOLE, address, library
 
 from jaxsat.compiler.functions import error_function
-from jaxsat.control.oscillatory import MorinSamson, Oscillator
+from jaxsat.control.demands import MorinSamson
+from jaxsat.control.oscillatory import Oscillator
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation.engine import NativeEngine, SampledStepper

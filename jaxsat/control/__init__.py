@@ -1,27 +1,23 @@
 """Control laws: which torque to command, given the state."""
 
-from jaxsat.control.context import LawContext, UnsuitableModel
 from jaxsat.control.controller import (
     AbstractBacksteppingLaw,
     AbstractController,
     AbstractFeedbackLaw,
     Coast,
+    LawContext,
+    UnsuitableModel,
 )
+from jaxsat.control.demands import AbstractDemand, MorinSamson, TwoChannel
 from jaxsat.control.estimators import ThirdAxis, ThirdAxisEstimator
-from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
+from jaxsat.control.fine import FineStage, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate, FiniteTimeRateLaw
-from jaxsat.control.inertia_fit import InertiaFit
-from jaxsat.control.internal_model import InternalModel, OscillatorState
+from jaxsat.control.handover import Handover
+from jaxsat.control.inertia_fit import InertiaFit, TorqueAxisFrame
 from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.control.one_torque import OneTorque, OneTorqueMode
-from jaxsat.control.oscillatory import (
-    AbstractDemand,
-    MorinSamson,
-    Oscillator,
-    OscillatoryLaw,
-    TwoChannel,
-)
+from jaxsat.control.oscillatory import Oscillator, OscillatoryLaw
 from jaxsat.control.presets import (
     oscillatory_settling,
     ripple_filter,
@@ -34,8 +30,7 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.slews import SlewPlanner, ThreeSlewLaw
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.switching import SwitchingLaw
-from jaxsat.control.three_axis import ThreeAxisLaw
-from jaxsat.control.torque_axis import TorqueAxisFrame
+from jaxsat.control.three_axis import InternalModel, OscillatorState, ThreeAxisLaw
 
 __all__ = [
     "AbstractBacksteppingLaw",

@@ -1,4 +1,4 @@
-"""What a controller is, and the part that all backstepping laws share.
+"""What a controller is, what it is built from, and the part that all backstepping laws share.
 
 A controller turns time, the measured plant state and its own memory into a commanded torque
 (u1, u2) about the first two body axes, or into a torque about each of the three. Continuous
@@ -8,21 +8,106 @@ next value instead.
 
 import abc
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.control.context import LawContext
-from jaxsat.control.integrating_factor import AbstractIntegratingFactor
+from jaxsat.control.diagnosis import ThrusterModel
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.laws import COAST
+from jaxsat.core.errors import JaxsatError
+from jaxsat.spacecraft import Wheels
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+
+
+class ThrusterContext(NamedTuple):
+    """What a law that commands the duties of thrusters is told of them.
+
+    `cost` is what full thrust of each costs, `rate_noise` (rad/s) the standard deviation of the
+    rates that the law is told, zero where they are exact. `pulse` (s) is the least on-time, of
+    which each gives whole multiples, zero where any on-time will do.
+    """
+
+    model: ThrusterModel
+    cost: Float[np.ndarray, " m"]
+    rate_noise: float
+    pulse: Float[np.ndarray, " m"]
+
+
+class WheelContext(NamedTuple):
+    """What a law that commands the torque of each wheel is told of them.
+
+    `wheels` have the limits and the friction that are declared, and no failures in flight. `failed`
+    tells which had failed before the start. `momentum_noise` (N m s) is the standard deviation of
+    each tachometer, `rate_noise` (rad/s) that of the rates that the law is told, zero where they
+    are exact. Commands act `delay` (s) late.
+    """
+
+    wheels: Wheels
+    failed: Bool[np.ndarray, " m"]
+    momentum_noise: Float[np.ndarray, " m"]
+    delay: float
+    rate_noise: float = 0.0
+
+
+class LawContext(NamedTuple):
+    """What a scenario tells a law besides the law's own keys.
+
+    `model` is what the controller believes of the plant, with the disturbance that it measures. Its
+    inertia is the one that turns under a torque: with wheels it is without that of their rotors.
+    `torque_limit` (N m) is that of each thruster, None if unlimited. The periodic disturbance has
+    `disturbance_amplitude` (N m) and `disturbance_frequency` (rad/s) about x, y and z. The unit
+    columns of `torque_axes` are the torque axes of the working thrusters. `thrusters` is None but
+    for laws that command their duties, `wheels` but for those that command the torque of each.
+    `gravity_gradient` tells whether that torque acts.
+    """
+
+    model: RigidBody
+    torque_limit: float | None
+    disturbance_amplitude: tuple[float, ...]
+    disturbance_frequency: tuple[float, ...]
+    torque_axes: Float[np.ndarray, "3 m"] = np.eye(3)[:, :2]
+    thrusters: ThrusterContext | None = None
+    wheels: WheelContext | None = None
+    gravity_gradient: bool = False
+
+
+class UnsuitableModel(JaxsatError, ValueError):
+    """A law cannot be built for what it believes of `about`, its inertia or its orbit's rate."""
+
+    about: Literal["inertia", "orbit_rate"]
+
+    def __init__(self, about: Literal["inertia", "orbit_rate"], message: str):
+        super().__init__(message)
+        self.about = about
+
 
 Memory = PyTree
 """What a controller remembers, its own affair."""
+
+
+class AbstractIntegratingFactor(eqx.Module):
+    """The integrating factor e^(At) at one instant, of a memory with d/dt memory = A memory + b.
+
+    In the *rotating frame*, e^(-At) memory, the memory changes by b alone: its integrator takes no
+    steps for the sake of A, above all of oscillations.
+    """
+
+    @abc.abstractmethod
+    def into_frame(self, memory: PyTree) -> PyTree:
+        """e^(-At) memory."""
+
+    @abc.abstractmethod
+    def out_of_frame(self, framed: PyTree) -> PyTree:
+        """The memory that `into_frame` takes to `framed`."""
+
+    @abc.abstractmethod
+    def rate_in_frame(self, rate_error: Float[Array, "2"]) -> PyTree:
+        """e^(-At) b, the time derivative of e^(-At) memory, at a rate error of the law, rad/s."""
 
 
 class AbstractController(eqx.Module):

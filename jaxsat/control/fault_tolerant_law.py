@@ -1,17 +1,27 @@
-"""How the law that diagnoses its thrusters is built of a table."""
+"""How the laws that settle, and the one that diagnoses its thrusters, are built of a table."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from operator import attrgetter
 from typing import Any, NamedTuple, TypeVar, cast
 
+import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.context import LawContext, ThrusterContext, UnsuitableModel
+from jaxsat.control.controller import LawContext, ThrusterContext, UnsuitableModel
 from jaxsat.control.diagnosis import Diagnosis, ResidualFilter
 from jaxsat.control.fault_tolerant import FaultTolerant, SettlingLaws
+from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.leaks import Leaks
-from jaxsat.control.presets import coasting
+from jaxsat.control.normal_form import NormalForm
+from jaxsat.control.planned import PlannedSettling, planned_settling
+from jaxsat.control.presets import (
+    coasting,
+    oscillatory_settling,
+    ripple_filter,
+    three_slew_settling,
+)
 from jaxsat.control.pulse_rounding import PulseRounding
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.reconfiguration import (
@@ -21,11 +31,85 @@ from jaxsat.control.reconfiguration import (
     failed_sets,
     limit_about,
 )
-from jaxsat.control.settling_laws import build_three_slew
 from jaxsat.control.supervisor import ThreeSlewSettling
-from jaxsat.core.allocation import torque_directions
-from jaxsat.core.checks import as_array
+from jaxsat.core.allocation import torque_directions, usable_share
+from jaxsat.core.checks import as_array, as_float
+from jaxsat.core.declaration.law import LawDeclaration
+from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE, OSCILLATORY, PLANNED, THREE_SLEW
 from jaxsat.core.inertia import normal_axes
+
+
+def build_oscillatory(values: Mapping[str, Any], context: LawContext) -> OscillatorySettling:
+    """The oscillatory law of a table; raises `UnsuitableModel` where it cannot steer three axes."""
+    return _with_gains(_built(oscillatory_settling, values, context), OSCILLATORY, values)
+
+
+def build_three_slew(values: Mapping[str, Any], context: LawContext) -> ThreeSlewSettling:
+    """The law of three slews of a table; raises as `build_oscillatory` does."""
+    return _with_gains(_built(three_slew_settling, values, context), THREE_SLEW, values)
+
+
+def build_planned(values: Mapping[str, Any], context: LawContext) -> PlannedSettling:
+    """The law that plans, of a table; raises as `build_oscillatory` does."""
+    settling = _built(three_slew_settling, values, context)
+    return _with_gains(planned_settling(settling), PLANNED, values)
+
+
+def _ripple_about(normal: Float[np.ndarray, "3"], context: LawContext) -> tuple[float, float]:
+    """Amplitude (N m) and frequency (rad/s) of the periodic torque with the most ripple about n."""
+    amplitudes = np.abs(normal * np.array(context.disturbance_amplitude)).tolist()
+    frequencies = context.disturbance_frequency
+    sizes = [a / abs(f) if f else 0.0 for a, f in zip(amplitudes, frequencies, strict=True)]
+    most = max(range(3), key=lambda axis: (sizes[axis], abs(normal[axis])))
+    return amplitudes[most], frequencies[most]
+
+
+Made = TypeVar("Made", OscillatorySettling, ThreeSlewSettling, PlannedSettling)
+
+
+def _with_gains(law: Made, declaration: LawDeclaration, values: Mapping[str, Any]) -> Made:
+    """The law with the gains that its table gives."""
+    for key, place in declaration.tunable.items():
+        if values.get(key) is not None:
+            law = eqx.tree_at(attrgetter(place), law, as_float(values[key]))
+    return law
+
+
+def _built(make: Callable[..., Made], values: Mapping[str, Any], context: LawContext) -> Made:
+    model, axes = context.model, context.torque_axes
+    directions = torque_directions(axes)
+    form = NormalForm.of(model, directions)
+    limit = cast(float, context.torque_limit) * usable_share(axes, np.asarray(form.axes)[:2])
+    amplitude, frequency = _ripple_about(np.asarray(form.axes)[2], context)
+    given = values["ripple_amplitude_N_m"], values["ripple_frequency_rad_s"]
+    try:
+        ripple = ripple_filter(
+            form,
+            limit,
+            amplitude if given[0] is None else given[0],
+            frequency if given[1] is None else given[1],
+            values["period_s"],
+        )
+        return make(
+            model,
+            limit,
+            observe=values["observe_ripple"],
+            estimate=values["estimate_axes"],
+            period=values["period_s"],
+            ripple=ripple,
+            directions=directions,
+            holding_amplitude=values.get(HOLDING_AMPLITUDE),
+            gravity_gradient=context.gravity_gradient,
+        )
+    except ValueError as error:
+        first, second, _ = np.asarray(form.moments)
+        raise UnsuitableModel(
+            "inertia",
+            "can steer the axis without a torque, which it does by different moments of inertia "
+            "about the two others (S1 and S2 of the normal form), "
+            f"got S1 = {first:.6g} and S2 = {second:.6g} kg m²",
+        ) from error
+
 
 LEAST_NOISE = 1e-3
 """Of the rate that the strongest thruster changes in a period: of rates told without noise."""

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.context import LawContext, WheelContext
+from jaxsat.control.controller import LawContext, WheelContext
 from jaxsat.control.diagnosis import MOST_RETURNS, Diagnosis, DiagnosisMemory, Stage, WheelFilter
 from jaxsat.control.diagnosis.wheel_filter import LEAST_NOISE, WheelReading
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory

@@ -8,14 +8,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.coasting import ENOUGH, NEAR_AIM, Coast, Hold
+from jaxsat.control.demands import MorinSamson
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
+from jaxsat.control.handover import Coast, Handover, Hold
 from jaxsat.control.leaks import USED, Aid
-from jaxsat.control.normal_form import NormalForm, NormalState
-from jaxsat.control.oscillatory import MorinSamson, Oscillation, Oscillator, Slow
-from jaxsat.control.rate_tracking import clipped
+from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
+from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
@@ -35,115 +34,6 @@ class FineMode(enum.IntEnum):
 
     OSCILLATING = 3
     HOLDING = 4
-
-
-class RippleSlack(eqx.Module):
-    """What of a slow rate counts for nothing, as it may be ripple that is not known yet.
-
-    `enter` (rad/s) when the end game takes over; when it hands back at first `stay`, and less and
-    less until the time `known` (s), when the ripple is.
-    """
-
-    enter: RealScalar = eqx.field(converter=as_float)
-    stay: RealScalar = eqx.field(converter=as_float)
-    known: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        for name in ("enter", "stay", "known"):
-            require_positive(name, getattr(self, name))
-
-    def to_enter(self, slow: Slow) -> Slow:
-        """What the end game takes over by."""
-        return _less(slow, self.enter)
-
-    def to_stay(self, slow: Slow, clock: RealScalar | float) -> Slow:
-        """What it hands back by, `clock` (s) after the beginning of the stage."""
-        return _less(slow, self.stay * jnp.clip(1 - clock / self.known, 0.0, 1.0))
-
-
-def _less(slow: Slow, slack: RealScalar) -> Slow:
-    size = jnp.maximum(jnp.abs(slow.rate) - slack, 0.0)
-    return Slow(jnp.sign(slow.rate) * size, slow.turn)
-
-
-class Handover(eqx.Module):
-    """When the end game takes over and when it hands back.
-
-    It takes over when |w|, the slow turn and the turn at which the end game will have stopped the
-    slow rate are below `enter_angle`, the same turns from the wanted attitude are below
-    `enter_turn`, and |p1|, |p2| less their values at rest below `enter_rate`; it hands back when
-    |w| exceeds `leave_tilt` or one of the turns from the wanted attitude `leave_turn` (rad, rad/s).
-    If it `coasts`, a hold begins against a drift that the end game cannot balance, and ends only
-    when the turn itself exceeds `leave_turn` (see `Coast`): each hand-back takes rates far above
-    those of the end game. The first one is judged, as it begins before the drift is known.
-    `slack` is what of the slow rate counts for nothing, None for nothing of it.
-    """
-
-    enter_rate: RealScalar = eqx.field(converter=as_float)
-    enter_angle: RealScalar = eqx.field(converter=as_float, default=0.03)
-    enter_turn: RealScalar = eqx.field(converter=as_float, default=0.04)
-    leave_tilt: RealScalar = eqx.field(converter=as_float, default=0.04)
-    leave_turn: RealScalar = eqx.field(converter=as_float, default=0.045)
-    coasts: bool = eqx.field(static=True, default=False)
-    slack: RippleSlack | None = None
-
-    def __check_init__(self):
-        for name in ("enter_rate", "enter_angle", "enter_turn", "leave_tilt", "leave_turn"):
-            require_positive(name, getattr(self, name))
-
-    def __call__(
-        self,
-        late: Bool[Array, ""],
-        tilt: Tilt,
-        slow: Slow,
-        excess: Float[Array, "3"],
-        deceleration: RealScalar,
-        held: RealScalar,
-        coast: Coast | None = None,
-        clock: RealScalar | float = 0.0,
-    ) -> Bool[Array, ""]:
-        """Whether the end game is to work now, given whether it did.
-
-        `excess` is (p1, p2, s) less its value at rest (rad/s), `deceleration` that of the slow rate
-        of which the end game is capable (rad/s²), `held` the turn about n from the wanted attitude
-        to the one that is held (rad), from which the slow turn counts, and `clock` the time since
-        the stage began (s).
-        """
-        begun = lasting = slow
-        if self.slack is not None:
-            begun, lasting = self.slack.to_enter(slow), self.slack.to_stay(slow, clock)
-        from_held, from_wanted = _farthest(begun, held, deceleration)
-        leave = _farthest(lasting, held, deceleration)[1] > self.leave_turn
-        wanted = Slow(slow.rate, slow.turn + held)
-        if coast is not None:
-            short = jnp.where(coast.drifts, ~coast.lasts(wanted, self.leave_turn, ENOUGH), leave)
-            leave = (jnp.abs(wanted.turn) > self.leave_turn) | (short & coast.judged)
-            from_held, from_wanted = _farthest(slow, held, coast.deceleration(deceleration))
-            from_held = jnp.where(coast.drifts, 0.0, from_held)
-        enter = (
-            (tilt.size < self.enter_angle)
-            & (from_held < self.enter_angle)
-            & (from_wanted < self.enter_turn)
-            & (jnp.abs(excess[0]) < self.enter_rate)
-            & (jnp.abs(excess[1]) < self.enter_rate)
-        )
-        if coast is not None:
-            enter = enter & coast.lasts(wanted, self.leave_turn, NEAR_AIM)
-        leave = leave | (tilt.size > self.leave_tilt)
-        return jnp.where(late, ~leave, enter)
-
-
-def _farthest(
-    slow: Slow, held: RealScalar, deceleration: RealScalar
-) -> tuple[RealScalar, RealScalar]:
-    """The larger of the turn now and when the slow rate is stopped, from the attitude that is held
-    and from the wanted one."""
-    stopping = slow.rate * jnp.abs(slow.rate) / (2 * deceleration)
-    from_held, from_wanted = (
-        jnp.maximum(jnp.abs(turn), jnp.abs(turn + stopping))
-        for turn in (slow.turn, slow.turn + held)
-    )
-    return from_held, from_wanted
 
 
 class FineMemory(NamedTuple):

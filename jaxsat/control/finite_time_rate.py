@@ -12,9 +12,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
-from jaxsat.control.normal_form import NormalForm
+from jaxsat.control.normal_form import NormalForm, clipped, tracking_torque
 from jaxsat.control.oscillatory import Tracking, turned
-from jaxsat.control.rate_tracking import clipped, tracking_torque
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft.dynamics import PlantState

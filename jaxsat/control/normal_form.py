@@ -4,6 +4,9 @@ Two torques span a plane with the normal n, and no torque changes h = n·Jω. Wi
 that plane about which the inertia reduced by h is diagonal, p1 = x·ω, p2 = y·ω and
 s = h / (n·Jn), equation (37) holds for (p1, p2, s) in place of (ω1, ω2, ω3), but for terms in s;
 the derivation is in docs/laws.md.
+
+With (w, z) of (36) the tilt (φ, θ) = 2 w / √(1 + |w|²) has |(φ, θ)| = 2 sin(tilt / 2): it stays
+bounded upside down, and near zero φ, θ and z are the small angles about the three body axes.
 """
 
 import math
@@ -14,11 +17,34 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxsat.core.attitude import Quaternion
+from jaxsat.core.attitude import AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_float, numpy_if_known
 from jaxsat.core.inertia import normal_axes
 from jaxsat.core.quotients import reciprocal
+from jaxsat.core.roots import angle_of, root
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+
+
+class Tilt(NamedTuple):
+    """Tilt (φ, θ), turn z in [-π, π] (rad), and |w|."""
+
+    phi: Float[Array, ""]
+    theta: Float[Array, ""]
+    turn: Float[Array, ""]
+    size: Float[Array, ""]
+
+
+def tilt_of(attitude: AbstractAttitude) -> Tilt:
+    """The tilt and turn of an attitude, finite also upside down (where the turn is arbitrary)."""
+    q0, q1, q2, q3 = attitude.as_quaternion().q
+    upright = root(q0**2 + q3**2)
+    safe = jnp.maximum(upright, 1e-12)  # cos(tilt / 2)
+    inverse = reciprocal(safe)
+    sine1, sine2 = (q0 * q1 + q2 * q3) * inverse, (q0 * q2 - q1 * q3) * inverse
+    sign = jnp.where(q0 < 0, -1.0, 1.0)
+    turn = 2 * angle_of(sign * q3, sign * q0)
+    return Tilt(2 * sine1, 2 * sine2, turn, root(q1**2 + q2**2) * inverse)
+
 
 RealScalar = Float[Array, ""]
 
@@ -166,3 +192,22 @@ class NormalForm(eqx.Module):
 def leaned(rate: Float[Array, "3"], lean: Float[Array, "2"]) -> Float[Array, "3"]:
     """(p1, p2, s) of an angular velocity along (x, y, n), rad/s, by `NormalForm.lean`."""
     return rate.at[2].add(-jnp.sum(lean * rate[:2]))
+
+
+def tracking_torque(
+    form: NormalForm,
+    omega: Float[Array, "3"],
+    reference: Float[Array, "2"],
+    reference_derivative: Float[Array, "2"],
+    gain: RealScalar,
+) -> Float[Array, "2"]:
+    """S [dω_d/dt - gain (ω - ω_d)] minus the gyroscopic torque, N m.
+
+    With it the rate error η = ω - ω_d of (p1, p2) obeys dη/dt = -gain η.
+    """
+    return form.torque(omega, reference_derivative - gain * (omega[:2] - reference))
+
+
+def clipped(torque: Float[Array, "2"], limit: RealScalar) -> Float[Array, "2"]:
+    """Each torque cut at ± `limit`."""
+    return jnp.clip(torque, -limit, limit)

@@ -14,10 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.context import LawContext, UnsuitableModel
-from jaxsat.control.inertia_fit import InertiaFit, InertiaMemory
+from jaxsat.control.controller import LawContext, UnsuitableModel
+from jaxsat.control.inertia_fit import InertiaFit, InertiaMemory, TorqueAxisFrame
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.control.torque_axis import TorqueAxisFrame
 from jaxsat.core.allocation import torque_axis
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration

@@ -10,18 +10,23 @@ C = cos νt, the slow rate s and slow turn ẑ (ω3 and z without their ripple) 
 A demand chooses (α, β) from (s, ẑ); the law tracks the rates that make them.
 """
 
-import abc
 from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxsat.control.demands import AbstractDemand
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
-from jaxsat.control.normal_form import NormalForm, NormalState
-from jaxsat.control.rate_tracking import clipped, tracking_torque
+from jaxsat.control.normal_form import (
+    NormalForm,
+    NormalState,
+    Tilt,
+    clipped,
+    tilt_of,
+    tracking_torque,
+)
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.control.tilt import Tilt, tilt_of
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.smooth import without_slope
@@ -31,74 +36,6 @@ RealScalar = Float[Array, ""]
 
 NO_AMPLITUDE = 1e-8
 """In parts of the largest amplitude; keeps it away from zero, where its root has no derivative."""
-
-TINY = 1e-12
-"""Keeps a quotient of two zeros finite."""
-
-
-class AbstractDemand(eqx.Module):
-    """Which oscillation to ask for, given the slow rate s (rad/s) and slow turn ẑ (rad)."""
-
-    @abc.abstractmethod
-    def __call__(
-        self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar
-    ) -> tuple[RealScalar, RealScalar]:
-        """(α, β) in (rad/s)²; `coupling` is c, `frequency` ν in rad/s."""
-
-
-def beyond(turn: RealScalar, rest: RealScalar) -> RealScalar:
-    """The part of a turn (rad) that is not within ± `rest`."""
-    return turn - jnp.clip(turn, -rest, rest)
-
-
-class MorinSamson(AbstractDemand):
-    """The product of the rates alone: d²ẑ/dt² + 2ζ k3 dẑ/dt + k3² ẑ = 0 on average.
-
-    A turn within ± `rest` (rad) is left to the end game.
-    """
-
-    k3: RealScalar = eqx.field(converter=as_float)
-    damping: RealScalar = eqx.field(converter=as_float)
-    rest: RealScalar = eqx.field(converter=as_float, default=0.0)
-
-    def __check_init__(self):
-        require_positive("k3", self.k3)
-        require_positive("damping", self.damping)
-        require_positive("rest", self.rest, zero_allowed=True)
-
-    def __call__(
-        self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar
-    ) -> tuple[RealScalar, RealScalar]:
-        """α = -(2 / c)(k3² ẑ + 2ζ k3 s), β = 0, of ẑ what is beyond `rest`."""
-        del frequency
-        wanted = self.k3**2 * beyond(turn, self.rest) + 2 * self.damping * self.k3 * rate
-        alpha = -2 * reciprocal(coupling) * wanted
-        return alpha, jnp.zeros_like(alpha)
-
-
-class TwoChannel(AbstractDemand):
-    """Product and area: ds/dt = -k3 s and dẑ/dt = -kz ẑ on average, each on its own channel.
-
-    A turn within ± `rest` (rad) is left to the end game, and so is its drift.
-    """
-
-    k3: RealScalar = eqx.field(converter=as_float)
-    kz: RealScalar = eqx.field(converter=as_float)
-    rest: RealScalar = eqx.field(converter=as_float, default=0.0)
-
-    def __check_init__(self):
-        require_positive("k3", self.k3)
-        require_positive("kz", self.kz)
-        require_positive("rest", self.rest, zero_allowed=True)
-
-    def __call__(
-        self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar
-    ) -> tuple[RealScalar, RealScalar]:
-        """α = -(2 / c) k3 s, β = 2ν (kz ẑ + s), of ẑ what is beyond `rest`, and s only there."""
-        excess = beyond(turn, self.rest)
-        share = jnp.where(self.rest > 0, jnp.abs(excess) / (jnp.abs(excess) + self.rest + TINY), 1)
-        alpha = -2 * reciprocal(coupling) * self.k3 * rate
-        return alpha, 2 * frequency * (self.kz * excess + share * rate)
 
 
 class Oscillation(NamedTuple):

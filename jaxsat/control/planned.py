@@ -9,12 +9,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.driven_axes import DrivenFit, DrivenMemory, FittedDynamics
-from jaxsat.control.fine import RippleSlack
-from jaxsat.control.normal_form import NormalForm
+from jaxsat.control.handover import RippleSlack
+from jaxsat.control.normal_form import NormalForm, clipped
 from jaxsat.control.planning.search import PlanSearch, Search, in_hemisphere_of
 from jaxsat.control.planning.tracking import Followed, followed_if, following_torque
 from jaxsat.control.planning.transcription import STATES, PlanObjective, Transcription
-from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling

@@ -18,12 +18,13 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.control.demands import AbstractDemand, MorinSamson, TwoChannel
 from jaxsat.control.estimators import ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.normal_form import BODY_XY, NormalForm
-from jaxsat.control.oscillatory import AbstractDemand, MorinSamson, Oscillator, TwoChannel
+from jaxsat.control.oscillatory import Oscillator
 from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, Steady
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.control.context import LawContext
+from jaxsat.control.controller import LawContext
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration

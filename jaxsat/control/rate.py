@@ -8,8 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.control.context import LawContext
-from jaxsat.control.controller import AbstractBacksteppingLaw, Memory
+from jaxsat.control.controller import AbstractBacksteppingLaw, LawContext, Memory
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.paper import RATE

@@ -12,8 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.normal_form import NormalForm, NormalState
-from jaxsat.control.rate_tracking import clipped
+from jaxsat.control.normal_form import NormalForm, NormalState, clipped
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.roots import angle_of, root

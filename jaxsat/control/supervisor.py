@@ -11,12 +11,10 @@ from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstim
 from jaxsat.control.fine import FineMemory, FineMode, FineStage
 from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
 from jaxsat.control.leaks import Aid, wanted_push
-from jaxsat.control.normal_form import NormalForm, NormalState
+from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
 from jaxsat.control.oscillatory import Slow
-from jaxsat.control.rate_tracking import clipped
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.slews import Leg, Slewing, SlewPlanner
-from jaxsat.control.tilt import tilt_of
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState

@@ -15,8 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.context import LawContext
-from jaxsat.control.controller import Memory
+from jaxsat.control.controller import LawContext, Memory
 from jaxsat.control.rate import RateLaw
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.three_axis import ThreeAxisLaw

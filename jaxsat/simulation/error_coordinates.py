@@ -10,8 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.control import AbstractBacksteppingLaw
-from jaxsat.control.controller import Memory
-from jaxsat.control.integrating_factor import AbstractIntegratingFactor
+from jaxsat.control.controller import AbstractIntegratingFactor, Memory
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import concrete
 from jaxsat.core.quotients import reciprocal

@@ -16,8 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.control import AbstractBacksteppingLaw, AbstractController
-from jaxsat.control.controller import Memory
-from jaxsat.control.integrating_factor import AbstractIntegratingFactor
+from jaxsat.control.controller import AbstractIntegratingFactor, Memory
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.spacecraft import AbstractActuators, Actuators, ActuatorsWithWheels
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody, Struck

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxsat.control.coasting import AIMED_TURN, ENOUGH, KNOWN_PERIODS, Coast, Hold
+from jaxsat.control.handover import AIMED_TURN, ENOUGH, KNOWN_PERIODS, Coast, Hold
 from jaxsat.control.oscillatory import Slow
 
 DRIFT, LIMIT = 2.5e-7, 0.045

@@ -5,7 +5,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from jaxsat.control import InternalModel
-from jaxsat.control.internal_model import OscillatorState
+from jaxsat.control.three_axis import OscillatorState
 
 
 def test_internal_model_advances_exactly():

@@ -16,8 +16,8 @@ from jaxsat.control import (
     ThirdAxisEstimator,
     TwoChannel,
 )
+from jaxsat.control.normal_form import tilt_of
 from jaxsat.control.oscillatory import Oscillation, Slow
-from jaxsat.control.tilt import tilt_of
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.simulation import SampledLoop, simulate
 from jaxsat.spacecraft.dynamics import PlantState

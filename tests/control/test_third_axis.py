@@ -10,10 +10,9 @@ from control.cases import ORBIT_RATE, body
 from jaxsat.control import FiniteTimeRate, NormalForm, ThirdAxisEstimator, three_slew_settling
 from jaxsat.control.estimators import MOST_TILT, MOST_TURN, in_body, products_of
 from jaxsat.control.fine import Handover
-from jaxsat.control.normal_form import NormalState
+from jaxsat.control.normal_form import NormalState, tilt_of
 from jaxsat.control.oscillatory import Slow, turned
 from jaxsat.control.supervisor import Phase
-from jaxsat.control.tilt import tilt_of
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.core.inertia import normal_axes
 from jaxsat.spacecraft.dynamics import PlantState

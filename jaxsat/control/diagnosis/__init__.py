@@ -1,15 +1,17 @@
 """Fault detection and isolation of thrusters and wheels, from estimates, readings and commands."""
 
-from jaxsat.control.diagnosis.cusum import average_run_length, cusum_threshold
-from jaxsat.control.diagnosis.diagnosis import MOST_RETURNS, WEAK, Diagnosis, DiagnosisMemory, Stage
-from jaxsat.control.diagnosis.hypotheses import DiagnosedKind
-from jaxsat.control.diagnosis.residual import (
-    AbstractResidualFilter,
-    Condition,
-    ResidualFilter,
-    ResidualMemory,
+from jaxsat.control.diagnosis.diagnosis import (
+    MOST_RETURNS,
+    WEAK,
+    Diagnosis,
+    DiagnosisMemory,
+    Stage,
+    average_run_length,
+    cusum_threshold,
 )
-from jaxsat.control.diagnosis.thruster_model import ThrusterModel
+from jaxsat.control.diagnosis.isolation import DiagnosedKind
+from jaxsat.control.diagnosis.residual import AbstractResidualFilter, Condition
+from jaxsat.control.diagnosis.thruster_filter import ResidualFilter, ResidualMemory, ThrusterModel
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter, WheelMemory
 
 __all__ = [

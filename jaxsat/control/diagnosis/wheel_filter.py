@@ -12,14 +12,14 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.diagnosis.hypotheses import (
+from jaxsat.control.diagnosis.isolation import (
     LEAST_PART,
     MOST_FRICTION,
     OF_WHEELS,
+    AnyResidual,
     DiagnosedKind,
     Hypotheses,
 )
-from jaxsat.control.diagnosis.isolation import AnyResidual
 from jaxsat.control.diagnosis.residual import (
     RESTLESSNESS,
     TEST_SIGMAS,

@@ -6,10 +6,10 @@ from jaxsat.control.navigation.estimator import (
     EstimatorContext,
     Measurement,
     RawMeasurements,
+    difference,
 )
 from jaxsat.control.navigation.mekf import MultiplicativeFilter
 from jaxsat.control.navigation.navigation import Navigation, NavigationState, Told
-from jaxsat.control.navigation.rotations import difference
 
 __all__ = [
     "AbstractEstimator",

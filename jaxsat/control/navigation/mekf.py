@@ -7,8 +7,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Measurement
-from jaxsat.control.navigation.rotations import difference, product, rotation
+from jaxsat.control.navigation.estimator import (
+    AbstractEstimator,
+    Estimate,
+    Measurement,
+    difference,
+    product,
+    rotation,
+)
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.barriers import apart
 from jaxsat.spacecraft import Gyro, StarTracker

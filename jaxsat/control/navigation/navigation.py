@@ -9,8 +9,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
 
-from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Measurement
-from jaxsat.control.navigation.rotations import rotation_vector
+from jaxsat.control.navigation.estimator import (
+    AbstractEstimator,
+    Estimate,
+    Measurement,
+    rotation_vector,
+)
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.noise import fold_in, name_number, sample_noise

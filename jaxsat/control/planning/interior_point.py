@@ -12,13 +12,15 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.planning.barrier import TO_BOUNDARY, TorqueCost, stepped
-from jaxsat.control.planning.end_set import (
+from jaxsat.control.planning.barriers import (
+    TO_BOUNDARY,
     EndTerms,
+    TorqueCost,
     barrier,
     longest_place_step,
     moved_multipliers,
     slacks,
+    stepped,
 )
 from jaxsat.control.planning.riccati import NewtonStep, QuadraticTerms, newton_step
 from jaxsat.control.planning.transcription import ARRIVALS, PlanObjective, Transcription, Unknowns

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float
 
-from jaxsat.control.planning.end_set import EndTerms
+from jaxsat.control.planning.barriers import EndTerms
 from jaxsat.control.planning.transcription import STATES, Transcription, Unknowns
 
 RealScalar = Float[Array, ""]

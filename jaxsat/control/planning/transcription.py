@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Float, Int
 
-from jaxsat.control.planning.end_set import BALLS, inside, radii_of
+from jaxsat.control.planning.barriers import BALLS, inside, radii_of
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
@@ -40,8 +40,8 @@ class PlanObjective(enum.Enum):
 class Unknowns(NamedTuple):
     """Of the program: states at the beginnings of the intervals and the last, torques, duration.
 
-    `place` is where in its tolerances the plan ends, see `jaxsat.control.planning.end_set`; None at
-    rest.
+    `place` is where in its tolerances the plan ends, see `jaxsat.control.planning.barriers`; None
+    at rest.
     """
 
     states: Float[Array, "n 7"]

@@ -77,19 +77,19 @@ LAWS: Mapping[str, Law] = MappingProxyType(
                 "oscillatory",
                 OSCILLATORY,
                 "jaxsat.control.fine:OscillatorySettling",
-                "jaxsat.control.settling_laws:build_oscillatory",
+                "jaxsat.control.fault_tolerant_law:build_oscillatory",
             ),
             Law(
                 "three-slew",
                 THREE_SLEW,
                 "jaxsat.control.supervisor:ThreeSlewSettling",
-                "jaxsat.control.settling_laws:build_three_slew",
+                "jaxsat.control.fault_tolerant_law:build_three_slew",
             ),
             Law(
                 "planned",
                 PLANNED,
                 "jaxsat.control.planned:PlannedSettling",
-                "jaxsat.control.settling_laws:build_planned",
+                "jaxsat.control.fault_tolerant_law:build_planned",
             ),
             Law("one-torque", ONE_TORQUE, "jaxsat.control.one_torque:OneTorque"),
         )

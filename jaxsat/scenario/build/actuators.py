@@ -6,7 +6,7 @@ import math
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.control.context import WheelContext
+from jaxsat.control.controller import WheelContext
 from jaxsat.control.steering import MagneticSteering
 from jaxsat.core.allocation import (
     direction_matrix,

@@ -8,7 +8,7 @@ from jaxsat.control import (
     AbstractController,
     AbstractSampledController,
 )
-from jaxsat.control.context import LawContext, UnsuitableModel
+from jaxsat.control.controller import LawContext, UnsuitableModel
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.laws import Law
 from jaxsat.core.errors import FOREIGN

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.control.context import ThrusterContext
+from jaxsat.control.controller import ThrusterContext
 from jaxsat.control.diagnosis import ThrusterModel
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.failures import FailureKind, failure_kind

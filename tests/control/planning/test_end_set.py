@@ -7,9 +7,9 @@ import pytest
 
 from control.planning.spacecraft import PAPER, flown, planner, turned_about_x
 from jaxsat.control.planning import PlanStatus
-from jaxsat.control.planning.barrier import TO_BOUNDARY
-from jaxsat.control.planning.end_set import (
+from jaxsat.control.planning.barriers import (
     BALLS,
+    TO_BOUNDARY,
     EndTerms,
     barrier,
     inside,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from control.planning.spacecraft import planner
-from jaxsat.control.planning.barrier import TorqueCost
+from jaxsat.control.planning.barriers import TorqueCost
 from jaxsat.control.planning.riccati import (
     ARRIVAL_WEIGHT,
     DURATION_PROXIMITY,

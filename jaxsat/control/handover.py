@@ -1,0 +1,224 @@
+"""When the end game takes over from the large oscillation, when it hands back, and how it coasts.
+
+It coasts against a drift that exceeds what its oscillation balances. What is left of such a drift,
+d, moves the slow turn along a parabola. A hold that begins with the slow rate √(2 |d| A) against it
+turns by A the other way first, and stays within its limits for about twice as long as one that
+begins at rest.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxsat.control.normal_form import Tilt
+from jaxsat.control.oscillatory import Slow
+from jaxsat.core.checks import as_float, require_positive
+
+RealScalar = Float[Array, ""]
+
+AIMED_TURN = 0.02
+"""A (rad). Settled means within 0.05."""
+
+NEAR_AIM, ENOUGH = 0.85, 0.75
+"""Of the time that a hold lasts which begins as aimed at: one that would last for the first share
+begins, one that will last for the second is kept."""
+
+KNOWN_PERIODS = 10
+"""Of the oscillation: the age at which the first hold is judged, as the drift is known well."""
+
+TINY = 1e-30
+"""Keeps the derivative of a root finite."""
+
+
+class Hold(NamedTuple):
+    """When the present hold began (s), and whether one has lasted until the drift was known.
+
+    While there is none, `begin` is the present time: only a hold has an age, as the drift is learnt
+    while the other rates are small.
+    """
+
+    begin: RealScalar
+    known: Bool[Array, ""]
+
+    @staticmethod
+    def none(omega: Float[Array, "3"]) -> "Hold":
+        """Before the first."""
+        return Hold(jnp.zeros_like(omega[0]), jnp.array(False))
+
+    def after(self, holds: Bool[Array, ""], clock: RealScalar, coast: "Coast") -> "Hold":
+        """At a `clock` (s) when the end game `holds` or not, with what has become known now."""
+        return Hold(jnp.where(holds, self.begin, clock), self.known | coast.judged)
+
+
+class Coast(NamedTuple):
+    """What the end game cannot balance of the drift, and whether a hold is to be judged now.
+
+    The end game balances a drift up to `sure`; what is left, `drift` (rad/s²), is zero for a
+    smaller one, and until the drift is known.
+    """
+
+    drift: RealScalar
+    sure: RealScalar
+    judged: Bool[Array, ""]
+
+    @staticmethod
+    def of(
+        hold: Hold, clock: RealScalar, frequency: RealScalar, drift: RealScalar, sure: RealScalar
+    ) -> "Coast":
+        """For a `drift` (rad/s²) of which `sure` is balanced; `frequency` (rad/s) is that of the
+        oscillation, `clock` in s."""
+        old = (clock - hold.begin) * frequency > KNOWN_PERIODS * 2 * jnp.pi
+        beyond = jnp.where(hold.known | old, drift - jnp.clip(drift, -sure, sure), 0.0)
+        return Coast(beyond, sure, old & ~hold.known)
+
+    @property
+    def drifts(self) -> Bool[Array, ""]:
+        """Whether anything is left."""
+        return self.drift != 0
+
+    def aim(self, turn: RealScalar) -> RealScalar:
+        """The slow rate (rad/s) with which a hold should begin at a `turn` (rad)."""
+        way = jnp.maximum(AIMED_TURN + jnp.sign(self.drift) * turn, 0.0)
+        return -jnp.sign(self.drift) * jnp.sqrt(2 * jnp.abs(self.drift) * way + TINY)
+
+    def lasts(self, slow: Slow, limit: RealScalar, share: float) -> Bool[Array, ""]:
+        """Whether a hold lasts for that `share` of the time of one that begins here as aimed at.
+
+        It ends where the turn exceeds the `limit` (rad). One that turns beyond it against the drift
+        does not last.
+        """
+        side, size = jnp.sign(self.drift), jnp.abs(self.drift)
+        way = jnp.maximum(limit - side * slow.turn, 0.0)
+        back = jnp.maximum(limit + side * slow.turn, 0.0)
+
+        def time(rate):  # times the drift
+            return jnp.sqrt(rate**2 + 2 * size * way + TINY) - rate
+
+        stops = -side * slow.rate < jnp.sqrt(2 * (size + self.sure) * back + TINY)
+        long = time(side * slow.rate) >= share * time(side * self.aim(slow.turn))
+        return ~self.drifts | (stops & long)
+
+    def deceleration(self, own: RealScalar) -> RealScalar:
+        """Of a slow rate with which a hold begins (rad/s²); `own` is that of the end game."""
+        return jnp.where(self.drifts, jnp.abs(self.drift) + 2 * self.sure, own)
+
+    def opposed(self, slow: Slow, turn: RealScalar | float) -> Slow:
+        """What the end game is told of a hold against the drift.
+
+        A `turn` (rad) that asks for all that it can do, and by how much the slow rate exceeds the
+        one aimed at, as a hold that begins too fast must not turn too far.
+        """
+        side = jnp.sign(self.drift)
+        excess = jnp.minimum(side * (slow.rate - self.aim(slow.turn)), 0.0)
+        return Slow(side * excess, side * turn)
+
+
+class RippleSlack(eqx.Module):
+    """What of a slow rate counts for nothing, as it may be ripple that is not known yet.
+
+    `enter` (rad/s) when the end game takes over; when it hands back at first `stay`, and less and
+    less until the time `known` (s), when the ripple is.
+    """
+
+    enter: RealScalar = eqx.field(converter=as_float)
+    stay: RealScalar = eqx.field(converter=as_float)
+    known: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        for name in ("enter", "stay", "known"):
+            require_positive(name, getattr(self, name))
+
+    def to_enter(self, slow: Slow) -> Slow:
+        """What the end game takes over by."""
+        return _less(slow, self.enter)
+
+    def to_stay(self, slow: Slow, clock: RealScalar | float) -> Slow:
+        """What it hands back by, `clock` (s) after the beginning of the stage."""
+        return _less(slow, self.stay * jnp.clip(1 - clock / self.known, 0.0, 1.0))
+
+
+def _less(slow: Slow, slack: RealScalar) -> Slow:
+    size = jnp.maximum(jnp.abs(slow.rate) - slack, 0.0)
+    return Slow(jnp.sign(slow.rate) * size, slow.turn)
+
+
+class Handover(eqx.Module):
+    """When the end game takes over and when it hands back.
+
+    It takes over when |w|, the slow turn and the turn at which the end game will have stopped the
+    slow rate are below `enter_angle`, the same turns from the wanted attitude are below
+    `enter_turn`, and |p1|, |p2| less their values at rest below `enter_rate`; it hands back when
+    |w| exceeds `leave_tilt` or one of the turns from the wanted attitude `leave_turn` (rad, rad/s).
+    If it `coasts`, a hold begins against a drift that the end game cannot balance, and ends only
+    when the turn itself exceeds `leave_turn` (see `Coast`): each hand-back takes rates far above
+    those of the end game. The first one is judged, as it begins before the drift is known.
+    `slack` is what of the slow rate counts for nothing, None for nothing of it.
+    """
+
+    enter_rate: RealScalar = eqx.field(converter=as_float)
+    enter_angle: RealScalar = eqx.field(converter=as_float, default=0.03)
+    enter_turn: RealScalar = eqx.field(converter=as_float, default=0.04)
+    leave_tilt: RealScalar = eqx.field(converter=as_float, default=0.04)
+    leave_turn: RealScalar = eqx.field(converter=as_float, default=0.045)
+    coasts: bool = eqx.field(static=True, default=False)
+    slack: RippleSlack | None = None
+
+    def __check_init__(self):
+        for name in ("enter_rate", "enter_angle", "enter_turn", "leave_tilt", "leave_turn"):
+            require_positive(name, getattr(self, name))
+
+    def __call__(
+        self,
+        late: Bool[Array, ""],
+        tilt: Tilt,
+        slow: Slow,
+        excess: Float[Array, "3"],
+        deceleration: RealScalar,
+        held: RealScalar,
+        coast: Coast | None = None,
+        clock: RealScalar | float = 0.0,
+    ) -> Bool[Array, ""]:
+        """Whether the end game is to work now, given whether it did.
+
+        `excess` is (p1, p2, s) less its value at rest (rad/s), `deceleration` that of the slow rate
+        of which the end game is capable (rad/s²), `held` the turn about n from the wanted attitude
+        to the one that is held (rad), from which the slow turn counts, and `clock` the time since
+        the stage began (s).
+        """
+        begun = lasting = slow
+        if self.slack is not None:
+            begun, lasting = self.slack.to_enter(slow), self.slack.to_stay(slow, clock)
+        from_held, from_wanted = _farthest(begun, held, deceleration)
+        leave = _farthest(lasting, held, deceleration)[1] > self.leave_turn
+        wanted = Slow(slow.rate, slow.turn + held)
+        if coast is not None:
+            short = jnp.where(coast.drifts, ~coast.lasts(wanted, self.leave_turn, ENOUGH), leave)
+            leave = (jnp.abs(wanted.turn) > self.leave_turn) | (short & coast.judged)
+            from_held, from_wanted = _farthest(slow, held, coast.deceleration(deceleration))
+            from_held = jnp.where(coast.drifts, 0.0, from_held)
+        enter = (
+            (tilt.size < self.enter_angle)
+            & (from_held < self.enter_angle)
+            & (from_wanted < self.enter_turn)
+            & (jnp.abs(excess[0]) < self.enter_rate)
+            & (jnp.abs(excess[1]) < self.enter_rate)
+        )
+        if coast is not None:
+            enter = enter & coast.lasts(wanted, self.leave_turn, NEAR_AIM)
+        leave = leave | (tilt.size > self.leave_tilt)
+        return jnp.where(late, ~leave, enter)
+
+
+def _farthest(
+    slow: Slow, held: RealScalar, deceleration: RealScalar
+) -> tuple[RealScalar, RealScalar]:
+    """The larger of the turn now and when the slow rate is stopped, from the attitude that is held
+    and from the wanted one."""
+    stopping = slow.rate * jnp.abs(slow.rate) / (2 * deceleration)
+    from_held, from_wanted = (
+        jnp.maximum(jnp.abs(turn), jnp.abs(turn + stopping))
+        for turn in (slow.turn, slow.turn + held)
+    )
+    return from_held, from_wanted
