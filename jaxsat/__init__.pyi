@@ -5,15 +5,13 @@ from jaxsat.scenario.build.errors import (
 from jaxsat.scenario.build.load import (
     load as load,
 )
-from jaxsat.scenario.build.replay import (
-    replay_case as replay_case,
-)
 from jaxsat.scenario.build.run import (
     Run as Run,
     build as build,
 )
 from jaxsat.scenario.build.study import (
     build_study as build_study,
+    replay_case as replay_case,
 )
 from jaxsat.core.attitude import (
     DCM as DCM,

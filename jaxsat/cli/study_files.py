@@ -161,7 +161,7 @@ def replayed(
 ) -> tuple["xr.Dataset", Sequence[str]]:
     """The trajectory of one case as a dataset, and what was drawn for it as lines."""
     from jaxsat.core.declaration.quantities import DISPERSIBLE
-    from jaxsat.scenario.build.replay import replay_case
+    from jaxsat.scenario.build.study import replay_case
 
     dataset = replay_case(scenario, study, number)
     lines = []

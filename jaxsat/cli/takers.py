@@ -35,7 +35,7 @@ def refusals(scenario: "Scenario") -> Iterator[str]:
 
 def says_no_more_than_a_vehicle(scenario: str, overrides: Sequence[str]) -> bool:
     """Whether a file has none of the `TABLES`, which `design` fills in."""
-    from jaxsat.scenario.given import given_keys
+    from jaxsat.scenario.read import given_keys
 
     keys = given_keys(scenario, overrides)
     return any(key.startswith(("spacecraft.", "thruster", "wheel")) for key in keys) and not any(

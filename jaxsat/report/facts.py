@@ -10,7 +10,7 @@ import xarray as xr
 from jaxsat.core.numerals import number_text
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.report.document import Facts
-from jaxsat.scenario.laws import known_law
+from jaxsat.scenario.control import known_law
 from jaxsat.scenario.tables import OrbitTable
 from jaxsat.store.labels import PARTS
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from jaxsat.core.allocation import least_propellant, plane_map
+from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import rotation
-from jaxsat.scenario.laws import is_plugin
 from jaxsat.scenario.parts.thrusters import (
     ModulationTable,
     ThrusterTable,

@@ -6,14 +6,14 @@ themselves, so that one mistake hides no other.
 
 from jaxsat.core.allocation import allocation_matrix, torque_directions
 from jaxsat.core.ranges import STATE_LIMIT
-from jaxsat.scenario.coordinates import (
+from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.layout import (
     ERROR_COORDINATE_KEYS,
     error_coordinate_obstacle,
     is_upside_down,
     torque_jumps,
     uses_error_coordinates,
 )
-from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.wheels import limit_of_wheels
 from jaxsat.scenario.rules import at, is_multiple, rule, rule_over
 from jaxsat.scenario.tables import working_axes
@@ -79,34 +79,6 @@ def _one_orbit(rate, altitude):
         yield at("orbit.rate_rad_s", "must be given in rad/s, or altitude_km, got neither", True)
     if rate is not None and altitude is not None:
         yield at("orbit.altitude_km", f"must not be given with rate_rad_s, got {shown(altitude)}")
-
-
-RATE_AT_GROUND = 0.00124
-"""rad/s; of a circular orbit at the Earth's surface."""
-
-
-@rule(
-    "orbit.rate_rad_s",
-    "disturbance.residual_dipole_A_m2",
-    "disturbance.drag_density_kg_m3",
-    "disturbance.eclipses",
-    "magnetorquer",
-)
-def _field_air_and_shadow_need_an_orbit(rate, dipole, density, eclipses, magnetorquers):
-    asked = any(dipole) or density or eclipses or magnetorquers
-    if rate is not None and not 0 < rate <= RATE_AT_GROUND and asked:
-        yield at(
-            "orbit.rate_rad_s",
-            f"must be that of an orbit above the ground, greater than 0 and at most "
-            f"{RATE_AT_GROUND:g} rad/s, with residual dipole, magnetorquers, drag or "
-            f"eclipses, got {shown(rate)}",
-        )
-
-
-@rule("disturbance.solar_area_m2", "disturbance.sun_direction", "panel")
-def _sun_has_a_direction(area, direction, panels):
-    if (area or panels) and not any(direction):
-        yield at("disturbance.sun_direction", "must be a direction, got zeros")
 
 
 @rule("initial.w", "initial.z_rad", "initial.quaternion")

@@ -7,8 +7,7 @@ from pydantic import Discriminator, Tag, model_validator
 
 from jaxsat.core.declaration.quantities import DISPERSIBLE, DispersibleQuantity
 from jaxsat.core.errors import ArgumentError
-from jaxsat.scenario.declared import table_with
-from jaxsat.scenario.quantities import Number, Switch, Table, choice, quantity
+from jaxsat.scenario.quantities import Number, Switch, Table, choice, quantity, table_with
 
 NumberOrList = Annotated[
     Annotated[Number, Tag("one")] | Annotated[tuple[Number, ...], Len(1, 1000), Tag("each")],

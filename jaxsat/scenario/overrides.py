@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from jaxsat.core.declaration.laws import LAWS
-from jaxsat.scenario.control_tables import table_of
+from jaxsat.scenario.control import known_law, table_of
 from jaxsat.scenario.degrees import other_spellings
 from jaxsat.scenario.errors import Problem
-from jaxsat.scenario.laws import known_law
 from jaxsat.scenario.limits import MAX_OVERRIDE_LENGTH, Excess, require_modest
 from jaxsat.scenario.wording import shown
 

@@ -1,14 +1,24 @@
-"""Kinds of values that scenario keys hold, and how a key is declared together with its unit."""
+"""Kinds of values that scenario keys hold, keys with their units, and tables of declared keys."""
 
 import re
-from collections.abc import Sequence
-from typing import Annotated, Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated, Any, Literal, Union
 
 import numpy as np
 from annotated_types import Ge, Gt, Interval, Le, Len
-from pydantic import AfterValidator, AllowInfNan, BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import (
+    AfterValidator,
+    AllowInfNan,
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    create_model,
+)
 from pydantic.types import Strict
 
+from jaxsat.core.declaration import LARGEST, Choice, Key, Numeric
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.inertia import require_known_inertia
 from jaxsat.core.ranges import MOMENT, PRODUCT, ROTATION, SECONDS, Range
@@ -155,3 +165,53 @@ def quantity(what: str, unit: str, default: Any = ..., **constraints: Any) -> An
 def choice(what: str, default: Any = ...) -> Any:
     """Declare a key that is no quantity: a name, a switch, a text or a table."""
     return Field(default, description=what)
+
+
+def fields_of(keys: Iterable[Key]) -> dict[str, tuple[Any, Any]]:
+    """What `pydantic.create_model` takes, for declared keys."""
+    return {key.name: (_annotation(key), _field(key)) for key in keys}
+
+
+def table_with(fields: Mapping[str, Any], base: type[Table] = Table) -> Any:
+    """A table with these fields, to derive a class with a name of its own from."""
+    return create_model("Declared", __base__=base, **fields)
+
+
+def values_of(keys: Iterable[Key], table: Table) -> dict[str, Any]:
+    """What a checked table has under declared keys, as `from_table` takes it."""
+    return {key.name: getattr(table, key.name) for key in keys}
+
+
+def _field(key: Key) -> Any:
+    if key.unit is None:
+        return choice(key.meaning, key.default)
+    return quantity(key.meaning, key.unit, key.default)
+
+
+def _annotation(key: Key) -> Any:
+    if isinstance(key.kind, Numeric):
+        kind: Any = _numeric(key.kind)
+    elif isinstance(key.kind, Choice):
+        kind = Literal[key.kind.among]
+    else:
+        kind = Switch
+    return kind | None if key.default is None else kind
+
+
+def _numeric(kind: Numeric) -> Any:
+    one = Annotated[Number, _lower(kind), Le(kind.at_most)]
+    if kind.size is None:
+        return one
+    several = Annotated[tuple[one, ...], Len(kind.size, kind.size)]
+    if not kind.or_one:
+        return several
+    return Annotated[
+        Union[Annotated[one, Tag("one")], Annotated[several, Tag("each")]],  # noqa: UP007
+        Discriminator(lambda value: "each" if is_list(value) else "one"),
+    ]
+
+
+def _lower(kind: Numeric) -> Gt | Ge:
+    if kind.above is not None:
+        return Gt(kind.above)
+    return Ge(-LARGEST if kind.at_least is None else kind.at_least)

@@ -9,8 +9,8 @@ from typing import Any
 import jaxsat.core.declaration as declaration
 from jaxsat.core.declaration.laws import Law
 from jaxsat.core.errors import FOREIGN
+from jaxsat.scenario.control import is_plugin, known_law
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.laws import is_plugin, known_law
 from jaxsat.scenario.plugins import place_in
 from jaxsat.scenario.wording import shown
 

@@ -15,14 +15,13 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from jaxsat.core.declaration.laws import Law
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
-from jaxsat.scenario import tuning_checks as _tuning_checks  # noqa: F401
-from jaxsat.scenario.control_tables import ControlTable
+from jaxsat.scenario.control import ControlTable
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.panel_tables import PanelTable
-from jaxsat.scenario.part_tables import ActuatorsOfAKind, DisturbanceTable
+from jaxsat.scenario.parts.disturbances import DisturbanceTable, PanelTable
 from jaxsat.scenario.parts.failures import FailureTable
 from jaxsat.scenario.parts.magnetorquers import UnloadingTable
+from jaxsat.scenario.parts.named import ActuatorsOfAKind
 from jaxsat.scenario.parts.registry import ACTUATORS
 from jaxsat.scenario.parts.sensors import (
     EstimatorOfAKind,
@@ -40,7 +39,7 @@ from jaxsat.scenario.tables import (
     SimulationTable,
     SpacecraftTable,
 )
-from jaxsat.scenario.tuning_tables import TuningTable
+from jaxsat.scenario.tuning import TuningTable
 from jaxsat.scenario.wording import issue_of, item_kind, table_at, validated
 
 

@@ -11,10 +11,9 @@ from jaxsat.core.declaration.laws import LAWS
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.once import once
 from jaxsat.core.text import clean
-from jaxsat.scenario.control_tables import table_of
+from jaxsat.scenario.control import known_law, law_names, table_of
 from jaxsat.scenario.errors import Issue, Location, entry_of
-from jaxsat.scenario.laws import known_law, law_names
-from jaxsat.scenario.part_tables import PartTable, table_of_part
+from jaxsat.scenario.parts.named import PartTable, table_of_part
 from jaxsat.scenario.plugins import PluginError, known_part
 from jaxsat.scenario.toml_text import toml_value
 

@@ -23,8 +23,9 @@ from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.core.search_path import _ADDED, add_folders
 from jaxsat.core.symmetric import _places
-from jaxsat.scenario import control_tables, part_tables, plugins, wording
+from jaxsat.scenario import control, plugins, wording
 from jaxsat.scenario.optimisers import OptimiserSettings
+from jaxsat.scenario.parts import named
 from jaxsat.simulation.engine.native import kept
 from jaxsat.store.provenance import _processor, _versions
 from jaxsat.studies import designs, ensemble, statistics
@@ -45,9 +46,9 @@ def new_part():
 
 
 FUNCTIONS = [
-    (control_tables.table_of, lambda: (new_law(),)),
-    (part_tables.table_of_part, lambda: (part_tables.ActuatorsTable, new_part())),
-    (wording.dotted_keys, lambda: (control_tables.ModelTable,)),
+    (control.table_of, lambda: (new_law(),)),
+    (named.table_of_part, lambda: (named.ActuatorsTable, new_part())),
+    (wording.dotted_keys, lambda: (control.ModelTable,)),
     (plugins.installed, lambda: (plugins.ESTIMATOR,)),
     (designs._hypercube, lambda: (0, "a", 10, 2)),
     (statistics._order_statistics, lambda: (100, 95.0, 0.9)),
@@ -72,7 +73,7 @@ NAMES = [function.__name__ for function, _ in FUNCTIONS]
 @pytest.mark.parametrize(("function", "arguments"), FUNCTIONS, ids=NAMES)
 def test_a_thing_is_made_once_by_the_threads_that_want_it_first(function, arguments):
     for _ in range(3):
-        if function not in (control_tables.table_of, part_tables.table_of_part):
+        if function not in (control.table_of, named.table_of_part):
             function.cache_clear()  # tables that others have made are not to be made again
         these = arguments()
         made_once(lambda these=these: function(*these), function)

@@ -3,7 +3,7 @@
 import pytest
 
 from jaxsat.scenario.optimisers import OptimiserSettings
-from jaxsat.scenario.tuning_checks import USUAL_OPTIMISERS
+from jaxsat.scenario.tuning import USUAL_OPTIMISERS
 
 
 @pytest.mark.parametrize("name", USUAL_OPTIMISERS)

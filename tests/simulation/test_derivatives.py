@@ -25,7 +25,7 @@ from jaxsat.core import search_path
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.scenario.build.run import build_loop
-from jaxsat.scenario.laws import find_law
+from jaxsat.scenario.control import find_law
 from jaxsat.scenario.parts.magnetorquers import MAGNETORQUER
 from jaxsat.scenario.parts.sensors import GYRO_KEYS, TRACKER_KEYS
 from jaxsat.scenario.parts.thrusters import IDEAL_KINDS, THRUSTER

@@ -9,7 +9,7 @@ import xarray as xr
 
 from jaxsat.report.run_document import failures_of
 from jaxsat.report.timeline import mode_names
-from jaxsat.scenario.laws import known_law
+from jaxsat.scenario.control import known_law
 
 MOST_SAMPLES = 20_000
 """Of the attitude; of longer runs every second one is kept, or every third, and so on."""

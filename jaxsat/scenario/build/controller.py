@@ -17,12 +17,11 @@ from jaxsat.scenario.build.errors import BuildError
 from jaxsat.scenario.build.plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.scenario.build.plugin_trial import broken
 from jaxsat.scenario.build.thrusters import thruster_context
-from jaxsat.scenario.control_tables import ModelTable
-from jaxsat.scenario.declared import values_of
+from jaxsat.scenario.control import ModelTable, is_plugin
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.laws import is_plugin
 from jaxsat.scenario.layout import believed_axes, torque_limit
 from jaxsat.scenario.parts.wheels import free_inertia, left_by_wheels, rotors
+from jaxsat.scenario.quantities import values_of
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft import Spacecraft
 from jaxsat.spacecraft.dynamics import RigidBody

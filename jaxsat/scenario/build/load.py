@@ -30,14 +30,32 @@ def load(
     Raises `ScenarioError` with every problem at once; tells `caution` of what is allowed but likely
     a mistake, by default a `ScenarioWarning`. JAX is imported once all keys are right.
     """
-
     law = purpose != "motion"
 
     def trial(scenario: Scenario) -> list[Issue]:
-        if purpose == "text":
-            return []
-        from jaxsat.scenario.build.trial import what_cannot_be_built
-
-        return what_cannot_be_built(scenario, law=law, study=purpose == "study", also=also)
+        return [] if purpose == "text" else _obstacles(scenario, purpose, also)
 
     return read(name_or_path, overrides, law=law, trial=trial, caution=caution)
+
+
+def _obstacles(
+    scenario: Scenario, purpose: Purpose, also: Callable[[Scenario], None] | None
+) -> list[Issue]:
+    """What stands against building the scenario, by the functions that commands build with."""
+    from jaxsat.scenario.build.errors import BuildError
+    from jaxsat.scenario.build.run import build, build_uncontrolled
+
+    try:
+        if purpose == "motion":
+            build_uncontrolled(scenario)
+            return []
+        run, issues = build(scenario), []
+        if scenario.dispersion is not None:
+            from jaxsat.scenario.build.dispersion_trial import dispersion_issues  # slow
+
+            issues = dispersion_issues(scenario, run, all_fit=purpose == "study")
+        if also is not None and not issues:
+            also(scenario)
+    except BuildError as error:
+        return [error.issue]
+    return issues

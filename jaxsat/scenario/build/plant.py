@@ -10,11 +10,12 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.disturbances import AERODYNAMIC, DISTURBANCES, SOLAR
 from jaxsat.scenario.build.plugin_trial import made_part, require_torque
-from jaxsat.scenario.declared import values_of
-from jaxsat.scenario.part_tables import DisturbanceTable, PartTable
 from jaxsat.scenario.parts.actuator import number_of
+from jaxsat.scenario.parts.disturbances import DisturbanceTable
+from jaxsat.scenario.parts.named import PartTable
 from jaxsat.scenario.parts.registry import EFFECTORS
 from jaxsat.scenario.plugins import DISTURBANCE, find_part
+from jaxsat.scenario.quantities import values_of
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import OrbitTable
 from jaxsat.spacecraft import AbstractEffector, EffectorContext, Spacecraft

@@ -16,10 +16,10 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.laws import Law
 from jaxsat.core.errors import FOREIGN
 from jaxsat.scenario.build.errors import BuildError
-from jaxsat.scenario.declared import values_of
 from jaxsat.scenario.errors import Issue, Location
-from jaxsat.scenario.part_tables import PartTable
+from jaxsat.scenario.parts.named import PartTable
 from jaxsat.scenario.plugins import Part, place_in
+from jaxsat.scenario.quantities import values_of
 from jaxsat.spacecraft import AbstractActuators
 from jaxsat.spacecraft.dynamics import PlantState
 

@@ -28,9 +28,9 @@ from jaxsat.scenario.build.errors import BuildError, at_key, made_of_numbers
 from jaxsat.scenario.build.plant import build_effectors, build_plant
 from jaxsat.scenario.build.plugin_trial import require_runs
 from jaxsat.scenario.build.sensors import build_navigation, build_sampling, build_tachometers
-from jaxsat.scenario.coordinates import uses_error_coordinates
+from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.laws import is_plugin
+from jaxsat.scenario.layout import uses_error_coordinates
 from jaxsat.scenario.resolution import substeps_of
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import MAX_SAMPLED_STEPS, SolverTable

@@ -2,7 +2,7 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import jax
 import numpy as np
@@ -13,11 +13,12 @@ from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
+from jaxsat.scenario.dump import dump
 from jaxsat.scenario.parts.actuator import names_of
 from jaxsat.scenario.parts.thrusters import signs
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import SolverTable
-from jaxsat.simulation import ContinuousLoop, SampledLoop
+from jaxsat.simulation import Assessment, ContinuousLoop, SampledLoop, Trajectory
 from jaxsat.simulation.engine import (
     AbstractEngine,
     AdaptiveStepper,
@@ -48,6 +49,9 @@ from jaxsat.studies import (
     TruncatedNormal,
     Uniform,
 )
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
 """Those with a dense output of their own, on which switches are located; and what the tolerance,
@@ -260,3 +264,31 @@ def _tolerance(solver: SolverTable, usual: float | None) -> Tolerance:
         "max_steps": solver.max_steps,
     }
     return Tolerance(**{name: value for name, value in given.items() if value is not None})
+
+
+def replay_case(scenario: Scenario, study: Study, number: int) -> "xr.Dataset":
+    """Case `number` of the study of a scenario with its complete history.
+
+    The dataset is that of `jaxsat simulate`. Its attributes hold the number of the case (`case`)
+    and the values drawn for it (`drawn_NAME`). It has every observed instant.
+    """
+    from jaxsat.store import trajectory_dataset  # slow to import
+
+    replay = study.replay(number)
+    steps, unknown = as_array(np.array(len(replay.times) - 1)), as_array(np.array(np.nan))
+    outputs, signals = jax.tree.map(as_array, (replay.outputs, replay.signals))
+    attitude = scenario.law.declaration.regulates_attitude
+    settled, error = outputs.settling_time, outputs.integration_error
+    assessment = Assessment(settled, unknown) if attitude else Assessment(unknown, settled)
+    times, ranges = as_array(replay.times), signals.torque_range
+    dataset = trajectory_dataset(
+        Trajectory(times, signals, None, outputs.code, steps, assessment, ranges, error),
+        title=scenario.title,
+        scenario=dump(scenario),
+        modes=getattr(scenario.law.controller, "modes", None),
+        seed=study.design.seed,
+    )
+    dataset.attrs["case"] = number
+    for name, values in replay.outputs.drawn.items():
+        dataset.attrs[f"drawn_{name}"] = [float(value) for value in values]
+    return dataset

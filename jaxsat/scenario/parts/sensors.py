@@ -21,10 +21,9 @@ from jaxsat.core.ranges import (
     SECONDS,
     TRACKER_NOISE,
 )
-from jaxsat.scenario.declared import fields_of, table_with
-from jaxsat.scenario.part_tables import PartTable, by_its_kind
+from jaxsat.scenario.parts.named import PartTable, by_its_kind
 from jaxsat.scenario.plugins import ESTIMATOR, PluginKind
-from jaxsat.scenario.quantities import choice
+from jaxsat.scenario.quantities import choice, fields_of, table_with
 from jaxsat.scenario.rules import at, is_multiple, rule, rule_over
 from jaxsat.scenario.wording import shown
 

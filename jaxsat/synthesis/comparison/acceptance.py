@@ -17,8 +17,8 @@ from jaxsat.core.search_path import add_folders
 from jaxsat.scenario import Problem, Scenario, ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import EngineName, build_study
+from jaxsat.scenario.control import is_plugin, known_law
 from jaxsat.scenario.errors import key_of
-from jaxsat.scenario.laws import is_plugin, known_law
 from jaxsat.scenario.overrides import override
 from jaxsat.studies import Study
 

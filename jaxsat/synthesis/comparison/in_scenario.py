@@ -9,7 +9,7 @@ import numpy as np
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
-from jaxsat.scenario.laws import known_law, law_names
+from jaxsat.scenario.control import known_law, law_names
 from jaxsat.store import ResumableFolder, open_study
 from jaxsat.store.study_names import named_store
 from jaxsat.studies import RecoverySummary, Study, study_work

@@ -13,8 +13,8 @@ from jaxsat.control.planned import PlannedSettling
 from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build, build_loop, build_tolerances
+from jaxsat.scenario.control import known_law
 from jaxsat.scenario.errors import key_of
-from jaxsat.scenario.laws import known_law
 from jaxsat.studies import number_at
 from jaxsat.studies.perturbed import controller_of
 from jaxsat.synthesis.controller_design.request import ALL, QUICK

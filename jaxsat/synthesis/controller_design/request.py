@@ -13,9 +13,8 @@ from jaxsat.core.text import clean
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import EngineName
-from jaxsat.scenario.given import given_keys
 from jaxsat.scenario.overrides import override
-from jaxsat.scenario.read import warn
+from jaxsat.scenario.read import given_keys, warn
 
 ALL, QUICK = "all", "quick"
 """In place of a law: every law of jaxsat that fits, or those that are verified within minutes."""

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from jaxsat.core.processors import processors
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.laws import known_law
+from jaxsat.scenario.control import known_law
 from jaxsat.studies import Serial, Threads, Work
 from jaxsat.synthesis.controller_design.files import write_files
 from jaxsat.synthesis.controller_design.request import (

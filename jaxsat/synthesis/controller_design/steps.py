@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.tuning_tables import TuningTable
+from jaxsat.scenario.tuning import TuningTable
 from jaxsat.store import OutputError
 from jaxsat.studies import WhenDecided, summarise, wilson
 from jaxsat.studies.statistics import LEVEL

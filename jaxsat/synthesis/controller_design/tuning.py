@@ -9,7 +9,7 @@ from jaxsat.core.declaration.keys import Numeric
 from jaxsat.core.processors import processors
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.optimisers import DERIVATIVE_FREE
-from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
+from jaxsat.scenario.tuning import BoundsTable, CostTable, TuningTable
 from jaxsat.synthesis.comparison.verdict import ComparisonRow
 from jaxsat.synthesis.controller_design.candidates import Candidate, written_out
 from jaxsat.synthesis.controller_design.studies import Studies

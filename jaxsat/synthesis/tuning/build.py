@@ -20,7 +20,7 @@ from jaxsat.scenario.build.study import EngineName, build_study, tolerances_of
 from jaxsat.scenario.optimisers import DERIVATIVE_FREE, OptimiserSettings
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.tuning_tables import BoundsTable, CostTable, TuningTable
+from jaxsat.scenario.tuning import BoundsTable, CostTable, TuningTable
 from jaxsat.scenario.wording import shown
 from jaxsat.simulation.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
 from jaxsat.simulation.engine.native import NativeEngine, process_obstacle

@@ -4,11 +4,11 @@ import math
 from collections.abc import Mapping
 from typing import Any, cast
 
-from jaxsat.scenario.coordinates import uses_error_coordinates
+from jaxsat.scenario.layout import uses_error_coordinates
 from jaxsat.scenario.parts.thrusters import ModulationTable
 from jaxsat.scenario.resolution import substeps_of
 from jaxsat.scenario.schema import Scenario, flattened
-from jaxsat.scenario.tuning_tables import TuningTable
+from jaxsat.scenario.tuning import TuningTable
 
 FINER = 10.0
 """Tolerances of the refined run are this many times smaller; fixed steps are halved."""

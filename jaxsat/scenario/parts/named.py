@@ -2,15 +2,13 @@
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import ConfigDict, SerializeAsAny, WrapValidator, create_model
 
-from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.core.once import once
-from jaxsat.scenario.declared import fields_of
-from jaxsat.scenario.plugins import ACTUATORS, DISTURBANCE, Part, PluginKind, find_part
-from jaxsat.scenario.quantities import Table, choice
+from jaxsat.scenario.plugins import ACTUATORS, Part, PluginKind, find_part
+from jaxsat.scenario.quantities import Table, choice, fields_of
 
 
 class PartTable(Table):
@@ -21,12 +19,6 @@ class PartTable(Table):
     plugin: ClassVar[PluginKind]
 
     kind: str = choice('The part: "module:Class", or the name of an installed one')
-
-
-class DisturbanceTorqueTable(PartTable):
-    """`[disturbance.torques.NAME]`: a disturbance that does not come with jaxsat."""
-
-    plugin: ClassVar[PluginKind] = DISTURBANCE
 
 
 class ActuatorsTable(PartTable):
@@ -76,28 +68,4 @@ def by_its_kind(base: type[PartTable], own: type[PartTable] | None = None) -> Wr
     return WrapValidator(validate)
 
 
-OneDisturbance = Annotated[
-    SerializeAsAny[DisturbanceTorqueTable], by_its_kind(DisturbanceTorqueTable)
-]
 ActuatorsOfAKind = Annotated[SerializeAsAny[ActuatorsTable], by_its_kind(ActuatorsTable)]
-
-
-if TYPE_CHECKING:
-
-    class DisturbanceTable(Table):
-        """`[disturbance]`, whose keys the disturbances declare."""
-
-        def __getattr__(self, name: str) -> Any: ...
-
-else:
-    DisturbanceTable = create_model(
-        "DisturbanceTable",
-        __base__=Table,
-        __doc__="`[disturbance]`: torques that no thruster makes.",
-        __module__=__name__,
-        **fields_of(key for part in DISTURBANCES.values() for key in part.keys),
-        torques=(
-            dict[str, OneDisturbance],
-            choice("Disturbances that do not come with jaxsat, by names of your own", {}),
-        ),
-    )
