@@ -90,6 +90,9 @@ class AbstractEffector(eqx.Module):
     kind: ClassVar[str]
     """What one of them is called; commands and names of those that fail go by it."""
 
+    columns_change: ClassVar[bool] = False
+    """Whether the columns of its reach change with time, attitude or its own state."""
+
     failures: eqx.AbstractVar[Any]
     """`AbstractFailures` of its kind, None for none in flight."""
 

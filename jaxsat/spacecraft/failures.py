@@ -3,7 +3,7 @@
 import abc
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -41,6 +41,7 @@ class AbstractFailures(eqx.Module):
     lets a study draw them. A time of infinity is never.
     """
 
+    kinds: eqx.AbstractClassVar[type[AbstractFailureKind]]
     at: eqx.AbstractVar[Float[Array, " f"]]
     kind: eqx.AbstractVar[Float[Array, " f"]]
     amount: eqx.AbstractVar[Float[Array, " f"]]
@@ -51,13 +52,11 @@ class AbstractFailures(eqx.Module):
         """That of the actuator which each strikes."""
 
     @classmethod
-    def of_tables(
-        cls, failures: Sequence[tuple[int, Any]], kinds: type[AbstractFailureKind]
-    ) -> Any:
-        """Those of `EffectorContext.failures`, of these kinds; None without any."""
+    def of_tables(cls, failures: Sequence[tuple[int, Any]]) -> Any:
+        """Those of `EffectorContext.failures`; None without any."""
         if not failures:
             return None
-        kind = [failure_kind(kinds, table) for _, table in failures]
+        kind = [failure_kind(cls.kinds, table) for _, table in failures]
         number, at = [number for number, _ in failures], [table.at_s for _, table in failures]
         amount = [one.amount(table) for one, (_, table) in zip(kind, failures, strict=True)]
         return cls(number, at, kind, amount)  # pyright: ignore[reportCallIssue]
@@ -102,6 +101,8 @@ class FailureEvents(AbstractFailures):
     one, and for others their own; None where there are none of these. An event strikes both ways
     but for the kinds `ONE_WAY`.
     """
+
+    kinds: ClassVar[type[AbstractFailureKind]] = FailureKind
 
     thruster: Float[Array, " f"] = eqx.field(converter=as_float)
     at: Float[Array, " f"] = eqx.field(converter=as_float)
@@ -180,6 +181,8 @@ class MagnetorquerFailures(AbstractFailures):
     They may be dead, degraded, stuck or reversed; `amount` is that of the kind, of the dipole limit
     from -1 to 1 where one is stuck.
     """
+
+    kinds: ClassVar[type[AbstractFailureKind]] = FailureKind
 
     magnetorquer: Float[Array, " f"] = eqx.field(converter=as_float)
     at: Float[Array, " f"] = eqx.field(converter=as_float)

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
-from jaxsat.core.declaration.failures import GimbalFailureKind
+from jaxsat.core.declaration.failures import AbstractFailureKind, GimbalFailureKind
 from jaxsat.core.errors import ArgumentError
 from jaxsat.spacecraft.axes import unit_axes
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
@@ -32,6 +32,8 @@ ACROSS = 1e-6
 
 class GimbalFailures(AbstractFailures):
     """Failures of gyro number `gimbal`, of a `GimbalFailureKind`."""
+
+    kinds: ClassVar[type[AbstractFailureKind]] = GimbalFailureKind
 
     gimbal: Float[Array, " f"] = eqx.field(converter=as_float)
     at: Float[Array, " f"] = eqx.field(converter=as_float)
@@ -78,6 +80,7 @@ class ControlMomentGyros(AbstractEffector):
     """
 
     kind: ClassVar[str] = "gimbal"
+    columns_change: ClassVar[bool] = True
 
     gimbal_axes: Float[Array, "3 k"]
     spin_axes: Float[Array, "3 k"]
@@ -129,7 +132,7 @@ class ControlMomentGyros(AbstractEffector):
             each("spin_axis").T,
             each("rotor_momentum_N_m_s"),
             each("rate_limit_rad_s"),
-            GimbalFailures.of_tables(context.failures, GimbalFailureKind),
+            GimbalFailures.of_tables(context.failures),
         )
         return gyros, GyroStates(each("angle_rad"), gyros.rotor_momentum)
 

@@ -10,7 +10,6 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float, require_positive
-from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.spacecraft.axes import turned_axes, unit_axes
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.environment.magnetic_field import DipoleField
@@ -26,6 +25,7 @@ class Magnetorquers(AbstractEffector):
     """
 
     kind: ClassVar[str] = "magnetorquer"
+    columns_change: ClassVar[bool] = True
 
     axes: Float[Array, "3 k"]
     dipole_limit: Float[Array, " k"]
@@ -54,7 +54,7 @@ class Magnetorquers(AbstractEffector):
         """Those of checked tables `[[magnetorquer]]` of a scenario."""
         axes = np.array([one.axis for one in tables], float).T
         limits = np.array([one.dipole_limit_A_m2 for one in tables])
-        failures = MagnetorquerFailures.of_tables(context.failures, FailureKind)
+        failures = MagnetorquerFailures.of_tables(context.failures)
         return cls(unit_columns(axes), limits, DipoleField(context.place), failures), None
 
     @property

@@ -1,6 +1,6 @@
 """What happens to a reaction wheel in flight: failures as events at a time."""
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,12 +8,14 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.checks import as_float, concrete
-from jaxsat.core.declaration.failures import WheelFailureKind
+from jaxsat.core.declaration.failures import AbstractFailureKind, WheelFailureKind
 from jaxsat.spacecraft.failures import AbstractFailures
 
 
 class WheelFailures(AbstractFailures):
     """Failures of wheel number `wheel`, of a `WheelFailureKind`."""
+
+    kinds: ClassVar[type[AbstractFailureKind]] = WheelFailureKind
 
     wheel: Float[Array, " f"] = eqx.field(converter=as_float)
     at: Float[Array, " f"] = eqx.field(converter=as_float)

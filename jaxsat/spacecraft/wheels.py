@@ -124,7 +124,7 @@ class Wheels(AbstractEffector):
             each("rotor_inertia_kg_m2", 0.0),
             each("viscous_friction_N_m_s", 0.0),
             each("coulomb_friction_N_m", 0.0),
-            WheelFailures.of_tables(context.failures, WheelFailureKind),
+            WheelFailures.of_tables(context.failures),
         )
         return wheels, WheelMomenta(np.array([one.momentum_N_m_s for one in tables]))
 

@@ -3,7 +3,12 @@
 import enum
 
 from jaxsat.control.diagnosis import DiagnosedKind
-from jaxsat.core.declaration.failures import AbstractFailureKind, FailureKind, WheelFailureKind
+from jaxsat.core.declaration.failures import (
+    AbstractFailureKind,
+    FailureKind,
+    GimbalFailureKind,
+    WheelFailureKind,
+)
 
 NEVER = 0
 """The code of a failure that does not strike within the horizon, and of no verdict."""
@@ -14,14 +19,27 @@ def words(kinds: type[enum.IntEnum], before: str = "") -> tuple[str, ...]:
     return tuple(before + kind.name.lower().replace("_", " ") for kind in kinds)
 
 
-FAILURES = ("none", *words(FailureKind), *words(WheelFailureKind, "wheel "))
+FAILURES = (
+    "none",
+    *words(FailureKind),
+    *words(WheelFailureKind, "wheel "),
+    *words(GimbalFailureKind, "gimbal "),
+)
 """What the codes of `failure_kind` stand for."""
 
 DIAGNOSED = ("none", *words(DiagnosedKind))
 """What the codes of `isolated_kind` stand for."""
 
-_CODES: dict[int, AbstractFailureKind] = dict(enumerate((*FailureKind, *WheelFailureKind), 1))
+_CODES: dict[int, AbstractFailureKind] = dict(
+    enumerate((*FailureKind, *WheelFailureKind, *GimbalFailureKind), 1)
+)
 """What strikes, by the code of `failure_kind`."""
+
+
+def first_code(kinds: type[AbstractFailureKind]) -> int:
+    """The code of the first of these kinds of failure."""
+    return next(code for code, kind in _CODES.items() if isinstance(kind, kinds))
+
 
 AMOUNTLESS = ("none", *(FAILURES[code] for code, kind in _CODES.items() if not kind.one_number))
 """Failures that have no amount."""

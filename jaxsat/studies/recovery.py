@@ -13,7 +13,7 @@ from jaxsat.core.tolerances import SETTLED_BEFORE
 from jaxsat.simulation import AbstractLoop, Outcome
 from jaxsat.simulation.engine.failure_record import initial_record
 from jaxsat.simulation.parts import failures_of
-from jaxsat.spacecraft import AbstractFailures, FailureKind
+from jaxsat.spacecraft import AbstractFailures
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.failures import ONE_WAY
 from jaxsat.store import Column
@@ -23,12 +23,13 @@ from jaxsat.studies.failure_codes import (
     FAILURES,
     HYPOTHESES,
     NEVER,
+    first_code,
     words,
 )
 from jaxsat.studies.torques_left import (
     UNRECOVERABLE,
     TorquesLeft,
-    thruster_torques_of,
+    thruster_reach,
     torques_left,
 )
 
@@ -159,13 +160,12 @@ class FailureRecovery:
             return np.tile(nominal, (cases, 1))
 
         at, kind = numbers("failure_time", "at"), numbers("failure_kind", "kind")
-        parts, shifts, before = [], [], 0
+        parts, before = [], 0
         for name, count in _counts(self.loop).items():
             parts.append(numbers(f"failed_{name}", name) + before)
-            first = 1 + (len(FailureKind) if name == "wheel" else 0)
-            shifts.append(np.full(parts[-1].shape[1], first))
             before += count
-        part, shift = np.rint(np.concatenate(parts, axis=1)).astype(int), np.concatenate(shifts)
+        part = np.rint(np.concatenate(parts, axis=1)).astype(int)
+        shift = np.concatenate([np.full(one.count, first_code(one.kinds)) for one in self._events])
         part = np.clip(part, 0, len(self.names) - 1)  # what is beyond is an impossible case
         kind = np.clip(np.rint(kind).astype(int) + shift, NEVER, len(FAILURES) - 1)
         kind = np.where(at <= self.duration, kind, NEVER)
@@ -246,7 +246,7 @@ def _errors(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> dict[Rec
 
 def _counts(loop: AbstractLoop) -> dict[str, int]:
     """How many parts of each kind may fail, in the order of `failures_of`."""
-    thrusters = {"thruster": thruster_torques_of(loop)[0].shape[1]}
+    thrusters = {"thruster": thruster_reach(loop).low.size}
     return thrusters | {one.kind: one.count for one in loop.plant.effectors}
 
 

@@ -1,25 +1,22 @@
 """What torques failures in flight leave in each case of a study, by controllability."""
 
 import enum
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.controllability import actuator_set, judge_ranges, torque_reserve
+from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import AbstractLoop
-from jaxsat.simulation.parts import failures_of, parts_of
-from jaxsat.spacecraft import (
-    Actuators,
-    FailureEvents,
-    FailureKind,
-    Magnetorquers,
-    ThrusterSet,
-    Wheels,
-)
-from jaxsat.studies.failure_codes import FAILURES
+from jaxsat.simulation.parts import parts_of
+from jaxsat.spacecraft import AbstractEffector, AbstractFailures, Reach, Wheels
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.studies.failure_codes import NEVER, first_code
 
 SAME_TORQUE = 1e-9
 """Of the largest torque: less than this in every direction is none."""
@@ -49,10 +46,49 @@ _LEFT = {
 UNRECOVERABLE = (*(TorquesLeft(code) for code in range(2, 6)), TorquesLeft.UNHELD_MOMENTUM)
 
 LEAST_TORQUE = 0.1
-"""Of the torque of a wheel's motor: one that friction leaves less counts as lost."""
+"""Of what a wheel or gyro can do before anything fails: one that can do less counts as lost."""
 
 LEAST_HOLD = 0.02
 """Of the largest momentum of a wheel: what others must hold in any direction beside a runaway."""
+
+
+class _Exchanger(NamedTuple):
+    """An effector that stores momentum, in one case or, with a leading axis, in all.
+
+    Its unit `columns` of reach, which devices are `kept`, as they do what they are asked, and which
+    run away.
+    """
+
+    effector: AbstractEffector
+    columns: Float[np.ndarray, "*cases 3 k"]
+    kept: Bool[np.ndarray, "*cases k"]
+    runaway: Bool[np.ndarray, "*cases k"]
+
+    @staticmethod
+    def of(loop: AbstractLoop, effector: AbstractEffector, reach: Reach) -> "_Exchanger":
+        """By its reach in every case. A wheel that had failed before, as a law knows, is lost."""
+        before = _at_rest(effector, jnp.zeros(effector.failure_times.shape, bool))
+        size = np.linalg.norm(reach.columns, axis=1, keepdims=True)
+        kept = (reach.low < 0) & (reach.high >= LEAST_TORQUE * np.asarray(before.high))
+        kept = kept & (reach.high > 0) & (size[:, 0] > 0)
+        known = getattr(getattr(loop, "controller", None), "known", None)
+        if known is not None and isinstance(effector, Wheels):
+            kept[:, np.asarray(known)] = False
+        runaway = (reach.low == reach.high) & (reach.high != 0)
+        return _Exchanger(effector, reach.columns / np.where(size > 0, size, 1.0), kept, runaway)
+
+    def case(self, number: int) -> "_Exchanger":
+        """The same in one case."""
+        return _Exchanger(
+            self.effector, self.columns[number], self.kept[number], self.runaway[number]
+        )
+
+    @property
+    def rotors(self) -> Float[np.ndarray, " kept"]:
+        """The inertia of each rotor that is kept, about its column, kg m²."""
+        one = self.effector
+        known = one.rotor_inertia if isinstance(one, Wheels) else None
+        return (np.zeros(one.count) if known is None else np.asarray(known))[self.kept]
 
 
 def torques_left(
@@ -66,10 +102,15 @@ def torques_left(
     Where failed thrusters make a constant torque, it counts how strong each thruster of a case is:
     relative to the nominal one by 1 + `gain`. Otherwise the torques of the nominal loop decide:
     dispersed ones that are not quite parallel are no more of them. `momentum` (N m s) is that of
-    body and wheels at the start.
+    body and effectors at the start.
     """
-    torques, low, high = _levels(loop, struck)
-    wheels, runaway = _wheels_left(loop, struck)
+    thrusters, *others = _reaches_left(loop, struck)
+    torques, low, high = _levels(thrusters, thruster_reach(loop))
+    exchangers = [
+        _Exchanger.of(loop, one, reach)
+        for one, reach in zip(loop.plant.effectors, others, strict=True)
+        if one.momentum(one.init()) is not None
+    ]
     known: dict[bytes, int] = {}
     found = np.zeros(len(low), int)
     for case in range(len(low)):
@@ -79,104 +120,121 @@ def torques_left(
         least = SAME_TORQUE * np.abs(one[0]).max(initial=0.0)
         if torque_reserve(*one) > least > 0:
             continue
-        key = b"".join(part.tobytes() for part in (*one, wheels[case], runaway[case]))
+        here = [each.case(case) for each in exchangers]
+        parts = [part for each in here for part in each[1:]]
+        key = b"".join(part.tobytes() for part in (*one, *parts))
         if key not in known:
-            held = holds_momentum(loop, wheels[case], runaway[case])
-            left = _judged(loop, momentum, *one, wheels[case])
+            held = all(_holds_momentum(loop, each) for each in here)
+            left = _judged(loop, momentum, *one, here)
             known[key] = left if held else int(TorquesLeft.UNHELD_MOMENTUM)
         found[case] = known[key]
     return found
 
 
+def thruster_reach(loop: AbstractLoop) -> Reach:
+    """What the thrusters of a loop can do before anything fails."""
+    actuators = getattr(loop, "actuators", None)
+    if actuators is None:
+        return Reach.none()
+    count = sum(one.count for one in parts_of(AbstractFailures, actuators))
+    return actuators.reach(jnp.zeros(count, bool))
+
+
+def _reaches_left(loop: AbstractLoop, struck: Mapping[str, np.ndarray]) -> list[Reach]:
+    """What thrusters and each effector can do in every case, once all failures have struck.
+
+    Of effectors it is what they can do at rest.
+    """
+    actuators = getattr(loop, "actuators", None)
+    sound, cases = thruster_reach(loop), len(struck["failure_kind"])
+    found, before = [sound], sound.low.size
+    events = sum(one.count for one in parts_of(AbstractFailures, actuators))
+    if events:
+        first = {name: values[:, :events] for name, values in struck.items()}
+        found = [_in_cases(actuators, 0, before, first, lambda part, hit: part.reach(hit))]
+    for one in loop.plant.effectors:
+        later = {name: values[:, events:] for name, values in struck.items()}
+        found.append(
+            _at_rest(one, jnp.zeros(0, bool))
+            if one.failures is None
+            else _in_cases(one, before, one.count, later, _at_rest)
+        )
+        before += one.count
+
+    return [
+        jax.tree.map(
+            lambda x, dims: np.broadcast_to(np.asarray(x), (cases, *x.shape[x.ndim - dims :])),
+            reach,
+            Reach(2, 1, 1, 1),
+        )
+        for reach in found
+    ]
+
+
+def _at_rest(one: AbstractEffector, hit: Bool[Array, " f"]) -> Reach:
+    zero, level = jnp.zeros(()), Quaternion(jnp.array([1.0, 0.0, 0.0, 0.0]))
+    return one.reach(zero, PlantState(level, jnp.zeros(3)), one.init(), hit, zero)
+
+
+def _in_cases(
+    part: Any,
+    before: int,
+    count: int,
+    struck: Mapping[str, np.ndarray],
+    reach: Callable[[Any, Bool[Array, " f"]], Reach],
+) -> Reach:
+    """The reach of a part in every case, `count` devices of which come after so many others.
+
+    In what is struck devices are counted over all parts.
+    """
+    (failures,) = parts_of(AbstractFailures, part)
+    place = struck["failed_part"] - before
+    mine = (struck["failure_kind"] != NEVER) & (place >= 0) & (place < count)
+    kinds = np.where(mine, struck["failure_kind"] - first_code(failures.kinds), -1)
+
+    def one(number, at, kind, amount):
+        struck_by = failures.with_events(number, at, kind, amount)
+        failing = eqx.tree_at(lambda x: parts_of(AbstractFailures, x)[0], part, struck_by)
+        return reach(failing, kind >= 0)
+
+    at = np.where(mine, struck["failure_time"], np.inf)
+    numbers = (1.0 * place, at, 1.0 * kinds, np.nan_to_num(struck["failure_amount"]))
+    return jax.vmap(one)(*map(jnp.asarray, numbers))
+
+
 def _levels(
-    loop: AbstractLoop, struck: Mapping[str, np.ndarray]
+    reach: Reach, sound: Reach
 ) -> tuple[
     Float[np.ndarray, "cases 3 m"], Float[np.ndarray, "cases m"], Float[np.ndarray, "cases m"]
 ]:
-    """Torques (N m) of all thrusters at level 1, and between which levels they can be."""
-    torque, both = thruster_torques_of(loop)
-    cases = len(struck["failure_kind"])
-    events = [one for one in failures_of(loop) if isinstance(one, FailureEvents)]
-    if not events:
-        high = np.ones((cases, torque.shape[1]))
-        return np.tile(torque, (cases, 1, 1)), (-high if both else 0 * high), high
-    (nominal,) = events
-    kinds = struck["failure_kind"][:, : nominal.count] - 1.0
-    # One that works now and then can be used all the same.
-    now_and_then = kinds == FailureKind.INTERMITTENT
-    kinds = np.where(now_and_then, float(FailureKind.DELAYED), kinds)
-    amounts = np.nan_to_num(struck["failure_amount"][:, : nominal.count])
-    at = np.where(kinds >= 0, struck["failure_time"][:, : nominal.count], np.inf)
+    """Torques (N m) of all thrusters at level 1, and between which levels they can be.
 
-    def levels(thruster, at, kind, amount):
-        events = FailureEvents(thruster, at, kind, amount, nominal.turned, nominal.partner)
-        if both:
-            gain, level, axes = events.two_signed(kind >= 0, jnp.asarray(torque))
-            return axes, level - jnp.abs(gain), level + jnp.abs(gain)
-        end = jnp.max(jnp.where(kind >= 0, at, 0.0))
-        found = events.condition(end, 0 * end, jnp.asarray(torque))
-        return found.torque, found.floor, jnp.maximum(found.gain, found.floor)
-
-    places = struck["failed_part"][:, : nominal.count]
-    found = jax.vmap(levels)(*map(jnp.asarray, (1.0 * places, at, kinds, amounts)))
-    torques, low, high = map(np.asarray, found)
-    return torques, low, high
-
-
-def _wheels_left(
-    loop: AbstractLoop, struck: Mapping[str, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Which wheels (cases, wheels) still make torque as they are asked, and which run away.
-
-    A motor that friction leaves no torque to spare is lost. So is a wheel that had failed before,
-    as a law that commands each wheel knows.
+    Level 1 is what a thruster can do before anything fails, 1 N m of one without a limit.
     """
-    wheels = loop.plant.find(Wheels)
-    left = np.ones((len(struck["failure_kind"]), 0 if wheels is None else wheels.count), bool)
-    runaway = np.zeros_like(left)
-    if wheels is None:
-        return left, runaway
-    known = getattr(getattr(loop, "controller", None), "known", None)
-    if known is not None:
-        left[:, np.asarray(known)] = False
-    dead, stopped, runs, rubs = (
-        FAILURES.index(f"wheel {name}") for name in ("dead", "stopped", "runaway", "friction to")
-    )
-    full = np.inf if wheels.torque_limit is None else np.asarray(wheels.torque_limit)
-    full = np.broadcast_to(full, (wheels.count,))
-    thrusters = thruster_torques_of(loop)[0].shape[1]
-    kinds, amounts = struck["failure_kind"], struck["failure_amount"]
-    sound = left.copy()
-    order = np.argsort(struck["failure_time"], axis=1, kind="stable")
-    for case, event in ((case, event) for case, row in enumerate(order) for event in row):
-        place, kind = struck["failed_part"][case, event] - thrusters, kinds[case, event]
-        if kind < dead or place >= wheels.count:
-            continue
-        stuck = kind == rubs and amounts[case, event] > (1 - LEAST_TORQUE) * full[place]
-        lost = stuck or kind in (dead, stopped, runs)
-        left[case, place] = sound[case, place] and not lost
-        runaway[case, place] = kind == runs
-    return left, runaway
+    most = np.asarray(sound.high)
+    full = np.where(np.isfinite(most) & (most > 0), most, 1.0)
+    low, high = (np.clip(one / full, -1.0, 1.0) for one in (reach.low, reach.high))
+    return reach.columns * full, low, high
 
 
-def holds_momentum(loop: AbstractLoop, kept: np.ndarray, runaway: np.ndarray) -> bool:
+def _holds_momentum(loop: AbstractLoop, here: _Exchanger) -> bool:
     """Whether the wheels kept can hold what those that run away take up, and some in any direction.
 
-    A runaway ends at its largest momentum, of either sign. Thrusters and magnetorquers can take
-    momentum out.
+    A runaway ends at its largest momentum, of either sign. What makes a torque from outside can
+    take momentum out.
     """
-    wheels = loop.plant.find(Wheels)
-    others = thruster_torques_of(loop)[0].shape[1] or loop.plant.find(Magnetorquers) is not None
-    if wheels is None or others or not runaway.any():
+    kept, runaway = here.kept, here.runaway
+    outside = any(one.momentum(one.init()) is None for one in loop.plant.effectors)
+    if not runaway.any() or outside or thruster_reach(loop).low.size:
         return True
-    limit = wheels.momentum_limit
+    limit = here.effector.momentum_limit if isinstance(here.effector, Wheels) else None
     if limit is None or not np.all(np.isfinite(np.asarray(limit)[runaway])):
         return False
     most = np.asarray(limit)
     most = np.minimum(most, 1e6 * most[runaway].max())
     high = np.where(kept | runaway, most, 0.0)
     low = np.where(runaway, most, -high)
-    reserve = torque_reserve(np.asarray(wheels.axes), low, high)
+    reserve = torque_reserve(here.columns, low, high)
     return bool(reserve > LEAST_HOLD * most[kept].max(initial=0.0))
 
 
@@ -186,31 +244,17 @@ def _judged(
     torques: np.ndarray,
     low: np.ndarray,
     high: np.ndarray,
-    kept: np.ndarray,
+    here: list[_Exchanger],
 ) -> int:
     inertia = np.asarray(loop.plant.spacecraft.inertia)
-    wheels = loop.plant.find(Wheels)
-    axes, rotors = np.zeros((3, 0)), None
-    if wheels is not None:
-        axes = np.asarray(wheels.axes)[:, kept]
-        known = wheels.rotor_inertia
-        rotors = None if known is None else np.asarray(known)[kept]
+    axes = np.concatenate([np.zeros((3, 0)), *(one.columns[:, one.kept] for one in here)], axis=1)
+    rotors = np.concatenate([np.zeros(0), *(one.rotors for one in here)])
     actuators = actuator_set(torques, wheel_axes=axes, momentum=momentum, rotors=rotors)
     judgement = judge_ranges(inertia, actuators, low, high)
     if judgement is not None and judgement.laws == "three torques":
         return TorquesLeft.THREE_AXES
-    if loop.plant.find(Magnetorquers) is not None:  # what they add changes along the orbit
+    if any(one.columns_change for one in loop.plant.effectors):
         return TorquesLeft.NOT_DECIDED
     if judgement is None:
         return TorquesLeft.UNOPPOSED_TORQUE
     return _LEFT.get(judgement.verdict, TorquesLeft.NOT_DECIDED)
-
-
-def thruster_torques_of(loop: AbstractLoop) -> tuple[Float[np.ndarray, "3 m"], bool]:
-    """Torques (N m) of all thrusters of a loop, and whether they have both signs."""
-    actuators = getattr(loop, "actuators", None)
-    for thrusters in parts_of(ThrusterSet, actuators):
-        return np.asarray(thrusters.torque), False
-    for thrusters in parts_of(Actuators, actuators):
-        return np.asarray(thrusters.torque_axes), True
-    return np.zeros((3, 0)), False
