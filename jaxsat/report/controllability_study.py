@@ -28,9 +28,11 @@ from jaxsat.controllability import (
     pack,
     physical_inertias,
     recurrence,
+    torque_reserve,
     uncontrollable_single_directions,
     verdict_sentence,
 )
+from jaxsat.core.numerals import number_text
 from jaxsat.report.controllability_document import (
     controllability_document,
     controllability_lines,
@@ -41,8 +43,9 @@ from jaxsat.report.markdown import markdown_page
 from jaxsat.report.saving import save_figures
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.actuator_set import all_actuators
-from jaxsat.scenario.build.plant import build_plant, orbit_rate
-from jaxsat.spacecraft import Magnetorquers
+from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
+from jaxsat.scenario.build.run import build_start
+from jaxsat.spacecraft import ControlMomentGyros, Magnetorquers
 from jaxsat.store import OutputFolder, dataset_bytes
 
 if TYPE_CHECKING:
@@ -114,7 +117,7 @@ def controllability_study(
     torque = scenario.spacecraft.torque_limit_N_m or 1.0
     stopped = judge_once_stopped(judgement, tolerance)
     lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
-    lines += _magnetic_lines(scenario)
+    lines += [*_magnetic_lines(scenario), *_gimbal_lines(scenario)]
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: only single and double failures")
     if scenario.disturbance.torques:
@@ -170,6 +173,28 @@ def _magnetic_lines(scenario: Scenario) -> list[str]:
             "linearises about rest in the orbit frame, which is no equilibrium of this body"
         ]
     return magnetic_words(found, sizes.max(initial=0.0), bool(left.wheels))
+
+
+def _gimbal_lines(scenario: Scenario) -> list[str]:
+    """What control moment gyros add at the start to a verdict that leaves them out."""
+    if not scenario.gimbal:
+        return []
+    zero, found = jnp.zeros(()), build_effectors(scenario)
+    (gyros, state), *_ = (one for one in found if isinstance(one[0], ControlMomentGyros))
+    sound = jnp.zeros(gyros.failure_times.shape, bool)
+    reach = gyros.reach(zero, build_start(scenario), state, sound, zero)
+    working = [not one.failed for one in scenario.gimbal]
+    columns, low, high = (np.asarray(one)[..., working] for one in reach[:3])
+    reserve = torque_reserve(columns, low, high)
+    made = (
+        f"at least {number_text(reserve, 3)} N m about any axis"
+        if reserve > 0
+        else ("no torque about some axis")
+    )
+    return [
+        f"Control moment gyros: not part of the verdict and the table. At their angles at the "
+        f"start {sum(working)} of {len(working)} make {made}"
+    ]
 
 
 def _follow_drift(scenario: Scenario) -> tuple[list[str], dict[str, tuple[Any, ...]]]:

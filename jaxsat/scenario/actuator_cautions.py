@@ -59,7 +59,13 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     """Momentum of body and wheels that the wheels cannot hold where the law is to bring it."""
     wheels, law = scenario.wheel, scenario.law.declaration
     limits = [one.momentum_limit_N_m_s for one in wheels if not one.failed]
-    if not limits or None in limits or scenario.magnetorquer or not law.regulates_attitude:
+    if (
+        not limits
+        or None in limits
+        or scenario.magnetorquer
+        or scenario.gimbal
+        or not law.regulates_attitude
+    ):
         return
     if law.torques and left_by_wheels(wheels, law.torques).any():
         return  # thrusters take part

@@ -41,11 +41,12 @@ def _failed_thrusters_exist(axes, failed):
     "spacecraft.failed_thrusters",
     "wheel",
     "magnetorquer",
+    "gimbal",
 )
-def _law_has_its_torques(law, axes, failed, wheels, magnetorquers):
+def _law_has_its_torques(law, axes, failed, wheels, magnetorquers, gimbals):
     declaration = law.declaration
     torques = declaration.torques
-    if axes is None or wheels or magnetorquers or not torques:
+    if axes is None or wheels or magnetorquers or gimbals or not torques:
         return
     if any(number > len(axes) for number in failed):
         return

@@ -2,10 +2,10 @@
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from jaxsat.core.allocation import unit_columns
-from jaxsat.core.checks import as_array, concrete, require_finite
+from jaxsat.core.checks import as_array, as_float, concrete, numpy_if_known, require_finite
 from jaxsat.core.errors import ArgumentError
 
 
@@ -20,6 +20,12 @@ def unit_axes(axes: Array) -> Float[Array, "3 n"]:
     if not np.all(np.any(known != 0, axis=0)):
         raise ArgumentError("axes", "must have no zero column", known.tolist())
     return as_array(unit_columns(known))
+
+
+def of_each(value: ArrayLike | list | tuple, count: int) -> Float[Array, " n"]:
+    """A number for each of `count` devices, which is given, or one for all of them."""
+    xp, numbers = numpy_if_known(as_float(value))
+    return as_float(xp.broadcast_to(numbers, (count,)))
 
 
 def turned_axes(axes: Float[Array, "3 m"], angles: Float[Array, "m 2"]) -> Float[Array, "3 m"]:

@@ -22,7 +22,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
 from jaxsat.core.declaration.failures import AbstractFailureKind, GimbalFailureKind
 from jaxsat.core.errors import ArgumentError
-from jaxsat.spacecraft.axes import unit_axes
+from jaxsat.spacecraft.axes import of_each, unit_axes
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.failures import AbstractFailures
 
@@ -99,8 +99,8 @@ class ControlMomentGyros(AbstractEffector):
     ):
         self.gimbal_axes = unit_axes(as_float(gimbal_axes))
         self.spin_axes = unit_axes(as_float(spin_axes))
-        self.rotor_momentum = as_float(rotor_momentum) * jnp.ones(self.count)
-        self.rate_limit = as_float(rate_limit) * jnp.ones(self.count)
+        self.rotor_momentum = of_each(rotor_momentum, self.count)
+        self.rate_limit = of_each(rate_limit, self.count)
         self.failures = failures
         self.slowing = None
 

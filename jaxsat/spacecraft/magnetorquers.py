@@ -10,7 +10,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float, require_positive
-from jaxsat.spacecraft.axes import turned_axes, unit_axes
+from jaxsat.spacecraft.axes import of_each, turned_axes, unit_axes
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.environment.magnetic_field import DipoleField
 from jaxsat.spacecraft.failures import MagnetorquerFailures
@@ -40,7 +40,7 @@ class Magnetorquers(AbstractEffector):
         failures: MagnetorquerFailures | None = None,
     ):
         self.axes = unit_axes(as_float(axes))
-        self.dipole_limit = as_float(dipole_limit) * jnp.ones(self.count)
+        self.dipole_limit = of_each(dipole_limit, self.count)
         self.field = field
         self.failures = failures
 

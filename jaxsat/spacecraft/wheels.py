@@ -21,11 +21,11 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jaxsat.core.allocation import unit_columns
-from jaxsat.core.checks import as_float, concrete, numpy_if_known, require_finite, require_positive
+from jaxsat.core.checks import as_float, concrete, require_finite, require_positive
 from jaxsat.core.declaration.failures import WheelFailureKind
 from jaxsat.core.errors import ArgumentError
 from jaxsat.spacecraft import wheel_course
-from jaxsat.spacecraft.axes import unit_axes
+from jaxsat.spacecraft.axes import of_each, unit_axes
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.wheel_failures import WheelFailures
 from jaxsat.spacecraft.wheel_piece import WheelPiece
@@ -129,10 +129,7 @@ class Wheels(AbstractEffector):
         return wheels, WheelMomenta(np.array([one.momentum_N_m_s for one in tables]))
 
     def _of_each(self, value: OfEach) -> Float[Array, " wheels"] | None:
-        if value is None:
-            return None
-        xp, numbers = numpy_if_known(as_float(value))
-        return as_float(xp.broadcast_to(numbers, (self.count,)))
+        return None if value is None else of_each(value, self.count)
 
     @property
     def count(self) -> int:

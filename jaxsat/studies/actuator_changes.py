@@ -1,5 +1,6 @@
 """How dispersed numbers go into thrusters, magnetorquers and failures."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import cast
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import failures_of, parts_of
-from jaxsat.spacecraft import Actuators, Magnetorquers, ThrusterSet
+from jaxsat.spacecraft import Actuators, ControlMomentGyros, GyroStates, Magnetorquers, ThrusterSet
 from jaxsat.studies.perturbed import PerturbedLoop, Values, in_loop, map_parts, with_thrusters
 
 
@@ -82,6 +83,21 @@ def set_torquer_misalignment(perturbed: PerturbedLoop, angles: Values) -> Pertur
     one = torquers_of(perturbed.loop)
     turned = one.misaligned(angles.reshape(one.count, 2))
     return in_loop(perturbed, lambda loop: loop.plant.find(Magnetorquers), turned)
+
+
+def gyros_of(loop: AbstractLoop) -> ControlMomentGyros:
+    """The control moment gyros, which `obstacle` has made sure of."""
+    return cast(ControlMomentGyros, loop.plant.find(ControlMomentGyros))
+
+
+def set_rotor_momentum(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
+    """Other momenta of the rotors of gyros."""
+    states = perturbed.loop.plant.complete(perturbed.start).of_each
+    changed = tuple(
+        GyroStates(one.angle, one.momentum * (1 + change)) if isinstance(one, GyroStates) else one
+        for one in states
+    )
+    return perturbed._replace(start=dataclasses.replace(perturbed.start, effectors=changed))
 
 
 def set_failure(field: str):

@@ -20,6 +20,8 @@ from jaxsat.spacecraft import (
     AbstractFailures,
     Actuators,
     FailureKind,
+    GimbalFailureKind,
+    GimbalFailures,
     MagnetorquerFailures,
     Spacecraft,
     WheelFailureKind,
@@ -27,7 +29,12 @@ from jaxsat.spacecraft import (
     Wheels,
 )
 from jaxsat.spacecraft.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
-from jaxsat.studies.actuator_changes import thruster_count, thrusters_of, torquers_of
+from jaxsat.studies.actuator_changes import (
+    gyros_of,
+    thruster_count,
+    thrusters_of,
+    torquers_of,
+)
 from jaxsat.studies.perturbed import controller_of
 from jaxsat.studies.sensor_changes import navigation_of
 
@@ -131,6 +138,11 @@ def of_failed_magnetorquer(loop: AbstractLoop) -> Limits:
     return Limits(as_float(-0.5), as_float(torquers_of(loop).count - 0.5))
 
 
+def of_failed_gimbal(loop: AbstractLoop) -> Limits:
+    """Numbers that are rounded to those of the control moment gyros."""
+    return Limits(as_float(-0.5), as_float(gyros_of(loop).count - 0.5))
+
+
 def of_failure_kind(loop: AbstractLoop) -> Limits:
     """Numbers that are rounded to kinds.
 
@@ -145,6 +157,8 @@ def of_failure_kind(loop: AbstractLoop) -> Limits:
             limited = _is_finite(cast(Wheels, wheels).torque_limit)
             kind = WheelFailureKind.RUNAWAY if limited else WheelFailureKind.FRICTION_TO
             kind = kind if isinstance(loop, SampledLoop) else WheelFailureKind.FRICTION_BY
+        elif isinstance(failures, GimbalFailures):
+            kind = GimbalFailureKind.RUN_DOWN
         elif isinstance(failures, MagnetorquerFailures):
             kind = FailureKind.STUCK_AT
         elif isinstance(thrusters[0], Actuators):
@@ -162,9 +176,11 @@ def _is_finite(limit: Array | None) -> bool:
 
 
 def of_failure_amount(loop: AbstractLoop) -> Limits:
-    """Fractions up to 1, and as much friction as a wheel may have."""
+    """Fractions up to 1, as much friction as a wheel may have, and times of any length."""
 
     def most(failures: AbstractFailures) -> np.ndarray:
+        if isinstance(failures, GimbalFailures):
+            return np.full(failures.count, ranges.SECONDS.high)
         kinds = concrete(failures.kind)
         friction = (WheelFailureKind.FRICTION_BY, WheelFailureKind.FRICTION_TO)
         if not isinstance(failures, WheelFailures) or kinds is None:

@@ -6,7 +6,9 @@ from jaxsat.control import AbstractBacksteppingLaw
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
 from jaxsat.simulation.parts import failures_of, parts_of
 from jaxsat.spacecraft import (
+    ControlMomentGyros,
     FailureEvents,
+    GimbalFailures,
     MagnetorquerFailures,
     Magnetorquers,
     Sensors,
@@ -103,6 +105,7 @@ def needs_failures(*kinds: type) -> Callable[[AbstractLoop], str | None]:
         FailureEvents: "thruster",
         WheelFailures: "wheel",
         MagnetorquerFailures: "magnetorquer",
+        GimbalFailures: "gimbal",
     }
 
     def obstacle(loop: AbstractLoop) -> str | None:
@@ -114,7 +117,7 @@ def needs_failures(*kinds: type) -> Callable[[AbstractLoop], str | None]:
     return obstacle
 
 
-ANY_FAILURE = (FailureEvents, WheelFailures, MagnetorquerFailures)
+ANY_FAILURE = (FailureEvents, WheelFailures, MagnetorquerFailures, GimbalFailures)
 
 
 def needs_wheels(loop: AbstractLoop) -> str | None:
@@ -133,3 +136,9 @@ def needs_magnetorquers(loop: AbstractLoop) -> str | None:
     """Of spacecraft with magnetorquers."""
     there = loop.plant.find(Magnetorquers) is not None
     return None if there else "the spacecraft has no magnetorquers"
+
+
+def needs_gyros(loop: AbstractLoop) -> str | None:
+    """Of spacecraft with control moment gyros."""
+    there = loop.plant.find(ControlMomentGyros) is not None
+    return None if there else "the spacecraft has no control moment gyros"

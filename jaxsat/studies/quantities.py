@@ -10,6 +10,7 @@ from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import failures_of
 from jaxsat.spacecraft import (
     FailureEvents,
+    GimbalFailures,
     MagnetorquerFailures,
     Spacecraft,
     WheelFailures,
@@ -17,12 +18,13 @@ from jaxsat.spacecraft import (
 )
 from jaxsat.spacecraft.environment import AbstractOrbit
 from jaxsat.studies import actuator_changes, changes, limits, sensor_changes
-from jaxsat.studies.actuator_changes import thruster_count, thrusters_of, torquers_of
+from jaxsat.studies.actuator_changes import gyros_of, thruster_count, thrusters_of, torquers_of
 from jaxsat.studies.obstacles import (
     ANY_FAILURE,
     always,
     needs_delay,
     needs_failures,
+    needs_gyros,
     needs_latency,
     needs_magnetorquers,
     needs_model,
@@ -136,6 +138,12 @@ QUANTITIES: dict[str, Quantity] = {
         needs_magnetorquers,
         limits.between(ranges.MISALIGNMENT),
     ),
+    "rotor_momentum": Quantity(
+        lambda loop: gyros_of(loop).count,
+        actuator_changes.set_rotor_momentum,
+        needs_gyros,
+        limits.changing(ranges.WHEEL_MOMENTUM, lambda loop: gyros_of(loop).rotor_momentum),
+    ),
     "disturbance_amplitude": Quantity(
         _fixed(3),
         changes.set_periodic("amplitude", lambda old, change: old * (1 + change)),
@@ -229,6 +237,12 @@ QUANTITIES: dict[str, Quantity] = {
         actuator_changes.set_failure("magnetorquer"),
         needs_failures(MagnetorquerFailures),
         limits.of_failed_magnetorquer,
+    ),
+    "failed_gimbal": Quantity(
+        _failures(GimbalFailures),
+        actuator_changes.set_failure("gimbal"),
+        needs_failures(GimbalFailures),
+        limits.of_failed_gimbal,
     ),
     "failure_kind": Quantity(
         _failures(*ANY_FAILURE),

@@ -91,8 +91,11 @@ SENSORS = {name for name in QUANTITIES if name.startswith(("gyro", "tracker"))}
 """Of loops with an estimator: tests/control/navigation/test_dispersed_sensors.py."""
 
 MAGNETORQUERS = {"dipole_limit", "magnetorquer_misalignment", "failed_magnetorquer"}
+GYROS = {"rotor_momentum", "failed_gimbal"}
+"""In tests/scenario/test_gimbals.py."""
+
 OTHERWISE = {"misalignment", "attitude_error", "rate_error", "wheel_momentum", "rotor_inertia"}
-OTHERWISE |= {*FAILURES, *SENSORS, *MAGNETORQUERS}
+OTHERWISE |= {*FAILURES, *SENSORS, *MAGNETORQUERS, *GYROS}
 
 
 def test_every_quantity_has_its_test():

@@ -54,6 +54,8 @@ BEYOND = {
     "failed_magnetorquer": (-0.6, 1.6),
     "dipole_limit": (-1.1, 2e6),
     "magnetorquer_misalignment": (-1.1, 1.1),
+    "failed_gimbal": (-0.6, 1.6),
+    "rotor_momentum": (-1.1, 2e9),
     "wheel_momentum": (-21.0, 21.0),
     "failure_kind": (-0.6, 6.6),
     "failure_amount": (-0.1, 1.1),
@@ -92,8 +94,16 @@ RODS = (
 )
 
 
+OF_GYROS = ("failed_gimbal", "rotor_momentum")
+GYROS = (
+    "gimbal=[{axis=[1,0,0],spin_axis=[0,1,0],rotor_momentum_N_m_s=1.0,rate_limit_rad_s=1.0},"
+    "{axis=[0,1,0],spin_axis=[0,0,1],rotor_momentum_N_m_s=1.0,rate_limit_rad_s=1.0}]",
+    "failure=[{of='gimbal 1',at_s=5.0,kind='locked'}]",
+)
+
+
 def base(name):
-    if (name.startswith("fail") and "wheel" not in name) or name in OF_RODS:
+    if (name.startswith("fail") and "wheel" not in name) or name in (*OF_RODS, *OF_GYROS):
         return "cubesat-12u"
     return "benchmark-three-axis" if name == "rate_error" else "switching"
 
@@ -101,6 +111,8 @@ def base(name):
 def changes(name):
     if name in OF_RODS:
         return RODS
+    if name in OF_GYROS:
+        return GYROS
     if base(name) != "switching":
         return ()
     if name.startswith(("gyro", "tracker")):

@@ -68,6 +68,11 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
                 axis="magnetorquer_turn",
             ),
             DispersibleQuantity(
+                "rotor_momentum",
+                "relative change of the momentum of each control moment gyro's rotor",
+                axis="gimbal",
+            ),
+            DispersibleQuantity(
                 "disturbance_amplitude",
                 "relative change of the periodic torque's amplitudes",
                 axis="body_axis",
@@ -142,7 +147,7 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
             DispersibleQuantity(
                 "failure_time",
                 "time at which each [[failure]] strikes; those of thrusters come first, then those "
-                "of wheels, then those of magnetorquers, here and below",
+                "of wheels, of magnetorquers and of gimbals, here and below",
                 "s",
             ),
             DispersibleQuantity(
@@ -159,15 +164,21 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
                 "number from 0, rounded, of the magnetorquer that each [[failure]] of one strikes",
             ),
             DispersibleQuantity(
+                "failed_gimbal",
+                "number from 0, rounded, of the control moment gyro that each [[failure]] of one "
+                "strikes",
+            ),
+            DispersibleQuantity(
                 "failure_kind",
                 "kind of each [[failure]], rounded: of a thruster 0 dead, 1 degraded, 2 stuck on, "
                 "3 stuck at, 4 leaking, 5 delayed, 6 intermittent; of a wheel 0 dead, 1 degraded, "
                 "2 stopped, 3 friction by a factor, 4 friction to a level, 5 runaway; of a "
-                "magnetorquer 0 to 3 as of a thruster",
+                "magnetorquer 0 to 3 as of a thruster; of a gimbal 0 locked, 1 run down",
             ),
             DispersibleQuantity(
                 "failure_amount",
-                "fraction (or delay, s; or factor or level, N m, of friction) of each [[failure]]",
+                "fraction (or delay or time constant, s; or factor or level, N m, of friction) of "
+                "each [[failure]]",
             ),
             DispersibleQuantity("delay", "time that the controller takes to compute", "s"),
             DispersibleQuantity(

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.control.controller import WheelContext
-from jaxsat.control.steering import MagneticSteering
+from jaxsat.control.steering import AbstractSteering, GimbalSteering, MagneticSteering
 from jaxsat.core.allocation import (
     direction_matrix,
     least_squares_map,
@@ -20,6 +20,7 @@ from jaxsat.scenario.build.plugin_trial import made_part, require_events, requir
 from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
 from jaxsat.scenario.parts.magnetorquers import UnloadingTable
+from jaxsat.scenario.parts.registry import STEERED
 from jaxsat.scenario.parts.thrusters import working_torques
 from jaxsat.scenario.parts.wheels import failed_wheels, left_by_wheels, wheel_axes, wheels_make_all
 from jaxsat.scenario.plugins import ACTUATORS, find_part
@@ -30,6 +31,7 @@ from jaxsat.spacecraft import (
     ActuatorContext,
     Actuators,
     ActuatorsWithWheels,
+    ControlMomentGyros,
     EffectorContext,
     Magnetorquers,
     NoThrusters,
@@ -38,6 +40,7 @@ from jaxsat.spacecraft import (
     WheelDrives,
     Wheels,
 )
+from jaxsat.spacecraft.dynamics import RigidBody
 
 
 def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedActuators:
@@ -53,7 +56,8 @@ def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedAct
         return _with_wheels(scenario, torques)
     if scenario.thruster:
         return pulsed_thrusters(scenario, torques)
-    if scenario.magnetorquer and not scenario.spacecraft.thruster_torque_axes:
+    steered = any(getattr(scenario, name) for name in STEERED)
+    if steered and not scenario.spacecraft.thruster_torque_axes:
         return NoThrusters()
     ideal, table = ideal_thrusters(scenario, torques), scenario.actuators
     if table is None:
@@ -94,7 +98,7 @@ def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
     axes = np.array(table.thruster_torque_axes or (), dtype=float).reshape(-1, 3).T
     thrusters = Thrusters(axes).without(table.failed_thrusters)
     any_plane = scenario.law.declaration.any_plane
-    if torques and (scenario.wheel or scenario.magnetorquer):
+    if torques and any(getattr(scenario, name) for name in ("wheel", *STEERED)):
         left = np.asarray(thrusters.torque_axes)
         return Actuators(left, least_squares_map(left, torques), as_float(limit))
     if not torques:
@@ -116,7 +120,19 @@ def wheel_context(scenario: Scenario) -> WheelContext | None:
     return WheelContext(wheels, failed, tachometer_noise(scenario), delay, rate_noise(scenario))
 
 
-def build_steering(scenario: Scenario, torquers: Magnetorquers) -> MagneticSteering:
+def build_steering(scenario: Scenario, plant: RigidBody) -> tuple[AbstractSteering, ...]:
+    """What steers effectors of the plant, in the order in which they are asked."""
+    found: list[AbstractSteering] = []
+    torquers, gyros = plant.find(Magnetorquers), plant.find(ControlMomentGyros)
+    if torquers is not None:
+        found.append(_magnetic_steering(scenario, torquers))
+    if gyros is not None:
+        working = np.array([not one.failed for one in scenario.gimbal], float)
+        found.append(GimbalSteering(gyros.without_corners(), working))
+    return tuple(found)
+
+
+def _magnetic_steering(scenario: Scenario, torquers: Magnetorquers) -> MagneticSteering:
     """Dipoles for what wheels do not make of a command of three torques, and that unload them."""
     axes, working = np.asarray(torquers.axes), [not one.failed for one in scenario.magnetorquer]
     shares = np.zeros((axes.shape[1], 3))

@@ -47,7 +47,7 @@ from jaxsat.simulation import (
 )
 from jaxsat.simulation.engine import fly
 from jaxsat.simulation.methods import MIN_STEP
-from jaxsat.spacecraft import AbstractActuators, Magnetorquers
+from jaxsat.spacecraft import AbstractActuators
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
@@ -147,8 +147,7 @@ def _closed(
         sensors, delay = build_sampling(scenario)
         navigation = build_navigation(scenario)
         actuators = build_actuators(scenario)
-        torquers = plant.find(Magnetorquers)
-        steering = () if torquers is None else (build_steering(scenario, torquers),)
+        steering = build_steering(scenario, plant)
         tachometers = build_tachometers(scenario)
         return SampledLoop(
             plant,

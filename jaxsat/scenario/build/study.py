@@ -15,6 +15,7 @@ from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
 from jaxsat.scenario.dump import dump
 from jaxsat.scenario.parts.actuator import names_of
+from jaxsat.scenario.parts.registry import EFFECTORS
 from jaxsat.scenario.parts.thrusters import signs
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import SolverTable
@@ -131,18 +132,15 @@ def build_study(
 
 
 def _names(scenario: Scenario) -> tuple[str, ...]:
-    """Of thrusters that work at the start, two-sided ones twice, of wheels and magnetorquers."""
+    """Of thrusters that work at the start, two-sided ones twice, and of all effectors."""
     tables = scenario.thruster
     named = zip(tables, names_of(tables), strict=True)
     jets = [name for one, name in named if not one.failed for _ in signs(one)]
     if not tables:
         numbers = range(1, 1 + len(scenario.spacecraft.thruster_torque_axes or ()))
         jets = [str(n) for n in numbers if n not in scenario.spacecraft.failed_thrusters]
-    kinds = {
-        "thruster": jets,
-        "wheel": names_of(scenario.wheel),
-        "magnetorquer": names_of(scenario.magnetorquer),
-    }
+    kinds = {"thruster": jets}
+    kinds |= {one.name: names_of(getattr(scenario, one.name)) for one in EFFECTORS}
     return tuple(f"{kind} {name}" for kind, names in kinds.items() for name in names)
 
 

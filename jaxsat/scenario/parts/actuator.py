@@ -19,6 +19,7 @@ class ActuatorDeclaration:
     - `kinds`: how one of them may fail in flight.
     - `idle`: those that change nothing of one that has failed before the start.
     - `both_signs`: whether what is stuck may be stuck either way.
+    - `steered`: whether it takes its part of a command of three torques by a steering of its own.
     - `maker`: "module:Class.method" of the function that makes an `AbstractEffector` of checked
       tables and an `EffectorContext`; None for actuators that are no effector of the body.
       Nothing is imported before it is used.
@@ -31,6 +32,7 @@ class ActuatorDeclaration:
     kinds: tuple[AbstractFailureKind, ...]
     idle: tuple[AbstractFailureKind, ...]
     both_signs: bool = False
+    steered: bool = False
     maker: str | None = None
 
     @property

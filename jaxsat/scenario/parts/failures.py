@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from annotated_types import Ge, Le
 
-from jaxsat.core.ranges import FRICTION
+from jaxsat.core.ranges import FRICTION, SECONDS
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.parts.actuator import names_of, number_of
 from jaxsat.scenario.parts.registry import ACTUATORS
@@ -74,6 +74,10 @@ class FailureTable(Table):
     )
     friction_N_m: Annotated[Number, within(FRICTION)] | None = quantity(
         "Coulomb friction that it now has, if it had less", "N m", None
+    )
+
+    time_constant_s: Annotated[Number, within(SECONDS)] | None = quantity(
+        "Time in which its momentum falls to 1/e", "s", None
     )
 
     @property

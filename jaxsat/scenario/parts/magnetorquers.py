@@ -3,7 +3,6 @@
 from typing import Annotated
 
 from jaxsat.core.declaration.failures import FailureKind
-from jaxsat.core.declaration.laws import LAWS
 from jaxsat.core.ranges import DIPOLE_LIMIT, SECONDS
 from jaxsat.scenario.parts.actuator import ActuatorDeclaration
 from jaxsat.scenario.quantities import (
@@ -54,30 +53,16 @@ MAGNETORQUER = ActuatorDeclaration(
     ),
     (FailureKind.DEAD, FailureKind.DEGRADED, FailureKind.REVERSED),
     both_signs=True,
+    steered=True,
     maker="jaxsat.spacecraft.magnetorquers:Magnetorquers.from_tables",
 )
 
 
-def _suits(declaration) -> bool:
-    """Whether a law commands three torques once a period, of whatever actuators."""
-    return declaration.sampled and declaration.torques == 3 and not declaration.allocates
-
-
-@rule("magnetorquer", "control.law")
-def _magnetorquers_need_a_law_of_three_torques(magnetorquers, law):
-    if magnetorquers and not _suits(law.declaration):
-        allowed = ", ".join(f'"{name}"' for name, one in LAWS.items() if _suits(one.declaration))
-        yield at(
-            "magnetorquer",
-            f'must belong to a sampled law that commands three torques ({allowed}), got "{law}"',
-        )
-
-
-@rule("magnetorquer", "wheel", "thruster", "spacecraft.thruster_torque_axes")
-def _something_is_left(magnetorquers, wheels, thrusters, axes):
-    others = wheels or thrusters or axes
+@rule("magnetorquer", "wheel", "gimbal", "thruster", "spacecraft.thruster_torque_axes")
+def _something_is_left(magnetorquers, wheels, gimbals, thrusters, axes):
+    others = wheels or gimbals or thrusters or axes
     if magnetorquers and not others and all(one.failed for one in magnetorquers):
-        message = "must leave one that works where there are no wheels and no thrusters"
+        message = "must leave one that works where there are no wheels, gimbals and thrusters"
         yield at("magnetorquer", f"{message}, got {len(magnetorquers)} that have failed")
 
 

@@ -167,11 +167,12 @@ def signs(thruster: ThrusterTable) -> tuple[float, ...]:
     "spacecraft.failed_thrusters",
     "wheel",
     "magnetorquer",
+    "gimbal",
 )
-def _one_kind_of_thruster(thrusters, axes, failed, wheels, magnetorquers):
+def _one_kind_of_thruster(thrusters, axes, failed, wheels, magnetorquers, gimbals):
     if not thrusters:
-        if axes is None and not wheels and not magnetorquers:
-            tables = "[[thruster]], [[wheel]] or [[magnetorquer]]"
+        if axes is None and not (wheels or magnetorquers or gimbals):
+            tables = "[[thruster]], [[wheel]], [[magnetorquer]] or [[gimbal]]"
             message = f"must be given, or tables {tables}, got none of them"
             yield at("spacecraft.thruster_torque_axes", message, True)
         elif axes is None and failed:

@@ -179,9 +179,10 @@ def _coulomb_friction_needs_a_sampled_law(wheels, law):
     "spacecraft.thruster_torque_axes",
     "spacecraft.failed_thrusters",
     "magnetorquer",
+    "gimbal",
 )
 def _wheels_and_thrusters_make_what_the_law_commands(
-    law, wheels, thrusters, axes, failed, magnetorquers
+    law, wheels, thrusters, axes, failed, magnetorquers, gimbals
 ):
     declaration = law.declaration
     torques = declaration.torques
@@ -190,7 +191,7 @@ def _wheels_and_thrusters_make_what_the_law_commands(
         return
     if wheels and torques == 1:
         yield at("wheel", f'must be left out under the law "{law}", which knows thrusters alone')
-    if not wheels or thrusters or magnetorquers or torques not in (2, 3):
+    if not wheels or thrusters or magnetorquers or gimbals or torques not in (2, 3):
         return
     working = working_axes(axes or (), failed)
     missing = what_is_left(working, least_squares_map(working, torques))

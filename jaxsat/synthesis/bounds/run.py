@@ -8,6 +8,7 @@ from jaxsat.core.errors import JaxsatError
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build_tolerances, build_uncontrolled
+from jaxsat.scenario.parts.registry import ACTUATORS
 from jaxsat.simulation import AbstractLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of
@@ -121,7 +122,8 @@ def required_manoeuvre(
 
 def require_ideal_thrusters(scenario: Scenario, what: str) -> None:
     """Raise `UnsuitableScenario` without the limited thrusters of any torque that `what` needs."""
-    refused = {kind: len(getattr(scenario, kind)) for kind in ("thruster", "wheel", "magnetorquer")}
+    names = [one.name for one in ACTUATORS]
+    refused = {kind: len(getattr(scenario, kind)) for kind in names}
     for kind, count in refused.items():
         if count:
             raise UnsuitableScenario(

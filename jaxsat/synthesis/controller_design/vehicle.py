@@ -25,6 +25,7 @@ from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.cautions import HELD_TURN
 from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.layout import believed_axes, torque_limit
+from jaxsat.scenario.parts.registry import STEERED
 from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.scenario.quantities import inertia_matrix
 
@@ -98,11 +99,12 @@ class Scale(NamedTuple):
 
 def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
     """The verdict on the actuators that work at the start."""
-    if scenario.magnetorquer:
-        raise UnsuitableVehicle(
-            "magnetorquer must be omitted: jaxsat designs controllers for thrusters and wheels, "
-            "and its controllability analysis does not cover magnetorquers"
-        )
+    for name in STEERED:
+        if getattr(scenario, name):
+            raise UnsuitableVehicle(
+                f"{name} must be omitted: jaxsat designs controllers for thrusters and wheels, "
+                f"and its verdict on controllability does not cover {name}s"
+            )
     actuators, working = all_actuators(scenario)
     left = actuators.only(working)
     judgement = judge(scenario.spacecraft.inertia_kg_m2, left)
