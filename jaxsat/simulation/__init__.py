@@ -1,4 +1,10 @@
-"""Closed loops and how they are integrated."""
+"""Closed loops and how they are integrated.
+
+The engines, which stand above the loops, are imported when `simulate` is first used.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 from jaxsat.simulation.assessment import Assessment
 from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
@@ -11,8 +17,10 @@ from jaxsat.simulation.loops import (
 )
 from jaxsat.simulation.methods import Method, adaptive, default_method, fixed, step_size_for
 from jaxsat.simulation.sampled_loop import SampledLoop
-from jaxsat.simulation.solve import simulate
 from jaxsat.simulation.trajectory import Outcome, Signals, Trajectory
+
+if TYPE_CHECKING:
+    from jaxsat.simulation.engine.single import simulate
 
 __all__ = [
     "AbstractContinuousLoop",
@@ -33,3 +41,9 @@ __all__ = [
     "simulate",
     "step_size_for",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name != "simulate":
+        raise AttributeError(f"module 'jaxsat.simulation' has no attribute {name!r}")
+    return importlib.import_module("jaxsat.simulation.engine.single").simulate

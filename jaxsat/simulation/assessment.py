@@ -1,14 +1,13 @@
 """What a whole run was, judged on its integrator's own steps, whatever instants are saved."""
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Float, PyTree
 
-from jaxsat.core.tolerances import SettlingTracker, Tolerances, excess
+from jaxsat.core.tolerances import Tolerances, excess
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
@@ -50,74 +49,6 @@ class Observation(NamedTuple):
     def rest_excess(self, tolerances: Tolerances) -> Float[Array, "1"]:
         """The same of the inertial rate alone."""
         return jnp.sqrt(jnp.sum(self.omega**2))[None] / tolerances.relative_rate - 1
-
-
-class MonitorSample(NamedTuple):
-    """What a monitor sees at one instant.
-
-    `excess` is how far outside each group of conditions a run is, and `rate` is to be integrated.
-    """
-
-    excess: tuple[Float[Array, " _"], ...]
-    rate: Float[Array, " m"]
-
-
-Monitor = Callable[[Float[Array, ""], PyTree], MonitorSample]
-"""Takes a time (s) and the state that is integrated."""
-
-
-class EntryBracket(NamedTuple):
-    """The step in which all of a group's conditions were met again, and between which fractions.
-
-    `low` is infinite before the first one.
-    """
-
-    begin: Float[Array, ""]
-    end: Float[Array, ""]
-    dense: PyTree
-    low: Float[Array, ""]
-    high: Float[Array, ""]
-
-
-class MonitorRecord(NamedTuple):
-    """What a monitor has seen up to the end of the last step."""
-
-    since: tuple[SettlingTracker, ...]
-    entries: tuple[EntryBracket, ...]
-    rate: Float[Array, " m"]
-    integral: Float[Array, " m"]
-
-
-class MonitoredState(NamedTuple):
-    """The state of a solver and the record of its monitor."""
-
-    solver: Any
-    record: MonitorRecord
-
-
-def effort_rate(
-    plant: RigidBody, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]
-) -> Float[Array, " m"]:
-    """|T_i| of the thrusters (N m) and, where the third rate is held, |T| of what holds it."""
-    held = plant.constraint_torque(t, state, torque)
-    return jnp.abs(torque if held is None else jnp.append(torque, held))
-
-
-def assessment(
-    plant: RigidBody,
-    since: tuple[SettlingTracker, SettlingTracker],
-    integral: Float[Array, " m"],
-    times: Float[Array, " times"],
-    success: Bool[Array, ""],
-    dwell: Float[Array, ""] | None,
-) -> Assessment:
-    """What a run from `times[0]` to `times[-1]` (s) was, from what was seen of it."""
-    settled, rest = (
-        jnp.where(success, tracker.settling_time(times[-1], times[0], dwell), jnp.inf)
-        for tracker in since
-    )
-    integral = jnp.where(success, integral, jnp.nan)
-    return Assessment(settled, rest, integral[:3], integral[3] if plant.third_rate_held else None)
 
 
 def stop_gradient(tree: PyTree) -> PyTree:

@@ -1,25 +1,65 @@
 """A solver of diffrax that judges a run on its own steps."""
 
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
 
 from jaxsat.core.tolerances import SettlingTracker
-from jaxsat.simulation.assessment import (
-    EntryBracket,
-    Monitor,
-    MonitoredState,
-    MonitorRecord,
-    MonitorSample,
-    stop_gradient,
-)
+from jaxsat.simulation.assessment import stop_gradient
 
 CHECKS = 4
 """Equal parts of a step at whose ends a run is monitored."""
 
 HALVINGS = 40
 """Bisections of such a fraction: what is left of a step of 1 s is less than its rounding."""
+
+
+class MonitorSample(NamedTuple):
+    """What a monitor sees at one instant.
+
+    `excess` is how far outside each group of conditions a run is, and `rate` is to be integrated.
+    """
+
+    excess: tuple[Float[Array, " _"], ...]
+    rate: Float[Array, "*m"]
+
+
+Monitor = Callable[[Float[Array, ""], PyTree], MonitorSample]
+"""Takes a time (s) and the state that is integrated."""
+
+
+class EntryBracket(NamedTuple):
+    """The step in which all of a group's conditions were met again, and between which fractions.
+
+    `low` is infinite before the first one.
+    """
+
+    begin: Float[Array, ""]
+    end: Float[Array, ""]
+    dense: PyTree
+    low: Float[Array, ""]
+    high: Float[Array, ""]
+
+
+class MonitorRecord(NamedTuple):
+    """What a monitor has seen up to the end of the last step."""
+
+    since: tuple[SettlingTracker, ...]
+    entries: tuple[EntryBracket, ...]
+    rate: Float[Array, "*m"]
+    integral: Float[Array, "*m"]
+
+
+class MonitoredState(NamedTuple):
+    """The state of a solver and the record of its monitor."""
+
+    solver: Any
+    record: MonitorRecord
 
 
 class MonitoredSolver(diffrax.AbstractWrappedSolver):

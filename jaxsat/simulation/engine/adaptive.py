@@ -37,11 +37,11 @@ from jaxsat.simulation.engine.progress import (
     outputs_of,
     with_peaks,
 )
+from jaxsat.simulation.engine.rates import within_limit
 from jaxsat.simulation.engine.root_finding import sign_changes
 from jaxsat.simulation.engine.runge_kutta import require_explicit, stage_rates, tableau_of, weighted
 from jaxsat.simulation.engine.settling import excess_at, rest_excess_at, settled_along_step
 from jaxsat.simulation.engine.stepper import AbstractStepper
-from jaxsat.simulation.solve import within_limit
 
 SAFETY, MIN_FACTOR, MAX_FACTOR = 0.9, 0.2, 5.0
 

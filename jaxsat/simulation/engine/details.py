@@ -45,8 +45,9 @@ def details_of(
     end: Float[Array, ""],
     steps: Int[Array, ""],
     dwell: Float[Array, ""] | None,
+    begin: float | Float[Array, ""] = 0.0,
 ) -> Details | None:
-    """Those of a trajectory that has come to its `end` (s), in the loop's state `final`.
+    """Those of a trajectory from its `begin` to its `end` (s), in the loop's state `final`.
 
     It must have been at rest for `dwell` seconds, see `SettlingTracker.settling_time`.
     """
@@ -57,7 +58,7 @@ def details_of(
     held = loop.plant.third_rate_held
     of_axes = effort[:-1] if held else effort
     idle = jnp.zeros(3 - of_axes.size, effort.dtype)
-    rest = jnp.where(success, progress.rest.settling_time(end, dwell=dwell), jnp.inf)
+    rest = jnp.where(success, progress.rest.settling_time(end, begin, dwell), jnp.inf)
     by_axis = jnp.concatenate([of_axes, jnp.where(success, idle, jnp.nan)])
     return Details(final, steps, rest, by_axis, effort[-1] if held else None, progress.forced)
 

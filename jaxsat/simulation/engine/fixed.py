@@ -31,12 +31,12 @@ from jaxsat.simulation.engine.rates import (
     continuous_loop,
     held_rate,
     plant_state,
+    within_limit,
 )
 from jaxsat.simulation.engine.runge_kutta import explicit_step, require_explicit, tableau_of
 from jaxsat.simulation.engine.stepper import AbstractStepper
 from jaxsat.simulation.held_torque import HeldTorque
 from jaxsat.simulation.integration_error import IntegrationError
-from jaxsat.simulation.solve import within_limit
 from jaxsat.spacecraft import Sensors
 
 Since = tuple[SettlingTracker, SettlingTracker | None]

@@ -230,15 +230,16 @@ def settled_at(
 def outputs_of(
     progress: Progress,
     plant: PlantState,
-    duration: Float[Array, ""],
+    end: Float[Array, ""],
     drawn: dict[str, Array],
     cost: RunningCost | None,
     consumption: Consumption | None = None,
     interval: float | Array = 1.0,
     details: Details | None = None,
     dwell: Float[Array, ""] | None = None,
+    begin: float | Float[Array, ""] = 0.0,
 ) -> Outputs:
-    """Outputs of a trajectory whose last instant has been observed, one every `interval` (s).
+    """Outputs of a trajectory from `begin` to `end` (s), observed every `interval` (s) and there.
 
     It must have been settled for `dwell` seconds, see `SettlingTracker.settling_time`.
 
@@ -251,7 +252,7 @@ def outputs_of(
         return jnp.where(success, value, jnp.nan)
 
     possible = progress.code != int(Outcome.IMPOSSIBLE_CASE)
-    whole, missing = jnp.full_like(progress.integrals.cost, jnp.nan), duration - progress.ended_at
+    whole, missing = jnp.full_like(progress.integrals.cost, jnp.nan), end - progress.ended_at
     if cost is not None:
         whole = cost.whole(progress.integrals.cost, success, missing)
     wz, quaternion = plant.attitude.as_wz(), plant.attitude.as_quaternion()
@@ -260,7 +261,7 @@ def outputs_of(
     return Outputs(
         code=progress.code,
         settling_time=jnp.where(
-            success, progress.settled.settling_time(duration, dwell=dwell), jnp.inf
+            success, progress.settled.settling_time(end, begin, dwell), jnp.inf
         ),
         effort=kept(effort),
         cost=jnp.where(possible, whole, jnp.nan),

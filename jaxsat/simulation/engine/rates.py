@@ -1,5 +1,8 @@
 """What an integrator sees of a loop whose cost and effort are integrated along with it."""
 
+import dataclasses
+
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
@@ -75,3 +78,26 @@ def held_rate(program: Program, loop: SampledLoop, hold: Hold, begin: Float[Arra
         return loop.plant_rate(t, state, hold, t - begin), Integrals(cost, effort)
 
     return rate
+
+
+def within_limit(state: PyTree, limit: Float[Array, ""], *finite: PyTree) -> Array:
+    """Whether the Euclidean norm of all floating-point entries is a number below the limit.
+
+    Momenta of wheels, and what is to be `finite`, only have to be: they are as large as the body.
+    """
+    motion = jax.tree.map(_without_momentum, state, is_leaf=_is_plant)
+    squares = [jnp.sum(x**2) for x in _floats(motion)]
+    squares += [jnp.sum(0 * x) for x in _floats((state, finite))]
+    return sum(squares) < limit**2  # which fails for NaN, too
+
+
+def _is_plant(state: PyTree) -> bool:
+    return isinstance(state, PlantState)
+
+
+def _without_momentum(state: PyTree) -> PyTree:
+    return dataclasses.replace(state, effectors=None) if _is_plant(state) else state
+
+
+def _floats(tree: PyTree) -> list[Array]:
+    return [x for x in jax.tree.leaves(tree) if jnp.issubdtype(x.dtype, jnp.floating)]

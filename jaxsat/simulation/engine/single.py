@@ -1,4 +1,4 @@
-"""A single run as one case of a detailed program, flown by machine code and observed densely."""
+"""A single run: one case of a detailed program, by machine code or by diffrax, densely observed."""
 
 import dataclasses
 from collections.abc import Callable
@@ -8,33 +8,87 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
-from jaxsat.core.checks import as_array
+from jaxsat.core.checks import as_array, as_float, concrete
 from jaxsat.core.jax_internals import Tracer
+from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.core.trees import strong
 from jaxsat.simulation import (
+    AbstractContinuousLoop,
     AbstractLoop,
     Assessment,
     Method,
     SampledLoop,
     Signals,
     Trajectory,
-    simulate,
+    default_method,
 )
+from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
 from jaxsat.simulation.engine.dense_output import require_dense_output
+from jaxsat.simulation.engine.diffrax_run import integrated
 from jaxsat.simulation.engine.fixed import FixedStepper, SampledStepper
 from jaxsat.simulation.engine.native import NativeEngine, native_obstacle
 from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, Program
 from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.simulation.engine.runge_kutta import require_explicit
 from jaxsat.simulation.engine.stepper import AbstractStepper
-from jaxsat.simulation.methods import AdaptiveSteps
-from jaxsat.simulation.solve import sample_numbers
+from jaxsat.simulation.methods import AdaptiveSteps, Adjoint, checkpoints
 from jaxsat.spacecraft import AbstractPulsedActuators
 from jaxsat.spacecraft.dynamics import PlantState
+
+
+def simulate(
+    loop: AbstractLoop,
+    start: PlantState,
+    times: ArrayLike | list,
+    *,
+    method: Method | None = None,
+    adjoint: Adjoint | None = None,
+    state_limit: float = STATE_LIMIT,
+    tolerances: Tolerances | None = None,
+) -> Trajectory:
+    """Run a closed loop from `start` at `times[0]` and save its signals at `times` (s).
+
+    Without a `method` the loop's default is used. `adjoint` chooses how diffrax differentiates
+    a continuous loop (reverse mode with checkpoints unless told otherwise; `diffrax.ForwardMode()`
+    for few gains); a sampled loop takes both modes and needs none.
+    When the run settled, by `tolerances`, is judged on the integrator's own steps and their dense
+    output, so it does not depend on what is saved; nothing of that is differentiated. A run that
+    fails raises nothing: see `Trajectory.code`. Raises `ValueError` for times that do not increase,
+    or, for a sampled loop, that are not sampling instants.
+    """
+    times = as_float(times)
+    known = concrete(times)
+    if known is not None and (known.ndim != 1 or len(known) < 2 or not np.all(np.diff(known) > 0)):
+        raise ValueError("Argument `times` must be at least two increasing numbers of seconds.")
+    method = default_method(loop) if method is None else method
+    loop, start = strong((loop, start))
+    numbers, interval, count = None, times[-1] - times[0], 1
+    if isinstance(loop, SampledLoop):
+        numbers = sample_numbers(loop, times)
+        interval, count = loop.controller.period, int(numbers[-1])
+    elif not isinstance(loop, AbstractContinuousLoop):
+        raise TypeError(f"Argument `loop` must be a loop of jaxsat.simulation, got {type(loop)}.")
+    adjoint = checkpoints() if adjoint is None else adjoint
+    with jax.debug_nans(False):  # NaN is what a run did not reach
+        program, case = _program(loop, start, interval, count, tolerances, state_limit)
+        return _by_diffrax(program, case, times, numbers, method, adjoint)
+
+
+@eqx.filter_jit
+def _by_diffrax(program: Program, case: PyTree, times, numbers, method, adjoint) -> Trajectory:
+    made, instants = program.case_factory(case, None), times
+    if numbers is not None:
+        instants = times[0] + program.time_of(jnp.arange(program.intervals + 1))
+    outputs, signals, held = integrated(program, made, instants, method, adjoint)
+    if held is None:
+        return _trajectory(times, outputs, signals)
+    signals = _saved(signals, numbers)
+    ranges = held.between(numbers, stop_gradient(signals.torque[-1]))
+    return _trajectory(times, outputs, dataclasses.replace(signals, torque_range=ranges))
 
 
 def fly(
@@ -54,7 +108,6 @@ def fly(
     the law has no derivative, and `tell` is told why.
     """
     loop, start = strong((loop, start))
-    tolerances = Tolerances() if tolerances is None else tolerances
     obstacle, planned = _planned(loop, start, times, method, tolerances)
     found = None if planned is None else planned.fly(times)
     if found is None:
@@ -108,6 +161,8 @@ class _Flight(eqx.Module):
             return None
         if between > 1:
             signals = _thinned(signals, between)
+        with jax.debug_nans(False):  # NaN is what there is none of, such as a failed actuator
+            outputs, signals = jax.tree.map(lambda x: as_array(np.asarray(x)), (outputs, signals))
         return _trajectory(times, outputs, signals)
 
 
@@ -116,7 +171,7 @@ def _planned(
     start: PlantState,
     times: Float[Array, " times"],
     method: Method,
-    tolerances: Tolerances,
+    tolerances: Tolerances | None,
 ) -> tuple[str | None, _Flight | None]:
     """The flight, or what stands in its way."""
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((loop, start, method))):
@@ -133,15 +188,27 @@ def _planned(
     if isinstance(loop, SampledLoop):
         interval, every = loop.controller.period, int(sample_numbers(loop, times)[1])
         pulsed = isinstance(loop.actuators, AbstractPulsedActuators)
-    arrays, rest = eqx.partition((loop, start), eqx.is_array)
-    case, structure = jax.tree.flatten(arrays)
-    places = jax.tree.unflatten(structure, range(len(case)))
-    count = every * len(gaps)
-    made = _OneCase(rest, places)
-    program = Program(made, interval, count, tolerances, detailed=True, error_every=1)
+    program, case = _program(loop, start, interval, every * len(gaps), tolerances)
     flight = _Flight(program, stepper, case, every, pulsed)
     obstacle = native_obstacle(stepper, program, flight.cases, lanes=1)
     return (None, flight) if obstacle is None else (obstacle, None)
+
+
+def _program(
+    loop: AbstractLoop,
+    start: PlantState,
+    interval: float | Float[Array, ""],
+    count: int,
+    tolerances: Tolerances | None,
+    state_limit: float = STATE_LIMIT,
+) -> tuple[Program, PyTree]:
+    """The detailed program of one case, `count` intervals (s) long, and the numbers of the case."""
+    arrays, rest = eqx.partition((loop, start), eqx.is_array)
+    case, structure = jax.tree.flatten(arrays)
+    factory = _OneCase(rest, jax.tree.unflatten(structure, range(len(case))))
+    tolerances = Tolerances() if tolerances is None else tolerances
+    keys: dict[str, Any] = {"detailed": True, "error_every": 1, "state_limit": state_limit}
+    return Program(factory, interval, count, tolerances, **keys), case
 
 
 def _stepper(loop: AbstractLoop, method: Method, save_every: float) -> AbstractStepper | str:
@@ -168,6 +235,29 @@ def _stepper(loop: AbstractLoop, method: Method, save_every: float) -> AbstractS
     return AdaptiveStepper(method.solver, tolerance)
 
 
+def sample_numbers(loop: SampledLoop, times: Float[Array, " times"]) -> np.ndarray:
+    """Which samples of the loop the times are; raises `ValueError` where one falls between."""
+    period, known = concrete(loop.controller.period), concrete(times)
+    if period is None or known is None:
+        raise ValueError("A sampled loop's period and times must be known before tracing.")
+    numbers = np.rint((known - known[0]) / period).astype(int)
+    if np.abs(numbers * period - (known - known[0])).max() > 1e-6 * period:
+        raise ValueError(f"Argument `times` must fall on multiples of the period {period} s.")
+    return numbers
+
+
+def _saved(signals: Signals, numbers: Int[Array, " times"]) -> Signals:
+    """Signals at these samples; of thrust levels, the mean from each to the next."""
+    saved = jax.tree.map(lambda x: x[numbers], signals)
+    if signals.thrust_level is None:
+        return saved
+    level = signals.thrust_level
+    sums = jnp.concatenate([jnp.zeros_like(level[:1]), jnp.cumsum(level, axis=0)])
+    ends = jnp.append(numbers[1:], numbers[-1] + 1)
+    means = (sums[ends] - sums[numbers]) / (ends - numbers)[:, None]
+    return dataclasses.replace(saved, thrust_level=means)
+
+
 def _thinned(signals: Signals, every: int) -> Signals:
     """Of a history at all samples every so many, with thrust levels and torques of all between."""
     levels, ranges = signals.thrust_level, signals.torque_range
@@ -188,13 +278,11 @@ def _thinned(signals: Signals, every: int) -> Signals:
 
 
 def _trajectory(times, outputs: Outputs, signals: Signals) -> Trajectory:
-    with jax.debug_nans(False):  # NaN is what there is none of, such as an actuator that failed
-        outputs, signals = jax.tree.map(lambda x: as_array(np.asarray(x)), (outputs, signals))
     details, ranges = outputs.details, signals.torque_range
     assert details is not None
-    found = Assessment(
+    assessment = Assessment(
         outputs.settling_time, details.at_rest_from, details.effort, details.constraint_effort
     )
     signals = dataclasses.replace(signals, torque_range=None)
-    steps, error = details.steps, outputs.integration_error
-    return Trajectory(times, signals, details.final, outputs.code, steps, found, ranges, error)
+    told = (outputs.code, details.steps, assessment, ranges, outputs.integration_error)
+    return Trajectory(times, signals, details.final, *told)

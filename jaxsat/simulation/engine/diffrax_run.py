@@ -1,0 +1,292 @@
+"""One case by diffrax: any solver, adaptive steps, every loop, both modes of differentiation.
+
+What is run by diffrax imports it there.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, PyTree
+
+from jaxsat.core.solvers import AbstractSolver, solver_of
+from jaxsat.core.tolerances import SettlingTracker
+from jaxsat.simulation import Method, Outcome, SampledLoop, Signals, step_size_for
+from jaxsat.simulation.assessment import Observation, stop_gradient
+from jaxsat.simulation.engine.details import details_of, effort_rates, rest_at, with_details
+from jaxsat.simulation.engine.failure_record import FailureRecord, initial_record, record_of_history
+from jaxsat.simulation.engine.program import Case, Program
+from jaxsat.simulation.engine.progress import (
+    Integrals,
+    Outputs,
+    Progress,
+    initial_progress,
+    outputs_of,
+    settled_at,
+)
+from jaxsat.simulation.engine.rates import (
+    consumption,
+    continuous_loop,
+    held_rate,
+    plant_state,
+    running_cost,
+    within_limit,
+)
+from jaxsat.simulation.held_torque import HeldTorque
+from jaxsat.simulation.integration_error import IntegrationError
+from jaxsat.simulation.methods import Adjoint
+from jaxsat.spacecraft.dynamics import PlantState
+
+
+class Integrated(NamedTuple):
+    """Outputs and signals of a case, and of a sampled loop the torque of every period."""
+
+    outputs: Outputs
+    signals: Signals
+    held: HeldTorque | None
+
+
+def integrated(
+    program: Program, case: Case, times: Float[Array, " times"], method: Method, adjoint: Adjoint
+) -> Integrated:
+    """One case by diffrax, from the first to the last of the `times` (s).
+
+    Those of a sampled loop are all its samples. NaN stands at times that were not reached.
+    """
+    if isinstance(case.loop, SampledLoop):
+        return _sampled(program, case, times, _either_mode(solver_of(method.solver)))
+    return _continuous(program, case, times, method, adjoint)
+
+
+def _continuous(program: Program, case: Case, times, method: Method, adjoint) -> Integrated:
+    import diffrax
+
+    from jaxsat.simulation.monitored_solver import MonitoredSolver, MonitoredState
+
+    loop, cost, zero = continuous_loop(case), program.running_cost, jnp.zeros((), times.dtype)
+
+    def rate(t, both, args):
+        motion = loop.motion(t, both[0])
+        if cost is None:
+            return motion.rate, None
+        return motion.rate, running_cost(cost, motion.plant, motion.relative_rate, motion.torque)
+
+    solver = MonitoredSolver(solver_of(method.solver), _monitor(*stop_gradient((program, loop))))
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(rate),
+        solver,
+        t0=times[0],
+        t1=times[-1],
+        dt0=method.first_step,
+        y0=(loop.start(case.start), None if cost is None else zero),
+        saveat=diffrax.SaveAt(
+            subs=[
+                diffrax.SubSaveAt(ts=times, fn=lambda t, both, args: loop.signals(t, both[0])),
+                diffrax.SubSaveAt(t1=True),
+            ],
+            solver_state=True,
+        ),
+        stepsize_controller=step_size_for(method, loop),
+        max_steps=method.max_steps,
+        adjoint=adjoint,
+        event=diffrax.Event(lambda t, y, args, **_: ~within_limit(y[0], program.state_limit)),
+        throw=False,
+    )
+    signals, final = cast(tuple[Signals, PyTree], solution.ys)
+    signals = jax.tree.map(lambda x: jnp.where(jnp.isinf(x), jnp.nan, x), signals)
+    state, whole = jax.tree.map(lambda x: x[0], final)
+    record = cast(MonitoredState, solution.solver_state).record
+    settled, *rest = (solver.since(record, group) for group in range(len(record.since)))
+    progress = _begun(program, case)._replace(
+        state=state,
+        integrals=Integrals(zero if cost is None else whole, record.integral),
+        settled=settled,
+        rest=rest[0] if rest else None,
+        code=_outcome_code(solution.result),
+        steps=solution.stats["num_steps"],
+    )
+    return Integrated(_outputs(program, case, progress, times, signals), signals, None)
+
+
+def _monitor(program: Program, loop):
+    """What settling and effort are judged by: of a detailed program also what is at rest."""
+    from jaxsat.simulation.monitored_solver import MonitorSample
+
+    def monitor(t, both) -> MonitorSample:
+        motion = loop.motion(t, both[0])
+        observed = Observation.of(loop.plant, motion.plant)
+        excess = (observed.excess(program.tolerances),)
+        if program.detailed:
+            excess = (*excess, observed.rest_excess(program.tolerances))
+        moved = (loop.plant, t, motion.plant, motion.torque, jnp.abs(motion.torque))
+        return MonitorSample(excess, effort_rates(program.detailed, *moved))
+
+    return monitor
+
+
+def _outcome_code(result: Any) -> Int[Array, ""]:
+    """How a diffrax solve ended, one of its `RESULTS`, as an `Outcome`."""
+    import diffrax
+
+    meanings = {
+        Outcome.STATE_LIMIT: diffrax.RESULTS.event_occurred,
+        Outcome.MAX_STEPS: diffrax.RESULTS.max_steps_reached,
+        Outcome.SUCCESS: diffrax.RESULTS.successful,
+    }
+    code = jnp.array(int(Outcome.STEP_UNDERFLOW))
+    for outcome, meaning in meanings.items():
+        code = jnp.where(result == meaning, int(outcome), code)
+    return code
+
+
+def _either_mode(solver: AbstractSolver) -> AbstractSolver:
+    """The solver with a loop over its stages that both modes of differentiation go through."""
+    if getattr(solver, "scan_kind", "none") is not None:
+        return solver
+    return eqx.tree_at(
+        lambda solver: solver.scan_kind, solver, "bounded", is_leaf=lambda x: x is None
+    )
+
+
+class _SampledRecord(NamedTuple):
+    """What is recorded of a sampled run: its integrals, settled and at rest since when, the torques
+    of the period, and the error of the steps."""
+
+    integrals: Integrals
+    settled: SettlingTracker
+    rest: SettlingTracker | None
+    held: HeldTorque
+    error: IntegrationError | None
+
+    def at(self, t, plant: PlantState, program: Program, loop: SampledLoop) -> "_SampledRecord":
+        """With one more observation of the plant."""
+        observed = Observation.of(loop.plant, plant)
+        settled = settled_at(self.settled, t, observed, program.tolerances)
+        rest = rest_at(self.rest, t, observed, program.tolerances)
+        return self._replace(settled=settled, rest=rest)
+
+
+def _sampled(program: Program, case: Case, times, solver: AbstractSolver) -> Integrated:
+    """All periods. A state past the limit is not taken over: the last one is kept from there on."""
+    loop, zero = cast(SampledLoop, case.loop), jnp.zeros((), times.dtype)
+    begun, none = _begun(program, case), HeldTorque.none(case.start.omega)
+
+    def integrate(t, hold, plant, record):
+        return _over_hold(program, loop, solver, t, hold, plant, record)
+
+    def period(running, sample):
+        (number, t), (state, record, code) = sample, running
+        following, carried, signals = loop.period(number, t, state, integrate, record)
+        kept_finite = loop.controller.judged(following.memory)
+        good = within_limit(following.plant, program.state_limit, kept_finite)
+        seen = (signals, carried.held)
+        seen = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), seen)
+        code = jnp.where(good, code, int(Outcome.STATE_LIMIT))
+        new, old = (following, carried._replace(held=none)), (state, record)
+        kept = jax.tree.map(lambda x, y: jnp.where(code == 0, x, y), new, old)
+        return (*kept, code), seen
+
+    settled = SettlingTracker.initial(times[0], 3)
+    rest = SettlingTracker.initial(times[0], 1) if program.detailed else None
+    error = IntegrationError.none(case.start.omega) if program.error_every else None
+    integrals = begun.integrals._replace(cost=zero)
+    record = _SampledRecord(integrals, settled, rest, none, error)
+    record = record.at(times[0], case.start, program, loop)
+    first = (loop.start(case.start), stop_gradient(record), jnp.array(int(Outcome.SUCCESS)))
+    count = times.size - 1
+    samples = (jnp.arange(count), times[:-1])
+    (state, record, code), (signals, held) = jax.lax.scan(period, first, samples)
+    last = loop.signals(jnp.array(count), times[-1], state)
+    last = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), last)
+    signals = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), signals, last)
+    progress = begun._replace(
+        state=state,
+        integrals=record.integrals,
+        settled=record.settled,
+        rest=record.rest,
+        error=record.error,
+        code=code,
+        steps=jnp.array(count * loop.substeps),
+        failures=_failures(program, case, times, signals),
+    )
+    return Integrated(_outputs(program, case, progress, times, signals), signals, held)
+
+
+def _over_hold(program: Program, loop: SampledLoop, solver, t, hold, plant, record):
+    """The plant and the record at the end of a hold that begins at time `t` (s)."""
+
+    def observe(record, now, both):
+        return record.at(now, both[0], program, loop)
+
+    both, rate = (plant, record.integrals), held_rate(program, loop, hold, t)
+    length, steps = hold.length, loop.substeps
+    (after, integrals), record = _equal_steps(solver, rate, t, length, steps, both, observe, record)
+    error = record.error
+    if error is not None:
+        same, held, begin, start = stop_gradient((loop, hold, t, plant))
+
+        def same_rate(now, plant):
+            return same.plant_rate(now, plant, held, now - begin)
+
+        halved, _ = _equal_steps(
+            solver, same_rate, begin, held.length, 2 * steps, start, lambda none, *_: none, ()
+        )
+        error = error.after(loop.plant, length, after, halved)
+    first = loop.torque(t, plant, hold, jnp.zeros_like(length))
+    last = loop.torque(t + length, after, hold, length)
+    held = record.held.with_hold(*stop_gradient((length, first, last)))
+    return after, record._replace(integrals=integrals, held=held, error=error)
+
+
+def _equal_steps(
+    solver, rate: Callable, begin, length, count: int, state, observe: Callable, record
+):
+    """A state after so many equal steps of diffrax, each of whose ends is recorded."""
+    import diffrax
+
+    term, step = diffrax.ODETerm(lambda t, state, args: rate(t, state)), length / count
+
+    def one(number, carry):
+        before, inner, record = carry
+        t = begin + number * step
+        after, _, _, inner, _ = solver.step(term, t, t + step, before, None, inner, made_jump=False)
+        return after, inner, observe(record, t + step, after)
+
+    carry = (state, solver.init(term, begin, begin + step, state, None), record)
+    after, _, record = jax.lax.fori_loop(0, count, one, carry)
+    return after, record
+
+
+def _begun(program: Program, case: Case) -> Progress:
+    """The progress at time zero."""
+    state = case.loop.start(case.start)
+    begun = initial_progress(state, plant_state(case.loop, 0.0, state), case.possible)
+    return with_details(begun, case.loop, 3) if program.detailed else begun
+
+
+def _outputs(program: Program, case: Case, progress: Progress, times, signals) -> Outputs:
+    """Outputs of a run with these signals at all `times`."""
+    end, momentum = times[-1], signals.wheel_momentum
+    plant = plant_state(case.loop, end, progress.state)
+    squares = jnp.sum(signals.omega**2, axis=1)
+    reached = jnp.maximum(jnp.sum(jnp.isfinite(squares)) - 1, 0)  # even the start may be none
+    progress = progress._replace(
+        peak_square=jnp.max(squares),
+        ended_at=jnp.where(case.possible, times[reached], times[0]),
+        code=jnp.where(case.possible, progress.code, int(Outcome.IMPOSSIBLE_CASE)),
+        peak_momentum=None if momentum is None else jnp.max(jnp.abs(momentum), axis=0),
+    )
+    begin, dwell = times[0], program.tolerances.dwell
+    details = details_of(progress, case.loop, progress.state, end, progress.steps, dwell, begin)
+    used, cost = consumption(case.loop, progress.state), program.running_cost
+    told = (used, program.interval, details, dwell, begin)
+    return outputs_of(progress, plant, end, case.drawn, cost, *told)
+
+
+def _failures(program: Program, case: Case, times, signals: Signals) -> FailureRecord | None:
+    """What the history of a sampled loop with failures tells of them."""
+    samples = jax.tree.map(lambda x: x[:-1], signals)
+    begin = initial_record(case.loop, case.loop.start(case.start))
+    return record_of_history(begin, times[:-1], samples, program.tolerances)
