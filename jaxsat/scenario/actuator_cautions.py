@@ -173,12 +173,12 @@ def _idle_angle(scenario: Scenario, working: list[ThrusterTable], duty: float) -
     """
     torque = working_torques(scenario.thruster)
     bases = least_propellant(torque, np.ones(torque.shape[1]), plane_map(torque, 3, False))
-    period = getattr(scenario.control, "period_s")  # noqa: B009
+    period = scenario.control.period_s
     shortest = np.array(
         [one.min_on_time_s / period for one in working for _ in range(1 + one.two_sided)]
     )
     shortest = np.maximum(shortest, duty)
-    frequency = getattr(scenario.control, "natural_frequency_rad_s")  # noqa: B009
+    frequency = scenario.control.natural_frequency_rad_s
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     largest = 0.0
     for axis in (*np.eye(3), *-np.eye(3)):

@@ -15,7 +15,7 @@ from jaxsat.scenario.layout import (
     uses_error_coordinates,
 )
 from jaxsat.scenario.parts.wheels import limit_of_wheels
-from jaxsat.scenario.rules import at, is_multiple, rule, rule_over
+from jaxsat.scenario.rules import STEPS, at, is_multiple, key_of_fixed_steps, rule, rule_over
 from jaxsat.scenario.tables import working_axes
 from jaxsat.scenario.wording import shown
 
@@ -214,34 +214,24 @@ def _solver_keys_fit(values):
         yield at("simulation.solver.step_s", message, True)
 
 
-@rule(
-    "simulation.solver.name", "simulation.solver.steps", "simulation.solver.step_s", "control.law"
-)
-def _euler_has_no_error_estimate(name, steps, step, law):
-    adaptive = steps == "adaptive" or (steps is None and step is None)
-    if name == "euler" and adaptive and not law.declaration.sampled:
+@rule_over("simulation.solver.name", "control.law", *STEPS)
+def _euler_has_no_error_estimate(values):
+    adaptive = key_of_fixed_steps(values) is None and not values["control.law"].declaration.sampled
+    if values["simulation.solver.name"] == "euler" and adaptive:
         yield at(
             "simulation.solver.name",
             'must be a solver with an error estimate while steps are adaptive, got "euler"',
         )
 
 
-@rule_over(
-    "simulation.coordinates",
-    "simulation.solver.steps",
-    "simulation.solver.step_s",
-    *ERROR_COORDINATE_KEYS,
-)
+@rule_over("simulation.coordinates", *STEPS, *ERROR_COORDINATE_KEYS)
 def _no_fixed_steps_across_jumps(values):
-    steps, step = values["simulation.solver.steps"], values["simulation.solver.step_s"]
-    if steps != "fixed" and (steps == "adaptive" or step is None):
-        return
-    law = values["control.law"]
-    if torque_jumps(values) and not uses_error_coordinates(values):
+    key, law = key_of_fixed_steps(values), values["control.law"]
+    if key and torque_jumps(values) and not uses_error_coordinates(values):
         yield at(
-            f"simulation.solver.{'steps' if steps == 'fixed' else 'step_s'}",
-            f'must be left to adaptive steps: at torque level the law "{law.name}" holds the '
+            key,
+            f'must be left to adaptive steps: at torque level the law "{law}" holds the '
             "derivative of a saturation that jumps, and fixed steps of any size give errors as "
             f"large as the state; round it ({' and '.join(law.declaration.jumps_without)} above "
-            f"0) or leave the torque unlimited, got {shown(steps if steps == 'fixed' else step)}",
+            f"0) or leave the torque unlimited, got {shown(values[key])}",
         )

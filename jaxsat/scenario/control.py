@@ -106,6 +106,11 @@ class LawTable(Table):
 
     law: str = choice("The control law")
 
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """The keys that a law declares."""
+
 
 @once
 def table_of(law: Law) -> type[LawTable]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import jaxsat.core.declaration as declaration
-from jaxsat.core.declaration.laws import Law
+from jaxsat.core.declaration.laws import LAWS, Law
 from jaxsat.core.errors import FOREIGN
 from jaxsat.scenario.control import is_plugin, known_law
 from jaxsat.scenario.errors import Issue
@@ -118,6 +118,23 @@ def is_multiple(whole: float, part: float) -> bool:
     """Whether `whole` is `part` a whole number of times, up to rounding."""
     count = round(whole / part)
     return count >= 1 and abs(count * part - whole) <= min(ROUNDING * whole, 1e-7 * part)
+
+
+STEPS = ("simulation.solver.steps", "simulation.solver.step_s")
+"""The keys that tell adaptive steps from fixed ones."""
+
+
+def key_of_fixed_steps(values: Values) -> str | None:
+    """The one of `STEPS` by which a continuous law has fixed steps; None where it has not."""
+    steps, step = (values[key] for key in STEPS)
+    if values["control.law"].declaration.sampled or steps == "adaptive":
+        return None
+    return STEPS[0] if steps == "fixed" else None if step is None else STEPS[1]
+
+
+def sampled_laws() -> str:
+    """The names of jaxsat's sampled laws, for a message."""
+    return ", ".join(f'"{name}"' for name, one in LAWS.items() if one.declaration.sampled)
 
 
 def at(key: str, message: str, missing: bool = False) -> Issue:

@@ -1,7 +1,5 @@
 """From a scenario to its control law, with the law's own model of the plant."""
 
-from typing import Any, cast
-
 import numpy as np
 
 from jaxsat.control import (
@@ -64,7 +62,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         message = f'must be such that `from_table` of the law "{law.name}" gives the law, got '
         raise BuildError(Issue(("control", "law"), message + type(made).__name__))
     if isinstance(made, AbstractSampledController):
-        period = cast(Any, control).period_s
+        period = control.period_s
         if float(np.asarray(made.period)) != float(np.asarray(as_float(period))):
             message = f"must be the attribute `period` of the law, {made.period}, got {period}"
             raise BuildError(Issue(("control", "period_s"), message))

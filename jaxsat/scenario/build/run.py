@@ -190,7 +190,7 @@ def build_times(scenario: Scenario) -> Float[Array, " times"]:
     unit, count = table.save_every_s, round(table.duration_s / table.save_every_s)
     if not scenario.law.declaration.sampled:
         return as_array(np.arange(count + 1) * unit)
-    period = cast(Any, scenario.control).period_s
+    period = scenario.control.period_s
     return as_array(np.arange(count + 1) * round(unit / period) * period)
 
 
@@ -224,7 +224,7 @@ def _require_few_steps(scenario: Scenario, loop: AbstractLoop, method: Method) -
     table, most = scenario.simulation, MAX_FIXED_STEPS
     if isinstance(loop, SampledLoop):
         most = MAX_SAMPLED_STEPS
-        step = cast(Any, scenario.control).period_s / loop.substeps
+        step = scenario.control.period_s / loop.substeps
         key = "control.period_s" if table.solver.substeps is None else "simulation.solver.substeps"
     elif method.first_step is None:
         return  # adaptive steps, which have a number of their own

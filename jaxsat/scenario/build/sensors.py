@@ -1,6 +1,6 @@
 """From a scenario to what a sampled law is told."""
 
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -59,7 +59,7 @@ def build_navigation(scenario: Scenario) -> Navigation | None:
     if scenario.gyro is None or scenario.star_tracker is None:
         return None
     gyro = Gyro.from_table(dict(scenario.gyro))
-    period = cast(Any, scenario.control).period_s
+    period = scenario.control.period_s
     tracker = StarTracker.from_table(dict(scenario.star_tracker), period)
     table: Any = scenario.estimator or OwnEstimatorTable()
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))

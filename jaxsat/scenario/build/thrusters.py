@@ -84,7 +84,7 @@ def rate_noise(scenario: Scenario) -> float:
     """Standard deviation (rad/s) of the rates that a sampled law is told, from sample to sample."""
     if scenario.gyro is not None:
         gyro = Gyro.from_table(dict(scenario.gyro))
-        period = getattr(scenario.control, "period_s")  # noqa: B009
+        period = scenario.control.period_s
         return float(gyro.rate_variance(as_float(period))) ** 0.5
     return 0.0 if scenario.sampling is None else scenario.sampling.rate_noise_rad_s
 
@@ -115,7 +115,7 @@ def _modulation(scenario: Scenario) -> AbstractModulation:
     table = scenario.modulation or ModulationTable()
     kind = modulation_kind(table, scenario.thruster)
     if kind == "pwpf":
-        period: Any = getattr(scenario.control, "period_s")  # noqa: B009
+        period = scenario.control.period_s
         return PulseWidthPulseFrequency.of(
             period, table.gain, table.time_constant_s, table.on_level, table.off_level
         )

@@ -20,7 +20,7 @@ from jaxsat.scenario.quantities import (
     quantity,
     within,
 )
-from jaxsat.scenario.rules import rule, rule_over
+from jaxsat.scenario.rules import STEPS, at, key_of_fixed_steps, rule, rule_over
 from jaxsat.scenario.wording import shown
 
 _IDEAL = "thruster of thruster_torque_axes"
@@ -165,14 +165,14 @@ def _failures_are_those_of_jaxsats_own_actuators(failures, kind):
         yield Issue(("failure",), f"must not be given with actuators.kind = {shown(kind)}")
 
 
-@rule("failure", "control.law", "simulation.solver.steps", "simulation.solver.step_s")
-def _no_fixed_steps_across_a_failure(failures, law, steps, step):
-    fixed = steps == "fixed" or (steps is None and step is not None)
-    if failures and fixed and not law.declaration.sampled:
-        yield Issue(
-            ("simulation", "solver", "steps" if steps == "fixed" else "step_s"),
+@rule_over("failure", "control.law", *STEPS)
+def _no_fixed_steps_across_a_failure(values):
+    key = key_of_fixed_steps(values)
+    if values["failure"] and key:
+        yield at(
+            key,
             "must be left to adaptive steps where something fails in flight, which ends a step, "
-            f"got {shown(steps if steps == 'fixed' else step)}",
+            f"got {shown(values[key])}",
         )
 
 
@@ -205,10 +205,10 @@ def _after_the_end(scenario: Any) -> Iterator[Issue]:
     end = scenario.simulation.duration_s
     for key, times in begins.items():
         drawn = _drawn(scenario, key)
-        for location, at in (times if drawn is None else _least(key, drawn)).items():
-            if at >= end:
+        for location, time in (times if drawn is None else _least(key, drawn)).items():
+            if time >= end:
                 message = f"should be before simulation.duration_s = {shown(end)}"
-                yield Issue(location, f"{message}, else it never strikes, got {shown(at)}")
+                yield Issue(location, f"{message}, else it never strikes, got {shown(time)}")
 
 
 def _drawn(scenario: Any, key: str) -> Any:

@@ -10,7 +10,6 @@ from pydantic import ConfigDict, SerializeAsAny
 
 from jaxsat.core.declaration.keys import choice as key_choice
 from jaxsat.core.declaration.keys import number
-from jaxsat.core.declaration.laws import LAWS
 from jaxsat.core.ranges import (
     ATTITUDE_NOISE,
     GYRO_BIAS,
@@ -24,7 +23,7 @@ from jaxsat.core.ranges import (
 from jaxsat.scenario.parts.named import PartTable, by_its_kind
 from jaxsat.scenario.plugins import ESTIMATOR, PluginKind
 from jaxsat.scenario.quantities import choice, fields_of, table_with
-from jaxsat.scenario.rules import at, is_multiple, rule, rule_over
+from jaxsat.scenario.rules import at, is_multiple, rule, rule_over, sampled_laws
 from jaxsat.scenario.wording import shown
 
 SENSOR_KEYS = (
@@ -299,10 +298,7 @@ def _sensors_belong_to_a_sampled_law(values):
     for table in ("sampling", "gyro", "star_tracker"):
         given = any(key.startswith(f"{table}.") for key in values)
         if given and not law.declaration.sampled:
-            allowed = ", ".join(
-                f'"{name}"' for name, one in LAWS.items() if one.declaration.sampled
-            )
-            yield at(table, f'must belong to a sampled law ({allowed}), got "{law}"')
+            yield at(table, f'must belong to a sampled law ({sampled_laws()}), got "{law}"')
 
 
 @rule("control.period_s", "sampling.delay_s")

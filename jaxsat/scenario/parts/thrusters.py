@@ -8,7 +8,6 @@ from annotated_types import Gt, Le
 
 from jaxsat.core.allocation import least_propellant, plane_map
 from jaxsat.core.declaration.failures import FailureKind
-from jaxsat.core.declaration.laws import LAWS
 from jaxsat.core.ranges import SECONDS, TORQUE_LIMIT, Range
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import ActuatorDeclaration
@@ -25,7 +24,7 @@ from jaxsat.scenario.quantities import (
     quantity,
     within,
 )
-from jaxsat.scenario.rules import at, rule, rule_over
+from jaxsat.scenario.rules import at, rule, rule_over, sampled_laws
 from jaxsat.scenario.wording import shown
 
 FORCE = Range(1e-9, 1e9)
@@ -207,10 +206,9 @@ def _each_thruster_is_whole(thrusters):
 @rule("thruster", "control.law")
 def _thrusters_need_a_sampled_law(thrusters, law):
     if thrusters and not law.declaration.sampled:
-        allowed = [f'"{name}"' for name, one in LAWS.items() if one.declaration.sampled]
         yield at(
             "thruster",
-            f'must belong to a sampled law ({", ".join(allowed)}), got "{law}", whose torque '
+            f'must belong to a sampled law ({sampled_laws()}), got "{law}", whose torque '
             "changes all the time (spacecraft.thruster_torque_axes has ideal torques)",
         )
 

@@ -20,7 +20,7 @@ from jaxsat.scenario.quantities import (
     quantity,
     within,
 )
-from jaxsat.scenario.rules import at, rule, rule_over
+from jaxsat.scenario.rules import STEPS, at, key_of_fixed_steps, rule, rule_over
 from jaxsat.scenario.tables import working_axes
 from jaxsat.scenario.wording import shown
 
@@ -231,15 +231,14 @@ def _tachometers_belong_to_a_sampled_law(wheels, law):
             yield Issue(("wheel", number, "tachometer_noise_N_m_s"), f"{message}, got {found}")
 
 
-@rule("wheel", "control.law", "simulation.solver.steps", "simulation.solver.step_s")
-def _no_fixed_steps_across_a_momentum_limit(wheels, law, steps, step):
-    if steps == "adaptive" or (steps is None and step is None) or law.declaration.sampled:
-        return
-    if any(one.momentum_limit_N_m_s is not None for one in wheels):
+@rule_over("wheel", "control.law", *STEPS)
+def _no_fixed_steps_across_a_momentum_limit(values):
+    key = key_of_fixed_steps(values)
+    if key and any(one.momentum_limit_N_m_s is not None for one in values["wheel"]):
         yield at(
-            f"simulation.solver.{'steps' if steps == 'fixed' else 'step_s'}",
+            key,
             "must be left to adaptive steps where a wheel has a momentum limit, as its torque "
-            f"ends there within a step, got {shown(steps if steps == 'fixed' else step)}",
+            f"ends there within a step, got {shown(values[key])}",
         )
 
 
