@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, cast
 import jax
 import numpy as np
 
-from jaxsat.core.checks import as_float, require_counts
+from jaxsat.core.checks import as_array, as_float, require_counts
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.plant import orbit_rate
