@@ -20,6 +20,7 @@ from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of
 from jaxsat.synthesis.bounds.search import propagate, solution_of
 from jaxsat.synthesis.comparison.in_scenario import scenario_under
+from jaxsat.synthesis.plain_data import plain_data
 
 STRETCHES = (1.005, 1.01, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)
 """Durations of the front over the least time."""
@@ -62,12 +63,12 @@ class Front(NamedTuple):
         flown = [
             {
                 "law": one.law,
-                "settled_from_s": one.settled_from if math.isfinite(one.settled_from) else None,
-                "effort_N_m_s": one.effort if math.isfinite(one.effort) else None,
+                "settled_from_s": one.settled_from,
+                "effort_N_m_s": one.effort,
             }
             for one in self.flown
         ]
-        return {
+        record = {
             "torque_limit_N_m": self.torque_limit,
             "end": self.end,
             "front": [
@@ -76,6 +77,7 @@ class Front(NamedTuple):
             "failed_durations_s": self.failed,
             "laws": flown,
         }
+        return plain_data(record)
 
 
 def front(

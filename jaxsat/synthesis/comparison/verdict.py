@@ -9,6 +9,7 @@ from scipy import special
 from jaxsat.core.numerals import number_text
 from jaxsat.studies import LEVEL, Interval, percentile, wilson
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
+from jaxsat.synthesis.plain_data import plain_data
 
 
 class ScenarioSetting(NamedTuple):
@@ -40,14 +41,16 @@ class ComparisonRow(NamedTuple):
 
     def as_data(self) -> dict[str, Any]:
         """Everything but the single times as plain data; None for what is infinite or unknown."""
-        return {
-            **self.setting._asdict(),
+        numbers = {
             "cases": self.cases,
-            **{name: _plain_interval(getattr(self, name)) for name in ("settled", "t50", "t90")},
-            "effort_N_m_s": _finite(self.effort),
-            "peak_rate_rad_s": _finite(self.peak_rate),
-            "paper_start_settled_s": _finite(self.paper_start),
+            "settled": self.settled,
+            "t50": self.t50,
+            "t90": self.t90,
+            "effort_N_m_s": self.effort,
+            "peak_rate_rad_s": self.peak_rate,
+            "paper_start_settled_s": self.paper_start,
         }
+        return plain_data(self.setting._asdict() | numbers)
 
 
 class ComparisonVerdict(NamedTuple):
@@ -197,11 +200,3 @@ def _seconds(value: float) -> str:
 
 def _or_nan(statistic, values: np.ndarray) -> float:
     return float(statistic(values)) if len(values) else float("nan")
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _plain_interval(found: Interval) -> dict[str, float | None]:
-    return {name: _finite(value) for name, value in found._asdict().items()}

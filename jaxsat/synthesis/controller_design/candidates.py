@@ -139,11 +139,13 @@ def with_scaled_gains(scenario: Scenario, factor: float) -> dict[str, Any]:
         is_rate = key.name.endswith("_rad_s") and not key.name.startswith(("ripple", "holding"))
         if value is None or not power or not (key.tunable or (is_rate and key.unit == "rad/s")):
             continue
-        scale = math.sqrt(factor) ** power
-        table[key.name] = (
-            tuple(scale * one for one in value) if isinstance(value, tuple) else scale * value
-        )
+        table[key.name] = times(value, math.sqrt(factor) ** power)
     return table
+
+
+def times(value: Any, factor: float) -> Any:
+    """A number, or each of several, times a factor."""
+    return tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
 
 
 def with_larger_end_game(candidate: Candidate) -> Candidate | None:

@@ -13,9 +13,9 @@ from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.studies import Sensitivity, numbers_of
 from jaxsat.studies.ensemble import DRAWN
 from jaxsat.studies.sensitivities import Sensitivities
-from jaxsat.synthesis.controller_design.candidates import Candidate, with_scaled_gains
+from jaxsat.synthesis.controller_design.candidates import Candidate, times, with_scaled_gains
 from jaxsat.synthesis.controller_design.studies import Columns
-from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict, coupling, turned
+from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict, coupling, entries, turned
 
 MOST_FLOWN = 400
 """Failing cases that are flown again at most."""
@@ -93,14 +93,11 @@ def remedies(
         lambda: stronger(scenario, CHANCE),
     )
     yield "twice the torque", lambda: stronger(scenario, 2.0)
-    yield "twice the time", lambda: _with(scenario, "simulation", duration_s=2.0)
-    if _noise(scenario):
-        yield "half the noise of the sensors", lambda: quieter(scenario)
-    if any(scenario.disturbance.amplitude_N_m) or any(scenario.disturbance.constant_N_m):
-        yield (
-            "half the disturbance",
-            lambda: _with(scenario, "disturbance", amplitude_N_m=0.5, constant_N_m=0.5),
-        )
+    yield "twice the time", lambda: multiplied(scenario, 2.0, DURATION)
+    if _has(scenario, NOISE):
+        yield "half the noise of the sensors", lambda: multiplied(scenario, 0.5, NOISE)
+    if _has(scenario, DISTURBANCE):
+        yield "half the disturbance", lambda: multiplied(scenario, 0.5, DISTURBANCE)
     for name, key in (("inertia", "inertia"), ("thrust", "torque_gain"), ("axes", "misalignment")):
         table = getattr(scenario.dispersion, _key(key), None)
         if table is not None and table.distribution == "uniform":
@@ -115,56 +112,50 @@ def remedies(
         yield f"the law {other.name}", lambda other=other: other.scenario
 
 
-def stronger(scenario: Scenario, factor: float) -> Scenario:
-    """The scenario with `factor` times the torque of every actuator, and gains scaled alike."""
-    data = scenario.model_dump(exclude_none=True)
-    data["control"] = with_scaled_gains(scenario, factor)
-    if "torque_limit_N_m" in data["spacecraft"]:
-        data["spacecraft"]["torque_limit_N_m"] *= factor
-    for name, keys in {
-        "thruster": ("force_N", "torque_N_m"),
-        "wheel": ("torque_limit_N_m",),
-    }.items():
-        for table in data.get(name, ()):
-            table |= {key: table[key] * factor for key in keys if key in table}
-    return Scenario.model_validate(data)
+TORQUES: Mapping[str, tuple[str, ...]] = {
+    "spacecraft": ("torque_limit_N_m",),
+    "thruster": ("force_N", "torque_N_m"),
+    "wheel": ("torque_limit_N_m",),
+}
+"""Keys of what actuators can do, by table."""
 
-
-def quieter(scenario: Scenario, factor: float = 0.5) -> Scenario:
-    """The scenario with `factor` times the noise of every sensor."""
-    data = scenario.model_dump(exclude_none=True)
-    for name, keys in _NOISE.items():
-        for key in keys:
-            if data.get(name, {}).get(key):
-                data[name][key] *= factor
-    return Scenario.model_validate(data)
-
-
-_NOISE: Mapping[str, tuple[str, ...]] = {
+NOISE: Mapping[str, tuple[str, ...]] = {
     "sampling": ("rate_noise_rad_s", "attitude_noise_rad"),
     "gyro": ("noise_density_rad_s_sqrt_Hz", "bias_walk_rad_s2_sqrt_Hz", "bias_sigma_rad_s"),
     "star_tracker": ("across_rad", "along_rad"),
 }
+"""Keys of sensors' noise, by table."""
+
+DISTURBANCE = {"disturbance": ("amplitude_N_m", "constant_N_m")}
+DURATION = {"simulation": ("duration_s",)}
 
 
-def _noise(scenario: Scenario) -> bool:
-    data = scenario.model_dump(exclude_none=True, include={*_NOISE})
-    return any(data.get(name, {}).get(key) for name, keys in _NOISE.items() for key in keys)
+def stronger(scenario: Scenario, factor: float) -> Scenario:
+    """The scenario with `factor` times the torque of every actuator, and gains scaled alike."""
+    control = {"control": with_scaled_gains(scenario, factor)}
+    return multiplied(scenario, factor, TORQUES, **control)
+
+
+def multiplied(
+    scenario: Scenario, factor: float, keys: Mapping[str, tuple[str, ...]], **tables: Any
+) -> Scenario:
+    """The scenario with the numbers of these `keys`, by table, times `factor`; `tables` replace
+    its own.
+    """
+    data = scenario.model_dump(exclude_none=True) | tables
+    for table, key in entries(data, keys):
+        table[key] = times(table[key], factor)
+    return Scenario.model_validate(data)
+
+
+def _has(scenario: Scenario, keys: Mapping[str, tuple[str, ...]]) -> bool:
+    """Whether any of these numbers is not zero."""
+    data = scenario.model_dump(exclude_none=True, include={*keys})
+    return any(np.any(table[key]) for table, key in entries(data, keys))
 
 
 def _key(name: str) -> str:
     return "misalignment_rad" if name == "misalignment" else name
-
-
-def _with(scenario: Scenario, table: str, **factors: float) -> Scenario:
-    """The scenario with numbers of a table multiplied."""
-    data = scenario.model_dump(exclude_none=True)
-    for key, factor in factors.items():
-        value: Any = data[table][key]
-        data[table][key] = (
-            tuple(factor * one for one in value) if isinstance(value, tuple) else factor * value
-        )
-    return Scenario.model_validate(data)
 
 
 def _narrowed(scenario: Scenario, key: str, share: float = 0.5) -> Scenario:

@@ -14,6 +14,7 @@ from jaxsat.synthesis.controller_design.explanation import Remedy, Separation
 from jaxsat.synthesis.controller_design.request import ALL, QUICK, DesignSettings
 from jaxsat.synthesis.controller_design.tuning import Tuned
 from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict
+from jaxsat.synthesis.plain_data import plain_data
 
 DesignOutcome = Literal["reached", "not reached", "nothing to design"]
 
@@ -206,23 +207,22 @@ class ControllerDesign:
 
     def _verification_data(self, found: Verification) -> dict[str, Any]:
         limit = found.limit
-        times = {
-            name: {
-                f"{percent:g}": _plain(one) for percent, one in getattr(found.summary, name).items()
-            }
-            for name in ("settling_time", "effort")
-        }
-        return {
+        times = [
+            {f"{percent:g}": one for percent, one in of_percents.items()}
+            for of_percents in (found.summary.settling_time, found.summary.effort)
+        ]
+        record = {
             "cases": found.summary.cases,
-            "settled": _plain(found.settled),
-            "settling_time_s": times["settling_time"],
-            "effort_N_m_s": times["effort"],
+            "settled": found.settled,
+            "settling_time_s": times[0],
+            "effort_N_m_s": times[1],
             "outcomes": found.summary.outcomes,
             "failing_cases": found.failing,
-            "separations": [one._asdict() for one in found.separations],
-            "remedies": [one._asdict() for one in found.remedies],
+            "separations": found.separations,
+            "remedies": found.remedies,
             "limit": limit and {**limit._asdict(), "cause": self._cause(limit.change)},
         }
+        return plain_data(record)
 
     def _cause(self, change: str) -> str | None:
         """Why it is so, where more is known than the number."""
@@ -234,10 +234,3 @@ class ControllerDesign:
             "there is one that goes with the size of the command, which no law here knows. "
             "Measure the axes, or give the thrusters that are used less error."
         )
-
-
-def _plain(found: Interval) -> dict[str, float | None]:
-    return {
-        name: float(value) if np.isfinite(value) else None
-        for name, value in found._asdict().items()
-    }

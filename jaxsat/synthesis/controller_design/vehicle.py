@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -191,6 +191,16 @@ VECTORS: Mapping[str, Sequence[str]] = {
 """Keys that hold a vector in body axes, by table."""
 
 
+def entries(
+    data: Mapping[str, Any], keys: Mapping[str, Sequence[str]]
+) -> Iterator[tuple[dict[str, Any], str]]:
+    """Each table of a dumped scenario that has one of these `keys`, by table, with the key."""
+    for name, of_table in keys.items():
+        tables = data.get(name, ())
+        for table in [tables] if isinstance(tables, dict) else tables:
+            yield from ((table, key) for key in of_table if table.get(key) is not None)
+
+
 def turned(scenario: Scenario, turn: Sequence[float]) -> Scenario:
     """The scenario in the body axes in which the attitude turned by `turn` is the orbit frame's.
 
@@ -200,12 +210,8 @@ def turned(scenario: Scenario, turn: Sequence[float]) -> Scenario:
     """
     back = Rotation.from_rotvec(np.asarray(turn, float)).as_matrix()  # of vectors in body axes
     data = scenario.model_dump(exclude_none=True)
-    for name, keys in VECTORS.items():
-        tables = data.get(name, ())
-        for table in [tables] if isinstance(tables, dict) else tables:
-            for key in keys:
-                if table.get(key) is not None:
-                    table[key] = _plain(back @ np.array(table[key], float))
+    for table, key in entries(data, VECTORS):
+        table[key] = _plain(back @ np.array(table[key], float))
     spacecraft = data["spacecraft"]
     if "thruster_torque_axes" in spacecraft:
         rows = np.array(spacecraft["thruster_torque_axes"], float) @ back.T

@@ -19,6 +19,7 @@ import numpy as np
 import scipy.optimize
 from jaxtyping import Float
 
+from jaxsat.synthesis.plain_data import plain_data
 from jaxsat.synthesis.tuning.descent import DescentState
 from jaxsat.synthesis.tuning.plan import TuningPlan
 from jaxsat.synthesis.tuning.strategies import PACKAGE, new_strategy, search_bounds
@@ -251,8 +252,6 @@ def run_baselines(
 
 def as_data(found: Sequence[BaselineResult]) -> list[dict[str, Any]]:
     """The table's rows as plain data."""
-    from jaxsat.synthesis.tuning.receipt import plain_data
-
     return [
         plain_data({**entry._asdict(), "evaluation": entry.evaluation.as_data()}) for entry in found
     ]

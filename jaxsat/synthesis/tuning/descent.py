@@ -2,7 +2,7 @@
 that can be interrupted and resumed."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import jax
@@ -143,26 +143,13 @@ def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
         _spread(state.alive, [entry.loss for entry in per_start]),
         _spread(state.alive, np.linalg.norm(gradients[alive], axis=1)),
         _spread(state.alive, _settled(found.outputs)),
-        _counts(state.alive, (found.outputs.code != int(Outcome.SUCCESS)).sum(axis=1)),
-        _counts(state.alive, [entry.masked for entry in per_start]),
-        _counts(state.alive, [entry.bounded for entry in per_start]),
+        _spread(state.alive, _ended_early(found.outputs), 0),
+        _spread(state.alive, [entry.masked for entry in per_start], 0),
+        _spread(state.alive, [entry.bounded for entry in per_start], 0),
         horizon,
         trajectories,
     )
-    following = DescentState(
-        points,
-        state.alive,
-        optimiser,
-        state.best_point,
-        state.best_loss,
-        state.step + 1,
-        trajectories,
-        [*state.steps, record],
-        state.validations,
-    )
-    due = following.step % settings.validate_every == 0
-    if due or following.step == settings.steps or following.step in settings.halvings:
-        following = _validated(plan, following)
+    following = _followed(plan, state, record, points=points, optimiser=optimiser)
     if following.step in settings.halvings:
         following.alive = _better_half(following)
     return following
@@ -185,25 +172,13 @@ def _generation(plan: TuningPlan, state: DescentState) -> DescentState:
         losses,
         np.full(len(losses), np.nan),
         _settled(outputs),
-        np.asarray((outputs.code != int(Outcome.SUCCESS)).sum(axis=1)),
+        np.asarray(_ended_early(outputs)),
         none,
         none,
         horizon,
         trajectories,
     )
-    following = DescentState(
-        state.points,
-        state.alive,
-        (),
-        state.best_point,
-        state.best_loss,
-        state.step + 1,
-        trajectories,
-        [*state.steps, record],
-        state.validations,
-    )
-    if following.step % settings.validate_every == 0 or following.step == settings.steps:
-        following = _validated(plan, following)
+    following = _followed(plan, state, record)
     own = plan.space.projected(plan.space.to_search(plan.start[None]))[0]
     history = [(one.points, one.loss) for one in following.steps]
     following.points = next_population(plan.space, own, settings.seed, settings.starts, history)
@@ -228,6 +203,23 @@ def descend(
         if report is not None:
             report(_progress(plan, state))
     return state
+
+
+def _followed(
+    plan: TuningPlan, state: DescentState, record: StepRecord, **changes: Any
+) -> DescentState:
+    """The state after a step with what it changes, validated where that is due."""
+    following = replace(
+        state,
+        step=state.step + 1,
+        trajectories=record.trajectories,
+        steps=[*state.steps, record],
+        **changes,
+    )
+    settings, step = plan.settings, following.step
+    halved = step in settings.halvings and not settings.descent.derivative_free
+    due = halved or step % settings.validate_every == 0 or step == settings.steps
+    return _validated(plan, following) if due else following
 
 
 def _validated(plan: TuningPlan, state: DescentState) -> DescentState:
@@ -282,15 +274,15 @@ def _settled(outputs: Outputs) -> np.ndarray:
     return np.isfinite(outputs.settling_time).mean(axis=1)
 
 
-def _spread(alive: Bool[np.ndarray, " starts"], values: Any) -> Float[np.ndarray, " starts"]:
-    """Values of those alive in their places among all starts, NaN for the others."""
-    everywhere = np.full(len(alive), np.nan)
-    everywhere[alive] = values
-    return everywhere
+def _ended_early(outputs: Outputs) -> np.ndarray:
+    return (outputs.code != int(Outcome.SUCCESS)).sum(axis=1)
 
 
-def _counts(alive: Bool[np.ndarray, " starts"], values: Any) -> Int[np.ndarray, " starts"]:
-    everywhere = np.zeros(len(alive), int)
+def _spread(
+    alive: Bool[np.ndarray, " starts"], values: Any, others: float | int = np.nan
+) -> np.ndarray:
+    """Values of those alive in their places among all starts (starts,), `others` elsewhere."""
+    everywhere = np.full(len(alive), others)
     everywhere[alive] = values
     return everywhere
 

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.simulation import Outcome
+from jaxsat.synthesis.plain_data import plain_data
 from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator
 from jaxsat.synthesis.tuning.descent import DescentState
 from jaxsat.synthesis.tuning.plan import FIRST_RECEIPT_CASE, TuningPlan
@@ -196,23 +197,6 @@ def check_gradients(
         errors[best, columns],
         *counts,
     )
-
-
-def plain_data(value: Any) -> Any:
-    """Nested results as plain data for JSON; numbers that are not finite become None."""
-    if isinstance(value, dict):
-        return {str(key): plain_data(entry) for key, entry in value.items()}
-    if hasattr(value, "_asdict"):
-        return plain_data(value._asdict())
-    if isinstance(value, np.ndarray):
-        return plain_data(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain_data(entry) for entry in value]
-    if isinstance(value, np.generic):
-        return plain_data(value.item())
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    return value
 
 
 def _relative(one: np.ndarray, other: np.ndarray, least: float = 0.0) -> np.ndarray:

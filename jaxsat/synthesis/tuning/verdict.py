@@ -12,9 +12,9 @@ from jaxtyping import Float
 from jaxsat.simulation import Outcome
 from jaxsat.simulation.engine import Outputs
 from jaxsat.studies import LEVEL, Interval, Summary, summarise, wilson
+from jaxsat.synthesis.plain_data import plain_data
 from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator, TrajectoryCounter
 from jaxsat.synthesis.tuning.plan import TuningPlan
-from jaxsat.synthesis.tuning.receipt import plain_data
 
 BLOCK = 8192
 """Cases evaluated at a time."""

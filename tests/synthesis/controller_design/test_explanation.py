@@ -10,8 +10,9 @@ from jaxsat.studies.perturbed import PerturbedLoop
 from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.controller_design.explanation import (
     COUPLING,
+    NOISE,
     drawn_numbers,
-    quieter,
+    multiplied,
     remedies,
     separations,
     stronger,
@@ -112,6 +113,6 @@ def test_pulsed_thrusters_and_filters_are_scaled_too():
             "star_tracker.along_rad=1e-4",
         ],
     )
-    half = quieter(given)
+    half = multiplied(given, 0.5, NOISE)
     assert half.gyro.noise_density_rad_s_sqrt_Hz == 5e-6
     assert (half.star_tracker.across_rad, half.star_tracker.along_rad) == (5e-6, 5e-5)
