@@ -15,16 +15,14 @@ from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext
 from jaxsat.spacecraft.failures import (
     AbstractFailures,
     FailureEvents,
-    MagnetorquerFailures,
 )
 from jaxsat.spacecraft.gimbals import (
     ControlMomentGyros,
     GimbalFailures,
     GyroStates,
 )
-from jaxsat.spacecraft.gyro import Gyro
 from jaxsat.spacecraft.holds import AbstractPulsedActuators, Consumption, Hold, Usage
-from jaxsat.spacecraft.magnetorquers import Magnetorquers
+from jaxsat.spacecraft.magnetorquers import MagnetorquerFailures, Magnetorquers
 from jaxsat.spacecraft.modulation import (
     AbstractModulation,
     DeltaSigma,
@@ -33,14 +31,13 @@ from jaxsat.spacecraft.modulation import (
     PulseWidth,
     PulseWidthPulseFrequency,
 )
+from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
 from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
-from jaxsat.spacecraft.sensors import DrawnSensors, Sensors
+from jaxsat.spacecraft.sensors import DrawnSensors, Sensors, Tachometers
 from jaxsat.spacecraft.spacecraft import Spacecraft, inverse_of
-from jaxsat.spacecraft.star_tracker import StarTracker
-from jaxsat.spacecraft.tachometers import Tachometers
-from jaxsat.spacecraft.thruster_set import ThrusterSet
 from jaxsat.spacecraft.thrusters import (
     Thrusters,
+    ThrusterSet,
     allocation,
     one_thruster_coupling,
     two_thruster_coupling,

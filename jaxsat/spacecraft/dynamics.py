@@ -17,7 +17,7 @@ from jaxsat.core.checks import require_inertia
 from jaxsat.spacecraft import Spacecraft, inverse_of
 from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.environment import AbstractDisturbance, AbstractOrbit, NoDisturbance
-from jaxsat.spacecraft.plant_state import OfEach, PlantState
+from jaxsat.spacecraft.spacecraft import OfEach, PlantState
 
 RealScalar = Float[Array, ""]
 Struck = tuple[Bool[Array, " _"], ...]

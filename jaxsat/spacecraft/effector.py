@@ -28,7 +28,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.spacecraft.environment.orbit import CircularOrbit
-from jaxsat.spacecraft.plant_state import PlantState
+from jaxsat.spacecraft.spacecraft import PlantState
 
 RealScalar = Float[Array, ""]
 

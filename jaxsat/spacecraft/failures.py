@@ -31,6 +31,16 @@ class LastFailure(NamedTuple):
     amount: Float[Array, " m"]
     since: Float[Array, " m"]
 
+    def two_signed(self) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
+        """Gain and level of each actuator of either sign."""
+        kind, amount = self.kind, self.amount
+        stuck = (kind == FailureKind.STUCK_ON) | (kind == FailureKind.STUCK_AT)
+        held = jnp.where(kind == FailureKind.STUCK_ON, 1.0, amount)
+        left = jnp.where(kind == FailureKind.DEGRADED, amount, 1.0)
+        left = jnp.where(kind == FailureKind.REVERSED, -1.0, left)
+        left = jnp.where(stuck | (kind == FailureKind.DEAD), 0.0, left)
+        return left, jnp.where(stuck, held, 0.0)
+
 
 class AbstractFailures(eqx.Module):
     """F failures: of one actuator each, by its number from 0, `at` (s), of a `kind`, by an amount.
@@ -166,50 +176,13 @@ class FailureEvents(AbstractFailures):
         may be dead, degraded, stuck, turned or reversed.
         """
         last = self.last(struck, axes.shape[1])
-        return *_two_signed(last), self._turned(last, axes)
+        return *last.two_signed(), self._turned(last, axes)
 
     def _turned(self, last: LastFailure, torque: Float[Array, "3 m"]) -> Float[Array, "3 m"]:
         for event in range(self.count):
             turns = (last.event == event) & (last.kind == FailureKind.TURNED)
             torque = jnp.where(turns[None], self.turned[event], torque)
         return torque
-
-
-class MagnetorquerFailures(AbstractFailures):
-    """Failures of magnetorquer number `magnetorquer`, of a `FailureKind`.
-
-    They may be dead, degraded, stuck or reversed; `amount` is that of the kind, of the dipole limit
-    from -1 to 1 where one is stuck.
-    """
-
-    kinds: ClassVar[type[AbstractFailureKind]] = FailureKind
-
-    magnetorquer: Float[Array, " f"] = eqx.field(converter=as_float)
-    at: Float[Array, " f"] = eqx.field(converter=as_float)
-    kind: Float[Array, " f"] = eqx.field(converter=as_float)
-    amount: Float[Array, " f"] = eqx.field(converter=as_float)
-
-    @property
-    def number(self) -> Float[Array, " f"]:
-        """That of the magnetorquer which each strikes."""
-        return self.magnetorquer
-
-    def two_signed(
-        self, struck: Bool[Array, " f"], count: int
-    ) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
-        """State of so many magnetorquers: their dipole is `gain` x commanded + `level` x limit."""
-        return _two_signed(self.last(struck, count))
-
-
-def _two_signed(last: LastFailure) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-    """Gain and level of each actuator of either sign."""
-    kind, amount = last.kind, last.amount
-    stuck = (kind == FailureKind.STUCK_ON) | (kind == FailureKind.STUCK_AT)
-    held = jnp.where(kind == FailureKind.STUCK_ON, 1.0, amount)
-    left = jnp.where(kind == FailureKind.DEGRADED, amount, 1.0)
-    left = jnp.where(kind == FailureKind.REVERSED, -1.0, left)
-    left = jnp.where(stuck | (kind == FailureKind.DEAD), 0.0, left)
-    return left, jnp.where(stuck, held, 0.0)
 
 
 class Condition(NamedTuple):

@@ -10,10 +10,37 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.declaration.failures import AbstractFailureKind, FailureKind
 from jaxsat.spacecraft.axes import of_each, turned_axes, unit_axes
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.environment.magnetic_field import DipoleField
-from jaxsat.spacecraft.failures import MagnetorquerFailures
+from jaxsat.spacecraft.failures import AbstractFailures
+
+
+class MagnetorquerFailures(AbstractFailures):
+    """Failures of magnetorquer number `magnetorquer`, of a `FailureKind`.
+
+    They may be dead, degraded, stuck or reversed; `amount` is that of the kind, of the dipole limit
+    from -1 to 1 where one is stuck.
+    """
+
+    kinds: ClassVar[type[AbstractFailureKind]] = FailureKind
+
+    magnetorquer: Float[Array, " f"] = eqx.field(converter=as_float)
+    at: Float[Array, " f"] = eqx.field(converter=as_float)
+    kind: Float[Array, " f"] = eqx.field(converter=as_float)
+    amount: Float[Array, " f"] = eqx.field(converter=as_float)
+
+    @property
+    def number(self) -> Float[Array, " f"]:
+        """That of the magnetorquer which each strikes."""
+        return self.magnetorquer
+
+    def two_signed(
+        self, struck: Bool[Array, " f"], count: int
+    ) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+        """State of so many magnetorquers: their dipole is `gain` x commanded + `level` x limit."""
+        return self.last(struck, count).two_signed()
 
 
 class Magnetorquers(AbstractEffector):

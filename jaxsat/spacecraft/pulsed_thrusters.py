@@ -12,7 +12,7 @@ from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.failures import Condition, FailureEvents
 from jaxsat.spacecraft.holds import AbstractPulsedActuators, Consumption, Hold, Usage
 from jaxsat.spacecraft.modulation import AbstractModulation, Pulses
-from jaxsat.spacecraft.thruster_set import ThrusterSet
+from jaxsat.spacecraft.thrusters import ThrusterSet
 
 RealScalar = Float[Array, ""]
 

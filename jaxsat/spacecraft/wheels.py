@@ -8,8 +8,8 @@ inertia J_w about its axis a also stays behind where the body turns faster:
     dh/dt = -(c + b h / J_w + τ sign h) - J_w a·dω/dt
 
 At its limit a wheel takes no torque that would raise its momentum further. Which wheels are held is
-their mode (`jaxsat.spacecraft.wheel_states`); `jaxsat.spacecraft.wheel_course` has in closed form
-when that changes where it does not depend on the body.
+their mode; `jaxsat.spacecraft.wheel_motion` has it, and in closed form when that changes where it
+does not depend on the body.
 """
 
 from collections.abc import Sequence
@@ -24,12 +24,11 @@ from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float, concrete, require_finite, require_positive
 from jaxsat.core.declaration.failures import WheelFailureKind
 from jaxsat.core.errors import ArgumentError
-from jaxsat.spacecraft import wheel_course
+from jaxsat.spacecraft import wheel_motion
 from jaxsat.spacecraft.axes import of_each, unit_axes
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.wheel_failures import WheelFailures
-from jaxsat.spacecraft.wheel_piece import WheelPiece
-from jaxsat.spacecraft.wheel_states import WheelStates, first_states
+from jaxsat.spacecraft.wheel_motion import WheelPiece, WheelStates, first_states
 
 OfEach = ArrayLike | list | tuple | None
 """One number, one for each wheel, or None."""
@@ -349,17 +348,17 @@ class Wheels(AbstractEffector):
 
     def edges(self, state: WheelMomenta, command, period) -> Float[Array, " edges"]:
         """Where wheels come to rest or to their limits."""
-        return wheel_course.edges_of(self, state.momentum, command, period)
+        return wheel_motion.edges_of(self, state.momentum, command, period)
 
     def held_piece(self, state: WheelMomenta, command, elapsed) -> WheelPiece:
         """While the body turns evenly, or without a rotor inertia."""
-        return wheel_course.piece_after(self, state.momentum, command, elapsed)
+        return wheel_motion.piece_after(self, state.momentum, command, elapsed)
 
     def snapped(self, state: WheelMomenta, command, elapsed, reached: WheelMomenta) -> WheelMomenta:
         """Exactly zero, or the limit, where wheels come to it then."""
         momentum = state.momentum
         return WheelMomenta(
-            wheel_course.snapped(self, momentum, command, elapsed, reached.momentum)
+            wheel_motion.snapped(self, momentum, command, elapsed, reached.momentum)
         )
 
     def margins(
@@ -397,7 +396,7 @@ class Wheels(AbstractEffector):
         momentum = state.momentum
         if self.momentum_limit is None:
             return jnp.zeros(0, momentum.dtype)
-        driven = wheel_course.unlimited_torque(self, momentum, command) + self._drag(acceleration)
+        driven = wheel_motion.unlimited_torque(self, momentum, command) + self._drag(acceleration)
         growth = -driven * momentum / self.momentum_limit**2
         arrives = jnp.minimum((momentum / self.momentum_limit) ** 2 - 1, growth)
         return arrives if self.limited is None else jnp.where(self.limited, growth, arrives)

@@ -9,7 +9,7 @@ from jaxsat.control.diagnosis import Condition, WheelFilter
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.wheel_allocation import LEAST_MOMENTUM, MOST_MOMENTUM, WheelAllocation
 from jaxsat.spacecraft import Wheels
-from jaxsat.spacecraft.wheel_course import piece_after
+from jaxsat.spacecraft.wheel_motion import piece_after
 
 PYRAMID = np.array([[1, 0, -1, 0], [0, 1, 0, -1], [1, 1, 1, 1]]) / np.sqrt(2)
 

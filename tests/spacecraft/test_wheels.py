@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaxsat.spacecraft import Actuators, ActuatorsWithWheels, Thrusters, WheelMomenta, Wheels
-from jaxsat.spacecraft.wheel_course import snapped
+from jaxsat.spacecraft.wheel_motion import snapped
 from oracle.gyrostat import wheel_motion, wheel_torque
 
 LIMITS = {"torque_limit": 0.2, "momentum_limit": 1.0}

@@ -1,0 +1,264 @@
+"""How wheels move: the torque between two instants at which it jumps, and when these are.
+
+Without a rotor inertia, or while the body turns evenly, the momentum of a wheel under a command
+that stays is a scalar linear ODE, monotonic in time. So the instants at which it comes to zero,
+where Coulomb friction may hold it, and to its limit are closed forms.
+
+What changes the momentum of a wheel whose rotor has an inertia is also the drag J_w a·dω/dt of a
+body that turns faster:
+
+    dh/dt = -(c + b h / J_w + τ sign h) - J_w a·dω/dt
+
+So a wheel at rest is held by Coulomb friction up to |c + J_w a·dω/dt| = τ, one at the limit of its
+momentum is held until both together slow it down, and held wheels turn with the body as if locked.
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+if TYPE_CHECKING:
+    from jaxsat.spacecraft.wheels import Wheels
+
+OfEach = Float[Array, " wheels"]
+
+SMALL = 1e-4
+"""Below this -log(1 - x)/x is taken from its series, whose next term is x⁵/6."""
+
+
+class WheelPiece(NamedTuple):
+    """Wheels between two edges: the torque of those that turn is drive + decay h on the body, N m.
+
+    `drive` in N m and `decay` in 1/s, of shape (wheels,), stay while the command does. `turns`
+    tells which wheels do not keep their momentum relative to the body; None for wheels without a
+    rotor inertia, of which those that keep it make no torque.
+    """
+
+    drive: Float[Array, " wheels"]
+    decay: Float[Array, " wheels"]
+    turns: Bool[Array, " wheels"] | None = None
+
+    def torque(self, momentum: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
+        """The torque of motor and friction along each axis, N m, at these momenta, N m s.
+
+        Zero for wheels that do not turn.
+        """
+        return self.drive + self.decay * momentum
+
+
+def time_to(target, begin, piece: WheelPiece) -> Float[Array, " wheels"]:
+    """Seconds until momenta come from `begin` to `target`, ahead of them; infinite for never.
+
+    None are left to a target that is behind them by rounding.
+    """
+    speed = -piece.torque(begin)
+    moves = (speed != 0) & jnp.isfinite(target)
+    distance = jnp.where(moves, target - begin, 0.0)
+    straight = jnp.maximum(distance / jnp.where(moves, speed, 1.0), 0.0)
+    share = piece.decay * straight  # of the way to where friction alone would stop them
+    reached = moves & (share < 1)
+    return jnp.where(reached, straight * _log_ratio(jnp.where(reached, share, 0.0)), jnp.inf)
+
+
+def _log_ratio(x: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
+    """-log(1 - x) / x for x in [0, 1), 1 at zero."""
+    series = 1 + x * (1 / 2 + x * (1 / 3 + x * (1 / 4 + x / 5)))
+    small = x < SMALL
+    away = jnp.where(small, 0.5, x)
+    return jnp.where(small, series, -jnp.log1p(-away) / away)
+
+
+class _Course(NamedTuple):
+    """How momenta go under a command that stays.
+
+    The sign of Coulomb friction `before` and `after` the instant `zero` (s) at which a momentum
+    comes to zero, and the instant `limit` (s) at which it comes to its limit; infinite for never.
+    """
+
+    before: OfEach
+    after: OfEach
+    zero: OfEach
+    limit: OfEach
+
+
+def edges_of(
+    wheels: "Wheels", momentum: OfEach, command: OfEach, period: Float[Array, ""]
+) -> Float[Array, " edges"]:
+    """Instants (s) in [0, `period`] at which the torque of a wheel jumps, in no order.
+
+    The command stays for the `period` (s), from `momentum` (N m s) on. Each wheel has one edge
+    where it comes to rest, if there is Coulomb friction, and one at its limit, if it has one:
+    `period` where that does not happen.
+    """
+    course = _course(wheels, momentum, command)
+    found = [] if wheels.coulomb_friction is None else [course.zero]
+    found += [] if wheels.momentum_limit is None else [course.limit]
+    return jnp.minimum(jnp.concatenate([*found, jnp.zeros(0, momentum.dtype)]), period)
+
+
+def piece_after(
+    wheels: "Wheels", momentum: OfEach, command: OfEach, elapsed: Float[Array, ""]
+) -> WheelPiece:
+    """The piece that holds `elapsed` seconds after a command began to stay at `momentum`.
+
+    Between two edges it is asked for in their middle, where rounding decides nothing.
+    """
+    course, drive = _course(wheels, momentum, command), wheels.motor_torque(command)
+    side = jnp.where(elapsed < course.zero, course.before, course.after)
+    piece = _piece(wheels, drive, side)
+    limited = elapsed >= course.limit
+    drive, decay = jnp.where(limited, 0.0, piece.drive), jnp.where(limited, 0.0, piece.decay)
+    return WheelPiece(drive, decay)
+
+
+def snapped(
+    wheels: "Wheels",
+    momentum: OfEach,
+    command: OfEach,
+    elapsed: Float[Array, ""],
+    reached: OfEach,
+) -> OfEach:
+    """What momenta have `reached` (N m s), `elapsed` seconds after a command began to stay at
+    `momentum`: exactly zero, or the limit, where the edge at which they come to it is then."""
+    course = _course(wheels, momentum, command)
+    if wheels.momentum_limit is not None:
+        limit = jnp.sign(reached) * wheels.momentum_limit
+        reached = jnp.where(elapsed == course.limit, limit, reached)
+    return jnp.where(elapsed == course.zero, 0.0, reached)
+
+
+def unlimited_torque(wheels: "Wheels", momentum: OfEach, command: OfEach) -> OfEach:
+    """The torque on the body along each axis off the momentum limits, N m, at one instant."""
+    drive = wheels.motor_torque(command)
+    return _piece(wheels, drive, _side(wheels, momentum, drive)).torque(momentum)
+
+
+def _side(wheels: "Wheels", momentum: OfEach, drive: OfEach) -> OfEach:
+    """The sign of Coulomb friction: zero for a wheel that it holds at rest."""
+    if wheels.coulomb_friction is None:
+        return jnp.zeros_like(drive)
+    from_rest = jnp.where(jnp.abs(drive) > wheels.coulomb_friction, -jnp.sign(drive), 0.0)
+    return jnp.where(momentum == 0, from_rest, jnp.sign(momentum))
+
+
+def _piece(wheels: "Wheels", drive: OfEach, side: OfEach) -> WheelPiece:
+    """Wheels off their limits whose Coulomb friction has these signs."""
+    decay = jnp.zeros_like(drive) + wheels.decay
+    if wheels.coulomb_friction is None:
+        return WheelPiece(drive, decay)
+    rests = side == 0
+    drive = drive + wheels.coulomb_friction * side
+    return WheelPiece(jnp.where(rests, 0.0, drive), jnp.where(rests, 0.0, decay))
+
+
+def _course(wheels: "Wheels", momentum: OfEach, command: OfEach) -> _Course:
+    drive = wheels.motor_torque(command)
+    before = _side(wheels, momentum, drive)
+    after = _side(wheels, jnp.zeros_like(momentum), drive)
+    never = jnp.full_like(momentum, jnp.inf)
+    zero = limit = never
+    if wheels.coulomb_friction is not None:
+        piece = _piece(wheels, drive, before)
+        slows = piece.torque(momentum) * momentum > 0
+        zero = jnp.where(slows, time_to(jnp.zeros_like(momentum), momentum, piece), never)
+    if wheels.momentum_limit is not None:
+        crosses = jnp.isfinite(zero)
+        begin = jnp.where(crosses, 0.0, momentum)
+        piece = _piece(wheels, drive, jnp.where(crosses, after, before))
+        target = -jnp.sign(piece.torque(begin)) * wheels.momentum_limit
+        limit = jnp.where(crosses, zero, 0.0) + time_to(target, begin, piece)
+    return _Course(before, after, zero, limit)
+
+
+class WheelStates(NamedTuple):
+    """How each wheel moves: whether it `rests`, is `limited` to the momentum it has, or turns.
+
+    `side` is the sign of its Coulomb friction, zero where it rests or turns about zero.
+    """
+
+    side: OfEach
+    rests: Bool[Array, " wheels"]
+    limited: Bool[Array, " wheels"]
+
+    @property
+    def turns(self) -> Bool[Array, " wheels"]:
+        """Which wheels do not keep their momentum relative to the body."""
+        return ~(self.rests | self.limited)
+
+    def piece(self, wheels: "Wheels", drive: OfEach) -> WheelPiece:
+        """The torque of `wheels` in these states whose motors make the torques `drive` (N m)."""
+        drive, decay = self._unheld(wheels, drive)
+        turns = self.turns
+        return WheelPiece(jnp.where(turns, drive, 0.0), jnp.where(turns, decay, 0.0), turns)
+
+    def _unheld(self, wheels: "Wheels", drive: OfEach) -> tuple[OfEach, OfEach]:
+        if wheels.coulomb_friction is not None:
+            drive = drive + wheels.coulomb_friction * self.side
+        return drive, wheels.decay + jnp.zeros_like(drive)
+
+    def margins(
+        self, wheels: "Wheels", momentum: OfEach, drive: OfEach, drag: OfEach
+    ) -> Float[Array, "2 wheels"]:
+        """How far each wheel is from leaving its state: below zero for one that has left it.
+
+        The first row belongs to rest and to what is held, the second to the limit of momentum. In
+        N m s for wheels that turn, in N m for others; `drag` (N m) is J_w a·dω/dt.
+        """
+        torque, decay = self._unheld(wheels, drive)
+        slowing = torque + decay * momentum + drag
+        never = jnp.full_like(momentum, jnp.inf)
+        held = jnp.where(self.limited, -slowing * jnp.sign(momentum), never)
+        first, second = held, never
+        if wheels.coulomb_friction is not None:
+            friction = wheels.coulomb_friction
+            passes = jnp.maximum(self.side * momentum, -slowing * self.side)
+            rubs = self.turns & (friction > 0) & (self.side != 0)
+            first = jnp.where(rubs, passes, held)
+            rests = friction - jnp.abs(drive + drag)
+            first = jnp.where(self.rests, rests, first)
+        if wheels.momentum_limit is not None:
+            room = wheels.momentum_limit - jnp.abs(momentum)
+            room = jnp.maximum(room, slowing * jnp.sign(momentum))
+            second = jnp.where(self.turns, room, never)
+        if wheels.seized is not None:
+            first = jnp.where(wheels.seized, never, first)
+        return jnp.stack([first, second])
+
+    def left(self, margins: Float[Array, "2 wheels"], drive: OfEach, drag: OfEach) -> "WheelStates":
+        """The states after those of which a margin is below zero.
+
+        A wheel that comes to zero rests, if only until its own margin is asked.
+        """
+        first, second = margins < 0
+        stops, goes = first & self.turns, first & self.rests
+        side = jnp.where(goes, -jnp.sign(drive + drag), jnp.where(stops, 0.0, self.side))
+        return WheelStates(
+            side, (self.rests & ~first) | stops, (self.limited & ~first) | (second & ~stops)
+        )
+
+    def snapped(
+        self, wheels: "Wheels", momentum: OfEach, margins: Float[Array, "2 wheels"]
+    ) -> OfEach:
+        """Momenta (N m s) that are exactly zero, or the limit, where wheels have come to it."""
+        first, second = margins < 0
+        if wheels.momentum_limit is not None:
+            limit = wheels.momentum_limit
+            limit = jnp.where(jnp.isfinite(limit), limit, 0.0)
+            momentum = jnp.where(second, jnp.sign(momentum) * limit, momentum)
+        return jnp.where(first & self.turns, 0.0, momentum)
+
+
+def first_states(wheels: "Wheels", momentum: OfEach) -> WheelStates:
+    """The states of wheels by their momenta (N m s) alone: those that may be held are."""
+    never = jnp.zeros_like(momentum) > 0
+    rests = limited = never
+    if wheels.coulomb_friction is not None:
+        rests = (momentum == 0) & (wheels.coulomb_friction > 0)
+    if wheels.seized is not None:
+        rests = rests | wheels.seized
+    if wheels.limited is not None:
+        limited = wheels.limited & ~rests
+    elif wheels.momentum_limit is not None:
+        limited = (jnp.abs(momentum) >= wheels.momentum_limit) & ~rests
+    return WheelStates(jnp.sign(momentum), rests, limited)
