@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jaxsat.cli.computing import interruptibly, use_double_precision
+from jaxsat.cli.computing import dask_unseen, interruptibly, use_double_precision
 from jaxsat.cli.options import Output, Results, place
 from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.progress import show_progress
@@ -129,4 +129,5 @@ def _page(paths: Sequence[Path]) -> str:
     from jaxsat.report.page import report_page
 
     show_progress("making the report")
-    return interruptibly(lambda: report_page(paths))
+    with dask_unseen():
+        return interruptibly(lambda: report_page(paths))

@@ -51,8 +51,8 @@ from jaxsat.store import OutputFolder, dataset_bytes
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MAP_STEPS = 450  # about 10⁵ bodies
-MAP_ANGLES = (361, 181)
+MAP_STEPS = 300  # about 45,000 bodies, one for each two pixels of the figure
+MAP_ANGLES = (241, 121)
 MAX_ACTUATORS = 8  # 256 cases; of more actuators, single and double failures are told
 
 

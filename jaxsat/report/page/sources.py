@@ -3,12 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
+from jaxsat.core.once import imported
 from jaxsat.report.document import Document, Replay, Verdict
-from jaxsat.report.page.batches import comparison_section, reproduction_section, tuning_section
-from jaxsat.report.page.controllability import controllability_section
-from jaxsat.report.page.design import design_section
-from jaxsat.report.page.run import run_section
-from jaxsat.report.page.study import study_section
 from jaxsat.scenario.plugins import without_imports
 from jaxsat.store import OutputError, open_trajectory
 from jaxsat.store.files import parse_json
@@ -18,15 +14,16 @@ MOST_TOGETHER = 6
 """Spacecraft that are replayed side by side."""
 
 
-MADE_BY: Mapping[str, Callable[[Path], Document]] = {
-    "zarr.json": study_section,
-    "verdict.json": tuning_section,
-    "comparison.json": comparison_section,
-    "design.json": design_section,
-    "failures.nc": controllability_section,
-    "verdicts.md": reproduction_section,
+MADE_BY: Mapping[str, tuple[str, str]] = {
+    "zarr.json": ("study", "study_section"),
+    "verdict.json": ("batches", "tuning_section"),
+    "comparison.json": ("batches", "comparison_section"),
+    "design.json": ("design", "design_section"),
+    "failures.nc": ("controllability", "controllability_section"),
+    "verdicts.md": ("batches", "reproduction_section"),
 }
-"""What makes the section of a folder, by a file that only its kind of result has."""
+"""Module and function that make the section of a folder, by a file that only its kind of result
+has; imported when there is one."""
 
 
 def sections_of(paths: Sequence[Path]) -> list[Document]:
@@ -56,9 +53,9 @@ def _section(path: Path) -> Document:
         raise OutputError(f"{path} does not exist.")
     if path.is_file() or (path / "trajectory.nc").is_file():
         return _run(path)
-    for name, section_of in MADE_BY.items():
+    for name, maker in MADE_BY.items():
         if (path / name).is_file():
-            return section_of(path)
+            return _maker(*maker)(path)
     raise OutputError(
         f"{path} is no result of jaxsat; give the folder of a run, a tuning, a comparison, a "
         "design, a reproduction or an analysis of controllability, or the store of a study."
@@ -72,4 +69,8 @@ def _run(path: Path) -> Document:
         raise OutputError(f"{path} contains no trajectory.")
     record = parse_json(read_unchanged(path / "run.json")) if path.is_dir() else None
     command = record.get("command", "") if isinstance(record, Mapping) else ""
-    return run_section(dataset, path.name, str(command))
+    return _maker("run", "run_section")(dataset, path.name, str(command))
+
+
+def _maker(module: str, function: str) -> Callable[..., Document]:
+    return getattr(imported(f"jaxsat.report.page.{module}"), function)
