@@ -21,8 +21,6 @@ from jaxsat.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from jaxsat.core.tolerances import Tolerances
-    from jaxsat.report.document import Document
     from jaxsat.scenario import Scenario
     from jaxsat.synthesis.bounds.run import UnsuitableScenario
     from jaxsat.synthesis.bounds.search import Bound
@@ -30,7 +28,6 @@ if TYPE_CHECKING:
 Longest = Annotated[float | None, Parameter(converter=number(0.01, 1e9))]
 Objective = Literal["time", "effort"]
 Target = Literal["attitude", "rates"]
-UNITS = {"time": "s", "effort": "N m s"}
 
 
 def bound(
@@ -86,8 +83,6 @@ def bound(
         raise output_problem(error) from None
     chosen = load_or_explain(scenario, overrides, "motion")
     use_double_precision()
-    from jaxsat.synthesis.bounds.run import end_data, tolerances_at
-
     found = _found(
         chosen, objective, target=target, end=end, starts=starts, longest=longest, seed=seed
     )
@@ -95,12 +90,15 @@ def bound(
         limit = chosen.simulation.duration_s if longest is None else longest
         print_stderr(f"none of {starts} starts found a solution in {limit:g} s; give more starts")
         return FAILED_RUN
-    tolerances = tolerances_at(chosen, end)
+    from jaxsat.report.bound_document import bound_document
+    from jaxsat.synthesis.bounds.run import end_text, tolerances_at
+
+    meaning = end_text(tolerances_at(chosen, end), target == "attitude")
+    record = {"target": target, "end": end, "end_meaning": meaning, **found.as_data()}
     if output.out is not None:
-        data = {"target": target, **end_data(end, tolerances), **found.as_data()}
-        _write(output.out, data, output.overwrite)
+        _write(output.out, record, output.overwrite)
     if not output.quiet:
-        print_document(_document(chosen.title, found, target, tolerances))
+        print_document(bound_document(chosen.title, record))
     return SUCCESS
 
 
@@ -124,33 +122,6 @@ def _found(scenario: "Scenario", objective: Objective, **keys: Any) -> "Bound | 
 def unsuitable(error: "UnsuitableScenario") -> UserMistake:
     """What to raise for a scenario that cannot be bounded, with the option that may help."""
     return UserMistake(f"{error}; give it with --set" if error.lacking else str(error))
-
-
-def _document(
-    title: str, found: "Bound", target: Target, tolerances: "Tolerances | None"
-) -> "Document":
-    from jaxsat.core.numerals import number_text
-    from jaxsat.report.document import Document, Facts, Verdict
-    from jaxsat.synthesis.bounds.run import end_text
-
-    objective, flight = found.objective.value, found.verification
-    unit = UNITS[objective]
-    where = f"{flight.angle:.1e} rad and {flight.rate:.1e} rad/s from rest in the orbit frame"
-    if target == "rates":
-        where = f"with {flight.rate:.1e} rad/s"
-    elif tolerances is not None:
-        tilt, turn, rate = (number_text(one, 3) for one in (flight.tilt, flight.turn, flight.rate))
-        where = f"at {tilt} rad of tilt, {turn} rad of turn and {rate} rad/s"
-    listed = ", ".join(map(number_text, found.values))
-    facts = {
-        "duration": f"{number_text(found.solution.duration)} s",
-        "effort": f"{number_text(flight.effort)} N m s",
-        "end": end_text(tolerances, target == "attitude"),
-        "flown again": f"ends {where}",
-        "local optima": f"{listed} {unit}, of {found.starts} starts",
-    }
-    text = f"Least {objective}: {number_text(found.solution.value)} {unit}, not certified."
-    return Document(title, Verdict(None, text), [Facts("Best found", facts)])
 
 
 def _write(path: Path, data: dict[str, Any], overwrite: bool) -> None:

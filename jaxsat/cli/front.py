@@ -1,9 +1,8 @@
 """`jaxsat front`: time against effort, for a scenario's manoeuvre and the laws that fly it."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
@@ -22,12 +21,8 @@ from jaxsat.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from jaxsat.scenario import Scenario
     from jaxsat.synthesis.comparison.front import Front
-
-RESULT, FIGURE = "front.json", "front"
 
 
 def front(
@@ -76,7 +71,8 @@ def front(
     for one in chosen:
         _require_suitable(one, laws)
     use_double_precision()
-    from jaxsat.store import OutputError, OutputFolder
+    from jaxsat.report.front import front_document, write_front
+    from jaxsat.store import OutputError, OutputFolder, command_line, provenance
     from jaxsat.synthesis.bounds.run import end_data, tolerances_at
 
     out = output.out or Path("jaxsat-front")
@@ -85,13 +81,12 @@ def front(
         with OutputFolder(out, kind="front", overwrite=output.overwrite) as folder:
             found = interruptibly(lambda: [_found(one, laws, guesses, end) for one in chosen])
             meaning = end_data(end, tolerances_at(chosen[0], end))
-            record = _record(found, meaning)
-            interruptibly(lambda: _write(folder, chosen[0].title, record))
+            fronts = [one.as_data() for one in found]
+            record = {"command": command_line(), **meaning, "fronts": fronts, **provenance()}
+            interruptibly(lambda: write_front(folder.write, chosen[0].title, record))
     except OutputError as error:
         raise output_problem(error) from None
     if not output.quiet:
-        from jaxsat.report.front_document import front_document
-
         print_document(front_document(chosen[0].title, record))
         print_stdout(f"written to {out}")
     return SUCCESS if all(one.points for one in found) else FAILED_RUN
@@ -130,23 +125,3 @@ def _found(scenario: "Scenario", laws: Sequence[str], guesses: int, end: End) ->
         raise UserMistake(str(error), located=True) from None
     except ValueError as error:
         raise UserMistake(str(error)) from None
-
-
-def _record(found: Sequence["Front"], end: dict[str, Any]) -> dict[str, Any]:
-    from jaxsat.store import command_line, provenance
-
-    fronts = [one.as_data() for one in found]
-    return {"command": command_line(), **end, "fronts": fronts, **provenance()}
-
-
-def _write(folder: Any, title: str, record: dict[str, Any]) -> None:
-    from jaxsat.report.saving import save_figures
-
-    folder.write(RESULT, json.dumps(record, indent=1, allow_nan=False) + "\n")
-
-    def figure() -> "Figure":
-        from jaxsat.report.front_figure import front_figure
-
-        return front_figure(record["fronts"], f"{title}: time against effort")
-
-    save_figures({FIGURE: figure}, folder.write)

@@ -8,47 +8,23 @@ from jaxsat.cli.computing import dask_unseen, interruptibly
 from jaxsat.cli.terminal import UserMistake, output_problem, print_stderr, print_stdout
 
 if TYPE_CHECKING:
-    import numpy as np
     import xarray as xr
-    from matplotlib.figure import Figure
 
-    from jaxsat.report.study_figures import DrawnNumber
     from jaxsat.scenario import Scenario
-    from jaxsat.simulation import Signals
     from jaxsat.store import OutputFolder
     from jaxsat.studies import Study, Summary
-
-
-FAN_INSTANTS, FAN_CASES = 500, 64
-"""About as many as a figure can show, and the cases that are computed again for the fans."""
 
 
 def write_figures(
     folder: Path, title: str, study: "Study", store: Path, summary: "Summary"
 ) -> None:
     """The figures of a study in its store, into a folder of their own."""
-    import numpy as np
-
-    from jaxsat.report.saving import save_figures
-    from jaxsat.store import OutputError, open_study
+    from jaxsat.report.study_figures import write_study_figures
+    from jaxsat.store import OutputError
 
     def write() -> None:
-        dataset = open_study(store)
-        count = summary.cases
-        columns = {"settling_time": np.asarray(dataset["settling_time"][:count])}
-        ranked = [entry.name for entry in summary.ranking if entry.matters][:2]
-        every = max(1, study.program.intervals // FAN_INSTANTS)
-        signals = _histories(study, np.arange(min(count, FAN_CASES)), every)
-        times = study.program.instants(every) * float(study.program.interval)
-
-        def figures() -> "dict[str, Figure]":
-            from jaxsat.report.study_figures import fan_figures, study_figures
-
-            drawn = {label: _drawn(dataset, label, count) for label in ranked}
-            return study_figures(columns, drawn, title) | fan_figures(times, signals, title)
-
-        with figures_folder(folder) as made:
-            save_figures(figures, made.write)
+        with figures_folder(folder) as place:
+            write_study_figures(place.write, title, study, store, summary)
 
     try:
         interruptibly(write)
@@ -89,38 +65,6 @@ def write_csv(path: Path, store: Path, count: int, *, overwrite: bool) -> None:
 def tell_repair(text: str) -> None:
     """Say what was found damaged in a store."""
     print_stderr(text, "warning: ")
-
-
-def _histories(study: "Study", numbers: "np.ndarray", every: int) -> "Signals":
-    """Signals (cases, times) of these cases."""
-    import jax
-    import numpy as np
-
-    size = study.engine.batch_size
-    batches = [numbers[first : first + size] for first in range(0, len(numbers), size)]
-    found = [
-        study.engine.histories(study.program, study.cases(batch), study.gains, every=every)
-        for batch in batches
-    ]
-    return jax.tree.map(lambda *parts: np.concatenate(parts), *found)
-
-
-def _drawn(dataset: "xr.Dataset", label: str, count: int) -> "DrawnNumber":
-    """What was drawn of a number that is called as in a sensitivity ranking."""
-    import numpy as np
-
-    from jaxsat.report.study_figures import DrawnNumber
-    from jaxsat.studies import numbers_of
-
-    name = label.partition("[")[0]
-    column = dataset[f"drawn_{name}"]
-    values = numbers_of(name, np.asarray(column[:count]))[label]
-    unit, meaning = column.attrs["units"], column.attrs["long_name"]
-    if label == "attitude[angle]":
-        unit, meaning = "rad", "rotation from the orbit to the body frame at the start"
-    elif name == "attitude":
-        meaning = "its axis"
-    return DrawnNumber(values, unit, meaning)
 
 
 def write_one_case(

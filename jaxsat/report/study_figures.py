@@ -1,9 +1,12 @@
 """Figures of a Monte-Carlo study: its columns or histories in, a matplotlib `Figure` out."""
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
 
+import jax
 import numpy as np
+import xarray as xr
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,8 +15,11 @@ from scipy import stats
 from jaxsat.core.pointing import pointing_error
 from jaxsat.report import study_plots
 from jaxsat.report.figure_painter import paint
+from jaxsat.report.saving import save_figures
 from jaxsat.report.style import LINES, panels
 from jaxsat.simulation import Signals
+from jaxsat.store import open_study
+from jaxsat.studies import Study, Summary, numbers_of
 
 BANDS = ((1.0, 99.0), (10.0, 90.0), (25.0, 75.0))
 """Percentiles between which the shades of a fan chart lie."""
@@ -194,6 +200,53 @@ def _mark_cases(panel: Axes, x: np.ndarray, y: np.ndarray, settled: np.ndarray) 
         frameon=False,
         fontsize=8,
     )
+
+
+FAN_INSTANTS, FAN_CASES = 500, 64
+"""About as many as a figure can show, and the cases that are computed again for the fans."""
+
+
+def write_study_figures(
+    write: Callable[[str, bytes], Any], title: str, study: Study, store: Path, summary: Summary
+) -> None:
+    """Give the figures of a study in its store to `write`, with a file's name and its content.
+
+    Raises `OutputError` for a store that cannot be read.
+    """
+    dataset, count = open_study(store), summary.cases
+    columns = {"settling_time": np.asarray(dataset["settling_time"][:count])}
+    ranked = [entry.name for entry in summary.ranking if entry.matters][:2]
+    every = max(1, study.program.intervals // FAN_INSTANTS)
+    signals = _histories(study, np.arange(min(count, FAN_CASES)), every)
+    times = study.program.instants(every) * float(study.program.interval)
+    drawn = {label: _drawn_number(dataset, label, count) for label in ranked}
+    save_figures(
+        lambda: study_figures(columns, drawn, title) | fan_figures(times, signals, title), write
+    )
+
+
+def _histories(study: Study, numbers: np.ndarray, every: int) -> Signals:
+    """Signals (cases, times) of these cases."""
+    size = study.engine.batch_size
+    batches = [numbers[first : first + size] for first in range(0, len(numbers), size)]
+    parts = [
+        study.engine.histories(study.program, study.cases(batch), study.gains, every=every)
+        for batch in batches
+    ]
+    return jax.tree.map(lambda *some: np.concatenate(some), *parts)
+
+
+def _drawn_number(dataset: xr.Dataset, label: str, count: int) -> DrawnNumber:
+    """What was drawn of a number that is called as in a sensitivity ranking."""
+    name = label.partition("[")[0]
+    column = dataset[f"drawn_{name}"]
+    values = numbers_of(name, np.asarray(column[:count]))[label]
+    unit, meaning = column.attrs["units"], column.attrs["long_name"]
+    if label == "attitude[angle]":
+        unit, meaning = "rad", "rotation from the orbit to the body frame at the start"
+    elif name == "attitude":
+        meaning = "its axis"
+    return DrawnNumber(values, unit, meaning)
 
 
 def study_figures(

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from jaxsat.report.front_figure import front_figure
+from jaxsat.report.front import front_figure
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.synthesis.comparison.front import (

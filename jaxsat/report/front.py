@@ -1,12 +1,12 @@
-"""Time against effort as a figure: the front of plans, and the laws beside it."""
+"""Time against effort, of plans and of laws, as a document and a figure of `front.json`."""
 
-from collections.abc import Sequence
-from typing import Any
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-
+from jaxsat.report.comparison_document import ENDS
+from jaxsat.report.document import Cell, Document, Table, Verdict
+from jaxsat.report.saving import save_figures
 from jaxsat.report.style import (
     FURTHER_LINES,
     LINES,
@@ -16,16 +16,46 @@ from jaxsat.report.style import (
     set_title,
 )
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 WIDTH, HEIGHT, MOST_COLUMNS = 3.4, 3.0, 3
 
 TIME_TICKS = (1, 1.5, 2, 3, 5, 8)
 """Per decade; a front seldom covers a whole one."""
 
-ENDS = {"settled": "until settled", "rest": "to rest"}
-"""Where plans end, in words."""
+
+def write_front(write: Callable[[str, str | bytes], Any], title: str, record: Mapping[str, Any]):
+    """Give the record and the figure to `write`, which takes a file's name and its content."""
+    write("front.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
+    heading = f"{title}: time against effort"
+    save_figures({"front": lambda: front_figure(record["fronts"], heading)}, write)
 
 
-def front_figure(fronts: Sequence[dict[str, Any]], title: str) -> Figure:
+def front_document(title: str, record: Mapping[str, Any]) -> Document:
+    """The front under every torque limit, with the laws beside it."""
+    rows = [row for front in record["fronts"] for row in _rows(front)]
+    columns = ["N m", "by", "time (s)", "effort (N m s)"]
+    text = f"Plans end {record['end_meaning']}; laws where they settle."
+    note = "Plans are local optima, not certified."
+    table = Table("Least effort within a time", columns, rows, note)
+    return Document(f"{title}: time against effort", Verdict(None, text), [table])
+
+
+def _rows(front: Mapping[str, Any]) -> Iterator[Sequence[Cell]]:
+    limit = front["torque_limit_N_m"]
+    for one in front["front"]:
+        yield [limit, "plan", one["duration_s"], one["effort_N_m_s"]]
+    for duration in front["failed_durations_s"]:
+        yield [limit, "no plan", duration, None]
+    for one in front["laws"]:
+        settles = one["settled_from_s"] is not None
+        by = one["law"] if settles else f"{one['law']}, which does not settle"
+        yield [limit, by, one["settled_from_s"], one["effort_N_m_s"]]
+
+
+def front_figure(fronts: Sequence[dict[str, Any]], title: str) -> "Figure":
     """A panel for each of the fronts, which are the data of
     `jaxsat.synthesis.comparison.Front.as_data`.
 
@@ -34,6 +64,9 @@ def front_figure(fronts: Sequence[dict[str, Any]], title: str) -> Figure:
     columns = min(len(fronts), MOST_COLUMNS)
     rows = -(-len(fronts) // columns)
     names = list(dict.fromkeys(one["law"] for front in fronts for one in front["laws"]))
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
     with rc_context(dict[Any, Any](SETTINGS)):
         size = (max(5.5, WIDTH * columns + 0.6), HEIGHT * rows + 0.7)
         figure = Figure(figsize=size, layout="constrained")
@@ -52,11 +85,13 @@ def front_figure(fronts: Sequence[dict[str, Any]], title: str) -> Figure:
     return figure
 
 
-def _draw(axis: Axes, front: dict[str, Any], names: Sequence[str]) -> None:
+def _draw(axis: "Axes", front: dict[str, Any], names: Sequence[str]) -> None:
     times = [one["duration_s"] for one in front["front"]]
     efforts = [one["effort_N_m_s"] for one in front["front"]]
     style = {**LINES[0], "marker": "o", "markersize": 2.5}
-    axis.plot(times, efforts, label=f"least effort within the time, {ENDS[front['end']]}", **style)
+    axis.plot(
+        times, efforts, label=f"least effort within the time, until {ENDS[front['end']]}", **style
+    )
     colors = [line["color"] for line in (*LINES[1:], *FURTHER_LINES)]
     settled = [one for one in front["laws"] if one["settled_from_s"] is not None]
     for one in settled:
