@@ -162,7 +162,7 @@ def best_of_starts(
         raise ValueError(f"Argument `starts` must be at least 1, but got {starts}.")
     transcription = Transcription(manoeuvre, objective, longest, intervals)
     solver = transcription.solver()
-    found: list[tuple[Solution, Verification]] = []
+    optima: list[tuple[Solution, Verification]] = []
 
     def add(solution: Solution | None) -> None:
         if solution is None or solution.duration > longest * (1 + ROUNDING):
@@ -171,7 +171,7 @@ def best_of_starts(
         if verification.arrives(manoeuvre):
             effort = objective is BoundObjective.EFFORT
             value = verification.effort if effort else solution.duration
-            found.append((solution._replace(value=value), verification))
+            optima.append((solution._replace(value=value), verification))
 
     for number in range(len(plans) + starts):
         if number < len(plans):
@@ -180,13 +180,13 @@ def best_of_starts(
         else:
             add(transcription.solve(solver, seed * 1_000_003 + number - len(plans)))
         if report is not None:
-            report(number + 1, min((one.value for one, _ in found), default=float("inf")))
-    if not found:
+            report(number + 1, min((one.value for one, _ in optima), default=float("inf")))
+    if not optima:
         return None
-    found.sort(key=lambda pair: pair[0].value)
-    best, verification = found[0]
+    optima.sort(key=lambda pair: pair[0].value)
+    best, verification = optima[0]
     count = len(plans) + starts
-    return Bound(objective, best, verification, count, [one.value for one, _ in found])
+    return Bound(objective, best, verification, count, [one.value for one, _ in optima])
 
 
 GUESSES = 48

@@ -118,7 +118,7 @@ class Transcription:
         lower, upper = self._bounds()
         ties, arrivals, sizes = STATES * self.intervals, self._arrivals, 2 * 3 * self.intervals
         below = 0.0 if self.manoeuvre.ends_at_rest else -np.inf
-        found = solver(
+        result = solver(
             x0=guess,
             lbx=lower,
             ubx=upper,
@@ -127,7 +127,7 @@ class Transcription:
         )
         if not solver.stats()["success"]:
             return None
-        return self._solution(np.asarray(found["x"]).ravel(), float(found["f"]))
+        return self._solution(np.asarray(result["x"]).ravel(), float(result["f"]))
 
     def _interval(self, casadi) -> Any:
         """The state after one interval of constant thrust."""

@@ -116,7 +116,7 @@ def validated(data: Mapping[str, Any], source: str) -> Scenario:
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:
-        issues = [found["ctx"]["issue"] for found in error.errors()]  # pyright: ignore
+        issues = [details["ctx"]["issue"] for details in error.errors()]  # pyright: ignore
         raise ScenarioError(
             [Problem(source, issue.message, key_of(issue.location)) for issue in issues]
         ) from None
@@ -124,12 +124,14 @@ def validated(data: Mapping[str, Any], source: str) -> Scenario:
 
 def _require_sampled(name: str, law: str) -> None:
     """Raise `ValueError` for a law that cannot fly with two thrusters on samples."""
-    found = known_law(law)
-    if found is not None and not (found.declaration.sampled and found.declaration.torques == 2):
-        kind = "sampled" if found.declaration.sampled else "continuous"
+    declared = known_law(law)
+    if declared is not None and not (
+        declared.declaration.sampled and declared.declaration.torques == 2
+    ):
+        kind = "sampled" if declared.declaration.sampled else "continuous"
         raise ValueError(
             f"Argument `law` must be a sampled law for two torques on the acceptance set, but got "
-            f"{name}, which is {kind} and commands {found.declaration.torques} torques."
+            f"{name}, which is {kind} and commands {declared.declaration.torques} torques."
         )
 
 

@@ -107,11 +107,11 @@ def front(
     planner = Planner(loop.plant, thrusters.torque_axes, thrusters.limit, **keys)
     report("least time")
     ways = [planner, dataclasses.replace(planner, tolerances=None)] if tolerances else [planner]
-    found = [_quickest(one, start) for one in ways]  # what comes to rest settles, too
+    quickest_plans = [_quickest(one, start) for one in ways]  # what comes to rest settles, too
     arriving = functools.partial(arrives, manoeuvre)
-    if not any(map(arriving, found)):
-        return Front(float(thrusters.limit), [], [float(found[0].duration)], [], end)
-    quickest = min(filter(arriving, found), key=lambda plan: float(plan.duration))
+    if not any(map(arriving, quickest_plans)):
+        return Front(float(thrusters.limit), [], [float(quickest_plans[0].duration)], [], end)
+    quickest = min(filter(arriving, quickest_plans), key=lambda plan: float(plan.duration))
     plans = _cheapest(planner, start, quickest, arriving, report)
     failed = [float(duration) for duration, plan in plans if plan is None]
     points = [FrontPoint(float(quickest.duration), float(quickest.effort))]
@@ -128,11 +128,11 @@ def front(
 
 def _falling(points: Iterable[FrontPoint]) -> list[FrontPoint]:
     """Those that no other one beats, the quickest first."""
-    found: list[FrontPoint] = []
+    front: list[FrontPoint] = []
     for point in sorted(points):
-        if not found or point.effort < found[-1].effort:
-            found.append(point)
-    return found
+        if not front or point.effort < front[-1].effort:
+            front.append(point)
+    return front
 
 
 @eqx.filter_jit
@@ -159,21 +159,21 @@ def _cheapest(
 ) -> list[tuple[Float[np.ndarray, ""], Plan | None]]:
     """For each duration the best plan that arrives, if there is one."""
     durations = [jnp.asarray(stretch) * quickest.duration for stretch in STRETCHES]
-    found: list[list[Plan]] = []
+    arriving_plans: list[list[Plan]] = []
     near = quickest
     for number, duration in enumerate(durations):
         report(f"least effort: {number} of {2 * len(durations)}")
         plans = [_guessed(planner, start, duration), _near(planner, start, duration, near)]
-        found.append([plan for plan in plans if arriving(plan)])
-        near = min(found[-1], key=_effort, default=near)
+        arriving_plans.append([plan for plan in plans if arriving(plan)])
+        near = min(arriving_plans[-1], key=_effort, default=near)
     longer = None
     for number, duration in reversed(list(enumerate(durations))):
         report(f"least effort: {2 * len(durations) - number} of {2 * len(durations)}")
         if longer is not None:
             plan = _near(planner, start, duration, longer)
-            found[number] += [plan] if arriving(plan) else []
-        longer = min(found[number], key=_effort, default=longer)
-    best = [min(plans, key=_effort, default=None) for plans in found]
+            arriving_plans[number] += [plan] if arriving(plan) else []
+        longer = min(arriving_plans[number], key=_effort, default=longer)
+    best = [min(plans, key=_effort, default=None) for plans in arriving_plans]
     return [(np.asarray(one), plan) for one, plan in zip(durations, best, strict=True)]
 
 
@@ -190,11 +190,11 @@ def arrives(manoeuvre: Manoeuvre, plan: Plan) -> bool:
 
 def _flown(law: str, run: Run) -> FlownPoint:
     """A law from the scenario's start; its torque is taken at the instants that are saved."""
-    found = run.simulate()
-    settled = float(found.assessment.settled_from)
+    run_result = run.simulate()
+    settled = float(run_result.assessment.settled_from)
     if not math.isfinite(settled):
         return FlownPoint(law, settled, math.nan)
-    times, torque = np.asarray(found.times), np.asarray(found.signals.torque)
+    times, torque = np.asarray(run_result.times), np.asarray(run_result.signals.torque)
     axes = np.asarray(run.loop.actuators.torque_axes)  # pyright: ignore[reportAttributeAccessIssue]
     sizes = np.abs(np.linalg.lstsq(axes, torque.T)[0]).sum(axis=0)
     if isinstance(run.loop, SampledLoop):

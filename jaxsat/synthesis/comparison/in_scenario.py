@@ -51,8 +51,8 @@ class ScenarioComparison(NamedTuple):
         return {
             "scenario": self.verdict.scenario,
             "rows": [
-                row.as_data() | ({} if found is None else {"recovered": _by_kind(found)})
-                for row, found in zip(self.rows, self.recoveries, strict=True)
+                row.as_data() | ({} if recovery is None else {"recovered": _by_kind(recovery)})
+                for row, recovery in zip(self.rows, self.recoveries, strict=True)
             ],
             "verdicts": [self.verdict._asdict()],
         }
@@ -70,18 +70,18 @@ def scenario_under(scenario: Scenario, law: str) -> Scenario:
     if law.endswith(FILE):
         data["control"] = load(law, purpose="text").control.model_dump(exclude_none=True)
     elif law != scenario.control.law:
-        found = known_law(law)
-        if found is None:
+        new_law = known_law(law)
+        if new_law is None:
             raise ValueError(
                 f"Argument `law` must be one of {', '.join(law_names())}, a law of the form "
                 f'"module:Class" or the name of a {FILE} file, but got {law}.'
             )
-        of_law = found.declaration
+        of_law = new_law.declaration
         shared = {key.name for key in of_law.keys}
         shared |= {"model"} if of_law.has_model else set()
         shared |= {"measured_disturbance"} if of_law.measures_disturbance else set()
-        kept = {key: value for key, value in data["control"].items() if key in shared}
-        data["control"] = kept | {"law": law}
+        shared_values = {key: value for key, value in data["control"].items() if key in shared}
+        data["control"] = shared_values | {"law": law}
     return validated(data, f"{scenario.title}: {law}")
 
 
@@ -134,15 +134,17 @@ def _compared(
 
 
 def _write(
-    folder: ResumableFolder, scenario: Scenario, found: ScenarioComparison, seed: int
+    folder: ResumableFolder, scenario: Scenario, comparison: ScenarioComparison, seed: int
 ) -> None:
-    data = {"seed": seed, **found.as_data()}
+    data = {"seed": seed, **comparison.as_data()}
     recovered = {row["law"]: row["recovered"] for row in data["rows"] if "recovered" in row}
     title, duration = scenario.title, scenario.simulation.duration_s
-    write_record(folder, data, lambda: scenario_figures(title, duration, found.rows, recovered))
+    write_record(
+        folder, data, lambda: scenario_figures(title, duration, comparison.rows, recovered)
+    )
 
 
-def _by_kind(found: RecoverySummary) -> dict[str, Any]:
+def _by_kind(summary: RecoverySummary) -> dict[str, Any]:
     return {
         row.kind: {
             "cases": row.cases,
@@ -150,5 +152,5 @@ def _by_kind(found: RecoverySummary) -> dict[str, Any]:
             "recoverable": row.recoverable,
             "fraction": row.recovered._asdict(),
         }
-        for row in found.by_kind
+        for row in summary.by_kind
     }

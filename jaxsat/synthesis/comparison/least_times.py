@@ -53,13 +53,13 @@ def median_least_time(
 
 def least_times(rows: Sequence[ComparisonRow], seed: int, end: End = "settled") -> list[LeastTime]:
     """One for every torque limit of which the least times of the rows' starts are stored."""
-    found = []
+    medians = []
     for limit in dict.fromkeys(row.setting.torque_limit for row in rows):
         cases = next(row.cases for row in rows if row.setting.torque_limit == limit)
         median = median_least_time(seed, limit, cases, end)
         if median is not None:
-            found.append(LeastTime(limit, median, end))
-    return found
+            medians.append(LeastTime(limit, median, end))
+    return medians
 
 
 BOUNDS = "bounds"
@@ -79,13 +79,13 @@ def least_bounds(
     run, tolerances = build(scenario), tolerances_at(scenario, end)
     manoeuvre = manoeuvre_of(run.loop, run.start, tolerances=tolerances)
     numbers = {name: np.asarray(value).tolist() for name, value in vars(manoeuvre).items()}
-    wanted = {"torque_limit": limit, "starts": starts, "seed": seed, "manoeuvre": numbers}
-    wanted |= end_data(end, tolerances)
+    request = {"torque_limit": limit, "starts": starts, "seed": seed, "manoeuvre": numbers}
+    request |= end_data(end, tolerances)
     name = f"{BOUNDS}/{limit:g}-{end}.json"
-    kept = _kept(folder.read(name), wanted)
-    if kept is not None:
-        return kept
-    found: dict[str, Any] = dict(wanted)
+    stored = _kept(folder.read(name), request)
+    if stored is not None:
+        return stored
+    record: dict[str, Any] = dict(request)
     for objective in BoundObjective:
         best = searched(
             (run.loop, run.start),
@@ -97,17 +97,17 @@ def least_bounds(
             seed=seed,
             report=lambda what: listener.progress(f"{limit:g} N m: {what}", None),
         )
-        found[objective.value] = None if best is None else best.solution.value
-    folder.write(name, json.dumps(found))
-    return found
+        record[objective.value] = None if best is None else best.solution.value
+    folder.write(name, json.dumps(record))
+    return record
 
 
-def _kept(content: bytes | None, wanted: dict[str, Any]) -> dict[str, Any] | None:
+def _kept(content: bytes | None, request: dict[str, Any]) -> dict[str, Any] | None:
     """What was found before, if it is what is wanted now."""
-    found = parse_json(content)
+    record = parse_json(content)
     objectives = [one.value for one in BoundObjective]
-    if not isinstance(found, dict) or set(found) != {*wanted, *objectives}:
+    if not isinstance(record, dict) or set(record) != {*request, *objectives}:
         return None
-    values = [found[name] for name in objectives]
+    values = [record[name] for name in objectives]
     good = all(x is None or (isinstance(x, float) and 0 < x < math.inf) for x in values)
-    return found if good and wanted.items() <= found.items() else None
+    return record if good and request.items() <= record.items() else None

@@ -225,8 +225,8 @@ class ComparisonRun:
         return run_columns(study, store, what, self.execution, self.listener, names=COLUMNS)
 
 
-def _several(given: Any) -> tuple:
-    return (given,) if isinstance(given, str | float | int) else tuple(given)
+def _several(values: Any) -> tuple:
+    return (values,) if isinstance(values, str | float | int) else tuple(values)
 
 
 if TYPE_CHECKING:

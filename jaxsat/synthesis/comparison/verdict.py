@@ -182,10 +182,10 @@ def _quicker(best: ComparisonRow, row: ComparisonRow) -> str:
     """In how many of the cases that differ which law is quicker, and what the other one spends."""
     ahead, behind = _ahead(best, row)
     if not _differ(ahead, behind):
-        told = ", which this sample cannot tell apart"
+        clause = ", which this sample cannot tell apart"
         if row.effort > best.effort:
-            told += f", with {number_text(row.effort / best.effort, 3)} times the effort"
-        return told
+            clause += f", with {number_text(row.effort / best.effort, 3)} times the effort"
+        return clause
     return f", {best.setting.law} being quicker in {ahead} of {ahead + behind} cases"
 
 

@@ -235,13 +235,13 @@ def _made(
     """The scenario under a law, completed; or why the law does not fit."""
     try:
         scale = scale_of(_with_control(scenario, table(UNIT), UNIT))
-        made = complete(_with_control(scenario, table(scale), scale), scale)
-        build(made)
-        return made
+        completed = complete(_with_control(scenario, table(scale), scale), scale)
+        build(completed)
+        return completed
     except ValidationError as error:
-        issues = [found["ctx"]["issue"] for found in error.errors()]  # pyright: ignore
-        told = (f"{key_of(issue.location)} {issue.message}" for issue in issues)
-        return "; ".join(dict.fromkeys(told))
+        issues = [details["ctx"]["issue"] for details in error.errors()]  # pyright: ignore
+        messages = (f"{key_of(issue.location)} {issue.message}" for issue in issues)
+        return "; ".join(dict.fromkeys(messages))
     except ValueError as error:
         return str(error).rstrip(".")
 

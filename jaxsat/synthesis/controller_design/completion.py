@@ -53,10 +53,10 @@ def completed(
     """
     data, assumed = scenario.model_dump(exclude_none=True), []
     dispersed = scenario.dispersion is not None
-    wanted = default_duration(scale)
-    if not timed or (not dispersed and scenario.simulation.duration_s < wanted):
+    default = default_duration(scale)
+    if not timed or (not dispersed and scenario.simulation.duration_s < default):
         table = data["simulation"]
-        table["duration_s"] = math.ceil(wanted / table["save_every_s"]) * table["save_every_s"]
+        table["duration_s"] = math.ceil(default / table["save_every_s"]) * table["save_every_s"]
         assumed.append(f"duration of a case {table['duration_s']:g} s")
     sensors = scenario.sampling or scenario.gyro or scenario.star_tracker
     if not sensors and "period_s" in data["control"]:
@@ -127,12 +127,12 @@ def _that_fit(scenario: Scenario, tables: dict[str, dict[str, Any]]) -> dict[str
 
 def _told(tables: dict[str, dict[str, Any]]) -> list[str]:
     """Every dispersion in a few words."""
-    found = []
+    texts = []
     for one in DISPERSIBLE.values():
         table = tables.get(one.key)
         if table is None:
             continue
         unit = "" if one.unit == "1" else f" {one.unit}"
         spread = f"±{table['high']:.3g}{unit}" if "high" in table else "any"
-        found.append(f"{one.name.replace('_', ' ')} {spread}")
-    return found
+        texts.append(f"{one.name.replace('_', ' ')} {spread}")
+    return texts

@@ -72,15 +72,15 @@ def drawn_numbers(
     scenario: Scenario, columns: Columns, two_torques: bool = False
 ) -> dict[str, np.ndarray]:
     """All that was drawn, the size of the initial rate, and with two torques the coupling c."""
-    found: dict[str, np.ndarray] = {}
+    numbers: dict[str, np.ndarray] = {}
     for key, values in columns.items():
         if key.startswith(DRAWN):
-            found |= numbers_of(key.removeprefix(DRAWN), np.asarray(values))
+            numbers |= numbers_of(key.removeprefix(DRAWN), np.asarray(values))
     if f"{DRAWN}omega" in columns:
-        found["size of omega"] = np.linalg.norm(columns[f"{DRAWN}omega"], axis=1)
+        numbers["size of omega"] = np.linalg.norm(columns[f"{DRAWN}omega"], axis=1)
     if two_torques and f"{DRAWN}inertia" in columns:
-        found[COUPLING] = _couplings(scenario, columns)
-    return found
+        numbers[COUPLING] = _couplings(scenario, columns)
+    return numbers
 
 
 def remedies(

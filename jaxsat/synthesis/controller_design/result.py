@@ -132,8 +132,8 @@ class ControllerDesign:
     @property
     def proven(self) -> bool:
         """Whether the interval of the fraction, of 95 %, is above the wanted one."""
-        found = self.verification
-        return found is not None and found.settled.low >= self.settings.settled
+        verification = self.verification
+        return verification is not None and verification.settled.low >= self.settings.settled
 
     @property
     def headline(self) -> str:
@@ -205,21 +205,21 @@ class ControllerDesign:
             "loss_after": float(state.best_loss),
         }
 
-    def _verification_data(self, found: Verification) -> dict[str, Any]:
-        limit = found.limit
+    def _verification_data(self, verification: Verification) -> dict[str, Any]:
+        limit = verification.limit
         times = [
             {f"{percent:g}": one for percent, one in of_percents.items()}
-            for of_percents in (found.summary.settling_time, found.summary.effort)
+            for of_percents in (verification.summary.settling_time, verification.summary.effort)
         ]
         record = {
-            "cases": found.summary.cases,
-            "settled": found.settled,
+            "cases": verification.summary.cases,
+            "settled": verification.settled,
             "settling_time_s": times[0],
             "effort_N_m_s": times[1],
-            "outcomes": found.summary.outcomes,
-            "failing_cases": found.failing,
-            "separations": found.separations,
-            "remedies": found.remedies,
+            "outcomes": verification.summary.outcomes,
+            "failing_cases": verification.failing,
+            "separations": verification.separations,
+            "remedies": verification.remedies,
             "limit": limit and {**limit._asdict(), "cause": self._cause(limit.change)},
         }
         return plain_data(record)

@@ -60,13 +60,13 @@ class DesignRun:
         self.studies.listener.remark(verdict.lines()[0])
         scenario = self._aimed(verdict)
         fitting, assumed = self._candidates(scenario, verdict)
-        found = ControllerDesign(
+        designed = ControllerDesign(
             self.original, self.settings, verdict, assumed, fitting.candidates, fitting.left_out
         )
-        for caution in filter(None, (found.misses_attitude, *found.cautions)):
+        for caution in filter(None, (designed.misses_attitude, *designed.cautions)):
             self.studies.listener.warn(caution)
         if not fitting.candidates:
-            return found
+            return designed
         screening, candidates, enough = self._screening(fitting.candidates)
         names = {one.name: one for one in candidates}
         best = enough or names[screening.verdict.law or candidates[0].name]
@@ -85,7 +85,7 @@ class DesignRun:
         others = tuple(one for name, one in names.items() if name != chosen.name)
         verification = self._verification(chosen, others, verdict)
         return replace(
-            found,
+            designed,
             chosen=chosen,
             screening=screening,
             tuned=tuned,
@@ -106,10 +106,10 @@ class DesignRun:
         """The laws that fit, and what was assumed of the first that does."""
         assumed: list[tuple[str, ...]] = []
 
-        def complete(known: Scenario, scale: Scale) -> Scenario:
-            made = completed(known, verdict, scale, self.timed)
-            assumed.append(made.assumed)
-            return made.scenario
+        def complete(under_law: Scenario, scale: Scale) -> Scenario:
+            completion = completed(under_law, verdict, scale, self.timed)
+            assumed.append(completion.assumed)
+            return completion.scenario
 
         fitting = fitting_candidates(scenario, verdict, self.settings.law, complete)
         return fitting, assumed[0] if assumed else ()
@@ -125,12 +125,12 @@ class DesignRun:
             return Screening(self._compared("screening", flown), fitting, None)
         rule = WhenDecided(self.settings.settled, 2 * len(fitting))
         flights = self._announced(self._flown("screening", 2, fitting, rule))
-        known, (flown, enough) = fitting, _up_to_enough(flights, rule)
+        candidates, (flown, enough) = fitting, _up_to_enough(flights, rule)
         if not enough:
             larger = tuple(filter(None, map(with_larger_end_game, fitting)))
             more, enough = _up_to_enough(self._flown("screening", 2, larger, rule), rule)
-            known, flown = (*fitting, *larger), flown + more
-        return Screening(self._compared("screening", flown), known, enough)
+            candidates, flown = (*fitting, *larger), flown + more
+        return Screening(self._compared("screening", flown), candidates, enough)
 
     def _announced(self, flights: Iterator[Flown]) -> Iterator[Flown]:
         """The flights as they are; the first one is told as a first answer."""
@@ -228,12 +228,12 @@ class DesignRun:
         name = f"verification-{chosen.name}"
         what = f"step 5 of 5, verification of {chosen.name}"
         columns = dict(self.studies.columns(what, name, chosen.scenario, count, seed))
-        found = Verification(summarise(columns), columns)
-        if found.settled.value >= settings.settled:
-            return found
+        verification = Verification(summarise(columns), columns)
+        if verification.settled.value >= settings.settled:
+            return verification
         two = verdict.judgement.laws == "two torques"
         return replace(
-            found,
+            verification,
             separations=separations(chosen.scenario, columns, two),
             remedies=self._remedies(chosen, others, verdict, columns),
         )
@@ -248,17 +248,17 @@ class DesignRun:
         """How many of the failing cases settle with one thing changed, each flown again."""
         failing = np.flatnonzero(~np.isfinite(columns["settling_time"]))[:MOST_FLOWN]
         count, seed = self.settings.cases, self.settings.seeds.verification
-        found = []
+        measured = []
         aimed = verdict if self.settings.attitude == "wanted" else replace(verdict, turn=(0, 0, 0))
         changes = list(remedies(chosen, others, aimed))
-        for place, (change, made) in enumerate(changes, 1):
+        for place, (change, make) in enumerate(changes, 1):
             what = f"what would help, {place} of {len(changes)}: {len(failing)} cases with {change}"
             try:
-                again = self.studies.settled_again(what, made(), count, seed, failing)
+                again = self.studies.settled_again(what, make(), count, seed, failing)
             except ValueError:  # a number out of its range, or a law that cannot be built for it
                 continue
-            found.append(Remedy(change, int(again.sum()), len(failing)))
-        return tuple(found)
+            measured.append(Remedy(change, int(again.sum()), len(failing)))
+        return tuple(measured)
 
 
 def _up_to_enough(

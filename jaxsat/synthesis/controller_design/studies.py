@@ -59,10 +59,10 @@ class Studies:
         study = build_study(scenario, count, seed=seed, engine=self.execution.engine)
         parts = [numbers[first : first + CHUNK] for first in range(0, len(numbers), CHUNK)]
         executor = self.execution.executor or Serial()
-        found = dict(
+        times = dict(
             executor.run(lambda i: study.values(parts[i])["settling_time"], range(len(parts)))
         )
-        return np.isfinite(np.concatenate([found[i] for i in range(len(parts))]))
+        return np.isfinite(np.concatenate([times[i] for i in range(len(parts))]))
 
 
 def first_answer(name: str, columns: Columns) -> str:

@@ -60,21 +60,21 @@ class VehicleVerdict:
 
     def lines(self) -> list[str]:
         """The verdict for a person, a sentence each."""
-        found = [verdict_sentence(self.judgement)]
-        found.append(f"What the failures took away: {self.lost}.")
-        found.append(f"Laws: {LAW_WORDS[self.judgement.laws]}.")
+        sentences = [verdict_sentence(self.judgement)]
+        sentences.append(f"What the failures took away: {self.lost}.")
+        sentences.append(f"Laws: {LAW_WORDS[self.judgement.laws]}.")
         if self.turn is None:
-            found.append("No attitude can be held without a torque about the axis without one.")
+            sentences.append("No attitude can be held without a torque about the axis without one.")
         elif self.holds:
-            found.append("The wanted attitude can be held.")
+            sentences.append("The wanted attitude can be held.")
         else:
             turn = ", ".join(f"{round(part, 6):.3g}" for part in self.turn)
-            found.append(
+            sentences.append(
                 "The wanted attitude cannot be held: it would take a torque about the axis without "
                 "one. The nearest attitude that can be is turned from it by the rotation vector "
                 f"({turn}) rad, body axes."
             )
-        return [*found, *self.orbit, *self.in_flight]
+        return [*sentences, *self.orbit, *self.in_flight]
 
 
 class Scale(NamedTuple):
@@ -148,8 +148,8 @@ def _held_turn(scenario: Scenario, judgement: Judgement) -> tuple[float, float, 
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     directions = torque_directions(believed_axes(scenario))
     axes, _ = normal_axes(inertia, directions)
-    found = nearest_held(inertia, axes[2], scenario.disturbance.gravity_gradient)
-    return None if found is None else tuple(np.where(np.abs(found) < ROUNDING, 0.0, found).tolist())
+    turn = nearest_held(inertia, axes[2], scenario.disturbance.gravity_gradient)
+    return None if turn is None else tuple(np.where(np.abs(turn) < ROUNDING, 0.0, turn).tolist())
 
 
 def _orbit_lines(scenario: Scenario) -> tuple[str, ...]:

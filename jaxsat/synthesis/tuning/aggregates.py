@@ -125,8 +125,8 @@ class Objective:
 
     def value(self, costs: Costs) -> float:
         """The loss; infinite where no case has a cost."""
-        known = costs[np.isfinite(costs)]
-        return self.aggregate(self.tail(known)) if len(known) else float("inf")
+        finite = costs[np.isfinite(costs)]
+        return self.aggregate(self.tail(finite)) if len(finite) else float("inf")
 
     def loss_gradient(
         self, costs: Costs, derivatives: Float[np.ndarray, "cases parameters"]

@@ -93,9 +93,11 @@ class _Search:
 
     def gradient(self, point: np.ndarray) -> tuple[float, np.ndarray]:
         """Loss and gradient of the smooth law at one point."""
-        found = self.plan.smooth.differentiate(point[None], self._round(1 + self.plan.space.size))
-        costs = np.asarray(found.outputs.cost)[0]
-        result = self.plan.settings.objective.loss_gradient(costs, found.derivatives[0])
+        gradients = self.plan.smooth.differentiate(
+            point[None], self._round(1 + self.plan.space.size)
+        )
+        costs = np.asarray(gradients.outputs.cost)[0]
+        result = self.plan.settings.objective.loss_gradient(costs, gradients.derivatives[0])
         self._note(point, result.loss)
         return result.loss, result.gradient
 
@@ -140,9 +142,9 @@ def nelder_mead(search: _Search, start: np.ndarray) -> None:
     low, high = search_bounds(search.plan.space)
 
     def loss(point: np.ndarray) -> float:
-        found = float(search.losses(point[None])[0])
+        value = float(search.losses(point[None])[0])
         search.check_if_due()
-        return found
+        return value
 
     while True:
         first = start if search.best_in_training is None else search.best_in_training[1]
@@ -174,9 +176,9 @@ def cma_es(search: _Search, start: np.ndarray) -> None:
     while True:
         strategy = new_strategy((start - low) / (high - low), seed)
         while not strategy.stop():
-            asked = np.array(strategy.ask())
-            losses = search.losses(low + (high - low) * asked)
-            strategy.tell(list(asked), losses.tolist())
+            population = np.array(strategy.ask())
+            losses = search.losses(low + (high - low) * population)
+            strategy.tell(list(population), losses.tolist())
             search.check_if_due(low + (high - low) * strategy.result.xfavorite)  # the mean
         seed += 1
 
@@ -188,9 +190,9 @@ def bfgs(search: _Search, start: np.ndarray) -> None:
     low, high = search_bounds(search.plan.space)
 
     def gradient(point: np.ndarray) -> tuple[float, np.ndarray]:
-        found = search.gradient(point)
+        loss_gradient = search.gradient(point)
         search.check_if_due()
-        return found
+        return loss_gradient
 
     minimise(gradient, start, low, high)
 
@@ -232,7 +234,7 @@ def run_baselines(
     """
     budget = float(plan.settings.baseline_trajectories or state.trajectories)
     start = plan.space.projected(plan.space.to_search(plan.start[None]))[0]
-    found = [_descent_result(plan, state)]
+    results = [_descent_result(plan, state)]
     absent, free = missing_packages(), plan.settings.descent.derivative_free
     for name, method in METHODS.items():
         if method.package in absent or (method.gradients and free):
@@ -246,14 +248,15 @@ def run_baselines(
                 method.search(search, start)
             if not plan.settings.reached(search.best[-1].loss):
                 search.check()
-        found.append(_search_result(plan, name, search))
-    return found
+        results.append(_search_result(plan, name, search))
+    return results
 
 
-def as_data(found: Sequence[BaselineResult]) -> list[dict[str, Any]]:
+def as_data(results: Sequence[BaselineResult]) -> list[dict[str, Any]]:
     """The table's rows as plain data."""
     return [
-        plain_data({**entry._asdict(), "evaluation": entry.evaluation.as_data()}) for entry in found
+        plain_data({**entry._asdict(), "evaluation": entry.evaluation.as_data()})
+        for entry in results
     ]
 
 

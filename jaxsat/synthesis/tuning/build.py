@@ -96,16 +96,16 @@ def build_plan(
     if free:  # nothing is differentiated
         runs["smooth"] = runs["exact"]
     runs, remark = _compiled(runs, start, engine, differentiated=not free)
-    made = runs["exact"]
+    exact = runs["exact"]
     return TuningPlan(
         space,
         start,
         **runs,
-        settings=_settings(table, seed, float(made.program.interval)),
+        settings=_settings(table, seed, float(exact.program.interval)),
         widths=widths,
         description={
             "scenario": scenario.model_dump(mode="json", exclude={"title", "description"}),
-            "engine": made.engine.identity(),
+            "engine": exact.engine.identity(),
         },
         remark=remark,
     )
@@ -176,11 +176,11 @@ def _compiled(
     """The same with the native engine where that is wanted and can be; else why it cannot."""
     if name in ("scan", "diffrax"):
         return runs, None
-    found, obstacle = runs, process_obstacle()
+    compiled, obstacle = runs, process_obstacle()
     if obstacle is None:
-        found, obstacle = _as_machine_code(runs, start, differentiated)
+        compiled, obstacle = _as_machine_code(runs, start, differentiated)
     if obstacle is None:
-        return found, None
+        return compiled, None
     if name == "native":
         raise ValueError(f"The native engine cannot run this: {obstacle}")
     return runs, f"not the native engine: {obstacle}"
@@ -191,16 +191,16 @@ def _as_machine_code(
 ) -> tuple[dict[str, CostEvaluator], str | None]:
     """The same with the native engine, made and tried; or what has no rule there."""
     try:
-        found = {key: _native(evaluator) for key, evaluator in runs.items()}
+        compiled = {key: _native(evaluator) for key, evaluator in runs.items()}
         for key in ("smooth", "exact"):  # one interval of one case makes the machine code
-            probe = dataclasses.replace(found[key], counter=TrajectoryCounter())
+            probe = dataclasses.replace(compiled[key], counter=TrajectoryCounter())
             point = probe.space.to_search(start[None])
             probe.evaluate(point, np.arange(1), intervals=1)
             if differentiated:
                 probe.differentiate(point, np.arange(1), intervals=1)
     except CannotLower as error:
         return runs, str(error)
-    return found, None
+    return compiled, None
 
 
 def _native(evaluator: CostEvaluator) -> CostEvaluator:

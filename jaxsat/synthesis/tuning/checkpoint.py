@@ -168,8 +168,8 @@ def _from_arrays(plan: TuningPlan, arrays: Mapping[str, np.ndarray]) -> DescentS
     descent: OptimiserSettings = plan.settings.descent
     template: Any = ()
     if not descent.derivative_free:
-        made = descent.transformation(plan.settings.steps)
-        template = jax.vmap(made.init)(jnp.asarray(arrays["points"]))
+        transformation = descent.transformation(plan.settings.steps)
+        template = jax.vmap(transformation.init)(jnp.asarray(arrays["points"]))
     structure = jax.tree.structure(template)
     leaves = [jnp.asarray(arrays[f"optimiser_{i}"]) for i in range(structure.num_leaves)]
     if _kinds(leaves) != _kinds(jax.tree.leaves(template)):

@@ -127,12 +127,13 @@ class CostEvaluator:
         def run(cases: CaseWithGains) -> Any:
             return self.engine.gradient(program, cases, zero, mode)
 
-        found = self._in_batches(run, points, numbers)
+        gradients = self._in_batches(run, points, numbers)
         self._count(points, numbers, 1 + space.size, intervals)
         leading = (len(points), len(numbers))
-        by_value = space.joined(found.derivatives, leading)
+        by_value = space.joined(gradients.derivatives, leading)
         return CaseGradients(
-            _by_point(found.outputs, points, numbers), by_value * space.slope(points)[:, None, :]
+            _by_point(gradients.outputs, points, numbers),
+            by_value * space.slope(points)[:, None, :],
         )
 
     def _differences(
@@ -219,8 +220,8 @@ class CostEvaluator:
         ]
         first = run(batches[0])
         with ThreadPoolExecutor(self.workers, thread_name_prefix="jaxsat") as pool:
-            found = [first, *pool.map(run, batches[1:])]
-        return jax.tree.map(lambda *parts: np.concatenate(parts), *found)
+            results = [first, *pool.map(run, batches[1:])]
+        return jax.tree.map(lambda *parts: np.concatenate(parts), *results)
 
 
 def recovery_costs(outputs: Outputs, horizon: float, unrecovered: float) -> np.ndarray:

@@ -92,12 +92,12 @@ def initial_state(plan: TuningPlan) -> DescentState:
     trajectories = plan.smooth.counter.trajectories
     if settings.starts > 1:
         tried = space.to_search(space.drawn(max(settings.screened, settings.starts), settings.seed))
-        kept = tried
+        best_first = tried
         if settings.screened:
             costs = plan.smooth.evaluate(tried, settings.screening()).cost
             losses = np.array([settings.objective.value(row) for row in costs])
-            kept = tried[np.argsort(losses, kind="stable")]
-        points = np.concatenate([own, kept[: settings.starts - 1]])
+            best_first = tried[np.argsort(losses, kind="stable")]
+        points = np.concatenate([own, best_first[: settings.starts - 1]])
     trajectories = plan.smooth.counter.trajectories - trajectories
     state = DescentState(
         points,
@@ -121,18 +121,23 @@ def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
     horizon = settings.intervals(state.step, plan.intervals)
     before = plan.smooth.counter.trajectories
     alive = np.flatnonzero(state.alive)
-    found = plan.smooth.differentiate(state.points[alive], numbers, horizon)
+    gradients_of_cases = plan.smooth.differentiate(state.points[alive], numbers, horizon)
     per_start = [
         objective.loss_gradient(*both)
-        for both in zip(found.outputs.cost, found.derivatives, strict=True)
+        for both in zip(
+            gradients_of_cases.outputs.cost, gradients_of_cases.derivatives, strict=True
+        )
     ]
     if all(entry.masked == len(numbers) for entry in per_start):
         first = state.points[alive[0]]
-        one = CaseGradients(jax.tree.map(lambda x: x[:1], found.outputs), found.derivatives[:1])
-        told = unusable(plan.smooth, first, numbers, horizon, one)
+        one = CaseGradients(
+            jax.tree.map(lambda x: x[:1], gradients_of_cases.outputs),
+            gradients_of_cases.derivatives[:1],
+        )
+        reason = unusable(plan.smooth, first, numbers, horizon, one)
         raise NoGradient(
             f"no case of step {state.step + 1} has a usable gradient at any of its "
-            f"{len(alive)} points; at the first {told}"
+            f"{len(alive)} points; at the first {reason}"
         )
     gradients = np.zeros_like(state.points)
     gradients[alive] = [entry.gradient for entry in per_start]
@@ -142,8 +147,8 @@ def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
         np.where(state.alive[:, None], state.points, np.nan),
         _spread(state.alive, [entry.loss for entry in per_start]),
         _spread(state.alive, np.linalg.norm(gradients[alive], axis=1)),
-        _spread(state.alive, _settled(found.outputs)),
-        _spread(state.alive, _ended_early(found.outputs), 0),
+        _spread(state.alive, _settled(gradients_of_cases.outputs)),
+        _spread(state.alive, _ended_early(gradients_of_cases.outputs), 0),
         _spread(state.alive, [entry.masked for entry in per_start], 0),
         _spread(state.alive, [entry.bounded for entry in per_start], 0),
         horizon,
@@ -249,8 +254,8 @@ def _validated(plan: TuningPlan, state: DescentState) -> DescentState:
 @latest(32)
 def _transformation(descent: OptimiserSettings, steps: int):
     """optax, for all starts beside one another so that each is clipped by itself."""
-    made = descent.transformation(steps)
-    return jax.vmap(made.init), jax.jit(jax.vmap(made.update))
+    transformation = descent.transformation(steps)
+    return jax.vmap(transformation.init), jax.jit(jax.vmap(transformation.update))
 
 
 def _moved(plan: TuningPlan, state: DescentState, gradients: Values):

@@ -113,12 +113,12 @@ class SearchSpace:
     @property
     def labels(self) -> tuple[str, ...]:
         """A name for every number, entries of arrays counted from 1."""
-        found: list[str] = []
+        labels: list[str] = []
         for parameter in self.parameters:
             name = parameter.label or parameter.name
             several = [f"{name}[{i + 1}]" for i in range(parameter.size)]
-            found += [name] if parameter.shape == () else several
-        return tuple(found)
+            labels += [name] if parameter.shape == () else several
+        return tuple(labels)
 
     @property
     def units(self) -> tuple[str, ...]:

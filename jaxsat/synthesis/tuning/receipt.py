@@ -78,25 +78,25 @@ class Receipt:
     @property
     def problems(self) -> list[str]:
         """Why the gradients must not be trusted; none where none are taken."""
-        found: list[str] = []
+        problems: list[str] = []
         if self.derivative_free:
-            return found
+            return problems
         for place, comparison in (("start", self.start), ("end", self.end)):
             without = comparison.undefined
             if without:
-                found.append(
+                problems.append(
                     f"at the {place} {without} of {without + comparison.cases} cases that reached "
                     "their end have no finite derivative"
                 )
             elif not comparison.cases:
-                found.append(f"at the {place} no case reached its end, so nothing is known")
+                problems.append(f"at the {place} no case reached its end, so nothing is known")
             for label, error in zip(self.labels, comparison.error, strict=True):
                 if comparison.cases and not error <= MAX_RELATIVE_ERROR:
-                    found.append(
+                    problems.append(
                         f"at the {place} the derivative by {label} is {error:.1%} off the best "
                         "central difference"
                     )
-        return found
+        return problems
 
     def as_data(self) -> dict[str, Any]:
         """Everything as plain data."""
@@ -149,8 +149,8 @@ def _first_masked(plan: TuningPlan, state: DescentState) -> str:
         if record.masked.any():
             start = int(np.argmax(record.masked > 0))
             numbers = plan.settings.numbers(step)
-            told = unusable(plan.smooth, record.points[start], numbers, record.horizon)
-            return f"at step {step + 1}, start {start + 1}, {told}"
+            reason = unusable(plan.smooth, record.points[start], numbers, record.horizon)
+            return f"at step {step + 1}, start {start + 1}, {reason}"
     return ""
 
 

@@ -105,8 +105,8 @@ class TuningResult:
         """What `jaxsat tune` prints."""
         if self.kept is not None:
             return self.kept
-        found = as_data(self.baselines)
-        records = self.verdict.as_data(), self.receipt.as_data(), found
+        baselines = as_data(self.baselines)
+        records = self.verdict.as_data(), self.receipt.as_data(), baselines
         return tuning_document(self.original.title, *records, missing_packages())
 
     @property
@@ -157,16 +157,22 @@ def tune(
 
 def tuning_work(plan: TuningPlan, baselines: bool) -> Work:
     """What the descent and the verdict take, about; a gradient of n gains counts n + 1."""
-    told = plan.settings
-    free = told.descent.derivative_free
-    gradients = told.steps * told.starts * told.cases * (1 if free else len(plan.start) + 1)
-    screened = 0 if free else told.screened * len(told.screening())
-    checks = (told.steps // told.validate_every + 2) * told.starts * told.validation_cases
+    settings = plan.settings
+    free = settings.descent.derivative_free
+    gradients = (
+        settings.steps * settings.starts * settings.cases * (1 if free else len(plan.start) + 1)
+    )
+    screened = 0 if free else settings.screened * len(settings.screening())
+    checks = (
+        (settings.steps // settings.validate_every + 2)
+        * settings.starts
+        * settings.validation_cases
+    )
     descent = gradients + screened + checks
     if baselines:
-        descent += 4 * (told.baseline_trajectories or descent)
-    trajectories = descent + 3 * told.held_out_cases
-    together = max(told.cases, told.validation_cases, told.held_out_cases)
+        descent += 4 * (settings.baseline_trajectories or descent)
+    trajectories = descent + 3 * settings.held_out_cases
+    together = max(settings.cases, settings.validation_cases, settings.held_out_cases)
     memory = CASE * together * (len(plan.start) + 1)
     return Work(trajectories, trajectories * plan.intervals, memory, FOLDER)
 

@@ -59,15 +59,15 @@ def next_population(
     """
     low, high = search_bounds(space)
     strategy = new_strategy((start - low) / (high - low), seed, population)
-    asked = np.array(strategy.ask())
+    sample = np.array(strategy.ask())
     for points, losses in history:
         finite = losses[np.isfinite(losses)]
         worst = float(finite.max(initial=0.0)) + 1.0
-        told = np.where(np.isfinite(losses), losses, worst)
-        strategy.tell(list((points - low) / (high - low)), told.tolist())
-        asked = np.array(strategy.ask())
-    found = low + (high - low) * asked
-    return found if history else np.concatenate([start[None], found[1:]])
+        finite_losses = np.where(np.isfinite(losses), losses, worst)
+        strategy.tell(list((points - low) / (high - low)), finite_losses.tolist())
+        sample = np.array(strategy.ask())
+    following = low + (high - low) * sample
+    return following if history else np.concatenate([start[None], following[1:]])
 
 
 Vector = Float[np.ndarray, " n"]
@@ -101,9 +101,9 @@ def minimise(
 
     done = False
     while not done:
-        asked = np.asarray(state.y_eval)
-        inside = np.clip(asked, low, high)
+        trial = np.asarray(state.y_eval)
+        inside = np.clip(trial, low, high)
         value, slope = gradient(inside)
-        slope = np.where(asked == inside, slope, 0.0)
+        slope = np.where(trial == inside, slope, 0.0)
         point, state, done = step(point, state, jnp.asarray(value), jnp.asarray(slope))
     return np.clip(np.asarray(point), low, high)

@@ -39,10 +39,10 @@ class Unusable(NamedTuple):
     def __str__(self) -> str:
         which = ", ".join(map(str, self.cases[:LISTED]))
         more = f" and {len(self.cases) - LISTED} more" if len(self.cases) > LISTED else ""
-        told = f"{len(self.cases)} of {self.asked} cases have no usable gradient ({which}{more})"
+        text = f"{len(self.cases)} of {self.asked} cases have no usable gradient ({which}{more})"
         if self.impossible:
-            told += f", {self.impossible} of them as they cannot exist"
-        return f"{told}{self.reason and ': '}{self.reason}"
+            text += f", {self.impossible} of them as they cannot exist"
+        return f"{text}{self.reason and ': '}{self.reason}"
 
 
 def unusable(
@@ -50,22 +50,22 @@ def unusable(
     point: Float[np.ndarray, " parameters"],
     numbers: Int[np.ndarray, " cases"],
     intervals: int | None,
-    found: CaseGradients | None = None,
+    gradients: CaseGradients | None = None,
 ) -> Unusable | None:
     """What is wrong with the cases `numbers` at a point of the search; None where nothing is.
 
-    `found` are their gradients there, if they are known, and are taken of this point alone.
+    `gradients` are those of the cases there, if they are known, and are taken of this point alone.
     """
-    if found is None:
-        found = evaluator.differentiate(point[None], numbers, intervals)
-    costs, derivatives = np.asarray(found.outputs.cost)[0], found.derivatives[0]
+    if gradients is None:
+        gradients = evaluator.differentiate(point[None], numbers, intervals)
+    costs, derivatives = np.asarray(gradients.outputs.cost)[0], gradients.derivatives[0]
     bad = ~usable_cases(costs, derivatives)
     if not bad.any():
         return None
-    code = np.asarray(found.outputs.code)[0]
+    code = np.asarray(gradients.outputs.code)[0]
     wrong = ~np.isfinite(derivatives) & bad[:, None]
     labels = np.array(evaluator.space.labels)
-    told = Unusable(
+    report = Unusable(
         numbers[bad].tolist(),
         len(numbers),
         int((code == int(Outcome.IMPOSSIBLE_CASE)).sum()),
@@ -74,13 +74,13 @@ def unusable(
     )
     places = np.argwhere(wrong)
     if not len(places):
-        return told
+        return report
     case, gain = map(int, places[np.isnan(derivatives[tuple(places.T)]).argmax()])
     why = _why(
         evaluator, point, int(numbers[case]), gain, intervals, float(derivatives[case, gain])
     )
-    others = f"by {', '.join(told.gains)}; " if len(told.gains) > 1 else ""
-    return told._replace(
+    others = f"by {', '.join(report.gains)}; " if len(report.gains) > 1 else ""
+    return report._replace(
         reason=f"{others}the derivative of case {numbers[case]} by {labels[gain]} {why}"
     )
 
@@ -91,11 +91,11 @@ def _why(evaluator: CostEvaluator, point, number: int, gain: int, intervals, val
         return "is infinite"
     if evaluator.gradient == "differences":
         return "is NaN, as the cost is beside the point"
-    found = nan_in_run(*evaluator.derivative_of_one(point, number, gain, intervals))
-    if found is None:
+    nan = nan_in_run(*evaluator.derivative_of_one(point, number, gain, intervals))
+    if nan is None:
         return "is NaN in reverse mode" if evaluator.gradient == "reverse" else "is NaN"
-    told = f"becomes NaN at {found.time:g} s by the operation `{found.origin.operation}`"
-    return told + _in_source(found.origin.place)
+    text = f"becomes NaN at {nan.time:g} s by the operation `{nan.origin.operation}`"
+    return text + _in_source(nan.origin.place)
 
 
 def _in_source(place: tuple[Place, ...]) -> str:

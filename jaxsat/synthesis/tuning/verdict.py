@@ -128,8 +128,8 @@ def _singular_part(evaluator: CostEvaluator, point: np.ndarray, cost: np.ndarray
     program = dataclasses.replace(program, cost=bounded)
     other = dataclasses.replace(evaluator, program=program, counter=TrajectoryCounter())
     rotation = _columns(other, point, np.arange(len(cost)))["cost"]
-    known = np.isfinite(cost) & np.isfinite(rotation)
-    return float(1 - rotation[known].sum() / cost[known].sum()) if cost[known].any() else 0.0
+    finite = np.isfinite(cost) & np.isfinite(rotation)
+    return float(1 - rotation[finite].sum() / cost[finite].sum()) if cost[finite].any() else 0.0
 
 
 def evaluate_gains(
