@@ -22,16 +22,12 @@ from jaxsat.compiler.ir import (
     Store,
     Switch,
     Value,
+    is_uniform,
 )
-from jaxsat.compiler.operations import BOOL, OPERATIONS, evaluate
-from jaxsat.compiler.passes.ranges import Ranges
-from jaxsat.compiler.passes.simplify import identity, simplified
+from jaxsat.compiler.operations import BOOL, INT, OPERATIONS, evaluate
+from jaxsat.compiler.passes.branching import are_cheap
+from jaxsat.compiler.passes.simplify import Ranges, identity, simplified
 from jaxsat.compiler.trace import Frame, Trace
-
-CHEAP = 24
-"""Branches of at most so many operations in all are computed in every lane, not jumped over."""
-
-INT = np.dtype(np.int32)
 
 
 class Builder:
@@ -50,6 +46,7 @@ class Builder:
         self.cutter: Callable | None = None
         self.kept: list[Any] = []  # that identities belong to
         if like is not None:
+            self.functions, self.repeated = like.functions, like.repeated
             self.outlined, self.made, self.kept = like.outlined, like.made, like.kept
             self.cutter = like.cutter
         self.sine_and_cosine: set[Any] = set()  # variables of jaxprs
@@ -78,7 +75,7 @@ class Builder:
         if simple is not None:
             return simple
         key = (name, dtype.char, *map(identity, args))
-        found = self._known(key)
+        found = self.block.find(key)
         if found is None:
             found = Value(dtype, uniform or name == "any")
             self.block.steps.append(Operation(name, args, found))
@@ -91,8 +88,8 @@ class Builder:
                 self.factors[found.number] = (args[0], args[1])
             if name == "convert":
                 self.ranges.note_converted(args[0], found)
-            if name == "convert" and (args[0].dtype == BOOL or identity(args[0]) in self.truths):
-                self.truths.add(found.number)
+                if args[0].dtype == BOOL or identity(args[0]) in self.truths:
+                    self.truths.add(found.number)
         return found
 
     def _with_sign_outside(self, name: str, args: Sequence[Scalar]) -> Scalar | None:
@@ -131,7 +128,7 @@ class Builder:
     def load(self, memory: Memory, index: Scalar) -> Scalar:
         """An element of a memory that is not written any more."""
         key = ("load", memory.number, identity(index))
-        found = self._known(key)
+        found = self.block.find(key)
         if found is None:
             found = Value(memory.dtype, memory.uniform and is_uniform(index))
             self.block.steps.append(Load(memory, index, found))
@@ -177,11 +174,10 @@ class Builder:
             if varying and self.mask is not None:
                 active = self.operation("and", active, self.mask)
         work.outer = test
-        lanes = None if is_uniform(active) else active
-        with self.inside(work, lanes if lanes is not None else self.mask):
+        with self.inside(work, self.mask if is_uniform(active) else active):
             after = body(list(params))
-            if lanes is not None:
-                after = [self.select(lanes, a, p) for a, p in zip(after, params, strict=True)]
+            if not is_uniform(active):
+                after = [self.select(active, a, p) for a, p in zip(after, params, strict=True)]
         self._note(*params)
         for value, param in zip(after, params, strict=True):
             assert is_uniform(value) or not param.uniform, "a uniform carry became varying"
@@ -204,7 +200,7 @@ class Builder:
             with self.inside(block, masks[number] if masks else self.mask):
                 yields.append(branch())
             blocks.append(block)
-        if masks is None and not _cheap(blocks):
+        if masks is None and not are_cheap(blocks):
             return self._switch(index, blocks, yields)
         return self._everywhere(index, masks, blocks, yields)
 
@@ -246,7 +242,7 @@ class Builder:
     def call(self, function: Function, args: Sequence[Scalar]) -> list[Scalar]:
         """The results of a function."""
         key = ("call", function.name, *map(identity, args))
-        known = self._known(key)
+        known = self.block.find(key)
         if known is not None:
             return list(known)  # pyright: ignore[reportArgumentType]
         outs = [Value(result.dtype, is_uniform(result)) for result in function.results]
@@ -270,19 +266,6 @@ class Builder:
         if self.trace is not None:
             self.trace.places.update((value.number, self.trace.now) for value in made)
 
-    def _known(self, key: tuple):
-        block = self.block
-        while block is not None:
-            found = block.known.get(key)
-            if found is not None:
-                return found
-            block = block.outer
-        return None
-
-    def _take_in(self, block: Block) -> None:
-        self.block.steps += block.steps
-        self.block.known |= block.known
-
     def _switch(self, index, blocks, yields, *, cold: bool = False) -> list[Scalar]:
         kinds = zip(*yields, strict=True)
         outs = [Value(several[0].dtype, all(map(is_uniform, several))) for several in kinds]
@@ -292,15 +275,16 @@ class Builder:
 
     def _everywhere(self, index, masks, blocks, yields) -> list[Scalar]:
         """Cheap branches in all lanes, others where any lane needs them; each lane gets its own."""
-        whole = _cheap(blocks)
+        whole = are_cheap(blocks)
         chosen: list[Scalar] | None = None
         dear = []
         for number in reversed(range(len(blocks))):
             block, results = blocks[number], yields[number]
-            if not (whole or _cheap([block])):
+            if not (whole or are_cheap([block])):
                 dear.append(number)
                 continue
-            self._take_in(block)
+            self.block.steps += block.steps
+            self.block.known |= block.known
             if chosen is None:
                 chosen = list(results)
             else:
@@ -316,14 +300,3 @@ class Builder:
             chosen = self._switch(needed, [Block(self.block), block], [chosen, found])
         assert chosen is not None
         return chosen
-
-
-def _cheap(blocks: Sequence[Block]) -> bool:
-    """Whether branches are sooner computed than jumped over."""
-    plain = all(isinstance(step, Operation) for block in blocks for step in block.steps)
-    return plain and sum(len(block.steps) for block in blocks) <= CHEAP
-
-
-def is_uniform(x: Scalar) -> bool:
-    """Whether `x` is the same in all lanes."""
-    return x.uniform if isinstance(x, Value) else True

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.compiler.builder import is_uniform
 from jaxsat.compiler.ir import (
     Block,
     Call,
@@ -20,6 +19,7 @@ from jaxsat.compiler.ir import (
     Store,
     Switch,
     Value,
+    is_uniform,
 )
 from jaxsat.compiler.operations import evaluate
 

@@ -10,6 +10,7 @@ prints it as LLVM code; nothing else is known of it.
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import count
+from typing import Any
 
 import numpy as np
 
@@ -102,20 +103,23 @@ class Block:
         self.outer = outer
         self.known: dict[tuple, Scalar] = {}
 
+    def find(self, key: tuple) -> Any:
+        """What is known under a key here or in a block around; None for nothing."""
+        block: Block | None = self
+        while block is not None:
+            found = block.known.get(key)
+            if found is not None:
+                return found
+            block = block.outer
+        return None
+
     def calls(self) -> "Iterator[Call]":
         """All calls of this block and of those in it."""
         for step in self.steps:
-            match step:
-                case Call():
-                    yield step
-                case Loop(condition=condition, body=body):
-                    yield from condition.calls()
-                    yield from body.calls()
-                case Switch(blocks=blocks):
-                    for inside in blocks:
-                        yield from inside.calls()
-                case _:
-                    pass
+            if isinstance(step, Call):
+                yield step
+            for inside in blocks_in(step):
+                yield from inside.calls()
 
 
 @dataclass(slots=True)
@@ -203,21 +207,31 @@ def definitions(step: Step) -> Sequence[Value]:
             return outs
 
 
+def blocks_in(step: Step) -> Sequence[Block]:
+    """The blocks of a loop or a switch, each after what it may read."""
+    match step:
+        case Loop(condition=condition, body=body):
+            return (condition, body)
+        case Switch(blocks=blocks):
+            return blocks
+    return ()
+
+
 def uses(step: Step) -> Iterator[int]:
     """Numbers of the values from outside that a step reads."""
     match step:
         case Operation(args=args) | Call(args=args):
-            yield from _numbers_of(args)
+            yield from numbers_of(args)
         case Load(index=index, memory=memory):
-            yield from _numbers_of([index, *memory.elements])
+            yield from numbers_of([index, *memory.elements])
         case Store(index=index, value=value):
-            yield from _numbers_of([index, value])
+            yield from numbers_of([index, value])
         case Switch():
-            yield from _numbers_of([step.index])
+            yield from numbers_of([step.index])
             for block, results in zip(step.blocks, step.yields, strict=True):
                 yield from _uses_in(block, results)
         case Loop():
-            yield from _numbers_of(step.before)
+            yield from numbers_of(step.before)
             own = {param.number for param in step.params}
             for block, results in ((step.condition, [step.active]), (step.body, step.after)):
                 inner = own | {out.number for s in step.condition.steps for out in definitions(s)}
@@ -229,11 +243,17 @@ def _uses_in(block: Block, results: Iterable[Scalar]) -> Iterator[int]:
     for step in block.steps:
         yield from (number for number in uses(step) if number not in own)
         own.update(out.number for out in definitions(step))
-    yield from (number for number in _numbers_of(results) if number not in own)
+    yield from (number for number in numbers_of(results) if number not in own)
 
 
-def _numbers_of(scalars: Iterable[Scalar]) -> Iterator[int]:
-    return (x.number for x in scalars if isinstance(x, Value))
+def numbers_of(scalars: Iterable[Scalar]) -> list[int]:
+    """Numbers of the values among scalars."""
+    return [x.number for x in scalars if isinstance(x, Value)]
+
+
+def is_uniform(x: Scalar) -> bool:
+    """Whether a scalar is the same in all lanes."""
+    return x.uniform if isinstance(x, Value) else True
 
 
 def memories(step: Step) -> Iterator[Memory]:
@@ -244,14 +264,9 @@ def memories(step: Step) -> Iterator[Memory]:
                 yield memory
         case Call(function=Function(block=block)):
             yield from _memories_in(block)
-        case Switch(blocks=blocks):
-            for block in blocks:
-                yield from _memories_in(block)
-        case Loop(condition=condition, body=body):
-            yield from _memories_in(condition)
-            yield from _memories_in(body)
         case _:
-            pass
+            for block in blocks_in(step):
+                yield from _memories_in(block)
 
 
 def _memories_in(block: Block) -> Iterator[Memory]:

@@ -5,21 +5,19 @@ An array of the jaxpr is a NumPy object array of constants and values. A rule is
 `jaxsat.compiler.rules`.
 """
 
-import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.compiler.builder import Builder, is_uniform
-from jaxsat.compiler.ir import Function, NativeBug, Scalar, Value
+from jaxsat.compiler.builder import Builder
+from jaxsat.compiler.ir import Function, NativeBug, Scalar, Value, is_uniform
 from jaxsat.compiler.passes.dead_code import without_dead_code
-from jaxsat.compiler.trace import Element, Frame, Trace
+from jaxsat.compiler.trace import frames_of, note_elements
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.jax_internals import is_tested, summary_of, versions
 from jaxsat.core.jaxprs import Equation, Jaxpr, Literal, jaxpr_of
@@ -140,9 +138,11 @@ def _apply(b: Builder, eqn: Equation, arrays: list[Elements]) -> Sequence[Elemen
         for var in eqn.outputs:
             number_type(var.aval.dtype)
         before = b.written
-        with b.at(() if b.trace is None else _frames(eqn, b.trace)):
+        with b.at(() if b.trace is None else frames_of(eqn, b.trace)):
             outputs = RULES[name](b, eqn, *arrays)
-            _note_elements(b, [outputs] if isinstance(outputs, np.ndarray) else outputs)
+            if b.trace is not None:
+                arrays = [outputs] if isinstance(outputs, np.ndarray) else outputs
+                note_elements(b.trace, arrays)
         if b.written - before > LONGEST and not _is_call(eqn):
             many = b.written - before
             raise CannotLower(f"`{name}` would be written out as {many} operations")
@@ -183,56 +183,6 @@ def _is_call(eqn: Equation) -> bool:
 
 def _where(eqn: Equation) -> str:
     return summary_of(eqn.place)
-
-
-def _note_elements(b: Builder, arrays: Sequence[Elements]) -> None:
-    """Keep of which arrays values are the elements."""
-    if b.trace is None:
-        return
-    for array in arrays:
-        if array.size < 2:
-            continue
-        shape = tuple(n for n in array.shape if n > 1)
-        number = len(b.trace.elements)
-        for index, x in zip(np.ndindex(shape), array.flat, strict=True):
-            if isinstance(x, Value):
-                found = Element(number, shape, index, b.trace.now)
-                b.trace.elements.setdefault(x.number, found)
-
-
-def _frames(eqn: Equation, trace: Trace) -> tuple[Frame, ...]:
-    """The calls of the source that an equation comes from, from the outermost.
-
-    A compiled function keeps the places of its first trace: those inside it go after its call. The
-    inside of one that is JAX's own is the place of its call.
-    """
-    if id(eqn) in trace.calls:
-        return trace.calls[id(eqn)]
-    outer = trace.now
-    found = [
-        Frame(one.function.split(".<locals>")[0], one.file, one.line)
-        for one in eqn.place
-        if not is_wrapper(one.file)
-    ]
-    if not outer:
-        return tuple(found)
-    for number, frame in enumerate(found):
-        if (frame.function, frame.file) == (outer[-1].function, outer[-1].file):
-            return (*outer[:-1], *found[number:])
-    return outer
-
-
-_WRAPPERS = tuple(
-    os.path.join(os.path.dirname(spec.origin), "")
-    for name in ("equinox", "jaxtyping", "beartype", "diffrax")
-    if (spec := find_spec(name)) is not None and spec.origin is not None
-)
-"""Folders of libraries whose functions only call others."""
-
-
-def is_wrapper(file: str) -> bool:
-    """Whether the functions of a file only call others."""
-    return file.startswith((*_WRAPPERS, "<"))
 
 
 @once
@@ -313,7 +263,6 @@ def function_of(b: Builder, name: str, jaxpr: Jaxpr, args: Sequence[Scalar]) -> 
     if key not in b.functions:
         params = [Value(arg.dtype, is_uniform(arg)) for arg in args]
         inner = Builder(like=b)
-        inner.functions = b.functions
         jaxpr = b.cut(jaxpr)
         with b.at(()):
             results = scalars_of(lower(inner, jaxpr, arrays_of(params, [()] * len(params))))

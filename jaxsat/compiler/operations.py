@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-BOOL = np.dtype(bool)
+BOOL, INT = np.dtype(bool), np.dtype(np.int32)
 
 
 @dataclass(frozen=True)

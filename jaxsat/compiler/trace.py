@@ -1,7 +1,16 @@
 """What is known of a program's values beside the program: where they come from in the source."""
 
+import os
+from collections.abc import Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+
+from jaxsat.compiler.ir import Value
+from jaxsat.core.jaxprs import Equation
 
 
 @dataclass(frozen=True)
@@ -46,3 +55,51 @@ class Trace:
             yield
         finally:
             self.now = before
+
+
+def note_elements(trace: Trace, arrays: Sequence[Any]) -> None:
+    """Keep of which arrays (object arrays of scalars) values are the elements."""
+    for array in arrays:
+        if array.size < 2:
+            continue
+        shape = tuple(n for n in array.shape if n > 1)
+        number = len(trace.elements)
+        for index, x in zip(np.ndindex(shape), array.flat, strict=True):
+            if isinstance(x, Value):
+                found = Element(number, shape, index, trace.now)
+                trace.elements.setdefault(x.number, found)
+
+
+def frames_of(eqn: Equation, trace: Trace) -> tuple[Frame, ...]:
+    """The calls of the source that an equation comes from, from the outermost.
+
+    A compiled function keeps the places of its first trace: those inside it go after its call. The
+    inside of one that is JAX's own is the place of its call.
+    """
+    if id(eqn) in trace.calls:
+        return trace.calls[id(eqn)]
+    outer = trace.now
+    found = [
+        Frame(one.function.split(".<locals>")[0], one.file, one.line)
+        for one in eqn.place
+        if not is_wrapper(one.file)
+    ]
+    if not outer:
+        return tuple(found)
+    for number, frame in enumerate(found):
+        if (frame.function, frame.file) == (outer[-1].function, outer[-1].file):
+            return (*outer[:-1], *found[number:])
+    return outer
+
+
+_WRAPPERS = tuple(
+    os.path.join(os.path.dirname(spec.origin), "")
+    for name in ("equinox", "jaxtyping", "beartype", "diffrax")
+    if (spec := find_spec(name)) is not None and spec.origin is not None
+)
+"""Folders of libraries whose functions only call others."""
+
+
+def is_wrapper(file: str) -> bool:
+    """Whether the functions of a file only call others."""
+    return file.startswith((*_WRAPPERS, "<"))

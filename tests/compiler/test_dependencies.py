@@ -7,7 +7,7 @@ from jax import lax
 
 from jaxsat.compiler.interpreter import interpret
 from jaxsat.compiler.llvm.mapped import Mapped
-from jaxsat.compiler.passes.dependencies import dependencies
+from jaxsat.compiler.passes.dead_code import dependencies
 
 CASES = np.random.default_rng(3).uniform(0.5, 2.0, (16, 5))
 

@@ -15,7 +15,7 @@ from helpers.tools import needs
 from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.c.contexts import has_rows
 from jaxsat.compiler.c.naming import Names, comment, identifier
-from jaxsat.compiler.c.rolling import rolled
+from jaxsat.compiler.c.tidying import rolled
 from jaxsat.compiler.lowering import as_elements, lower
 from jaxsat.compiler.passes.outlining import outlined
 from jaxsat.core.jaxprs import jaxpr_of

@@ -12,7 +12,7 @@ from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.text import braced, dimensions
 from jaxsat.compiler.c.unit import AbstractUnit
 from jaxsat.compiler.c.wishes import element_of, name_of
-from jaxsat.compiler.ir import Block, Load, Loop, Memory, Scalar, Store, Switch, Value
+from jaxsat.compiler.ir import Block, Load, Memory, Scalar, Store, Value, blocks_in
 
 CONSTANT = ("p", "in", "now")
 """Structures that are only read."""
@@ -46,12 +46,8 @@ class Arrays:
                 match step:
                     case Load(memory=memory) | Store(memory=memory) if not memory.elements:
                         self.memory(memory)
-                    case Switch(blocks=inside):
-                        self.declare(inside)
-                    case Loop(condition=condition, body=body):
-                        self.declare((condition, body))
                     case _:
-                        pass
+                        self.declare(blocks_in(step))
 
     def argument(self, array: Sequence[Scalar], shape: tuple[int, ...]) -> Expression:
         """A number, or an array of C with these elements."""

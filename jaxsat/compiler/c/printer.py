@@ -1,7 +1,8 @@
-"""Programs of scalars as statements of C."""
+"""Programs of scalars as statements of C; loops turn no more often than a bound known before."""
 
 import re
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,6 @@ from jaxsat.compiler.c.body import Body
 from jaxsat.compiler.c.contexts import arrays_in, squeezed
 from jaxsat.compiler.c.expressions import UNARY, Expression, called, operation
 from jaxsat.compiler.c.helpers import TYPES
-from jaxsat.compiler.c.loops import bound_of
 from jaxsat.compiler.c.naming import Names
 from jaxsat.compiler.c.unit import POINTERS, AbstractUnit
 from jaxsat.compiler.c.uses import Uses
@@ -249,3 +249,47 @@ def _is_enclosed(text: str) -> bool:
         if depth == 0:
             return letter == ")" and place == len(text) - 1
     return False
+
+
+class Bound(NamedTuple):
+    """Of a loop that counts up: which param counts, where it ends (exclusive), and whether that is
+    the loop's whole condition."""
+
+    counter: int
+    end: int
+    is_whole: bool
+
+
+def bound_of(step: Loop, makers: Mapping[int, Operation]) -> Bound | None:
+    """The bound of a loop that counts up from a constant to another; None of any other."""
+    for name in _conjuncts(step.active, makers):
+        maker = makers.get(name)
+        if maker is None or maker.name != "lt" or isinstance(maker.args[1], Value):
+            continue
+        for i, (param, before, after) in enumerate(
+            zip(step.params, step.before, step.after, strict=True)
+        ):
+            turn = makers.get(after.number) if isinstance(after, Value) else None
+            counts = (
+                maker.args[0] is param
+                and not isinstance(before, Value)
+                and turn is not None
+                and turn.name == "add"
+                and turn.args[0] is param
+                and not isinstance(turn.args[1], Value)
+                and turn.args[1] == 1
+            )
+            if counts:
+                whole = isinstance(step.active, Value) and step.active.number == name
+                return Bound(i, int(maker.args[1]), whole)  # pyright: ignore
+    return None
+
+
+def _conjuncts(active: Scalar, makers: Mapping[int, Operation]) -> list[int]:
+    """Numbers of the conditions that must all hold."""
+    if not isinstance(active, Value):
+        return []
+    maker = makers.get(active.number)
+    if maker is not None and maker.name == "and":
+        return [number for arg in maker.args for number in _conjuncts(arg, makers)]
+    return [active.number]

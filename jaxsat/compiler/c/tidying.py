@@ -1,12 +1,14 @@
 """The statements of a C function made short: fewer comments and declarations, loops, constants."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
-from jaxsat.compiler.c.initialisers import with_initialisers
+import numpy as np
+
 from jaxsat.compiler.c.naming import comment
-from jaxsat.compiler.c.rolling import rolled
+from jaxsat.compiler.c.text import WIDEST, braced, in_lines
 
 FEW_LINES = 8
 """Statements of another function of the source that need no comment."""
@@ -59,3 +61,197 @@ def _declared_together(lines: list[str]) -> list[str]:
 
 
 _DECLARED = re.compile(r"( *(?:double|float|bool|u?int\d+_t)) (\w+(?:, \w+)*);")
+
+
+_INDEX = re.compile(r"\[(\d+)\]")
+VARIABLES = "ijkmn"
+"""Of loops, from the innermost."""
+
+
+@dataclass
+class _Unit:
+    """A statement: its lines, and how many loops it is made of; -1 is one that is no assignment."""
+
+    lines: list[str]
+    depth: int
+
+    @property
+    def text(self) -> str:
+        return "\n".join(self.lines)
+
+
+def rolled(lines: list[str]) -> list[str]:
+    """The same statements in the same order, equal ones of neighbouring elements in loops."""
+    units = _units(lines)
+    while True:
+        shorter = _rolled_once(units)
+        if len(shorter) == len(units):
+            return [line for unit in units for line in unit.lines]
+        units = shorter
+
+
+def _units(lines: list[str]) -> list[_Unit]:
+    units: list[_Unit] = []
+    place = 0
+    while place < len(lines):
+        line = lines[place]
+        if line.endswith(" =") and place + 1 < len(lines):
+            end = next(i for i in range(place, len(lines)) if lines[i].endswith(";")) + 1
+            units.append(_Unit(lines[place:end], 0))
+            place = end
+            continue
+        plain = re.match(r"\s*[\w>.\-]+(\[\d+\])+ = .*;$", line) is not None
+        units.append(_Unit([line], 0 if plain else -1))
+        place += 1
+    return units
+
+
+def _rolled_once(units: list[_Unit]) -> list[_Unit]:
+    found: list[_Unit] = []
+    place = 0
+    while place < len(units):
+        run = _run(units, place)
+        size = len(units[place].lines)
+        if run * size >= size + 2 and run > 2 and units[place].depth < len(VARIABLES):
+            found.append(_loop(units[place : place + run]))
+            place += run
+        else:
+            found.append(units[place])
+            place += 1
+    return found
+
+
+def _numbers(unit: _Unit) -> list[int]:
+    return [int(number) for number in _INDEX.findall(unit.text)]
+
+
+def _run(units: list[_Unit], first: int) -> int:
+    """How many units from the first on differ by indices that go up by one or stay."""
+    one = units[first]
+    if one.depth < 0 or not _INDEX.search(one.text):
+        return 1
+    template = _INDEX.sub("[#]", one.text)
+    before, steps, count = _numbers(one), None, 1
+    for unit in units[first + 1 :]:
+        if unit.depth != one.depth or _INDEX.sub("[#]", unit.text) != template:
+            break
+        now = _numbers(unit)
+        change = [b - a for a, b in zip(before, now, strict=True)]
+        if steps is None:
+            written = one.lines[-1] if one.depth == 0 and len(one.lines) == 1 else one.text
+            target = len(_INDEX.findall(written.split(" = ")[0])) if one.depth == 0 else len(change)
+            if not set(change) <= {0, 1} or not any(change[:target]):
+                break
+            steps = change
+        if change != steps:
+            break
+        before, count = now, count + 1
+    return count
+
+
+def _loop(run: list[_Unit]) -> _Unit:
+    first, second = _numbers(run[0]), _numbers(run[1])
+    moving = [a != b for a, b in zip(first, second, strict=True)]
+    begin = first[moving.index(True)]
+    variable = VARIABLES[run[0].depth]
+    places = iter(range(len(first)))
+
+    def index(match: re.Match) -> str:
+        place = next(places)
+        if not moving[place]:
+            return match.group()
+        offset = first[place] - begin
+        if not offset:
+            return f"[{variable}]"
+        return f"[{variable} {'+' if offset > 0 else '-'} {abs(offset)}]"
+
+    text = _INDEX.sub(index, run[0].text)
+    margin = re.match(r"\s*", run[0].lines[0])
+    indent = margin.group() if margin else ""
+    body = [f"  {line}" for line in text.split("\n")]
+    turns = f"int32_t {variable} = {begin}; {variable} < {begin + len(run)}; {variable}++"
+    head = f"{indent}for ({turns}) {{"
+    return _Unit([head, *body, f"{indent}}}"], run[0].depth + 1)
+
+
+_ARRAY = re.compile(r"( *)(double|float|bool|u?int\d+_t) (\w+)((?:\[\d+\])+);")
+_CONSTANT = re.compile(r" *const \w+ \w+(\[\d+\])* =")
+
+
+def with_initialisers(lines: Sequence[str]) -> list[str]:
+    """The same statements with arrays that are set once, element by element, as constants."""
+    statements = _statements(lines)
+    place = 0
+    while place < len(statements):
+        declared = _ARRAY.fullmatch("\n".join(statements[place]))
+        found = _assigned(statements, place, declared) if declared else None
+        if declared and found:
+            statements[place : found[1]] = [*found[2], _initialised(declared, found[0])]
+            place += len(found[2])
+            if declared[4].count("[") > 1:
+                statements = [_without_casts(one, declared[3]) for one in statements]
+        place += 1
+    return [line for one in statements for line in one]
+
+
+def _statements(lines: Sequence[str]) -> list[list[str]]:
+    """Lines of one statement together."""
+    found: list[list[str]] = []
+    is_open = False
+    for line in lines:
+        if is_open:
+            found[-1].append(line)
+        else:
+            found.append([line])
+        plain = line.strip()
+        is_open = not plain.endswith((";", "{", "}", "*/", ":")) and plain != ""
+    return found
+
+
+def _assigned(
+    statements: Sequence[list[str]], first: int, declared: re.Match
+) -> tuple[list[str], int, list[list[str]]] | None:
+    """The elements' expressions, the statement after the last, and what stands in between."""
+    name = declared[3]
+    shape = [int(n) for n in re.findall(r"\d+", declared[4])]
+    wanted = [f"{name}{''.join(f'[{i}]' for i in index)}" for index in np.ndindex(*shape)]
+    values: list[str] = []
+    between: list[list[str]] = []
+    place = first + 1
+    while len(values) < len(wanted):
+        if place == len(statements):
+            return None
+        text = " ".join(line.strip() for line in statements[place])
+        target, sign, value = text.partition(" = ")
+        if sign and target == wanted[len(values)] and not re.search(rf"\b{name}\b", value):
+            values.append(value.removesuffix(";"))
+        elif _CONSTANT.match(statements[place][0]) and not re.search(rf"\b{name}\b", text):
+            between.append(statements[place])
+        else:
+            return None
+        place += 1
+    rest = "\n".join(line for one in statements[place:] for line in one)
+    if re.search(rf"(&|^ *){name}\[", rest, re.MULTILINE):
+        return None
+    return values, place, between
+
+
+def _initialised(declared: re.Match, values: Sequence[str]) -> list[str]:
+    indent, kind, name, dimensions = declared.groups()
+    shape = tuple(int(n) for n in re.findall(r"\d+", dimensions))
+    begin = f"{indent}const {kind} {name}{dimensions} = "
+    text = f"{begin}{braced(values, shape)};"
+    if len(text) <= WIDEST or len(shape) > 1:
+        return in_lines(text.strip(), indent)
+    lines = [f"{begin}{{"]
+    for number, value in enumerate(values):
+        end = "};" if number == len(values) - 1 else ","
+        lines += in_lines(f"{value}{end}", f"{indent}    ")
+    return lines
+
+
+def _without_casts(lines: list[str], name: str) -> list[str]:
+    """A constant array of rows is handed over as it is."""
+    return [
+        re.sub(rf"\(const \w+ \(\*\)(?:\[\d+\])+\){name}\b(?!\[)", name, line) for line in lines
+    ]

@@ -17,20 +17,16 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from jaxsat.compiler.functions.error_function import erf, erf_inv, erfc, near_erf_inv
-from jaxsat.compiler.functions.exponential import exp, exp2, expm1, logistic
-from jaxsat.compiler.functions.hyperbolic import cosh, sinh, tanh
-from jaxsat.compiler.functions.inverse_hyperbolic import acosh, asinh, atanh
-from jaxsat.compiler.functions.inverse_trigonometric import (
+from jaxsat.compiler.functions.exponential import exp, exp2, expm1, log, log1p, logistic
+from jaxsat.compiler.functions.hyperbolic import acosh, asinh, atanh, cosh, sinh, tanh
+from jaxsat.compiler.functions.power import cbrt, pow
+from jaxsat.compiler.functions.trigonometric import (
     acos,
     asin,
     atan,
     atan2,
-    near_atan2,
-)
-from jaxsat.compiler.functions.logarithm import log, log1p
-from jaxsat.compiler.functions.power import cbrt, pow
-from jaxsat.compiler.functions.trigonometric import (
     cos,
+    near_atan2,
     near_cos,
     near_sin,
     near_sincos,
@@ -55,40 +51,13 @@ def _of_any_float(function: Callable) -> Callable:
 
 
 FUNCTIONS: dict[str, Callable] = {
-    name: _of_any_float(function)
-    for name, function in {
-        "acos": acos,
-        "acosh": acosh,
-        "asin": asin,
-        "asinh": asinh,
-        "atan": atan,
-        "atan2": atan2,
-        "atanh": atanh,
-        "cbrt": cbrt,
-        "cos": cos,
-        "cosh": cosh,
-        "erf": erf,
-        "erf_inv": erf_inv,
-        "erfc": erfc,
-        "exp": exp,
-        "exp2": exp2,
-        "expm1": expm1,
-        "log": log,
-        "log1p": log1p,
-        "logistic": logistic,
-        "near_atan2": near_atan2,
-        "near_cos": near_cos,
-        "near_erf_inv": near_erf_inv,
-        "near_sin": near_sin,
-        "near_sincos": near_sincos,
-        "pow": pow,
-        "sin": sin,
-        "sincos": sincos,
-        "sinh": sinh,
-        "tan": tan,
-        "tanh": tanh,
-    }.items()
-}
+    function.__name__: _of_any_float(function)
+    for function in (
+        acos, acosh, asin, asinh, atan, atan2, atanh, cbrt, cos, cosh, erf, erf_inv, erfc, exp,
+        exp2, expm1, log, log1p, logistic, near_atan2, near_cos, near_erf_inv, near_sin,
+        near_sincos, pow, sin, sincos, sinh, tan, tanh,
+    )
+}  # fmt: skip
 
 
 @once

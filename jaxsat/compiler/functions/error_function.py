@@ -22,8 +22,7 @@ from jaxsat.compiler.functions.bits import (
     upper,
     with_sign_of,
 )
-from jaxsat.compiler.functions.exponential import bounded, exp_pair
-from jaxsat.compiler.functions.logarithm import log, near_log
+from jaxsat.compiler.functions.exponential import bounded, exp_pair, log, near_log
 
 _TAIL_BEGINS = 0.0019304541362277093
 """1 - x^2 of which -log is 6.25."""

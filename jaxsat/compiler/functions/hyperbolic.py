@@ -1,16 +1,23 @@
-"""sinh, cosh and tanh, of exp; sinh by a polynomial where it is small."""
+"""sinh, cosh and tanh, of exp, and their inverses, of logarithms; polynomials where they are small.
 
+A sum like x + sqrt(1 + x^2) needs more than a double, for its error is that of the logarithm.
+"""
+
+import numpy as np
 from jax import lax
 
 from jaxsat.compiler.functions.bits import (
     Double,
+    Integer,
     fast_two_sum,
     polynomial,
+    quotient,
     scaled,
     select,
+    upper,
     with_sign_of,
 )
-from jaxsat.compiler.functions.exponential import bounded, exp_parts, expm1_pair
+from jaxsat.compiler.functions.exponential import bounded, exp_parts, expm1_pair, log_of_pair
 
 _SINE_HYPERBOLIC = (
     0.16666666666666666,
@@ -56,3 +63,113 @@ def _half_exp(x: Double) -> Double:
     """exp(|x|)/2, finite wherever sinh is."""
     e, n = exp_parts(bounded(lax.abs(x), 0.0, 711.0))
     return scaled(e, n - 1)
+
+
+_LARGE = 2.0**28
+"""From here on the root is x itself."""
+
+_ARC_SINE_HYPERBOLIC = (
+    -0.16666666666666666,
+    0.07499999999999919,
+    -0.044642857142676524,
+    0.03038194442845777,
+    -0.022372158353448204,
+    0.017352744100632582,
+    -0.013964482486015398,
+    0.011547467566226112,
+    -0.009725660600766477,
+    0.0081821244466585,
+    -0.00647392691763486,
+    0.004137287295866399,
+    -0.0014980926997373353,
+)
+_ARC_COSINE_HYPERBOLIC = (
+    -0.08333333333333333,
+    0.018749999999999798,
+    -0.00558035714283461,
+    0.0018988715267803592,
+    -0.000699129948581031,
+    0.00027113662700276546,
+    -0.0001090975226943521,
+    4.51073115146737e-05,
+    -1.8995485116675797e-05,
+    7.990474674023411e-06,
+    -3.1612616713409254e-06,
+    1.0102106184062879e-06,
+    -1.8291799601051166e-07,
+)
+_ARC_TANGENT_HYPERBOLIC = (
+    0.3333333333333333,
+    0.19999999999999932,
+    0.1428571428573433,
+    0.11111111108760967,
+    0.09090909234832004,
+    0.07692302400645903,
+    0.06666793186556243,
+    0.0588028825418615,
+    0.05286822945217062,
+    0.045687317154384274,
+    0.0547141985340172,
+    -0.005893217402119145,
+    0.16391680976078685,
+    -0.1848372803061939,
+    0.2267345942853116,
+)
+
+
+def asinh(x: Double) -> Double:
+    """Inverse hyperbolic sine."""
+    size = lax.abs(x)
+    z = x * x
+    small = size + size * (z * polynomial(z, _ARC_SINE_HYPERBOLIC))
+    far = _log_of_sum_with_root(size, 1.0)
+    return with_sign_of(select(size < 0.5, small, far), x)
+
+
+def acosh(x: Double) -> Double:
+    """Inverse hyperbolic cosine; NaN below one."""
+    d = x - 1.0
+    root = lax.sqrt(2.0 * d)
+    near = root + root * (d * polynomial(d, _ARC_COSINE_HYPERBOLIC))
+    value = select(d < 0.5, near, _log_of_sum_with_root(x, -1.0))
+    return select(x >= 1.0, value, np.nan)
+
+
+def atanh(x: Double) -> Double:
+    """Inverse hyperbolic tangent: infinite at -1 and 1, NaN outside."""
+    size = lax.abs(x)
+    z = x * x
+    small = size + size * (z * polynomial(z, _ARC_TANGENT_HYPERBOLIC))
+    inside = select((size >= 0.5) & (size < 1.0), size, 0.5)
+    num, num_low = fast_two_sum(lax.full_like(x, 1.0), inside)
+    ratio = quotient(num, num_low, 1.0 - inside, 0.0)
+    nothing = lax.full_like(x, 0.0)
+    far = 0.5 * log_of_pair(ratio, nothing, _whole(x, 0))
+    ends = select(size == 1.0, np.inf, np.nan)
+    value = select(size < 0.5, small, select(size < 1.0, far, ends))
+    return with_sign_of(value, x)
+
+
+def _log_of_sum_with_root(x: Double, one: float) -> Double:
+    """log(x + sqrt(x^2 + one)) of x from 1/2 or, with -1, from 3/2."""
+    large = x > _LARGE
+    size = select(large | (x < 0.5), 2.0, x)
+    cut = upper(size)
+    square, rest = cut * cut, (size - cut) * (size + cut)
+    above = square > 1.0
+    total, error = fast_two_sum(select(above, square, one), select(above, one, square))
+    w = total + (error + rest)
+    w_low = (total - w) + (error + rest)
+    root = lax.sqrt(w)
+    cut = upper(root)
+    lost = ((w - cut * cut) - (root - cut) * (root + cut) + w_low) / (2.0 * root)
+    first, second = (root, size) if one > 0.0 else (size, root)
+    total, error = fast_two_sum(first, second)
+    total = select(large, select(x < np.inf, x, 1.0), total)
+    doubled = lax.select(large, _whole(x, 1), _whole(x, 0))
+    value = log_of_pair(total, select(large, 0.0, error + lost), doubled)
+    return select(x < np.inf, value, x)
+
+
+def _whole(like: Double, number: int) -> Integer:
+    return lax.full_like(like, number, np.int64)

@@ -28,10 +28,11 @@ from jaxsat.compiler.functions.bits import (
 from jaxsat.compiler.functions.exponential import (
     LOG2_LOWER,
     LOG2_UPPER,
+    MIN_NORMAL,
     bounded,
     exp_parts,
+    split,
 )
-from jaxsat.compiler.functions.logarithm import MIN_NORMAL, split
 
 _TWO_THIRDS, _TWO_THIRDS_LOW = 0.6666666666666666, 3.700743415417188e-17
 # (log((1 + s)/(1 - s))/s - 2)/s^2 - 2/3, over s^2

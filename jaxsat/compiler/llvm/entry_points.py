@@ -4,7 +4,7 @@ An entry point is called for one vector of trajectories as
 
     void entry_point(pointers, state, cases, wanted, a, b)
 
-`pointers` holds the address of the arena (`emitter.Module`) and of every array from outside;
+`pointers` holds the address of the arena (`module.Module`) and of every array from outside;
 `state` is memory of this vector alone; `cases` gives the number of every lane's case and `wanted`
 (bytes) tells the lanes for which something is to be written; `a` and `b` are whole numbers for all
 lanes.
@@ -16,11 +16,8 @@ from itertools import compress
 
 import numpy as np
 
-from jaxsat.compiler.builder import is_uniform
-from jaxsat.compiler.ir import Function, Operation, Scalar, Value
-from jaxsat.compiler.llvm.emitter import Module
-from jaxsat.compiler.llvm.llvm import FunctionEmitter
-from jaxsat.compiler.llvm.llvm_types import memory_type, scalar_type, suffix, vector_type
+from jaxsat.compiler.ir import Function, Operation, Scalar, Value, is_uniform
+from jaxsat.compiler.llvm.function_emitter import FunctionEmitter
 from jaxsat.compiler.llvm.locations import (
     CONTEXT,
     Known,
@@ -33,12 +30,11 @@ from jaxsat.compiler.llvm.locations import (
     parameter_locations,
     rematerialise,
 )
+from jaxsat.compiler.llvm.module import Module
+from jaxsat.compiler.llvm.words import memory_type, scalar_type, suffix, vector_type
 from jaxsat.compiler.lowering import bugs_in
-from jaxsat.compiler.passes.cold_branches import merge_cold_branches
-from jaxsat.compiler.passes.dead_code import DeadCodeElimination
-from jaxsat.compiler.passes.dependencies import dependencies
-from jaxsat.compiler.passes.invariants import move_invariants
-from jaxsat.compiler.passes.scheduling import schedule
+from jaxsat.compiler.passes.dead_code import DeadCodeElimination, dependencies
+from jaxsat.compiler.passes.scheduling import merge_cold_branches, move_invariants, schedule
 
 
 @dataclass

@@ -4,9 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jaxsat.compiler.builder import INT, Builder, is_uniform
-from jaxsat.compiler.ir import Memory, Scalar, Value
+from jaxsat.compiler.builder import Builder
+from jaxsat.compiler.ir import Memory, Scalar, Value, is_uniform
 from jaxsat.compiler.lowering import CannotLower
+from jaxsat.compiler.operations import INT
 
 CHOSEN = 16
 """Of at most so many elements one is found by selections; more are put into memory."""

@@ -7,8 +7,6 @@ predicate become a switch.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from jaxsat.compiler.ir import (
     Block,
     Call,
@@ -21,8 +19,10 @@ from jaxsat.compiler.ir import (
     Value,
     definitions,
     memories,
+    numbers_of,
     uses,
 )
+from jaxsat.compiler.operations import INT
 
 DEAR = 100.0
 """Operations that a branch must save."""
@@ -31,7 +31,15 @@ _COSTS = {"div": 5.0, "rem": 20.0, "sqrt": 15.0}
 ELEMENTARY = 40.0
 """Operations of an elementary function, about."""
 
-INT = np.dtype(np.int32)
+
+CHEAP = 24
+"""Branches of at most so many operations in all are computed in every lane, not jumped over."""
+
+
+def are_cheap(blocks: Sequence[Block]) -> bool:
+    """Whether branches are sooner computed than jumped over."""
+    plain = all(isinstance(step, Operation) for block in blocks for step in block.steps)
+    return plain and sum(len(block.steps) for block in blocks) <= CHEAP
 
 
 @dataclass
@@ -79,7 +87,7 @@ def _choices(block: Block, results: Sequence[Scalar]) -> Iterable[_Choice]:
     for number, step in enumerate(block.steps):
         for value in uses(step):
             readers.setdefault(value, set()).add(number)
-    for value in _numbers(results):
+    for value in numbers_of(results):
         readers.setdefault(value, set()).add(len(block.steps))
     predicates: dict[int, dict[int, Operation]] = {}
     for number, step in enumerate(block.steps):
@@ -125,7 +133,7 @@ def _choice(block: Block, group: dict[int, Operation], readers: dict[int, set[in
                 alone.add(number)
         sides.append(alone)
     made = {out.number for i in sides[0] | sides[1] for out in definitions(block.steps[i])}
-    needed = {number: one for number, one in group.items() if made & set(_numbers(one.args))}
+    needed = {number: one for number, one in group.items() if made & set(numbers_of(one.args))}
     cost = _total(block.steps[number] for number in sides[0] | sides[1])
     return _Choice(needed, (sides[0], sides[1]), cost)
 
@@ -176,10 +184,6 @@ def _in_order(steps: Sequence[Step]) -> list[Step]:
             else:
                 waiting += sorted(needs, reverse=True)
     return order
-
-
-def _numbers(scalars: Iterable[Scalar]) -> list[int]:
-    return [x.number for x in scalars if isinstance(x, Value)]
 
 
 def _cost(step: Step) -> float:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from jaxsat.compiler.lowering import is_wrapper
+from jaxsat.compiler.trace import is_wrapper
 from jaxsat.core.jax_internals import Place
 from jaxsat.core.jaxprs import Equation
 

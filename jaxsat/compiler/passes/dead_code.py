@@ -1,8 +1,12 @@
 """Dead-code elimination: steps whose results nobody uses, results of switches and calls, and
-carries of loops on which nothing depends but themselves."""
+carries of loops on which nothing depends but themselves.
+
+`dependencies` tells which inputs every result needs: data flow forward, by bits of whole numbers.
+"""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from itertools import compress
 
 from jaxsat.compiler.ir import (
@@ -11,12 +15,15 @@ from jaxsat.compiler.ir import (
     Function,
     Load,
     Loop,
+    Memory,
     Operation,
     Scalar,
     Step,
     Store,
     Switch,
     Value,
+    blocks_in,
+    numbers_of,
 )
 
 
@@ -30,7 +37,7 @@ class DeadCodeElimination:
         self._needs: dict[int, list[int]] = defaultdict(list)
         self._gather(block, [])
         self.live: set[int] = set()
-        waiting = _numbers(results)
+        waiting = numbers_of(results)
         while waiting:
             number = waiting.pop()
             if number not in self.live:
@@ -43,27 +50,27 @@ class DeadCodeElimination:
         for step in block.steps:
             match step:
                 case Operation(out=out, args=args):
-                    self._needs[out.number] += _numbers(args)
+                    self._needs[out.number] += numbers_of(args)
                 case Call(outs=outs, args=args):
                     for out in outs:
-                        self._needs[out.number] += _numbers(args)
+                        self._needs[out.number] += numbers_of(args)
                 case Load(memory=memory, index=index, out=out):
-                    self._needs[out.number] += [memory.number, *_numbers([index])]
-                    self._needs[out.number] += _numbers(memory.elements)
+                    self._needs[out.number] += [memory.number, *numbers_of([index])]
+                    self._needs[out.number] += numbers_of(memory.elements)
                 case Store(memory=memory, index=index, value=value):
-                    self._needs[memory.number] += [*_numbers([index, value]), *control]
+                    self._needs[memory.number] += [*numbers_of([index, value]), *control]
                 case Switch():
-                    inner = [*control, *_numbers([step.index])]
+                    inner = [*control, *numbers_of([step.index])]
                     for inside, results in zip(step.blocks, step.yields, strict=True):
                         self._gather(inside, inner)
                         for out, result in zip(step.outs, results, strict=True):
-                            self._needs[out.number] += _numbers([result, step.index])
+                            self._needs[out.number] += numbers_of([result, step.index])
                 case Loop():
-                    inner = [*control, *_numbers([step.active])]
+                    inner = [*control, *numbers_of([step.active])]
                     self._gather(step.condition, inner)
                     self._gather(step.body, inner)
                     for one in zip(step.params, step.before, step.after, strict=True):
-                        self._needs[one[0].number] += _numbers([*one[1:], step.active])
+                        self._needs[one[0].number] += numbers_of([*one[1:], step.active])
 
     def _clean(self, block: Block) -> None:
         """Remove the dead code of a block and of those inside."""
@@ -102,24 +109,87 @@ class DeadCodeElimination:
         return [out.number in self.live for out in outs]
 
 
-def _numbers(scalars: Sequence[Scalar]) -> list[int]:
-    return [x.number for x in scalars if isinstance(x, Value)]
-
-
 def _stores(block: Block) -> bool:
     """Whether a block without dead code stores anything."""
-    for step in block.steps:
-        match step:
-            case Store():
-                return True
-            case Loop(body=body) if _stores(body):
-                return True
-            case Switch(blocks=blocks) if any(map(_stores, blocks)):
-                return True
-    return False
+    return any(
+        isinstance(step, Store) or any(map(_stores, blocks_in(step))) for step in block.steps
+    )
 
 
 def without_dead_code(function: Function) -> Function:
     """The function without its dead code."""
     DeadCodeElimination(function.block, function.results)
     return function
+
+
+def dependencies(function: Function) -> list[set[int]]:
+    """For every result, the numbers of the parameters that it may need.
+
+    A call needs all its arguments.
+    """
+    flow = _DataFlow({param.number: 1 << i for i, param in enumerate(function.params)})
+    flow.block(function.block, 0)
+    indices = range(len(function.params))
+    needs = [flow.of([x]) for x in function.results]
+    return [{i for i in indices if need >> i & 1} for need in needs]
+
+
+@dataclass
+class _DataFlow:
+    """What values and memories need, by their numbers; bit i stands for parameter i."""
+
+    known: dict[int, int]
+    memories: dict[int, int] = field(default_factory=dict)
+
+    def of(self, scalars: Iterable[Scalar]) -> int:
+        """What any of them needs."""
+        found = 0
+        for x in scalars:
+            if isinstance(x, Value):
+                found |= self.known.get(x.number, 0)
+        return found
+
+    def block(self, block: Block, control: int) -> None:
+        """Go through a block; whether it runs depends on `control`."""
+        for step in block.steps:
+            self._step(step, control)
+
+    def _step(self, step: Step, control: int) -> None:
+        match step:
+            case Operation(args=args, out=out):
+                self._note([out], [self.of(args)])
+            case Load(memory=memory, index=index, out=out):
+                self._note([out], [self.of([index, *memory.elements]) | self._in(memory)])
+            case Store(memory=memory, index=index, value=value):
+                needs = self._in(memory) | self.of([index, value]) | control
+                self.memories[memory.number] = needs
+            case Call(args=args, outs=outs):
+                self._note(outs, [self.of(args)] * len(outs))
+            case Switch():
+                control |= self.of([step.index])
+                for block in step.blocks:
+                    self.block(block, control)
+                yields = zip(*step.yields, strict=True)
+                self._note(step.outs, [self.of(several) | control for several in yields])
+            case Loop():
+                self._loop(step, control)
+
+    def _loop(self, loop: Loop, control: int) -> None:
+        """Until nothing changes: what a parameter needs, others may need in the next turn."""
+        after, memories = [self.of([x]) for x in loop.before], dict(self.memories)
+        while True:
+            self._note(loop.params, after)
+            self.block(loop.condition, control)
+            test = control | self.of([loop.active])
+            self.block(loop.body, test)
+            before, seen = after, memories
+            after = [self.of([x, y]) | test for x, y in zip(loop.params, loop.after, strict=True)]
+            memories = dict(self.memories)
+            if (after, memories) == (before, seen):
+                return
+
+    def _note(self, values: Sequence[Value], needs: Sequence[int]) -> None:
+        self.known.update((x.number, need) for x, need in zip(values, needs, strict=True))
+
+    def _in(self, memory: Memory) -> int:
+        return self.memories.get(memory.number, 0)

@@ -1,4 +1,4 @@
-"""List scheduling: independent steps of a block stand together, the critical path first.
+"""Where steps stand: invariants before loops, cold branches together, the critical path first.
 
 Programs come in the order in which they were traced, array by array, and a processor looks only
 some dozens of steps ahead for work that need not wait. So every block is put in order again, from
@@ -7,8 +7,9 @@ of others depends.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from heapq import heappop, heappush
+from itertools import chain
 
 from jaxsat.compiler.ir import (
     Block,
@@ -18,10 +19,109 @@ from jaxsat.compiler.ir import (
     Step,
     Switch,
     Value,
+    blocks_in,
     definitions,
     memories,
+    numbers_of,
     uses,
 )
+from jaxsat.compiler.operations import INT
+
+DEAR = ("div", "sqrt")
+"""Operations that cost more than keeping their result through a loop."""
+
+
+def move_invariants(block: Block) -> None:
+    """Hoist dear operations out of the loops of a block, and of the blocks inside.
+
+    LLVM does not hoist them: their operands are rematerialised (`locations`), so they are loaded
+    inside the loop, and often under a branch, where LLVM must not load earlier.
+    """
+    steps: list[Step] = []
+    for step in block.steps:
+        for inside in blocks_in(step):
+            move_invariants(inside)
+        if isinstance(step, Loop):
+            steps += _moved_out(step)
+        steps.append(step)
+    block.steps = steps
+
+
+def _moved_out(loop: Loop) -> list[Step]:
+    """The dear invariant operations of a loop, and the invariant ones that they need."""
+    blocks = [*_blocks(loop.condition), *_blocks(loop.body)]
+    inside = {out.number for block in blocks for s in block.steps for out in definitions(s)}
+    inside.update(param.number for param in loop.params)
+    alike: dict[int, Operation] = {}  # the invariant ones, in order
+    for block in blocks:
+        for step in block.steps:
+            if isinstance(step, Operation) and _needs(step) & inside <= alike.keys():
+                alike[step.out.number] = step
+    wanted: set[int] = set()
+    for number, step in reversed(alike.items()):
+        if number in wanted or (step.name in DEAR and not step.out.uniform):
+            wanted |= {number} | (_needs(step) & alike.keys())
+    for block in blocks:
+        block.steps = [s for s in block.steps if not _is_in(s, wanted)]
+    return [step for number, step in alike.items() if number in wanted]
+
+
+def _is_in(step: Step, wanted: set[int]) -> bool:
+    return isinstance(step, Operation) and step.out.number in wanted
+
+
+def _blocks(block: Block) -> Iterator[Block]:
+    """A block and those inside, each after what it may read."""
+    yield block
+    for step in block.steps:
+        for inside in blocks_in(step):
+            yield from _blocks(inside)
+
+
+def _needs(step: Operation) -> set[int]:
+    return set(numbers_of(step.args))
+
+
+def merge_cold_branches(block: Block) -> None:
+    """Merge the cold switches of a block, and of the blocks inside: one jump in place of many.
+
+    At each jump the register allocator spills what is live. The cold switches of a block that need
+    no results of one another become one, as early as the last of them can be.
+    """
+    depths: dict[int, int] = {}  # by value and memory: how many switches one after the other
+    plain: dict[int, list[Step]] = defaultdict(list)
+    cold: dict[int, list[Switch]] = defaultdict(list)
+    for step in block.steps:
+        for inside in blocks_in(step):
+            merge_cold_branches(inside)
+        touched = [memory.number for memory in memories(step)]
+        depth = max((depths.get(n, 0) for n in chain(uses(step), touched)), default=0)
+        is_cold = isinstance(step, Switch) and step.cold
+        (cold if is_cold else plain)[depth].append(step)  # pyright: ignore
+        after = [out.number for out in definitions(step)]
+        depths.update(dict.fromkeys(chain(after, touched), depth + is_cold))
+    block.steps = []
+    for depth in range(max([*plain, *cold], default=-1) + 1):
+        block.steps += plain[depth]
+        block.steps += _together(cold[depth])
+
+
+def _together(switches: Sequence[Switch]) -> Sequence[Step]:
+    if len(switches) < 2:
+        return switches
+    index: Scalar = switches[0].index
+    steps: list[Step] = []
+    for switch in switches[1:]:
+        either = Value(INT, True)
+        steps.append(Operation("or", (index, switch.index), either))
+        index = either
+    blocks = [Block(), Block()]
+    for number, block in enumerate(blocks):
+        block.steps = list(chain(*(switch.blocks[number].steps for switch in switches)))
+    yields = [list(chain(*(switch.yields[number] for switch in switches))) for number in (0, 1)]
+    outs = list(chain(*(switch.outs for switch in switches)))
+    return [*steps, Switch(index, blocks, yields, outs, cold=True)]
+
 
 _CYCLES = {"div": 13, "sqrt": 20, "add": 4, "sub": 4, "mul": 4, "round": 8}
 
@@ -38,7 +138,7 @@ def schedule(block: Block, results: Iterable[Scalar]) -> None:
                     schedule(inside, yields)
             case _:
                 pass
-    kept = {x.number for x in results if isinstance(x, Value)}
+    kept = set(numbers_of(results))
     block.steps = _list_scheduled(_nodes(block.steps, kept))
 
 

@@ -2,7 +2,6 @@
 
 from jaxsat.compiler.rules import (
     calls,
-    composed,
     control,
     elementwise,
     indexing,
@@ -16,7 +15,6 @@ from jaxsat.compiler.rules import (
 
 __all__ = [
     "calls",
-    "composed",
     "control",
     "elementwise",
     "indexing",

@@ -1,12 +1,19 @@
-"""Primitives that only call a jaxpr of their own: what they call is lowered in their place."""
+"""Primitives that only call a jaxpr of their own, which is lowered in their place, and primitives
+made of others: what each computes is written in plain `jax.numpy`."""
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
+from functools import partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
+from jax import lax
+from jaxtyping import Array, Shaped
 
 from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.ir import Function, Scalar, Source, Value, uses
-from jaxsat.compiler.lowering import Elements, arrays_of, lower, lowers, scalars_of
+from jaxsat.compiler.lowering import Elements, arrays_of, lower, lowers, scalars_of, written
 from jaxsat.compiler.passes.dead_code import without_dead_code
 from jaxsat.core.jax_internals import CALL
 
@@ -35,7 +42,6 @@ def _shared(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Elements
         rest = iter(params)
         inside = [next(rest) if isinstance(x, Value) else x for x in args]
         body = Builder(like=b)
-        body.functions, body.repeated = b.functions, b.repeated
         shapes = [array.shape for array in arrays]
         results = scalars_of(lower(body, inner, arrays_of(inside, shapes)))
         label = f"{eqn.parameters['name']}.{len(b.functions)}"
@@ -94,7 +100,6 @@ def _made(b: Builder, inner, arrays: Sequence[Elements], folded: Sequence[bool])
             own[index] = array[index] if fold else Value(array[index].dtype, True)
         inside.append(own)
     body = Builder(like=b)
-    body.functions, body.repeated = b.functions, b.repeated
     with b.at(()):
         results = lower(body, inner, inside)
     places = {x.number: i for i, x in enumerate(scalars_of(inside)) if isinstance(x, Value)}
@@ -124,3 +129,99 @@ def _plan(result: Elements, places: dict[int, int]) -> Elements | None:
             return None
         out[index] = places[x.number] if isinstance(x, Value) else x
     return out
+
+
+def _top_k(x: Array, k: int, axis: int) -> list[Array]:
+    """The largest first, equal ones in their order; floats in IEEE 754's total order, as XLA's:
+    -0.0 below 0.0, NaN beyond all on the side of its sign."""
+    numbers = lax.broadcasted_iota(jnp.int32, x.shape, axis)
+    last = [lax.rev(y, (axis,)) for y in (_in_total_order(x), x, numbers)]
+    ordered = lax.sort(last, dimension=axis, num_keys=1)[1:]
+    return [lax.slice_in_dim(lax.rev(y, (axis,)), 0, k, axis=axis) for y in ordered]
+
+
+def _in_total_order(x: Array) -> Array:
+    """Whole numbers in the order of these: the bits of a float, of a negative one turned over."""
+    if x.dtype.kind != "f":
+        return x
+    word = np.dtype(f"i{x.dtype.itemsize}")
+    bits = lax.bitcast_convert_type(x, word)
+    return jnp.where(bits < 0, bits ^ np.iinfo(word).max, bits)
+
+
+def _cumlogsumexp(x: Array, axis: int, reverse: bool) -> Array:
+    return lax.associative_scan(jnp.logaddexp, x, reverse=reverse, axis=axis)
+
+
+def _nextafter(x: Array, y: Array) -> Array:
+    whole = jnp.int64 if x.dtype == jnp.float64 else jnp.int32
+    bits = lax.bitcast_convert_type(x, whole)
+    outwards = jnp.where((y > x) == (x > 0), bits + 1, bits - 1)
+    least = lax.bitcast_convert_type(jnp.ones_like(bits), x.dtype)
+    moved = jnp.where(x == 0, jnp.copysign(least, y), lax.bitcast_convert_type(outwards, x.dtype))
+    return jnp.where(x == y, y, jnp.where((x != x) | (y != y), np.nan, moved))
+
+
+def _clz(x: Array) -> Array:
+    """The zeros above the first one: all below it are made ones and counted."""
+    width = 8 * x.dtype.itemsize
+    shift = 1
+    while shift < width:
+        x = x | lax.shift_right_logical(x, jnp.full_like(x, shift))
+        shift *= 2
+    return jnp.full_like(x, width) - lax.population_count(x)
+
+
+def _tile(x: Shaped[Array, "..."], reps: tuple[int, ...]) -> Array:
+    for axis, times in enumerate(reps):
+        x = lax.concatenate([x] * times, axis)
+    return x
+
+
+def _reduce_precision(x: Array, exponent_bits: int, mantissa_bits: int) -> Array:
+    """The nearest float of fewer bits, ties to even; what is subnormal there becomes zero."""
+    info = jnp.finfo(x.dtype)
+    word = np.dtype(f"u{x.dtype.itemsize}")
+    bits, lost = lax.bitcast_convert_type(x, word), info.nmant - mantissa_bits
+    if lost > 0:
+        odd = (bits >> word.type(lost)) & word.type(1)
+        bits = bits + odd + word.type(2 ** (lost - 1) - 1)
+        bits = bits & np.invert(word.type(2**lost - 1))
+    if exponent_bits < info.nexp:
+        bias, reduced = 2 ** (info.nexp - 1) - 1, 2 ** (exponent_bits - 1) - 1
+        top, bottom = (word.type((bias + end) << info.nmant) for end in (reduced, -reduced))
+        infinite = word.type((2**info.nexp - 1) << info.nmant)
+        sign, exponent = bits & word.type(1 << (info.bits - 1)), bits & infinite
+        bits = jnp.where(exponent > top, sign | infinite, bits)
+        bits = jnp.where(exponent <= bottom, sign, bits)
+    return jnp.where(x != x, x, lax.bitcast_convert_type(bits, x.dtype))
+
+
+def _polynomial(x: Array, *coefficients: Array) -> Array:
+    """By Horner's rule, coefficients of low powers first."""
+    return functools.reduce(lambda total, c: total * x + c, reversed(coefficients))
+
+
+COMPOSED: dict[str, Callable[..., Callable]] = {
+    "clz": lambda **_: _clz,
+    "cumlogsumexp": lambda axis, reverse, **_: partial(_cumlogsumexp, axis=axis, reverse=reverse),
+    "log2": lambda **_: lambda x: lax.log(x) / np.log(2).astype(x.dtype),
+    "nextafter": lambda **_: _nextafter,
+    "one_minus_square": lambda **_: lambda x: (1 + x) * (1 - x),
+    "polynomial": lambda **_: _polynomial,
+    "reduce_precision": lambda **bits: partial(_reduce_precision, **bits),
+    "rsqrt": lambda **_: lambda x: 1 / jnp.sqrt(x),
+    "square": lambda **_: lambda x: x * x,
+    "tile": lambda reps, **_: partial(_tile, reps=reps),
+    "top_k": lambda k, axis=-1, **_: partial(_top_k, k=k, axis=axis),
+}
+"""By a primitive's name, what gives its function for its parameters."""
+
+
+@lowers(*COMPOSED)
+def _composed(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
+    shapes = [
+        jax.ShapeDtypeStruct(x.shape, v.aval.dtype) for x, v in zip(arrays, eqn.inputs, strict=True)
+    ]
+    function = COMPOSED[eqn.name](**eqn.parameters)
+    return written(b, function, shapes, *arrays)

@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jax.lax import GatherScatterMode
 
-from jaxsat.compiler.builder import INT, Builder
+from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.ir import Memory, Scalar, Value
 from jaxsat.compiler.llvm.memory import CHOSEN, element, stored
 from jaxsat.compiler.lowering import (
@@ -17,7 +17,7 @@ from jaxsat.compiler.lowering import (
     lower,
     lowers,
 )
-from jaxsat.compiler.operations import BOOL
+from jaxsat.compiler.operations import BOOL, INT
 from jaxsat.compiler.rules.elementwise import extremum
 
 

@@ -5,10 +5,10 @@ from functools import reduce
 
 import numpy as np
 
-from jaxsat.compiler.builder import INT, Builder
+from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.ir import Scalar, Value
 from jaxsat.compiler.lowering import LONG_SUM, Elements, arrays_of, lower, lowers, scalars_of
-from jaxsat.compiler.operations import BOOL
+from jaxsat.compiler.operations import BOOL, INT
 from jaxsat.compiler.rules.elementwise import absolute
 from jaxsat.compiler.rules.reductions import from_zero
 

@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from typing import Any
 
-from jaxsat.compiler.builder import INT, Builder
+from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.functions import FUNCTIONS, program
 from jaxsat.compiler.interpreter import interpret
 from jaxsat.compiler.ir import Function, Scalar, Value
 from jaxsat.compiler.lowering import Elements, each, filled, function_of, lower, lowers
+from jaxsat.compiler.operations import INT
 from jaxsat.compiler.passes.dead_code import without_dead_code
 from jaxsat.core.jaxprs import Literal
 

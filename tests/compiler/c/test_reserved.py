@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from jaxsat.compiler.c.reserved import is_reserved
+from jaxsat.compiler.c.naming import is_reserved
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import header, source
 from tests.flight.laws import loop_of, start

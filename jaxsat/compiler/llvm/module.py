@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 
 from jaxsat.compiler.ir import Block, Function, Memory, Scalar, Value
-from jaxsat.compiler.llvm.llvm_types import constant, memory_type, scalar_type, vector_type
 from jaxsat.compiler.llvm.threads import STACK
+from jaxsat.compiler.llvm.words import constant, memory_type, scalar_type, vector_type
 from jaxsat.compiler.lowering import CannotLower
 
 COLD = "!0"

@@ -44,6 +44,17 @@ def constant(x: np.generic) -> str:
     return str(int(x))
 
 
+def conversion(old: np.dtype, new: np.dtype) -> str:
+    """The instruction that makes a number of one type one of another; not of floats to integers."""
+    if old.kind == "f":
+        return "fptrunc" if new.itemsize < old.itemsize else "fpext"
+    if new.kind == "f":
+        return "sitofp" if old.kind == "i" else "uitofp"
+    if old.kind == "b" or new.itemsize > old.itemsize:
+        return "sext" if old.kind == "i" else "zext"
+    return "trunc" if new.itemsize < old.itemsize else "bitcast"
+
+
 def suffix(dtype: np.dtype, lanes: int | None) -> str:
     """The ending of an intrinsic function's name: v16f64 or f64."""
     kind = "f" if dtype.kind == "f" else "i"

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from jaxsat.compiler.builder import is_uniform
 from jaxsat.compiler.ir import (
     Block,
     Call,
@@ -21,17 +20,19 @@ from jaxsat.compiler.ir import (
     Store,
     Switch,
     Value,
+    is_uniform,
 )
-from jaxsat.compiler.llvm.emitter import COLD, AbstractEmitter, Module
-from jaxsat.compiler.llvm.llvm_types import (
+from jaxsat.compiler.llvm.locations import CONTEXT, Known, rematerialise
+from jaxsat.compiler.llvm.module import COLD, AbstractEmitter, Module
+from jaxsat.compiler.llvm.words import (
     constant,
+    conversion,
     memory_type,
     scalar_type,
     suffix,
     type_of,
     vector_type,
 )
-from jaxsat.compiler.llvm.locations import CONTEXT, Known, rematerialise
 from jaxsat.compiler.operations import OPERATIONS
 
 DOUBLE = np.dtype(np.float64)
@@ -189,15 +190,7 @@ class FunctionEmitter(AbstractEmitter):
             self.module.declarations.add(f"declare {after} {full}({before})")
             self.line(f"{out} = call {after} {full}({before} {x})")
             return
-        if old.kind == "f":
-            word = "fptrunc" if new.itemsize < old.itemsize else "fpext"
-        elif new.kind == "f":
-            word = "sitofp" if old.kind == "i" else "uitofp"
-        elif old.kind == "b" or new.itemsize > old.itemsize:
-            word = "sext" if old.kind == "i" else "zext"
-        else:
-            word = "trunc" if new.itemsize < old.itemsize else "bitcast"
-        self.line(f"{out} = {word} {before} {x} to {after}")
+        self.line(f"{out} = {conversion(old, new)} {before} {x} to {after}")
 
     def _call(self, step: Call) -> None:
         known = self.known.get(id(step.function), {})
@@ -223,9 +216,7 @@ class FunctionEmitter(AbstractEmitter):
     def _loop(self, step: Loop) -> None:
         entry, number = self.label, self.fresh("")[1:]
         head, work, out = f"head{number}", f"work{number}", f"out{number}"
-        before = [
-            self.operand(b, not p.uniform) for b, p in zip(step.before, step.params, strict=True)
-        ]
+        before = self._operands(step.before, step.params)
         self.line(f"br label %{head}")
         self.begin(head)
         place = len(self.written)
@@ -239,9 +230,7 @@ class FunctionEmitter(AbstractEmitter):
         self.begin(work)
         self.spread.append({})
         self.steps(step.body)
-        after = [
-            self.operand(a, not p.uniform) for a, p in zip(step.after, step.params, strict=True)
-        ]
+        after = self._operands(step.after, step.params)
         self.spread[-2:] = []
         last = self.label
         self.line(f"br label %{head}")
