@@ -14,7 +14,7 @@ import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from jaxsat.compiler.llvm.module import ALIGNMENT
+from jaxsat.compiler.llvm.emitter import ALIGNMENT
 from jaxsat.compiler.lowering import KINDS, number_type, numbers_in
 
 LARGEST = 8

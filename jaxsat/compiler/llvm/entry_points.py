@@ -4,7 +4,7 @@ An entry point is called for one vector of trajectories as
 
     void entry_point(pointers, state, cases, wanted, a, b)
 
-`pointers` holds the address of the arena (`module.Module`) and of every array from outside;
+`pointers` holds the address of the arena (`emitter.Module`) and of every array from outside;
 `state` is memory of this vector alone; `cases` gives the number of every lane's case and `wanted`
 (bytes) tells the lanes for which something is to be written; `a` and `b` are whole numbers for all
 lanes.
@@ -17,6 +17,7 @@ from itertools import compress
 import numpy as np
 
 from jaxsat.compiler.ir import Function, Operation, Scalar, Value, is_uniform
+from jaxsat.compiler.llvm.emitter import Module
 from jaxsat.compiler.llvm.function_emitter import FunctionEmitter
 from jaxsat.compiler.llvm.locations import (
     CONTEXT,
@@ -30,7 +31,6 @@ from jaxsat.compiler.llvm.locations import (
     parameter_locations,
     rematerialise,
 )
-from jaxsat.compiler.llvm.module import Module
 from jaxsat.compiler.llvm.words import memory_type, scalar_type, suffix, vector_type
 from jaxsat.compiler.lowering import bugs_in
 from jaxsat.compiler.passes.dead_code import DeadCodeElimination, dependencies

@@ -22,8 +22,8 @@ from jaxsat.compiler.ir import (
     Value,
     is_uniform,
 )
+from jaxsat.compiler.llvm.emitter import COLD, AbstractEmitter, Module
 from jaxsat.compiler.llvm.locations import CONTEXT, Known, rematerialise
-from jaxsat.compiler.llvm.module import COLD, AbstractEmitter, Module
 from jaxsat.compiler.llvm.words import (
     constant,
     conversion,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jaxsat.compiler.ir import Block, Function, Value
-from jaxsat.compiler.llvm.module import AbstractEmitter
+from jaxsat.compiler.llvm.emitter import AbstractEmitter
 from jaxsat.compiler.llvm.words import memory_type
 
 
@@ -53,7 +53,7 @@ Known = Mapping[int, Shared | Slot]
 CONTEXT = "ptr noalias %pointers, ptr noalias %state"
 
 FIRST = 1
-"""Before the addresses of the arrays from outside stands that of the arena (`module.Module`)."""
+"""Before the addresses of the arrays from outside stands that of the arena (`emitter.Module`)."""
 
 
 def rematerialise(emitter: AbstractEmitter, value: Value, location: Shared | Slot) -> None:

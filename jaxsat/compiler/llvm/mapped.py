@@ -14,9 +14,9 @@ from jaxsat.compiler.ir import Function, Value
 from jaxsat.compiler.llvm import target
 from jaxsat.compiler.llvm.arguments import Arguments, Memory, addresses
 from jaxsat.compiler.llvm.drivers import RUN, run_blocks
+from jaxsat.compiler.llvm.emitter import Module, require_lanes
 from jaxsat.compiler.llvm.entry_points import EntryPoint, emit_entry_point
 from jaxsat.compiler.llvm.locations import Location, PerCase, Shared
-from jaxsat.compiler.llvm.module import Module, require_lanes
 from jaxsat.compiler.llvm.threads import in_own_thread
 from jaxsat.compiler.lowering import (
     arrays_of,

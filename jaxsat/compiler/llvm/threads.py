@@ -2,7 +2,7 @@
 
 The system's own size may be anything: `ulimit -s`, half a megabyte in a thread of macOS, what a
 caller chose for its threads. A frame of machine code takes up to some 50 kB in jaxsat's programs,
-and more in larger ones (`module.LARGEST`); LLVM recurses.
+and more in larger ones (`emitter.LARGEST`); LLVM recurses.
 """
 
 import os

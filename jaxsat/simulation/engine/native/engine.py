@@ -9,7 +9,7 @@ from jaxtyping import PyTree
 
 from jaxsat.compiler.llvm import target
 from jaxsat.compiler.llvm.arguments import as_numbers
-from jaxsat.compiler.llvm.module import require_lanes
+from jaxsat.compiler.llvm.emitter import require_lanes
 from jaxsat.compiler.lowering import CannotLower
 from jaxsat.core.checks import require_counts
 from jaxsat.core.jaxprs import Jaxpr

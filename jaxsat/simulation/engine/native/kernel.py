@@ -20,8 +20,8 @@ from jaxsat.compiler.llvm.drivers import (
     run_blocks,
     run_lanes,
 )
+from jaxsat.compiler.llvm.emitter import Module
 from jaxsat.compiler.llvm.entry_points import emit_entry_point
-from jaxsat.compiler.llvm.module import Module
 from jaxsat.compiler.llvm.threads import in_own_thread, in_threads
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.core.once import once_property

@@ -17,9 +17,9 @@ from jaxsat.compiler import rules
 from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.ir import Function, Scalar, Value
 from jaxsat.compiler.llvm.arguments import Arguments
+from jaxsat.compiler.llvm.emitter import ALIGNMENT
 from jaxsat.compiler.llvm.entry_points import EntryPoint
 from jaxsat.compiler.llvm.locations import Location, PerCase, ScalarArgument, Shared, Slot
-from jaxsat.compiler.llvm.module import ALIGNMENT
 from jaxsat.compiler.lowering import Elements, arrays_of, lower, number_type, scalars_of
 from jaxsat.core.garbage_collection import no_collection
 from jaxsat.core.jaxprs import Jaxpr, jaxpr_and_shapes
