@@ -85,12 +85,13 @@ def test_a_gradient_that_is_nan_is_told_with_its_cases_gain_and_line(command_lin
     head, returned = code.rsplit("        return ", 1)
     place.write_text(f"{head}{line}\n        return {returned}", encoding="utf-8")
     number = head.count("\n") + 1
-    few = ("--set", "tuning.screened=4", "--set", "tuning.screening_cases=4")
-    status, out, err = command_line("tune", "mine.toml", "--out", "tuned", *few)
+    few = ("tuning.screened=2", "tuning.screening_cases=2", "tuning.cases=2")
+    short = [part for one in (*few, "simulation.duration_s=10") for part in ("--set", one)]
+    status, out, err = command_line("tune", "mine.toml", "--out", "tuned", *short)
     assert (status, out) == (1, "")
     told = err.splitlines()[-1]
     assert "no case of step 1 has a usable gradient at any of its 2 points" in told
-    assert "16 of 16 cases have no usable gradient (0, 1, 2, 3, 4, 5, 6, 7 and 8 more)" in told
+    assert "2 of 2 cases have no usable gradient (0, 1)" in told
     assert "by kp, kd; the derivative of case 0 by kp becomes NaN at 0 s by the operation" in told
     assert f"{place}, line {number} (QuaternionPD.torque)" in told
     assert not (tmp_path / "tuned" / "summary.md").exists()
