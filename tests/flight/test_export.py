@@ -22,6 +22,7 @@ from jaxsat.core.jaxprs import jaxpr_of
 from jaxsat.flight import (
     CannotExport,
     CannotLower,
+    Export,
     Library,
     LibraryError,
     Request,
@@ -42,12 +43,14 @@ from tests.flight.laws import Filtered, Searching, Sliced, loop_of, start
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
 
 
-@pytest.fixture(autouse=True)
-def _few_samples(monkeypatch):
-    monkeypatch.setattr(vectors, "SAMPLES", 32)
-    monkeypatch.setattr(vectors, "CASES", 2)
-    monkeypatch.setattr(vectors, "LONGEST", 64)
-    monkeypatch.setattr("jaxsat.flight.files.measured", lambda files: _nothing())
+@pytest.fixture(scope="module", autouse=True)
+def _few_samples():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(vectors, "SAMPLES", 32)
+        patch.setattr(vectors, "CASES", 2)
+        patch.setattr(vectors, "LONGEST", 64)
+        patch.setattr("jaxsat.flight.files.measured", lambda files: _nothing())
+        yield
 
 
 def _nothing():
@@ -56,8 +59,13 @@ def _nothing():
     return Measured(why="not measured in tests")
 
 
-def _written(folder: Path, request: Request):
-    made = export(request)
+@pytest.fixture(scope="module")
+def filtered(_few_samples):
+    """The export of the law that has much in it, in double precision: most checks are of it."""
+    return export(_request())
+
+
+def _written(folder: Path, made: Export) -> Export:
     for name, content in made.files.items():
         (folder / name).write_bytes(content)
     return made
@@ -77,8 +85,8 @@ def _request(law=None, **options) -> Request:
 @needs("gcc")
 @pytest.mark.slow
 @pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
-def test_a_law_with_branches_loops_and_functions_agrees_to_the_bit(tmp_path, single):
-    made = _written(tmp_path, _request(single=single))
+def test_a_law_with_branches_loops_and_functions_agrees_to_the_bit(tmp_path, filtered, single):
+    made = _written(tmp_path, export(_request(single=True)) if single else filtered)
     assert "0 numbers differ" in _make(tmp_path, "test", "CC=gcc")
     assert made.vectors.expected.shape[0] == 64 + vectors.EDGES
     assert np.isfinite(made.vectors.expected[:64]).all()
@@ -102,8 +110,8 @@ def test_closed_loops_are_those_that_xla_flies(monkeypatch):
 @needs("cppcheck")
 @pytest.mark.slow
 @pytest.mark.parametrize("libm", [False, True], ids=["own", "libm"])
-def test_no_rule_of_misra_is_broken_but_those_that_are_told(tmp_path, libm):
-    made = _written(tmp_path, _request(libm=libm))
+def test_no_rule_of_misra_is_broken_but_those_that_are_told(tmp_path, filtered, libm):
+    made = _written(tmp_path, export(_request(libm=True)) if libm else filtered)
     listed = set((tmp_path / "misra_deviations.txt").read_text().split())
     readme = made.files["README.md"].decode()
     assert all(rule in readme for rule in listed)
@@ -120,13 +128,13 @@ def test_no_rule_of_misra_is_broken_but_those_that_are_told(tmp_path, libm):
 @needs("cmake")
 @needs("ctest")
 @pytest.mark.slow
-def test_cmake_builds_and_tests_it_and_the_folder_can_be_replaced(tmp_path):
+def test_cmake_builds_and_tests_it_and_the_folder_can_be_replaced(tmp_path, filtered):
     target = tmp_path / "flight"
 
     def export_again(overwrite):
         place = OutputFolder(target, kind="code", overwrite=overwrite, is_made_of_it=is_built)
         with place as folder:
-            for name, content in export(_request()).files.items():
+            for name, content in filtered.files.items():
                 folder.write(name, content)
 
     export_again(overwrite=False)
@@ -205,15 +213,15 @@ def test_what_two_functions_compute_alike_is_computed_once_before_them():
 
 @needs("clang")
 @pytest.mark.slow
-def test_clang_and_the_sanitizers_find_nothing(tmp_path):
-    _written(tmp_path, _request())
+def test_clang_and_the_sanitizers_find_nothing(tmp_path, filtered):
+    _written(tmp_path, filtered)
     assert "0 numbers differ" in _make(tmp_path, "test", "sanitize", "CC=clang")
 
 
 @needs("gcc")
 @pytest.mark.slow
-def test_the_test_program_notices_one_changed_bit(tmp_path):
-    made = _written(tmp_path, _request())
+def test_the_test_program_notices_one_changed_bit(tmp_path, filtered):
+    made = _written(tmp_path, filtered)
     rows = np.frombuffer(made.files["test_vectors.bin"], "<f8").copy()
     width = made.vectors.given.shape[1] + made.vectors.expected.shape[1]
     place = 4 + 5 * width + made.vectors.given.shape[1]
@@ -238,7 +246,7 @@ def test_estimator_and_modulation_agree_to_the_bit(tmp_path):
     )
     run = build(scenario)
     request = Request(run.loop, run.start, 100.0, "With a filter", "", PROVENANCE)
-    made = _written(tmp_path, request)
+    made = _written(tmp_path, export(request))
     assert made.program.estimates
     assert "0 numbers differ" in _make(tmp_path, "test", "CC=gcc")
 
@@ -246,8 +254,8 @@ def test_estimator_and_modulation_agree_to_the_bit(tmp_path):
 @needs("qemu-system-arm")
 @needs("arm-none-eabi-gcc")
 @pytest.mark.slow
-def test_an_emulated_cortex_m_agrees_to_the_bit(tmp_path):
-    _written(tmp_path, _request())
+def test_an_emulated_cortex_m_agrees_to_the_bit(tmp_path, filtered):
+    _written(tmp_path, filtered)
     told = _make(tmp_path, "cortex-m")
     assert "0 numbers differ" in told
     assert re.search(r"[1-9]\d+ instructions a step", told)
@@ -255,9 +263,8 @@ def test_an_emulated_cortex_m_agrees_to_the_bit(tmp_path):
 
 @needs("gcc")
 @pytest.mark.slow
-def test_the_library_runs_in_the_place_of_the_law(tmp_path):
-    request = _request()
-    made = _written(tmp_path, request)
+def test_the_library_runs_in_the_place_of_the_law(tmp_path, filtered):
+    request, made = _request(), _written(tmp_path, filtered)
     _make(tmp_path, "build/libcontroller.so", "CC=gcc")
     library = Library(tmp_path / "build" / "libcontroller.so", request.loop, request.start)
     assert isinstance(request.loop, SampledLoop)
@@ -364,7 +371,7 @@ def test_parts_of_longer_rows_are_copied_wherever_they_are():
 @pytest.mark.slow
 @pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
 def test_parts_of_longer_rows_agree_to_the_bit(tmp_path, single):
-    made = _written(tmp_path, _request(Sliced(gain=[3.0, 2.0]), single=single))
+    made = _written(tmp_path, export(_request(Sliced(gain=[3.0, 2.0]), single=single)))
     assert "0 numbers differ" in _make(tmp_path, "test", "CC=gcc")
     assert np.isfinite(made.vectors.expected[:64]).all()
     assert len(np.unique(made.vectors.expected[:64], axis=0)) == 64  # it does not come to rest

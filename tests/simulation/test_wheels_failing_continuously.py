@@ -92,6 +92,7 @@ def jump(which, stopped, y):
     return np.linalg.solve(equations(stopped), right)
 
 
+INVERSE = np.linalg.pinv(AXES)
 SPARE = null_space(AXES)[:, 0]
 """What four wheels do without a torque on the body."""
 
@@ -131,7 +132,7 @@ def truth(case):
     def torques(t, y):
         """What motor and friction of each wheel do to the body off its limit."""
         wave = [np.sin(t), np.cos(0.7 * t), 0.3 + 0.1 * np.sin(2 * t)]
-        share = within_limits(np.linalg.pinv(AXES) @ (-0.4 * y[4:7] + 0.35 * np.array(wave)))
+        share = within_limits(INVERSE @ (-0.4 * y[4:7] + 0.35 * np.array(wave)))
         share = np.where(runaway, np.where(y[7:] < 0, LIMIT, -LIMIT), share)
         return np.where(stopped, 0, gain * share + viscous / ROTOR * y[7:])
 
@@ -178,7 +179,7 @@ def truth(case):
             events.append(event)
         end = min([SECONDS, *[one[0] for one in ahead[:1]]])
         run = solve_ivp(
-            rate, (t, end), y, "DOP853", rtol=1e-12, atol=1e-14, max_step=0.01, events=events
+            rate, (t, end), y, "DOP853", rtol=1e-12, atol=1e-14, max_step=0.05, events=events
         )
         t, y = run.t[-1], run.y[:, -1].copy()
         for k, met in enumerate(run.t_events):

@@ -15,6 +15,9 @@ from jaxsat.store import OutputError, StudyStore, open_study, study_columns
 from store.stores import COLUMNS, IDENTITY, made, values
 
 COUNT, CHUNK = 22, 4
+SEEDS = 160
+"""Damages of each store: every kind of them several times."""
+
 TRUTH = values(np.arange(COUNT))
 
 
@@ -95,7 +98,7 @@ def done_of(chunks):
 def test_no_damage_of_a_store_is_silent_or_a_traceback(stores, tmp_path, monkeypatch):
     monkeypatch.setattr(os, "fsync", lambda handle: None)  # what is tested needs no disk
     for store, chunks in zip(stores, (range(6), [0, 2, 3]), strict=True):
-        found = campaign(store, done_of(chunks), tmp_path, range(400))
+        found = campaign(store, done_of(chunks), tmp_path, range(SEEDS))
         assert {kind for kind, *_ in found} == set(KINDS)
 
 

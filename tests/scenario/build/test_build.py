@@ -8,6 +8,7 @@ import pytest
 
 from jaxsat.core.errors import PrecisionError
 from jaxsat.core.solvers import class_name
+from jaxsat.scenario.build import run as module
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation import adaptive, simulate
@@ -35,6 +36,22 @@ def test_plant_and_law_hold_the_numbers_of_the_file():
     assert run.loop.substeps == 7
     assert class_name(run.method.solver) == "Tsit5"
     assert float(run.loop.actuators.limit) == 5
+
+
+def test_a_scenario_is_built_once_by_all_that_use_it(monkeypatch):
+    """By its trial when it is loaded; another one, though it be equal, is built of its own."""
+    built = []
+    plainly = module._build
+    monkeypatch.setattr(module, "_build", lambda one: built.append(one) or plainly(one))
+    scenario = load("paper-rate")
+    assert built == [scenario]
+    run = build(scenario)
+    assert build(scenario) is run
+    assert len(built) == 1
+    equal = scenario.model_copy()
+    assert build(equal) is not run
+    assert len(built) == 2
+    assert built[1] is equal
 
 
 def test_attitude_is_integrated_in_the_parameters_asked_for():

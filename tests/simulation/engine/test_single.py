@@ -108,6 +108,7 @@ def test_other_numbers_compile_nothing(monkeypatch):
     assert not np.allclose(second.signals.omega[0], first.signals.omega[0])
 
 
+@pytest.mark.slow
 def test_what_the_engine_cannot_run_is_told_and_run_by_diffrax():
     run = of(*SMOOTH[:2])
     told = []

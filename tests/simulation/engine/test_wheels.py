@@ -87,9 +87,9 @@ def continuous():
 
 
 def sampled():
-    reference = ReferenceEngine(fixed(0.5, diffrax.Dopri8()), batch_size=3)
+    reference = ReferenceEngine(fixed(0.5, diffrax.Bosh3()), batch_size=3)
     loop = SampledLoop(body([0.02, 0.01, 0.03]), Sampled(0.5), ACTUATORS, 2)
-    return loop, SampledStepper(diffrax.Dopri8()), reference, 1e-12
+    return loop, SampledStepper(diffrax.Bosh3()), reference, 1e-12
 
 
 @pytest.mark.slow

@@ -1,0 +1,55 @@
+"""What commands do around their computing: imports that are kept away."""
+
+import subprocess
+import sys
+import types
+
+import pytest
+
+from jaxsat.cli.computing import dask_unseen
+
+LABELS_AN_ARRAY = """
+import sys
+from jaxsat.cli.computing import dask_unseen
+with dask_unseen():
+    import xarray
+    assert xarray.DataArray([1.0, 2.0], dims="time").sum() == 3
+print(sorted(name for name in sys.modules if name.split(".")[0] == "dask"))
+"""
+
+
+@pytest.fixture
+def neither(monkeypatch):
+    """As in a process that has imported neither dask nor xarray."""
+    for name in ("dask", "xarray"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+
+
+@pytest.mark.usefixtures("neither")
+def test_dask_cannot_be_imported_while_it_is_unseen():
+    with dask_unseen(), pytest.raises(ImportError):
+        import dask  # noqa: F401
+    assert "dask" not in sys.modules
+
+
+@pytest.mark.usefixtures("neither")
+def test_dask_is_seen_again_after_an_error():
+    with pytest.raises(ZeroDivisionError), dask_unseen():
+        raise ZeroDivisionError
+    assert "dask" not in sys.modules
+
+
+@pytest.mark.usefixtures("neither")
+@pytest.mark.parametrize("name", ["dask", "xarray"])
+def test_dask_stays_where_a_user_has_imported_it_or_xarray(name, monkeypatch):
+    monkeypatch.setitem(sys.modules, name, types.ModuleType(name))
+    with dask_unseen():
+        assert sys.modules.get("dask", "not hidden") is not None
+    assert name in sys.modules
+
+
+def test_xarray_labels_an_array_without_dask():
+    pytest.importorskip("dask")
+    command = [sys.executable, "-c", LABELS_AN_ARRAY]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
