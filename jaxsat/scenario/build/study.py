@@ -31,6 +31,7 @@ from jaxsat.simulation.engine import (
     ScanEngine,
     Tolerance,
     native_obstacle,
+    observations_per_save,
     program_of,
 )
 from jaxsat.simulation.methods import SMOOTH_STEP
@@ -162,8 +163,14 @@ def study_program(scenario: Scenario, run: Run, seed: int) -> tuple[Dispersed, P
     copies = Dispersed(run.loop, run.start, dispersions, seed)
     table = scenario.simulation
     cost = RunningCost(attitude=table.attitude_cost)
-    program = program_of(copies, run.loop, table.duration_s, table.save_every_s, cost=cost)
+    program = program_of(copies, run.loop, table.duration_s, _interval(scenario), cost=cost)
     return copies, dataclasses.replace(program, tolerances=tolerances_of(scenario))
+
+
+def _interval(scenario: Scenario) -> float:
+    """Between two observations of a loop that is not sampled, s."""
+    save_every = scenario.simulation.save_every_s
+    return save_every / observations_per_save(save_every)
 
 
 def tolerances_of(scenario: Scenario) -> Tolerances:
@@ -226,7 +233,7 @@ def _engine(
         tolerance = _tolerance(solver, ADAPTIVE_SOLVERS.get(method))
         stepper = AdaptiveStepper(NamedSolver(method), tolerance)
     else:
-        substeps = round(scenario.simulation.save_every_s / (solver.step_s or SMOOTH_STEP))
+        substeps = round(_interval(scenario) / (solver.step_s or SMOOTH_STEP))
         stepper = FixedStepper(NamedSolver(method), max(1, substeps))
     remark = None
     if name != "scan":

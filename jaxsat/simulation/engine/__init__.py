@@ -12,7 +12,13 @@ from jaxsat.simulation.engine.interface import (
 )
 from jaxsat.simulation.engine.nan_in_run import NanInRun, nan_in_run
 from jaxsat.simulation.engine.native import NativeEngine, native_obstacle
-from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, Program, program_of
+from jaxsat.simulation.engine.program import (
+    AbstractCaseFactory,
+    Case,
+    Program,
+    observations_per_save,
+    program_of,
+)
 from jaxsat.simulation.engine.progress import AttitudeCost, Outputs, RunningCost, Unsettled
 from jaxsat.simulation.engine.reference import ReferenceEngine
 from jaxsat.simulation.engine.scan import ScanEngine
@@ -44,6 +50,7 @@ __all__ = [
     "fly",
     "nan_in_run",
     "native_obstacle",
+    "observations_per_save",
     "program_identity",
     "program_of",
 ]

@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+import math
 from typing import NamedTuple
 
 import equinox as eqx
@@ -95,6 +96,16 @@ class Program(eqx.Module):
     def duration(self) -> Float[Array, ""]:
         """The time of the whole trajectory, s."""
         return self.interval * self.intervals
+
+
+LONGEST_INTERVAL = 1.0
+"""Between two observations of a loop that is not sampled, s."""
+
+
+def observations_per_save(save_every: float) -> int:
+    """How often a loop that is not sampled is observed from one saved sample (s) to the next, so
+    that the time of settling does not depend on how much is saved."""
+    return max(1, math.ceil(save_every / LONGEST_INTERVAL - 1e-9))
 
 
 def program_of(

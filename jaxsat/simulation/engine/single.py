@@ -31,7 +31,12 @@ from jaxsat.simulation.engine.dense_output import require_dense_output
 from jaxsat.simulation.engine.diffrax_run import integrated
 from jaxsat.simulation.engine.fixed import FixedStepper, SampledStepper
 from jaxsat.simulation.engine.native import NativeEngine, native_obstacle
-from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, Program
+from jaxsat.simulation.engine.program import (
+    AbstractCaseFactory,
+    Case,
+    Program,
+    observations_per_save,
+)
 from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.simulation.engine.runge_kutta import require_explicit
 from jaxsat.simulation.engine.stepper import AbstractStepper
@@ -181,10 +186,11 @@ def _planned(
     if known[0] != 0 or np.ptp(gaps) > 1e-9 * known[-1]:
         return "the times to save are not even, from zero on", None
     save_every = float(known[-1]) / len(gaps)
-    stepper = _stepper(loop, method, save_every)
+    every, pulsed = observations_per_save(save_every), False
+    interval = save_every / every
+    stepper = _stepper(loop, method, interval)
     if isinstance(stepper, str):
         return stepper, None
-    interval, every, pulsed = save_every, 1, False
     if isinstance(loop, SampledLoop):
         interval, every = loop.controller.period, int(sample_numbers(loop, times)[1])
         pulsed = isinstance(loop.actuators, AbstractPulsedActuators)
@@ -211,7 +217,7 @@ def _program(
     return Program(factory, interval, count, tolerances, **keys), case
 
 
-def _stepper(loop: AbstractLoop, method: Method, save_every: float) -> AbstractStepper | str:
+def _stepper(loop: AbstractLoop, method: Method, interval: float) -> AbstractStepper | str:
     """The method as a stepper of the engines, or why there is none."""
     try:
         require_explicit(method.solver)
@@ -222,7 +228,7 @@ def _stepper(loop: AbstractLoop, method: Method, save_every: float) -> AbstractS
     steps: Any = method.step_size
     if steps is None:
         length = float(cast(Array, method.first_step))
-        return FixedStepper(method.solver, int(np.ceil(save_every / length - 1e-9)))
+        return FixedStepper(method.solver, int(np.ceil(interval / length - 1e-9)))
     if not isinstance(steps, AdaptiveSteps) or steps.min_step is None:
         return "the steps must be equal, or adaptive ones of jaxsat with a smallest step"
     try:

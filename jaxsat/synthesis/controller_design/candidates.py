@@ -259,7 +259,7 @@ def _with_control(scenario: Scenario, control: dict[str, Any], scale: Scale) -> 
     if law is not None and law.declaration.sampled:
         period = control["period_s"]
         save = period * max(1, round(table["save_every_s"] / period))
-        table["save_every_s"] = save if save <= 1 else period
+        table["save_every_s"] = save
         table["duration_s"] = _whole(table["duration_s"], table["save_every_s"])
         quick = period <= QUICK_PERIOD * scale.time and not scenario.thruster
         if quick and not any(table.get("solver", {}).values()):

@@ -64,6 +64,19 @@ def test_a_run_is_that_of_diffrax(name, changes, tolerance):
     np.testing.assert_allclose(*efforts, rtol=2e-4, atol=1e-9 * float(jnp.max(efforts[1])))
 
 
+@pytest.mark.parametrize(("name", "settles"), [("rate-limited", False), ("two-torque-free", True)])
+def test_a_run_does_not_depend_on_how_often_it_is_saved(name, settles):
+    both = [
+        of(name, ["simulation.duration_s=120", f"simulation.save_every_s={save}"]).simulate(refuse)
+        for save in (1, 20)
+    ]
+    assert [len(one.times) for one in both] == [121, 7]
+    assert np.isfinite(both[0].assessment.settled_from) == settles
+    ends = [jax.tree.leaves((one.final, one.assessment)) for one in both]
+    for x, y in zip(*ends, strict=True):
+        np.testing.assert_allclose(x, y, rtol=0, atol=1e-9)
+
+
 def _steps_and_effort(trajectory):
     assessment = trajectory.assessment
     return trajectory.steps, assessment.effort, assessment.constraint_effort
