@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from jaxsat.cli.options import Resumable
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.study_text import progress_text
 from jaxsat.cli.terminal import Terminated, print_stderr, print_warning
 from jaxsat.cli.work import require_approval
 
 if TYPE_CHECKING:
+    from jaxsat.studies import StudyProgress
     from jaxsat.synthesis.execution import Execution, Listener
     from jaxsat.synthesis.tuning.descent import DescentProgress
 
@@ -52,6 +52,15 @@ def show(what: str, progress: Any) -> None:
     elif progress is not None:
         what = f"{what}: {tuning_text(progress)}"
     show_progress(what)
+
+
+def progress_text(progress: "StudyProgress") -> str:
+    """One line on how far a study is."""
+    left = f"{progress.seconds_left:.0f} s left" if progress.seconds_left >= 1 else "finishing"
+    return (
+        f"{progress.done} of {progress.count} cases, {progress.rate:.1f} per second, "
+        f"{left}, {progress.fraction_settled:.1%} settled"
+    )
 
 
 def tuning_text(progress: "DescentProgress") -> str:

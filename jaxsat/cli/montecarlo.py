@@ -11,6 +11,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.integration_error import excessive_error
+from jaxsat.cli.listening import progress_text
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import (
     Case,
@@ -34,7 +35,6 @@ from jaxsat.cli.study_files import (
     write_figures,
     write_one_case,
 )
-from jaxsat.cli.study_text import progress_text
 from jaxsat.cli.terminal import (
     SUCCESS,
     Terminated,

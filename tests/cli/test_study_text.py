@@ -1,6 +1,6 @@
 """What is told of the progress of a study."""
 
-from jaxsat.cli.study_text import progress_text
+from jaxsat.cli.listening import progress_text
 from jaxsat.studies import StudyProgress
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from jaxsat.report.document import Shown
-from jaxsat.report.recovery_document import recovery_line, recovery_tables
+from jaxsat.report.study_document import recovery_line, recovery_tables
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study

@@ -1,14 +1,26 @@
-"""The sections of a tuning, a comparison and a reproduction, from the files of their folders."""
+"""Sections from the files of folders: of a tuning, a comparison, a design, an analysis of
+controllability and a reproduction.
 
+A file that is unreadable or was changed becomes one message.
+"""
+
+import contextlib
+import csv
 import dataclasses
-from collections.abc import Mapping
+import io
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jaxsat.report.comparison_document import comparison_document, place_of
+from jaxsat.report.controllability_document import controllability_document
+from jaxsat.report.design_document import DESIGNED, design_document
 from jaxsat.report.document import (
+    Block,
     Chart,
     Charts,
     Document,
@@ -16,24 +28,40 @@ from jaxsat.report.document import (
     Listing,
     Table,
 )
-from jaxsat.report.facts import (
-    provenance_facts,
-    record_provenance,
-    scenario_facts,
-    scenario_tables,
-)
+from jaxsat.report.facts import provenance_facts, record_provenance, scenario_facts, scenario_tables
 from jaxsat.report.page.plots import chart_of
-from jaxsat.report.page.reading import form_explained, read_lines, read_record
 from jaxsat.report.plot import Axis
 from jaxsat.report.reproduction import RUNS, claims_document, judge
-from jaxsat.report.study_plots import curves, settled_by_law
+from jaxsat.report.study_plots import curves, settled_by_law, settling_plots
 from jaxsat.report.style import MOST_LINES
 from jaxsat.report.tuning_document import tuning_document
 from jaxsat.report.tuning_plots import gain_plots, loss_plots
-from jaxsat.store import open_trajectory, study_columns
+from jaxsat.store import OutputError, open_trajectory, study_columns
 from jaxsat.store.files import parse_json
 from jaxsat.store.marker import read_unchanged
 from jaxsat.store.study_names import store_of_row
+
+
+def read_record(path: Path) -> Mapping[str, Any]:
+    """The JSON object that a file holds; raises `OutputError`."""
+    found = parse_json(read_unchanged(path))
+    if not isinstance(found, Mapping):
+        raise OutputError(f"{path} is damaged, or was not written by jaxsat.")
+    return found
+
+
+def read_lines(path: Path) -> str:
+    """The text of a file, empty where there never was one; raises `OutputError`."""
+    return (read_unchanged(path) or b"").decode(errors="replace")
+
+
+@contextlib.contextmanager
+def form_explained(folder: Path) -> Iterator[None]:
+    """Turns what missing numbers lead to into an `OutputError` that names the folder."""
+    try:
+        yield
+    except (KeyError, IndexError, TypeError, AttributeError, ValueError) as error:
+        raise OutputError(f"{folder} contains numbers of another form; write it again.") from error
 
 
 def tuning_section(folder: Path) -> Document:
@@ -107,3 +135,48 @@ def reproduction_section(folder: Path) -> Document:
         provenance_facts(next(iter(datasets.values())).attrs),
     ]
     return dataclasses.replace(told, blocks=blocks, kind=f"Reproduction in {folder.name}")
+
+
+def controllability_section(folder: Path) -> Document:
+    """Whether the spacecraft can be steered, now and after every failure."""
+    dataset = open_trajectory(folder / "failures.nc")
+    title = str(dataset.attrs.get("title", "")) or folder.name
+    with form_explained(folder):
+        records = list(csv.DictReader(io.StringIO(read_lines(folder / "failures.csv"))))
+        verdict, findings = (str(dataset.attrs[name]) for name in ("verdict", "findings"))
+        told = controllability_document(title, verdict, records, findings.splitlines())
+    blocks = [
+        Facts("Scenario", scenario_facts(scenario_tables(dataset))),
+        *told.blocks,
+        provenance_facts(dataset.attrs),
+        Listing("Scenario file", str(dataset.attrs.get("scenario", "")), "scenario.toml"),
+    ]
+    return dataclasses.replace(told, blocks=blocks, kind=f"Controllability in {folder.name}")
+
+
+def design_section(folder: Path) -> Document:
+    """Whether a controller was found, what it was verified on, and what would help."""
+    record = read_record(folder / "design.json")
+    scenario = read_lines(folder / DESIGNED)
+    blocks: list[Block] = []
+    with form_explained(folder):
+        told = design_document(record)
+        if tables := tomllib.loads(scenario):
+            blocks.append(Facts("Designed scenario", scenario_facts(tables)))
+        if charts := list(_charts(folder, record)):
+            blocks.append(Charts("Verification on unseen cases", charts))
+        seeds = ", ".join(f"{step} {seed}" for step, seed in record["seeds"].items())
+        blocks += [*told.blocks, record_provenance(record, seeds=seeds)]
+    if scenario:
+        blocks.append(Listing("Designed scenario", scenario, DESIGNED))
+    return dataclasses.replace(told, blocks=blocks, kind=f"Design in {folder.name}")
+
+
+def _charts(folder: Path, record: Mapping[str, Any]) -> Iterator[Chart]:
+    """Settling of the cases of the verification, from its store if that is there."""
+    name = re.sub(r"[^\w.-]+", "-", f"verification-{record['chosen']}")
+    store = folder / "studies" / f"{name}.zarr"
+    if record["verification"] is None or not (store / "zarr.json").is_file():
+        return
+    times = np.asarray(study_columns(store)["settling_time"])[: record["verification"]["cases"]]
+    yield from map(chart_of, settling_plots(times))

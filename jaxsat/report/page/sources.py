@@ -18,8 +18,8 @@ MADE_BY: Mapping[str, tuple[str, str]] = {
     "zarr.json": ("study", "study_section"),
     "verdict.json": ("batches", "tuning_section"),
     "comparison.json": ("batches", "comparison_section"),
-    "design.json": ("design", "design_section"),
-    "failures.nc": ("controllability", "controllability_section"),
+    "design.json": ("batches", "design_section"),
+    "failures.nc": ("batches", "controllability_section"),
     "verdicts.md": ("batches", "reproduction_section"),
 }
 """Module and function that make the section of a folder, by a file that only its kind of result

@@ -5,8 +5,7 @@ Acta Astronautica 83 (2013) 44-53.
 """
 
 from jaxsat.report.reproduction.claim import Claim, ClaimVerdict
-from jaxsat.report.reproduction.claims import judge
-from jaxsat.report.reproduction.document import claims_document
+from jaxsat.report.reproduction.claims import claims_document, judge
 from jaxsat.report.reproduction.runs import RUNS, Run
 
 __all__ = ["RUNS", "Claim", "ClaimVerdict", "Run", "claims_document", "judge"]

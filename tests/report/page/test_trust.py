@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxsat.report.page import report_page
-from jaxsat.report.page.reading import read_lines, read_record
+from jaxsat.report.page.batches import read_lines, read_record
 from jaxsat.store import Column, OutputError, StudyStore
 from jaxsat.store.marker import Marker
 
