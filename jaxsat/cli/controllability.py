@@ -20,7 +20,7 @@ def controllability(
     overrides: Overrides = (),
     failures: Annotated[int | None, Parameter(converter=whole(0, 99))] = None,
     drift: Flag = False,
-    tolerance: Annotated[float, Parameter(converter=number(0.0, 1.0, open_ends=True))] = 1e-6,
+    tolerance: Annotated[float, Parameter(converter=number(0.0, 1.0, open_ends=True))] = 5e-6,
     results: Results = Results(),
 ) -> int:
     """Say whether the spacecraft of a scenario can be steered, now and after every failure.

@@ -103,15 +103,15 @@ class FaultTolerantWheels(AbstractSampledController):
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "FaultTolerantWheels":
         """The law of a table of a scenario."""
-        told = cast(WheelContext, context.wheels)
-        limit = np.asarray(told.wheels.torque_limit)
+        wheels = cast(WheelContext, context.wheels)
+        limit = np.asarray(wheels.wheels.torque_limit)
         least = LEAST_NOISE * values["period_s"] * limit
-        noise = np.maximum(told.momentum_noise, least)
-        if told.wheels.rotor_inertia is not None:  # of the part J_w a·ω of two samples
-            rotors = np.asarray(told.wheels.rotor_inertia)
-            noise = np.hypot(noise, np.sqrt(2) * rotors * told.rate_noise)
+        noise = np.maximum(wheels.momentum_noise, least)
+        if wheels.wheels.rotor_inertia is not None:  # of the part J_w a·ω of two samples
+            rotors = np.asarray(wheels.wheels.rotor_inertia)
+            noise = np.hypot(noise, np.sqrt(2) * rotors * wheels.rate_noise)
         watch = WheelFilter(
-            wheels=told.wheels,
+            wheels=wheels.wheels,
             momentum_noise=as_array(noise),
             uncertainty=values["torque_uncertainty"],
         )
@@ -126,8 +126,8 @@ class FaultTolerantWheels(AbstractSampledController):
             ),
             allocation=WheelAllocation(watch),
             two_wheels=TwoWheels(context.model),
-            known=as_array(np.asarray(told.failed)),
-            delay=told.delay,
+            known=as_array(np.asarray(wheels.failed)),
+            delay=wheels.delay,
             period=values["period_s"],
         )
 
@@ -176,8 +176,8 @@ class FaultTolerantWheels(AbstractSampledController):
         shared = jnp.where(settles, shared, self._damping(state, wheeled))
         pulse, probe = self._pulses(diagnosis, memory)
         shared = shared + jnp.where(jnp.abs(shared) < jnp.abs(pulse), pulse, 0.0)
-        asked = self.allocation.commands(diagnosis.condition, momentum, shared)
-        command = jnp.where(wheeled.working, asked, pulse)
+        torques = self.allocation.commands(diagnosis.condition, momentum, shared)
+        command = jnp.where(wheeled.working, torques, pulse)
         late = self.delay * memory.command + (self.period - self.delay) * command
         return command, WheelLawMemory(
             diagnosis,

@@ -129,8 +129,8 @@ class FineStage(eqx.Module):
             alone = jnp.min(aid.push) > 0
             slow_late = Slow(*(jnp.where(alone, 0.0, x) for x in slow_late))
         quiet_request = quiet.request(slow_late, third_late)
-        asked = choose(late, quiet_request, early.request(slow, third, aim))
-        wanted = asked.granted(third.axes)
+        request = choose(late, quiet_request, early.request(slow, third, aim))
+        wanted = request.granted(third.axes)
         tracking = early.tracking(clock, state, tilt, wanted)
         return early.torque(state.omega, tracking), tracking.rate, FineMemory(wanted, late, hold)
 

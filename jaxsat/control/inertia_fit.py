@@ -80,10 +80,10 @@ BELIEVED = 3.0
 
 
 def _basis() -> np.ndarray:
-    found = np.zeros((6, 3, 3))
+    matrices = np.zeros((6, 3, 3))
     for number, (row, column) in enumerate(PLACES):
-        found[number, row, column] = found[number, column, row] = 1.0
-    return found
+        matrices[number, row, column] = matrices[number, column, row] = 1.0
+    return matrices
 
 
 BASIS = _basis()

@@ -155,20 +155,20 @@ class Leaks(eqx.Module):
         duties = LeastPropellant(columns / size[None], size, jnp.ones_like(size), jnp.eye(3))
         most = jnp.sum(jnp.abs(about) * limit)
 
-        def one(way, found):
+        def one(way, best):
             wanted = most * jnp.where(way % 2 == 0, -1.0, 1.0)
             wanted = jnp.stack([0 * most, 0 * most, wanted])
             duty, _ = duties(wanted, jnp.where(self.flat | (way >= 2), limit, 0.0))
             push = jnp.abs(jnp.sum(about * duty)) / self.inertia
-            made = self.basis @ duty
-            variance = jnp.sum(made * (covariance @ made))
+            torque = self.basis @ duty
+            variance = jnp.sum(torque * (covariance @ torque))
             floor = SURE_LEAK * jnp.sum(size * duty) / self.inertia
             sure = (push**2 > SURE_SIGMAS**2 * variance) & (push > floor)
             push = jnp.where(sure, push, 0.0)
-            better = (way < 2) | (found[1][way % 2] < self.least)
+            better = (way < 2) | (best[1][way % 2] < self.least)
             return (
-                found[0].at[way % 2].set(jnp.where(better, duty, found[0][way % 2])),
-                found[1].at[way % 2].set(jnp.where(better, push, found[1][way % 2])),
+                best[0].at[way % 2].set(jnp.where(better, duty, best[0][way % 2])),
+                best[1].at[way % 2].set(jnp.where(better, push, best[1][way % 2])),
             )
 
         duty, push = jax.lax.fori_loop(0, 4, one, (memory.duty, memory.push))

@@ -225,8 +225,8 @@ class OneTorque(AbstractSampledController):
         gyroscopic -= frame.eta * momenta.y**2
         tracking = wanted.derivative - gyroscopic + self.rate_gain * (wanted.momentum - momenta.w)
         about_axis = momenta.w + frame.gamma / frame.alpha * momenta.y  # b·ω / α
-        asked = jnp.where(damps, -self.rate_gain * about_axis, tracking)
-        torque = jnp.clip(asked, -self.torque_limit, self.torque_limit)
+        unlimited = jnp.where(damps, -self.rate_gain * about_axis, tracking)
+        torque = jnp.clip(unlimited, -self.torque_limit, self.torque_limit)
         mode = jnp.where(damps, OneTorqueMode.DAMPING, wanted.mode)
         fit = fit._replace(torque=torque)
         return torque[None], OneTorqueMemory(fit, damps, spins, rests, mode, memory.most)
@@ -250,13 +250,13 @@ class OneTorque(AbstractSampledController):
         brake = jnp.minimum(_cube_root(3 * force * braking_room / frame.gamma), held)
         brake = jnp.where(jnp.abs(y) < BRAKE_SIDE * x, brake, 0.0)
         most = jnp.maximum(turn, brake)
-        asked, sense = self._turning(frame, at, turn, brake, most, left, SMALL * unit)
-        size = jnp.minimum(asked, most)
+        needed, sense = self._turning(frame, at, turn, brake, most, left, SMALL * unit)
+        size = jnp.minimum(needed, most)
 
-        ready = (x > 0) & (asked >= BRAKED * brake)
+        ready = (x > 0) & (needed >= BRAKED * brake)
         slow = (jnp.abs(w) < STILL * across) & (across < SLOW * unit) & ~ready
         spins = ~rests & (across <= QUICK * unit) & (spun | slow)
-        brakes = ~rests & ~spins & (brake > turn) & (asked > turn)
+        brakes = ~rests & ~spins & (brake > turn) & (needed > turn)
 
         spin = jnp.where(w < 0, -1.0, 1.0) * SPIN * QUICK * unit
         momentum = jnp.where(rests, 0.0, jnp.where(spins, spin, sense * size))

@@ -175,11 +175,11 @@ class PlannedSettling(AbstractSampledController):
         ends = ~self.search.over(search)
         search = self.search.advanced(program, search, begin, ahead)
         ends = ends & self.search.over(search)
-        found = ends & self.search.arrives(search)
-        fails = ends & ~found & (stage == PlannedMode.PLANNING)
+        arrives = ends & self.search.arrives(search)
+        fails = ends & ~arrives & (stage == PlannedMode.PLANNING)
         plan, begin = search.iterate.unknowns, search.begin
-        followed = followed_if(program, found, plan, begin, memory.followed)
-        stage = jnp.where(found, PlannedMode.FOLLOWING, stage)
+        followed = followed_if(program, arrives, plan, begin, memory.followed)
+        stage = jnp.where(arrives, PlannedMode.FOLLOWING, stage)
         stage = jnp.where(fails, SETTLING, stage)
 
         following = following_torque(program, now, x, followed, self.period / program.time_unit)

@@ -209,8 +209,8 @@ class Reconfiguration(eqx.Module):
         in_plane = directions @ (directions.T @ torque)
         across = torque - in_plane
         least = SMALL * jnp.max(jnp.abs(self.torque)) * jnp.sqrt(jnp.sum(across**2))
-        made = jnp.any((limit > 0) & (across @ self.torque > least))
-        return in_plane + jnp.where(made, across, 0.0)
+        reachable = jnp.any((limit > 0) & (across @ self.torque > least))
+        return in_plane + jnp.where(reachable, across, 0.0)
 
     def allocate(
         self,

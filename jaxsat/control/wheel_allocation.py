@@ -124,11 +124,11 @@ class WheelAllocation(eqx.Module):
         far as the torque leaves room.
         """
         wanted = wheeled.shares @ torque
-        made, _ = nearest_within(self.wheels.axes, wheeled.usable, wheeled.usable, wanted)
+        nearest, _ = nearest_within(self.wheels.axes, wheeled.usable, wheeled.usable, wanted)
         held = jnp.where(wheeled.working, momentum, 0.0)
         idle = held - wheeled.shares @ (self.wheels.axes @ held)
         idle = jnp.where(wheeled.left == Left.THREE_AXES, unloading * idle, 0.0)
-        return made + idle * within(wheeled.usable, made, idle)
+        return nearest + idle * within(wheeled.usable, nearest, idle)
 
     def commands(self, condition: Condition, momentum: OfEach, torque: OfEach) -> OfEach:
         """Motor torques (N m), within the limits, that do `torque` (N m) to the body.
@@ -138,9 +138,9 @@ class WheelAllocation(eqx.Module):
         """
         full, part = self.filter.full, condition.part
         friction = self.filter.friction(momentum, condition) * self.filter.side(momentum)
-        asked = torque - friction + self.filter.held(momentum, torque / SLIGHT, condition)
-        asked = asked / jnp.where(part > 0, part, 1.0)
-        return jnp.clip(asked, -full, full)
+        command = torque - friction + self.filter.held(momentum, torque / SLIGHT, condition)
+        command = command / jnp.where(part > 0, part, 1.0)
+        return jnp.clip(command, -full, full)
 
     def largest_momentum(
         self, wheeled: Wheeled, stored: Float[Array, "3"]
@@ -159,9 +159,9 @@ class WheelAllocation(eqx.Module):
         return jnp.maximum(free, LEAST_MOMENTUM * most)
 
 
-def within(usable: OfEach, made: OfEach, more: OfEach) -> RealScalar:
+def within(usable: OfEach, torque: OfEach, more: OfEach) -> RealScalar:
     """The part of `more`, at most 1, that fits with what is `made` into the torques to spare."""
-    room = jnp.maximum(usable - jnp.abs(made), 0.0)
+    room = jnp.maximum(usable - jnp.abs(torque), 0.0)
     size = jnp.abs(more)
     return jnp.minimum(
         jnp.min(jnp.where(size > 0, room / jnp.where(size > 0, size, 1.0), 1.0)), 1.0

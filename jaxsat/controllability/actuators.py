@@ -173,10 +173,10 @@ def _columns(name: str, values: Numbers) -> Float[np.ndarray, "3 m"]:
 
 
 def _of_each(name: str, values: Numbers | None, count: int) -> Float[np.ndarray, " k"]:
-    found = finite(name, np.zeros(count) if values is None else values)[0]
-    if found.shape != (count,):
-        raise ValueError(f"Argument `{name}` must hold {count} numbers, but got {found.shape}")
-    return found
+    numbers = finite(name, np.zeros(count) if values is None else values)[0]
+    if numbers.shape != (count,):
+        raise ValueError(f"Argument `{name}` must hold {count} numbers, but got {numbers.shape}")
+    return numbers
 
 
 def _names(name: str, given: Sequence[str] | None, letter: str, count: int) -> tuple[str, ...]:

@@ -179,12 +179,12 @@ def _columns(
     def product(x, y):  # ⟨x:y⟩
         return -np.linalg.solve(inertia, np.cross(x, inertia @ y) + np.cross(y, inertia @ x))
 
-    found = [(v / 2, 2) for v in directions]
-    found += [(product(v, w) / 12, 4) for v, w in itertools.combinations(directions, 2)]
+    terms = [(v / 2, 2) for v in directions]
+    terms += [(product(v, w) / 12, 4) for v, w in itertools.combinations(directions, 2)]
     for v in directions:
         h = product(v, v)
-        found += [(h / 24, 4), (product(v, h) / 180, 6), (product(h, h) / 4032, 8)]
-    if not found:
+        terms += [(h / 24, 4), (product(v, h) / 180, 6), (product(h, h) / 4032, 8)]
+    if not terms:
         return np.zeros((3, 0)), np.zeros(0)
-    columns, powers = zip(*found, strict=True)
+    columns, powers = zip(*terms, strict=True)
     return np.stack(columns, axis=1), np.array(powers, float)

@@ -51,12 +51,12 @@ def momentum_barrier(
     count as zero. None says that one-signed torques and the drift reach both sides of every
     separatrix plane; with rank 6 the spacecraft is then controllable without disturbance.
     """
-    found = separatrix_normals(inertia)
-    if found is None:
+    planes = separatrix_normals(inertia)
+    if planes is None:
         if cone.two_sided == 3:
             return None
         return cone.neither[:, 0] if cone.opposed is None else -cone.opposed
-    for normal in found[0]:
+    for normal in planes[0]:
         heights = normal @ cone.rays
         if not np.any(heights < -tolerance):
             return normal

@@ -14,8 +14,8 @@ from jaxsat.controllability.closure import generator_names
 # Run-time type checkers read NumPy's ArrayLike as excluding tuples.
 Numbers = ArrayLike | Sequence
 
-# A deciding singular value below this makes a verdict borderline; see `analyse`.
-TOLERANCE = 1e-6
+TOLERANCE = 5e-6
+"""A deciding singular value below this makes a verdict borderline; see `analyse`."""
 
 # Roundings between the numbers meant and the numbers stored (a cosine, two rotations of J, a
 # division by the length: about ten units) times the largest slope of a generating vector with

@@ -122,9 +122,9 @@ def reachable_rank(
         for _ in range(2):  # twice is enough for orthogonality to rounding
             front = front - basis @ (basis.T @ front)
         directions, lengths, _ = np.linalg.svd(front, full_matrices=False)
-        found = lengths > noise
-        shortest = min(shortest, float(np.min(lengths[found], initial=np.inf)))
-        new = directions[:, found]
+        independent = lengths > noise
+        shortest = min(shortest, float(np.min(lengths[independent], initial=np.inf)))
+        new = directions[:, independent]
         basis = np.hstack([basis, new])
         front = a @ new
     return basis.shape[1], shortest
@@ -149,8 +149,8 @@ def gramian(
     block[size:, size:] = -state_matrix.T
     power = expm(block * horizon)
     # power = [[e^{AT}, M], [0, e^{−AᵀT}]], M = ∫ e^{A(T−s)} BBᵀ e^{−Aᵀs} ds = e^{AT} W.
-    found = np.linalg.solve(power[:size, :size], power[:size, size:])
-    return 0.5 * (found + found.T)
+    solution = np.linalg.solve(power[:size, :size], power[:size, size:])
+    return 0.5 * (solution + solution.T)
 
 
 def gramian_time_scales(
@@ -170,7 +170,7 @@ def gramian_time_scales(
     """
     from scipy.linalg import expm
 
-    found = np.full(6, np.nan)
+    times = np.full(6, np.nan)
     nodes, weights = np.polynomial.legendre.leggauss(64)
     for horizon in np.geomspace(1e-2, longest, 200):
         # Time in units of the horizon keeps all entries near one.
@@ -184,10 +184,10 @@ def gramian_time_scales(
         factor = np.concatenate(list(np.sqrt(0.5 * weights)[:, None, None] * parts), axis=1)
         directions, values, _ = np.linalg.svd(factor, full_matrices=False)
         solid = values > 1e-13 * values[:1]
-        for k in (int(k) for k in np.flatnonzero(np.isnan(found))):
+        for k in (int(k) for k in np.flatnonzero(np.isnan(times))):
             parts = directions[k] * (stretch[k] * errors[k])
             if np.linalg.norm(parts[~solid]) > 1e-11 * np.linalg.norm(parts):
                 continue
             if np.sum((parts[solid] / values[solid]) ** 2) <= rms_command**2:
-                found[k] = horizon
-    return found
+                times[k] = horizon
+    return times

@@ -95,47 +95,47 @@ def _factor(
     length = 2 * np.pi / STEPS
     back, half = expm(-scaled * length), expm(-scaled * length / 2)
     inputs = units[:, None] * to_rates / rate * np.sqrt(2 * np.pi * length)
-    found, power = [], half
+    blocks, power = [], half
     for one in torques:
-        found.append(power @ inputs @ one.T)
+        blocks.append(power @ inputs @ one.T)
         power = power @ back
-    return np.concatenate(found, axis=1)
+    return np.concatenate(blocks, axis=1)
 
 
 def _effort(factor: Float[np.ndarray, "6 n"], tolerance: float) -> Float[np.ndarray, "3"]:
     """The least root mean square of the inputs that removes one degree about each axis."""
     directions, values, _ = np.linalg.svd(factor, full_matrices=False)
     solid = values > tolerance * values.max()
-    found = np.full(3, np.inf)
+    efforts = np.full(3, np.inf)
     for axis in range(3):
         parts = DEGREE * directions[axis]
         if np.linalg.norm(parts[~solid]) <= 1e-9 * DEGREE:
-            found[axis] = np.linalg.norm(parts[solid] / values[solid])
-    return found
+            efforts[axis] = np.linalg.norm(parts[solid] / values[solid])
+    return efforts
 
 
-def magnetic_words(found: MagneticAuthority, thruster: float, wheels: bool) -> list[str]:
+def magnetic_words(authority: MagneticAuthority, thruster: float, wheels: bool) -> list[str]:
     """Sentences on it beside wheels and thrusters, of which one makes up to `thruster` N m.
 
     That is zero where it is not known.
     """
-    low, high = (f"{size * 1e6:.3g}" for size in found.field)
-    beside = f", {found.largest / thruster:.2g} of a thruster's" if thruster else ""
+    low, high = (f"{size * 1e6:.3g}" for size in authority.field)
+    beside = f", {authority.largest / thruster:.2g} of a thruster's" if thruster else ""
     torques, efforts = (
-        ", ".join(f"{one:.2g}" for one in row) for row in (found.torque, 100 * found.effort)
+        ", ".join(f"{one:.2g}" for one in row) for row in (authority.torque, 100 * authority.effort)
     )
     slowly = (
         "so near rest they control attitude and rate alone, as the field turns"
-        if found.rank == 6
+        if authority.rank == 6
         else "so alone they do not hold all axes, however the field turns"
     )
     unload = "; they take the momentum out of wheels that is across the field" if wheels else ""
     return [
-        f"Magnetorquers: at rest in the orbit frame at most {found.largest:.2g} N m{beside}, and "
+        f"Magnetorquers: at rest in the orbit frame at most {authority.largest:.2g} N m{beside}, and "
         f"on average {torques} N m about body x, y, z, in a field of {low} to {high} µT; none "
         f"about the field itself{unload}",
         "Magnetorquers alone, linear system about the orbit frame over one orbit: rank "
-        f"{found.rank} of 6, {slowly}. Removing one degree about x, y, z within an orbit takes "
+        f"{authority.rank} of 6, {slowly}. Removing one degree about x, y, z within an orbit takes "
         f"{efforts} % of their limits (rms)",
         "The verdict, the momentum, and the table of failures are those of thrusters and wheels "
         "without magnetorquers; with them laws of three torques, such as quaternion-feedback, fly",

@@ -106,9 +106,9 @@ def uncontrollable_single_directions(
     direction is uncontrollable).
     """
     curves = []
-    found = separatrix_normals(inertia)
-    if found is not None:
-        normals, middle = found
+    planes = separatrix_normals(inertia)
+    if planes is not None:
+        normals, middle = planes
         for normal in normals:
             across = np.cross(normal, middle)
             angle = np.linspace(0.0, 2.0 * np.pi, count)[:, None]

@@ -6,7 +6,12 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.controllability.actuators import ActuatorSet
-from jaxsat.controllability.cone import TorqueCone, nonnegative_least_squares, unit_rays
+from jaxsat.controllability.cone import (
+    TorqueCone,
+    direction_words,
+    nonnegative_least_squares,
+    unit_rays,
+)
 
 COUPLE = 1e-7
 """A least net force below this times the forces that make the torque is rounding."""
@@ -69,3 +74,18 @@ def _least(
     net = float(np.linalg.norm(rows[3:] @ shares))
     effort = float(np.sum(np.linalg.norm(rows[3:], axis=0) * shares))
     return net * lever if net > COUPLE * effort else 0.0
+
+
+def net_force_words(force: NetForce | None) -> str | None:
+    """Couples, or the net force of a torque; None if the forces are unknown."""
+    if force is None:
+        return None
+    if force.couples:
+        return "Net force: zero, couples make every torque"
+    worst = int(np.argmax(force.ratios))
+    pure = int(np.sum(force.ratios == 0))
+    return (
+        f"Net force: at least {force.ratios[worst]:.3g} N for each N m of torque along "
+        f"{direction_words(force.directions[:, worst])} (as much linear impulse, N s, for each "
+        f"N m s); {pure} of {len(force.ratios)} examined directions are couples"
+    )

@@ -170,9 +170,10 @@ def analyse(
     rank. `labels` name the thrusters in `generators` (default g1, g2, …).
 
     `tolerance`: a deciding singular value below it makes the verdict borderline. Singular values
-    change no faster than the relative error of the data (times about ten), so the default 1e-6
-    covers what six printed digits or single-precision storage leave open; it lies far above what
-    rounded inputs can do (128 eps cond(J)), which replaces it when larger. Inertia known to a
+    change no faster than the relative error of the data (times about ten), so the default 5e-6
+    covers what six printed digits (5e-7) or single-precision storage leave open, and so axes that
+    are 1e-4 degrees apart; it lies far above what rounded inputs can do (128 eps cond(J)), which
+    replaces it when larger. Inertia known to a
     percent calls for 1e-2. A small value need not mean that an uncontrollable layout is near: close
     to two equal moments the margin of one thruster falls with a high power of the distance.
 

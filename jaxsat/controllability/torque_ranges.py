@@ -64,7 +64,7 @@ def opposing_share(
     count = len(low)
     parts = np.concatenate([torques * (high - least), torques * (low - least)], axis=1)
     within = np.concatenate([np.eye(count), np.eye(count), -np.ones((count, 1))], axis=1)
-    found = linprog(
+    solution = linprog(
         np.eye(2 * count + 1)[-1],
         A_ub=within,
         b_ub=np.zeros(count),
@@ -72,7 +72,7 @@ def opposing_share(
         b_eq=-constant / size,
         bounds=(0, None),
     )
-    return float(found.fun) if found.status == 0 else np.inf
+    return float(solution.fun) if solution.status == 0 else np.inf
 
 
 def judge_ranges(
@@ -130,11 +130,11 @@ def _moves(
         for sign in (1.0, -1.0):
             aim = np.zeros(len(low))
             aim[place] = sign
-            found = linprog(aim, A_eq=torques / size, b_eq=np.zeros(3), bounds=bounds)
-            if found.x is None:
+            solution = linprog(aim, A_eq=torques / size, b_eq=np.zeros(3), bounds=bounds)
+            if solution.x is None:
                 return None
-            up |= found.x < high - LEVEL_ROUNDING
-            down |= found.x > low + LEVEL_ROUNDING
+            up |= solution.x < high - LEVEL_ROUNDING
+            down |= solution.x > low + LEVEL_ROUNDING
     if not free.any() and np.any(np.abs(torques @ low) > TOLERANCE * size):
         return None
     return down & free, up & free

@@ -145,9 +145,9 @@ def one_wheel_brackets(
     """
     inverse = np.linalg.inv(inertia / np.max(np.abs(inertia)))
     lengths = np.linalg.norm(torques, axis=0)
-    found = [np.concatenate([axis / np.linalg.norm(axis), np.zeros(3)])]
-    found += [np.tile(column, 2) for column in (torques[:, lengths > 0] / lengths[lengths > 0]).T]
-    basis = _independent(found, tolerance)
+    pairs = [np.concatenate([axis / np.linalg.norm(axis), np.zeros(3)])]
+    pairs += [np.tile(column, 2) for column in (torques[:, lengths > 0] / lengths[lengths > 0]).T]
+    basis = _independent(pairs, tolerance)
     while True:
         products = []
         for i, first in enumerate(basis):

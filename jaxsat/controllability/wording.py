@@ -6,7 +6,6 @@ from jaxtyping import Float
 from jaxsat.controllability.cone import TorqueCone, direction_words
 from jaxsat.controllability.decision import RankDecision
 from jaxsat.controllability.judgement import Judgement
-from jaxsat.controllability.net_force import NetForce
 from jaxsat.core.numerals import fixed_text, number_text
 
 LAW_WORDS = {
@@ -92,11 +91,11 @@ def _plane(normal: Float[np.ndarray, "3"]) -> str:
 
 def lost_words(judgement: Judgement) -> str:
     """The control authority that a failure removes."""
-    found, cone = judgement.level_set, judgement.cone
+    wheels, cone = judgement.level_set, judgement.cone
     if _coasts_beside_thrusters(judgement):
         return f"every law, while wheels coast with {judgement.coasting:.3g} N m s"
     if judgement.decision is None:
-        assert found is not None
+        assert wheels is not None
         return _wheels_lost(judgement)
     if not judgement.one_signed:
         return _rank_lost(judgement.decision, cone.span)
@@ -111,8 +110,8 @@ def lost_words(judgement: Judgement) -> str:
 
 
 def _wheels_lost(judgement: Judgement) -> str:
-    found = judgement.level_set
-    assert found is not None
+    wheels = judgement.level_set
+    assert wheels is not None
     if judgement.laws == "three torques":
         return "nothing"
     if judgement.dimension == 6:
@@ -121,19 +120,19 @@ def _wheels_lost(judgement: Judgement) -> str:
         else:
             lost = _lost_ways(judgement.cone) if judgement.one_signed else "two torques"
         return lost if judgement.rank == 6 else f"{lost}; rank {judgement.rank} of 6"
-    if not found.rests:
+    if not wheels.rests:
         return f"rest at any attitude, while wheels coast with {judgement.coasting:.3g} N m s"
-    if found.axes == 2:
-        normal = _axis(found.missing[:, 0])
+    if wheels.axes == 2:
+        normal = _axis(wheels.missing[:, 0])
         rest = "rest, except where the momentum is normal to it"
-        if found.coasting:
+        if wheels.coasting:
             rest = "rest, except where the momentum along it is that of the coasting wheels"
-        return f"torque about {normal}; " + (rest if found.momentum else "Jω along it stays zero")
-    if found.turned_about is None and found.coasting:
+        return f"torque about {normal}; " + (rest if wheels.momentum else "Jω along it stays zero")
+    if wheels.turned_about is None and wheels.coasting:
         return "rest, except where the momentum is that of the wheels"
-    if found.turned_about is None:
+    if wheels.turned_about is None:
         return "rest, except where the momentum is along the wheel axis"
-    return f"all but rotation about {direction_words(found.turned_about)}"
+    return f"all but rotation about {direction_words(wheels.turned_about)}"
 
 
 def verdict_sentence(judgement: Judgement) -> str:
@@ -213,14 +212,14 @@ _ONE_WHEEL = {
 
 
 def _wheel_sentence(judgement: Judgement) -> str:
-    found = judgement.level_set
-    assert found is not None
+    wheels = judgement.level_set
+    assert wheels is not None
     rank = f"rank {judgement.rank} of {judgement.dimension}"
     if judgement.verdict == "borderline":
         return "Borderline: the data do not determine the deciding wheel axes or torques."
-    if judgement.dimension == 6 and found.axes == 1:
+    if judgement.dimension == 6 and wheels.axes == 1:
         return f"{_ONE_WHEEL[judgement.verdict].format(rank=rank)}; {cone_words(judgement.cone)}."
-    if judgement.dimension == 6 and found.axes == 3:
+    if judgement.dimension == 6 and wheels.axes == 3:
         return f"Controllable: {rank} by three independent wheel axes."
     if judgement.dimension == 6:
         return (
@@ -229,37 +228,37 @@ def _wheel_sentence(judgement: Judgement) -> str:
             f"{cone_words(judgement.cone).capitalize()}."
         )
     where = "on the level set of the conserved momentum"
-    if not found.rests:
+    if not wheels.rests:
         return (
             f"Not controllable: rest is possible at no attitude, because wheels coast with "
-            f"{found.coasting:.3g} N m s normal to the others, and the total momentum is "
-            f"{found.momentum:.3g} N m s."
+            f"{wheels.coasting:.3g} N m s normal to the others, and the total momentum is "
+            f"{wheels.momentum:.3g} N m s."
         )
-    if found.axes == 2:
-        normal = _axis(found.missing[:, 0])
-        if not found.momentum:
+    if wheels.axes == 2:
+        normal = _axis(wheels.missing[:, 0])
+        if not wheels.momentum:
             return (
                 f"Controllable: {rank} {where}. Two wheels, zero momentum: n·Jω stays zero "
                 f"with n = {normal}; the bracket of the two remaining rates reaches every attitude."
             )
         return (
-            f"Some attitudes: {rank} {where}. Two wheels with {found.momentum:.3g} N m s of total "
+            f"Some attitudes: {rank} {where}. Two wheels with {wheels.momentum:.3g} N m s of total "
             "momentum: the body can pass every attitude, but rest is possible only where the "
             "momentum "
             + (
-                f"along n = {normal} is the {found.coasting:.3g} N m s of the wheels that coast."
-                if found.coasting
+                f"along n = {normal} is the {wheels.coasting:.3g} N m s of the wheels that coast."
+                if wheels.coasting
                 else f"is normal to n = {normal}."
             )
         )
-    if found.turned_about is not None:
-        turned = direction_words(found.turned_about)
+    if wheels.turned_about is not None:
+        turned = direction_words(wheels.turned_about)
         return f"Not controllable: {rank} {where}; one wheel turns the body about {turned} alone."
     return (
-        f"Not controllable: {rank} {where}; with {found.momentum:.3g} N m s of total momentum "
+        f"Not controllable: {rank} {where}; with {wheels.momentum:.3g} N m s of total momentum "
         + (
             "rest is possible only where it is that of the wheels, one of which can change."
-            if found.coasting
+            if wheels.coasting
             else "rest is possible only where it is along the wheel axis."
         )
     )
@@ -267,15 +266,15 @@ def _wheel_sentence(judgement: Judgement) -> str:
 
 def momentum_words(judgement: Judgement) -> str | None:
     """The momentum of the wheels and who can change it; None without wheels."""
-    found = judgement.level_set
-    if found is None:
+    wheels = judgement.level_set
+    if wheels is None:
         return None
-    start = f"Momentum: {found.momentum:.3g} N m s in total at the start"
+    start = f"Momentum: {wheels.momentum:.3g} N m s in total at the start"
     if not np.any(judgement.actuators.torques):
         return f"{start}, conserved: no actuator removes momentum from the wheels"
-    if found.axes == 1:
+    if wheels.axes == 1:
         return f"{start}; valid while the momentum of the wheel is small"
-    turned = "two wheels turn" if found.axes == 2 else "the wheels turn"
+    turned = "two wheels turn" if wheels.axes == 2 else "the wheels turn"
     return f"{start}; {turned} the body, so that {_momentum_changers(judgement)} in any direction"
 
 
@@ -295,18 +294,3 @@ def once_stopped_words(judgement: Judgement, stopped: Judgement | None) -> str |
     if stopped is None or (stopped.verdict, stopped.rank) == (judgement.verdict, judgement.rank):
         return None
     return f"Once friction has stopped the coasting wheels: {verdict_sentence(stopped)}"
-
-
-def net_force_words(found: NetForce | None) -> str | None:
-    """Couples, or the net force of a torque; None if the forces are unknown."""
-    if found is None:
-        return None
-    if found.couples:
-        return "Net force: zero, couples make every torque"
-    worst = int(np.argmax(found.ratios))
-    pure = int(np.sum(found.ratios == 0))
-    return (
-        f"Net force: at least {found.ratios[worst]:.3g} N for each N m of torque along "
-        f"{direction_words(found.directions[:, worst])} (as much linear impulse, N s, for each "
-        f"N m s); {pure} of {len(found.ratios)} examined directions are couples"
-    )

@@ -18,11 +18,11 @@ from jaxsat.controllability import (
 )
 from jaxsat.controllability.cone import direction_words
 from jaxsat.controllability.judgement import CONTROLLABLE
+from jaxsat.controllability.net_force import net_force_words
 from jaxsat.controllability.wording import (
     LAW_WORDS,
     cone_words,
     momentum_words,
-    net_force_words,
     once_stopped_words,
 )
 from jaxsat.core.numerals import number_text

@@ -104,7 +104,7 @@ def controllability_study(
     scenario: Scenario,
     *,
     drift: bool = False,
-    tolerance: float = 1e-6,
+    tolerance: float = 5e-6,
     report: Callable[[str], None] = lambda what: None,
 ) -> ControllabilityStudy:
     """Judge what the working actuators can do, and those left after every failure.

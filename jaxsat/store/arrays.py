@@ -79,8 +79,8 @@ class StoreArrays:
         """Say that so many cases of a chunk are done, if that is not what is said."""
         place = chunk_file(STATUS, STATUS_COLUMN, chunk)
         wanted = encoded(STATUS_COLUMN, np.full(cases, DONE), self._header.chunk)
-        found = read_file(self._path / place)
-        if found != wanted and (cases or found is not None):
+        content = read_file(self._path / place)
+        if content != wanted and (cases or content is not None):
             self._write_all({place: wanted})
 
     def _fit(self) -> None:
@@ -104,11 +104,11 @@ class StoreArrays:
         stale = {}
         for name, wanted in self._header.metadata(rows).items():
             place = f"{name}/{METADATA}"
-            found = read_file(self._path / place)
-            if found == as_json(wanted):
+            content = read_file(self._path / place)
+            if content == as_json(wanted):
                 continue
             stale[place] = as_json(wanted)
-            if not differs_in_rows_alone(parse_json(found), wanted):
+            if not differs_in_rows_alone(parse_json(content), wanted):
                 self._repairs.append(f"{place} was damaged and is written again")
         self._rows = None  # what it is while some say one thing and some another
         if read_file(self._path / METADATA) != self._header.content(rows):

@@ -38,11 +38,11 @@ class Column(NamedTuple):
     @property
     def attributes(self) -> dict[str, Any]:
         """Units and name; of codes what they stand for, as the CF conventions have it."""
-        told: dict[str, Any] = {"units": self.units, "long_name": self.long_name}
+        attributes: dict[str, Any] = {"units": self.units, "long_name": self.long_name}
         if self.flags:
-            told["flag_values"] = list(range(len(self.flags)))
-            told["flag_meanings"] = " ".join(flag.replace(" ", "_") for flag in self.flags)
-        return told
+            attributes["flag_values"] = list(range(len(self.flags)))
+            attributes["flag_meanings"] = " ".join(flag.replace(" ", "_") for flag in self.flags)
+        return attributes
 
     @property
     def fill(self) -> float:
@@ -60,8 +60,8 @@ class Coordinate(NamedTuple):
     @property
     def attributes(self) -> dict[str, str]:
         """Units and name where they say something."""
-        told = {"units": self.units if self.units != "1" else "", "long_name": self.long_name}
-        return {name: text for name, text in told.items() if text}
+        attributes = {"units": self.units if self.units != "1" else "", "long_name": self.long_name}
+        return {name: text for name, text in attributes.items() if text}
 
 
 STATUS = "status"
@@ -172,12 +172,12 @@ def _array_metadata(
     }
 
 
-def differs_in_rows_alone(found: Any, wanted: Mapping[str, Any]) -> bool:
+def differs_in_rows_alone(metadata: Any, wanted: Mapping[str, Any]) -> bool:
     """Whether array metadata is that of the same array with room for more or fewer cases."""
-    shape = found.get("shape") if isinstance(found, dict) else None
+    shape = metadata.get("shape") if isinstance(metadata, dict) else None
     if not isinstance(shape, list) or not shape or not isinstance(shape[0], int):
         return False
-    return found == {**wanted, "shape": [shape[0], *wanted["shape"][1:]]}
+    return metadata == {**wanted, "shape": [shape[0], *wanted["shape"][1:]]}
 
 
 def group_metadata(

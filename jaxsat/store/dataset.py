@@ -38,17 +38,17 @@ def trajectory_dataset(
     changes between the saved times, `torque_min`, `torque_max` and `torque_mean` tell what it was
     from each to the next. Beside the history stand the `TOTALS` of the whole run.
     """
-    found: dict[str, xr.Variable | None]
-    found = {
+    labelled: dict[str, xr.Variable | None]
+    labelled = {
         **_labelled(trajectory.signals, VARIABLES, ("time",)),
         **_labelled(trajectory.assessment, TOTALS, ()),
     }
     if trajectory.signals.thrust_level is None:  # it is the wheels that are diagnosed
-        for name, one in found.items():
-            found[name] = None if one is None else _along_wheels(one)
-    found |= pointing(np.asarray(trajectory.signals.quaternion))
-    found |= _ranges(trajectory) | _errors(trajectory)
-    variables = {name: variable for name, variable in found.items() if variable is not None}
+        for name, one in labelled.items():
+            labelled[name] = None if one is None else _along_wheels(one)
+    labelled |= pointing(np.asarray(trajectory.signals.quaternion))
+    labelled |= _ranges(trajectory) | _errors(trajectory)
+    variables = {name: variable for name, variable in labelled.items() if variable is not None}
     if modes is not None:
         variables["mode"].attrs |= {
             "flag_values": np.array(list(modes), float),
@@ -84,15 +84,15 @@ def _along_wheels(variable: xr.Variable) -> xr.Variable:
 
 def _ranges(trajectory: Trajectory) -> dict[str, xr.Variable]:
     """The range of the torque, if the saved torque is not all that it was."""
-    told, torque = trajectory.torque_range, np.asarray(trajectory.signals.torque)
-    if told is None or all(
-        np.array_equal(getattr(told, name), torque, equal_nan=True) for name in RANGES
+    ranges, torque = trajectory.torque_range, np.asarray(trajectory.signals.torque)
+    if ranges is None or all(
+        np.array_equal(getattr(ranges, name), torque, equal_nan=True) for name in RANGES
     ):
         return {}
     return {
         name: xr.Variable(
             ("time", "body_axis"),
-            np.asarray(getattr(told, part)),
+            np.asarray(getattr(ranges, part)),
             {"units": "N m", "long_name": f"{what} thruster torque until the next saved time"},
         )
         for part, (name, what) in RANGES.items()
@@ -101,13 +101,13 @@ def _ranges(trajectory: Trajectory) -> dict[str, xr.Variable]:
 
 def _errors(trajectory: Trajectory) -> dict[str, xr.Variable]:
     """The error estimate of equal steps."""
-    told = trajectory.integration_error
-    if told is None:
+    errors = trajectory.integration_error
+    if errors is None:
         return {}
     return {
         name: xr.Variable(
             (),
-            np.asarray(getattr(told, part)),
+            np.asarray(getattr(errors, part)),
             {"units": label.units, "long_name": label.long_name},
         )
         for name, (part, label) in ERRORS.items()

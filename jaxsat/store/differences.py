@@ -21,11 +21,13 @@ OTHER_PROGRAM = "the program differs, as after a change of the law, of another p
 
 def differences(old: Any, new: Any) -> list[str]:
     """Where two nests of plain data differ, one clause for each place; of many the first few."""
-    found = sorted(_differences(old, new), key=lambda place: (place[0][:1] == (PROGRAM,), place[0]))
-    told = [place for place in found if not _is_operations(place[0])]
-    told = [place for place in told if not _is_number(place[0])] or told
-    clauses = [f"{'.'.join(path)}: {_short(x)} there, {_short(y)} here" for path, x, y in told]
-    if found and not told:
+    places = sorted(
+        _differences(old, new), key=lambda place: (place[0][:1] == (PROGRAM,), place[0])
+    )
+    named = [place for place in places if not _is_operations(place[0])]
+    named = [place for place in named if not _is_number(place[0])] or named
+    clauses = [f"{'.'.join(path)}: {_short(x)} there, {_short(y)} here" for path, x, y in named]
+    if places and not named:
         clauses = [OTHER_PROGRAM]
     more = len(clauses) - SHOWN
     return [*clauses[:SHOWN], f"and {more} more"] if more > 0 else clauses

@@ -68,9 +68,9 @@ class Header(NamedTuple):
 
         That is what Zarr calls consolidated: true only while there is room for so many cases.
         """
-        told = {"identity": self.identity, "runs": self.runs, **self.layout()}
-        kept = {"Conventions": "CF-1.11", "jaxsat_format": FORMAT, **told}
-        return as_json(self._group({**kept, "check": _hash(kept)}, rows))
+        study = {"identity": self.identity, "runs": self.runs, **self.layout()}
+        attributes = {"Conventions": "CF-1.11", "jaxsat_format": FORMAT, **study}
+        return as_json(self._group({**attributes, "check": _hash(attributes)}, rows))
 
     def layout(self) -> dict[str, Any]:
         """Columns, their coordinates and the size of a chunk, as plain data."""
@@ -101,8 +101,8 @@ def _consolidated_rows(data: Any) -> int | None:
 
 def run_record(here: Mapping[str, Any], remark: str | None) -> dict[str, Any]:
     """What is kept of a run: its machine, versions and time, and a remark if there is one."""
-    told = {} if remark is None else {"remark": remark}
-    return {"machine": dict(here), **provenance(), **told}
+    remarks = {} if remark is None else {"remark": remark}
+    return {"machine": dict(here), **provenance(), **remarks}
 
 
 def read_header(path: Path) -> Header:

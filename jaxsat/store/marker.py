@@ -239,8 +239,8 @@ def walk(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
     Raises `OSError`.
     """
     with os.scandir(folder / within) as entries:
-        found = sorted(entries, key=lambda entry: entry.name)
-    for entry in found:
+        ordered = sorted(entries, key=lambda entry: entry.name)
+    for entry in ordered:
         name = f"{within}{entry.name}"
         mode = entry.stat(follow_symlinks=False).st_mode
         yield name, mode

@@ -61,29 +61,29 @@ class StudyColumn:
         for chunk in range(low // size, -(-high // size)):
             record = self._ledger.done.get(chunk)
             if record is not None:
-                found = self._chunk(chunk, record)
+                values_of_chunk = self._chunk(chunk, record)
                 start = chunk * size
-                inside = slice(max(low - start, 0), min(high - start, len(found)))
+                inside = slice(max(low - start, 0), min(high - start, len(values_of_chunk)))
                 begin = start + inside.start - low
-                part = found[inside]
+                part = values_of_chunk[inside]
                 values[begin : begin + len(part)] = part
         return values
 
     def _chunk(self, chunk: int, record: ChunkRecord) -> np.ndarray:
         if self._name == STATUS:
             return np.full(record.cases, DONE, self.dtype)
-        found = read_chunk(self._path, self._header, chunk, self._name, record)
-        if found is None:  # unless the study has grown since the ledger was read
+        values = read_chunk(self._path, self._header, chunk, self._name, record)
+        if values is None:  # unless the study has grown since the ledger was read
             now = self._ledger.read(chunk)
             if now is not None and now != record and now.cases >= record.cases:
-                found = read_chunk(self._path, self._header, chunk, self._name, now)
-        if found is None:
+                values = read_chunk(self._path, self._header, chunk, self._name, now)
+        if values is None:
             first = chunk * self._header.chunk
             raise OutputError(
                 f"{self._path}: chunk {chunk} (cases {first} to {first + record.cases - 1}) of "
                 f"{self._name} is damaged; run the same study again, which computes it again."
             )
-        return found[: record.cases]
+        return values[: record.cases]
 
 
 def study_columns(path: str | Path, header: Header | None = None) -> dict[str, StudyColumn]:

@@ -107,9 +107,9 @@ class ResumableFolder:
     def _known(self) -> Marker:
         marker = Marker.read(self.path)
         if marker is None:
-            found = abbreviated(sorted(os.listdir(self.path)))
+            names = abbreviated(sorted(os.listdir(self.path)))
             raise OutputError(
-                f"{self.path} holds what jaxsat did not write ({found}), "
+                f"{self.path} holds what jaxsat did not write ({names}), "
                 "or what another version of it wrote; give another folder with --out."
             )
         if marker.kind != self._kind:

@@ -157,7 +157,7 @@ class StudyStore:
     def values(self, chunk: int, names: list[str]) -> dict[str, np.ndarray]:
         """Some columns of a chunk, as stored."""
         record = self._ledger.done[chunk]
-        found = {}
+        columns = {}
         for name in names:
             data = read_chunk(self.path, self._header, chunk, name, record)
             if data is None:
@@ -166,8 +166,8 @@ class StudyStore:
                     "same study again.",
                     failure=True,
                 )
-            found[name] = data[: len(self.numbers(chunk))]
-        return found
+            columns[name] = data[: len(self.numbers(chunk))]
+        return columns
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:

@@ -53,8 +53,8 @@ def open_study(path: str | Path) -> xr.Dataset:
     }
     cases = np.arange(len(columns[STATUS]))
     coordinates[CASE] = xr.Variable(CASE, cases, CASE_COLUMN.attributes)
-    told = {"identity": json.dumps(header.identity), "runs": json.dumps(header.runs)}
-    return xr.Dataset(variables, coordinates, {"Conventions": "CF-1.11", **told})
+    records = {"identity": json.dumps(header.identity), "runs": json.dumps(header.runs)}
+    return xr.Dataset(variables, coordinates, {"Conventions": "CF-1.11", **records})
 
 
 def _cached(column: StudyColumn) -> indexing.MemoryCachedArray:
@@ -108,9 +108,9 @@ def save_case_table(
 def _outcomes(code: np.ndarray, settling_time: np.ndarray) -> np.ndarray:
     """How cases ended, as texts: settled, unsettled, or the failure."""
     names = {int(one): one.name.lower() for one in Outcome} | {int(Outcome.SUCCESS): UNSETTLED}
-    found = np.array([names[int(one)] for one in code], object)
-    found[np.isfinite(settling_time)] = SETTLED
-    return found
+    outcomes = np.array([names[int(one)] for one in code], object)
+    outcomes[np.isfinite(settling_time)] = SETTLED
+    return outcomes
 
 
 def _is_history(variable: xr.DataArray) -> bool:

@@ -133,24 +133,24 @@ def make_folder(
     folder stays.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
-    made = temporary_folder(target, kind)
+    temporary = temporary_folder(target, kind)
     try:
         for name, data in files.items():
-            (made.path / name).parent.mkdir(parents=True, exist_ok=True)
-            made.marker.write(name, data, durable=False)
-        sync_files([made.path / name for name in files])
-        (made.path / MARKER).unlink()
+            (temporary.path / name).parent.mkdir(parents=True, exist_ok=True)
+            temporary.marker.write(name, data, durable=False)
+        sync_files([temporary.path / name for name in files])
+        (temporary.path / MARKER).unlink()
         if mark is not None:
-            mark(made.path)
-        sync_folder(made.path)
+            mark(temporary.path)
+        sync_folder(temporary.path)
         try:
-            made.path.rename(target)
+            temporary.path.rename(target)
         except OSError as error:
             if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
                 raise
         sync_folder(target.parent)
     finally:
-        made.remove()
+        temporary.remove()
 
 
 def is_absent_or_empty(target: Path) -> bool:

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from jaxsat.controllability import analyse
+from jaxsat.controllability import actuator_set, analyse, judge
+from jaxsat.controllability.layout import TOLERANCE
 
 from .layouts import AXES, PLANES, X, Y, Z, columns, random_rotation
 from .oracles import fraction_rank
@@ -60,7 +61,7 @@ def test_nearly_equal_moments(power):
             if expected == 6:
                 difference = abs(first - size) / (first + size)
                 assert result.margin == pytest.approx(difference, rel=1e-9)
-                assert result.borderline == (difference <= 1e-6)
+                assert result.borderline == (difference <= TOLERANCE)
 
 
 @pytest.mark.slow
@@ -92,7 +93,7 @@ def test_axis_close_to_an_uncontrollable_plane():
         result = analyse(np.array(moments, float), (inside + off * normal)[:, None])
         assert result.exact_rank == 6
         assert result.controllable or result.borderline
-        assert result.borderline == (result.margin <= 1e-6)
+        assert result.borderline == (result.margin <= TOLERANCE)
         assert 1e-3 * off < result.margin < 10 * off
 
 
@@ -137,7 +138,7 @@ def test_rounding_dust_is_no_thruster():
 
 
 def test_tolerance_moves_the_borderline_not_the_rank():
-    for tolerance, borderline in ((1e-6, False), (1e-2, True)):
+    for tolerance, borderline in ((TOLERANCE, False), (1e-2, True)):
         result = analyse([5.0, 5.01, 7.0], columns([X, Y]), tolerance=tolerance)
         assert result.rank == 6
         assert result.borderline is borderline
@@ -165,3 +166,18 @@ def test_condition_beyond_doubles_is_borderline_at_worst(moments):
         assert result.exact_rank == fraction_rank(whole, axes)
         assert result.borderline or result.rank == result.exact_rank
         assert np.all(np.isfinite(result.singular_values))
+
+
+@pytest.mark.parametrize("degrees", [1e-5, 1e-4])
+@pytest.mark.parametrize("length", [1e-3, 1.0, 4e5])
+def test_torques_of_nearly_one_direction_are_borderline_whatever_their_lengths(degrees, length):
+    """Six printed digits of their direction cosines may be all that sets them apart."""
+    angle = np.radians(degrees)
+    axes = length * np.array([[1.0, np.cos(angle)], [0.0, np.sin(angle)], [0.0, 0.0]])
+    axes[:, 1] *= 0.3
+    for moments in ([449.5, 264.6, 312.5], [0.05, 0.04, 0.02]):
+        assert analyse(moments, axes).borderline
+        judgement = judge(moments, actuator_set(axes, two_sided=True))
+        assert (judgement.verdict, judgement.laws) == ("borderline", "none")
+    apart = np.array([[1.0, 0.0], [1.0, 0.1], [0.0, 0.0]])
+    assert judge([449.5, 264.6, 312.5], actuator_set(apart, two_sided=True)).verdict != "borderline"

@@ -6,6 +6,7 @@ from scipy.optimize import linprog
 
 from jaxsat.controllability import torque_cone
 from jaxsat.controllability.cone import KINDS, direction_words
+from jaxsat.controllability.layout import TOLERANCE
 
 
 def is_made(columns, wanted):
@@ -116,6 +117,6 @@ def test_what_the_data_leave_open_is_borderline(size):
     # Three torques around z, each tilted by `size` towards +z, and one towards +z.
     tilted = np.array([[1, 0, size], [-0.5, 0.8, size], [-0.5, -0.8, size], [0, 0, 1]]).T
     cone = torque_cone(tilted, np.zeros(4, bool))
-    certain = abs(size) > 1e-6
-    assert cone.borderline == (1e-9 < abs(size) < 1e-6)
+    certain = abs(size) > TOLERANCE
+    assert cone.borderline == (1e-9 < abs(size) < TOLERANCE)
     assert cone.kind == (("pointed cone" if size > 0 else "space") if certain else "half space")

@@ -213,37 +213,35 @@ class Diagnosis(eqx.Module):
         evidence = memory.evidence.after(residual, self.filter.uncertainty)
         evidence = jax.tree.map(lambda x: jnp.where(alarmed, x, 0.0), evidence)
         lasting = condition.failed & ~self.may_return(memory)
-        found = explanation(
-            evidence, condition.failed, lasting, self.filter.uncertainty, hypotheses
-        )
+        best = explanation(evidence, condition.failed, lasting, self.filter.uncertainty, hypotheses)
         age = memory.age + period
         late = age > self.patience * period
-        tested = (found.tested > LEAST_INFORMATION) | (age > MOST_PERIODS * period)
-        flows = found.kind > DiagnosedKind.DEGRADED
-        tested = tested & (flows | ~needed[found.thruster] | (found.tested > TOLD_APART))
-        sure = (found.margin > self.margin) & tested
-        ahead = found.score - found.disturbance
-        verdict = alarmed & (found.score > self.margin) & (sure | (late & (ahead > self.margin)))
-        disturbed = alarmed & ~verdict & (found.disturbance > self.margin)
+        tested = (best.tested > LEAST_INFORMATION) | (age > MOST_PERIODS * period)
+        flows = best.kind > DiagnosedKind.DEGRADED
+        tested = tested & (flows | ~needed[best.thruster] | (best.tested > TOLD_APART))
+        sure = (best.margin > self.margin) & tested
+        ahead = best.score - best.disturbance
+        verdict = alarmed & (best.score > self.margin) & (sure | (late & (ahead > self.margin)))
+        disturbed = alarmed & ~verdict & (best.disturbance > self.margin)
         disturbed = disturbed & ((ahead < -self.margin) | late)
         over = verdict | disturbed | (alarmed & late)
         alarm = ~alarmed & (jnp.max(statistic) > self.threshold)
-        hit = verdict & (jnp.arange(lasting.shape[0]) == found.thruster)
+        hit = verdict & (jnp.arange(lasting.shape[0]) == best.thruster)
         fails = hit & ~condition.failed
-        comes_back = hit & condition.failed & (found.kind == DiagnosedKind.DEAD)
+        comes_back = hit & condition.failed & (best.kind == DiagnosedKind.DEAD)
         tracked = self.filter.tracked(residual, condition, period, ~alarmed & ~alarm)
-        serves = jnp.isin(found.kind, jnp.array(hypotheses.in_service, int))
-        back = condition.part + found.loss * (1 - condition.part)
-        left = jnp.where(fails, condition.part * (1 - found.loss), back)
+        serves = jnp.isin(best.kind, jnp.array(hypotheses.in_service, int))
+        back = condition.part + best.loss * (1 - condition.part)
+        left = jnp.where(fails, condition.part * (1 - best.loss), back)
         flow = jnp.where(comes_back, 0.0, tracked.flow)
         judged = Condition(
             (condition.failed | (fails & ~serves)) & ~comes_back,
             jnp.where(hit, left, condition.part),
-            jnp.where(fails, condition.flow + found.flow, flow),
-            tracked.torque + jnp.where(disturbed, self.filter.torque_of(found.acceleration), 0.0),
+            jnp.where(fails, condition.flow + best.flow, flow),
+            tracked.torque + jnp.where(disturbed, self.filter.torque_of(best.acceleration), 0.0),
             jnp.where(disturbed, 0.0, tracked.samples),
         )
-        named = self.filter.named(found.kind, found.thruster, filtered).astype(memory.kind.dtype)
+        named = self.filter.named(best.kind, best.thruster, filtered).astype(memory.kind.dtype)
         return DiagnosisMemory(
             self.filter.restarted(filtered, verdict | disturbed, alarm),
             residual.doubt(self.filter.uncertainty),
@@ -251,8 +249,8 @@ class Diagnosis(eqx.Module):
             jnp.where(over, int(Stage.QUIET), jnp.where(alarm, int(Stage.ALARM), memory.stage)),
             jnp.where(over | alarm, 0.0, age),
             evidence,
-            found.thruster,
-            found.scores > found.score - self.margin,
+            best.thruster,
+            best.scores > best.score - self.margin,
             judged,
             jnp.where(comes_back, NONE, jnp.where(hit, named, memory.kind)),
             memory.returns + comes_back.astype(memory.returns.dtype),

@@ -202,15 +202,17 @@ class Evidence(NamedTuple):
         variance = jnp.broadcast_to(variance, loss.shape[1:])[None]
         products = (loss * loss, loss * flow, flow * flow)
         more = jnp.stack([jnp.sum(one, axis=0) for one in products])
-        found = jnp.stack([jnp.sum(seen[:, None] * one, axis=0) for one in (loss, flow)])
+        correlation = jnp.stack([jnp.sum(seen[:, None] * one, axis=0) for one in (loss, flow)])
         information = self.information + more / variance
         most = jnp.maximum(jnp.max(information), MOST_INFORMATION)
         scale = MOST_INFORMATION / most
         besides = self.disturbance
         if residual.steady is not None:
-            told = jnp.concatenate([residual.steady[None], seen])
-            besides = scale * (besides + residual.steady * told / variance[0, 0])
-        return Evidence(scale * information, scale * (self.weighted + found / variance), besides)
+            signature = jnp.concatenate([residual.steady[None], seen])
+            besides = scale * (besides + residual.steady * signature / variance[0, 0])
+        return Evidence(
+            scale * information, scale * (self.weighted + correlation / variance), besides
+        )
 
 
 class Explanation(NamedTuple):

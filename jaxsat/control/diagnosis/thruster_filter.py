@@ -227,11 +227,11 @@ class ResidualFilter(AbstractResidualFilter):
         flows = condition.failed & (condition.flow > 0)
         flow = jnp.clip(condition.flow + TRACKING * more, 0.0, 1.0)
         opposed, steady = jnp.any(flows), cast(RealScalar, residual.steady)
-        told = (steady * STEADY_GAIN / period) ** 2
-        told = told * STEADY_VARIANCE * self.rate_noise**2 / residual.variance
-        told = jnp.where(quiet & (condition.samples < MOST_SAMPLES), told, 0.0)
-        samples = condition.samples + told
-        mean = told / (samples + FIRST_SAMPLES) / jnp.where(steady > 0, steady, 1.0)
+        weight = (steady * STEADY_GAIN / period) ** 2
+        weight = weight * STEADY_VARIANCE * self.rate_noise**2 / residual.variance
+        weight = jnp.where(quiet & (condition.samples < MOST_SAMPLES), weight, 0.0)
+        samples = condition.samples + weight
+        mean = weight / (samples + FIRST_SAMPLES) / jnp.where(steady > 0, steady, 1.0)
         part = jnp.where(opposed, SLOW_TRACKING / period, mean)
         doubted = condition.torque - self.believed(condition, period)
         error = residual.innovation - steady * (body.inverse_inertia @ doubted)

@@ -184,27 +184,27 @@ class WheelFilter(AbstractResidualFilter):
             left_behind = taken - memory.taken
         noise, started, before = self.momentum_noise**2, memory.started, memory.momentum
         full = period * self.full
-        made = condition.part * commanded
-        driving = made + left_behind
+        motor = condition.part * commanded
+        driving = motor + left_behind
         held = period * self.held(before, driving / period, condition)
-        made = made - period * self.held(before, made / period, condition)
+        motor = motor - period * self.held(before, motor / period, condition)
         friction, side = period * self.friction(before, condition), self.side(before)
         braked = friction * side
         expected = before - (driving - held) - braked
         limit = self.wheels.momentum_limit
-        doubt = self.uncertainty**2 * (made**2 + left_behind**2 + braked**2)
-        rests = jnp.abs(before) < jnp.abs(made) + jnp.abs(friction) + STILL * self.momentum_noise
+        doubt = self.uncertainty**2 * (motor**2 + left_behind**2 + braked**2)
+        rests = jnp.abs(before) < jnp.abs(motor) + jnp.abs(friction) + STILL * self.momentum_noise
         doubt = doubt + jnp.where(rests, friction**2, 0.0)
         if limit is not None:
-            near = jnp.abs(before) > NEAR_LIMIT * limit - jnp.abs(made)
-            doubt = doubt + jnp.where(near, made**2, 0.0)
+            near = jnp.abs(before) > NEAR_LIMIT * limit - jnp.abs(motor)
+            doubt = doubt + jnp.where(near, motor**2, 0.0)
             expected = jnp.clip(expected, -limit, limit)
         predicted = memory.variance + RESTLESSNESS * noise + doubt
         variance = predicted + noise
         gain = jnp.where(started, predicted / variance, 1.0)
         innovation = jnp.where(started, reading - expected, 0.0)
         returned = (condition.part - 1) * commanded
-        missing = jnp.where(condition.failed, returned, made)
+        missing = jnp.where(condition.failed, returned, motor)
         loss = jnp.where(started, memory.loss + missing, 0.0)
         flow = jnp.where(started, memory.flow - full * side, 0.0)
         left = 1 - gain
@@ -219,9 +219,9 @@ class WheelFilter(AbstractResidualFilter):
             jnp.array(True),
             taken,
         )
-        driven = (1 - jnp.abs(side)) * made / (jnp.abs(made) + self.momentum_noise)
-        found = WheelResidual(innovation, variance, jnp.diag(loss), jnp.diag(flow), driven)
-        return found, following
+        driven = (1 - jnp.abs(side)) * motor / (jnp.abs(motor) + self.momentum_noise)
+        residual = WheelResidual(innovation, variance, jnp.diag(loss), jnp.diag(flow), driven)
+        return residual, following
 
     def tracked(
         self,

@@ -118,8 +118,8 @@ class Navigation(eqx.Module):
         estimate, following = self.step(sample, period, plant, state)
         attitude = in_parameters_of(plant.attitude, estimate.attitude)
         errors = _errors(plant, state.bias, estimate)
-        told = PlantState(attitude, estimate.omega, plant.effectors)
-        return Told(told, following, errors)
+        estimated = PlantState(attitude, estimate.omega, plant.effectors)
+        return Told(estimated, following, errors)
 
 
 def _errors(

@@ -218,5 +218,5 @@ def moved_multipliers(
     falling = 2 * (place * change) @ BALLS
     step = mu / slack - multipliers + multipliers / slack * falling
     centred = mu / slacks(stepped(place, change, taken))
-    found = stepped(multipliers, step, dual)
-    return jnp.clip(found, centred / LEAVING, centred * LEAVING)
+    moved = stepped(multipliers, step, dual)
+    return jnp.clip(moved, centred / LEAVING, centred * LEAVING)

@@ -232,10 +232,10 @@ def _cost_change(
     spare = TO_BOUNDARY * (spare - settings.least_duration)
     most = jnp.where(change.duration < 0, jnp.minimum(most, spare), most)
     first = (most / jnp.maximum(jnp.abs(change.duration), most), jnp.ones_like(mu))
-    (primal, dual), found = lax.scan(one, first, (at.cost, change.torque, change.states))
+    (primal, dual), change_of_cost = lax.scan(one, first, (at.cost, change.torque, change.states))
     if at.unknowns.place is not None and change.place is not None:
         primal = jnp.minimum(primal, longest_place_step(at.unknowns.place, change.place))
-    return found, primal, dual
+    return change_of_cost, primal, dual
 
 
 def _next_proximity(proximity: RealScalar, taken: RealScalar) -> RealScalar:

@@ -175,12 +175,12 @@ class Planner(eqx.Module):
         scaled = None if duration is None else duration / unit
 
         def better(best, numbers):
-            found = solve(coarse, begin, guess(coarse, x, numbers, scaled), ROUGH)
-            worth = worth_of(coarse, x, found)
+            solution = solve(coarse, begin, guess(coarse, x, numbers, scaled), ROUGH)
+            worth = worth_of(coarse, x, solution)
             improved = worth < best[0]
-            new = (worth, found.unknowns)
+            new = (worth, solution.unknowns)
             chosen = choose(improved, new, best[:2])
-            return (*chosen, best[2] + found.iterations), None
+            return (*chosen, best[2] + solution.iterations), None
 
         numbers = {key: jnp.asarray(value) for key, value in random_numbers(self.guesses).items()}
         nothing = guess(coarse, x, {key: value[0] for key, value in numbers.items()}, scaled)
@@ -188,14 +188,14 @@ class Planner(eqx.Module):
         (_, best, iterations), _ = lax.scan(better, first, numbers)
         fine = self._program(objective, self.intervals, FINE_SUBSTEPS)
         first = resampled(fine, x, best, jnp.zeros_like(begin))
-        found = solve(fine, begin, first, FINE if self.tolerances is None else STRETCHED)
-        plan = self._plan(fine, t, found)
+        solution = solve(fine, begin, first, FINE if self.tolerances is None else STRETCHED)
+        plan = self._plan(fine, t, solution)
         return plan._replace(iterations=plan.iterations + iterations)
 
-    def _plan(self, program: Transcription, t: RealScalar, found: Iterate) -> Plan:
-        unknowns, unit = found.unknowns, program.time_unit
-        arrives = found.defects < ARRIVING  # not for NaN
-        status = jnp.where(found.done, PlanStatus.SOLVED, PlanStatus.FLYABLE)
+    def _plan(self, program: Transcription, t: RealScalar, solution: Iterate) -> Plan:
+        unknowns, unit = solution.unknowns, program.time_unit
+        arrives = solution.defects < ARRIVING  # not for NaN
+        status = jnp.where(solution.done, PlanStatus.SOLVED, PlanStatus.FLYABLE)
         states = jnp.concatenate([unknowns.states, unknowns.last[None]])
         return Plan(
             begin=t,
@@ -205,8 +205,8 @@ class Planner(eqx.Module):
             omega=states[:, 4:] / unit,
             effort=program.effort(unknowns) * unit * program.limit,
             status=jnp.where(arrives, status, PlanStatus.FAILED),
-            iterations=found.iterations,
-            defects=found.defects,
+            iterations=solution.iterations,
+            defects=solution.defects,
         )
 
 

@@ -133,8 +133,8 @@ def _arrival_terms(multipliers: Float[Array, "6"], end: EndTerms | None):
         return ARRIVAL_WEIGHT * jnp.eye(len(multipliers)), multipliers
     radii, scaled = end.radii, end.hessian / end.radii[None]
     right = jnp.concatenate([scaled, end.gradient[:, None]], axis=1)
-    found = radii[:, None] * solved(_place_curvature(end), right)
-    share, pull = found[:, :-1], found[:, -1]
+    response = radii[:, None] * solved(_place_curvature(end), right)
+    share, pull = response[:, :-1], response[:, -1]
     return ARRIVAL_WEIGHT * share, share @ multipliers + ARRIVAL_WEIGHT * pull
 
 
@@ -168,8 +168,8 @@ def _backward(program: Transcription, begin: RealScalar, at: Unknowns, terms: Qu
         own = b.T @ weighted + jnp.diag(curvature + terms.proximity)
         mixed = weighted.T @ a
         pull = slope + b.T @ expected
-        found = solved(own, jnp.concatenate([mixed, pull[:, None]], axis=1))
-        feedback, feedforward = -found[:, :-1], -found[:, -1]
+        response = solved(own, jnp.concatenate([mixed, pull[:, None]], axis=1))
+        feedback, feedforward = -response[:, :-1], -response[:, -1]
         before = a.T @ hessian @ a + mixed.T @ feedback
         before = (before + before.T) / 2
         to_go = (before, a.T @ expected + mixed.T @ feedforward)

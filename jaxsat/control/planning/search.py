@@ -171,27 +171,27 @@ class PlanSearch(eqx.Module):
     def _iterated(self, program: Transcription, search: Search, begin, x) -> Search:
         del begin, x
         settings = self._settings(search)
-        found = iterated(program, search.begin, search.iterate, settings)
-        ended = found.done | (found.iterations >= settings.iterations)
-        worth = worth_of(program, search.start, found)
+        iterate = iterated(program, search.begin, search.iterate, settings)
+        ended = iterate.done | (iterate.iterations >= settings.iterations)
+        worth = worth_of(program, search.start, iterate)
         better = ended & (worth < search.worth)
-        best = choose(better, found.unknowns, search.best)
+        best = choose(better, iterate.unknowns, search.best)
         return search._replace(
             stage=search.stage + ended.astype(search.stage.dtype),
             fresh=ended,
-            iterate=found,
+            iterate=iterate,
             best=best,
             worth=jnp.where(better, worth, search.worth),
         )
 
 
-def worth_of(program: Transcription, x: Float[Array, "7"], found: Iterate) -> RealScalar:
+def worth_of(program: Transcription, x: Float[Array, "7"], solution: Iterate) -> RealScalar:
     """What is least for the best rough plan from `x`: the objective (τ), far above it for one that
     does not arrive, infinite for NaN."""
-    defects = found.defects
+    defects = solution.defects
     missed = jnp.sum(jnp.abs(program.arrival(x)))
     credible = defects < jnp.minimum(CREDIBLE, CREDIBLE_SHARE * missed)
-    worth = program.value(found.unknowns) + jnp.where(credible, 0.0, UNSOUND * (1 + defects))
+    worth = program.value(solution.unknowns) + jnp.where(credible, 0.0, UNSOUND * (1 + defects))
     return jnp.where(jnp.isfinite(worth), worth, jnp.inf)
 
 

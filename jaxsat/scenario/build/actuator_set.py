@@ -6,10 +6,20 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.controllability import ActuatorSet, actuator_set, thruster_torques
+from jaxsat.controllability import (
+    ActuatorSet,
+    actuator_set,
+    judge,
+    thruster_torques,
+    verdict_sentence,
+)
+from jaxsat.controllability.cone import ROUNDING
 from jaxsat.scenario.parts.thrusters import ThrusterTable
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft import Spacecraft
+
+APART = 1e-3
+"""Least singular value of unit torques that no tolerance of the judgement calls in doubt."""
 
 
 def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
@@ -42,6 +52,28 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
     )
     failed = [*failed, *(one.failed for one in wheels)]
     return found, [place for place, gone in enumerate(failed) if not gone]
+
+
+def borderline_words(scenario: Scenario) -> str | None:
+    """What to say where the torques that are left are two or three by their last digits alone.
+
+    It is what `jaxsat.controllability.judge` says of the actuators that work at the start. None
+    where their directions are plainly apart or plainly one.
+    """
+    actuators, working = all_actuators(scenario)
+    left = actuators.only(working)
+    columns = left.columns[:, np.any(left.columns, axis=0)]
+    sines = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), compute_uv=False)
+    if not np.any((sines > ROUNDING) & (sines < APART)):
+        return None
+    judgement = judge(scenario.spacecraft.inertia_kg_m2, left)
+    if judgement.verdict != "borderline":
+        return None
+    key = "thruster" if scenario.thruster else "spacecraft.thruster_torque_axes"
+    return (
+        f"key {'wheel' if scenario.wheel else key}: should have directions that are apart by more "
+        f"than their last digits. {verdict_sentence(judgement)}"
+    )
 
 
 def _thrusters(

@@ -35,7 +35,14 @@ def load(
     def trial(scenario: Scenario) -> list[Issue]:
         return [] if purpose == "text" else _obstacles(scenario, purpose, also)
 
-    return read(name_or_path, overrides, law=law, trial=trial, caution=caution)
+    scenario = read(name_or_path, overrides, law=law, trial=trial, caution=caution)
+    if purpose in ("run", "study"):
+        from jaxsat.scenario.build.actuator_set import borderline_words
+
+        words = borderline_words(scenario)
+        if words is not None:
+            caution(f"{name_or_path}: {words}")
+    return scenario
 
 
 def _obstacles(

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jaxsat.controllability import judge
+from jaxsat.controllability import judge, verdict_sentence
 from jaxsat.scenario import dump
 from jaxsat.scenario.build.actuator_set import all_actuators
 from jaxsat.scenario.build.load import load
@@ -71,3 +71,26 @@ def test_wheels_carry_the_momentum_of_body_and_wheels():
     assert working == [0, 1, 3]
     moving = load(PAPER, ("initial.omega_rad_s=[0.01, 0.0, 0.0]",), purpose="motion")
     assert all_actuators(moving)[0].momentum == pytest.approx([4.495, 0, 0])
+
+
+def test_a_run_says_what_controllability_says_of_torques_of_nearly_one_direction():
+    """With the words of its verdict; the verified domain of the law has cautions of its own."""
+    told = []
+
+    def words(axes):
+        told.clear()
+        overrides = [f"spacecraft.thruster_torque_axes={axes}", "spacecraft.failed_thrusters=[]"]
+        scenario = load("two-torque-free", overrides, caution=told.append)
+        actuators, working = all_actuators(scenario)
+        verdict = verdict_sentence(judge(scenario.spacecraft.inertia_kg_m2, actuators))
+        assert working == [0, 1]
+        return verdict, [text for text in told if "apart by more than their last digits" in text]
+
+    verdict, cautions = words("[[1, 0, 0], [1, 1.745e-6, 0]]")
+    assert verdict.startswith("Borderline")
+    assert len(cautions) == 1
+    assert "spacecraft.thruster_torque_axes" in cautions[0]
+    assert verdict in cautions[0]
+    verdict, cautions = words("[[1, 0, 0], [1, 0.1, 0]]")
+    assert verdict.startswith("Controllable")
+    assert cautions == []
