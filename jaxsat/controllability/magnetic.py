@@ -131,8 +131,8 @@ def magnetic_words(authority: MagneticAuthority, thruster: float, wheels: bool) 
     )
     unload = "; they take the momentum out of wheels that is across the field" if wheels else ""
     return [
-        f"Magnetorquers: at rest in the orbit frame at most {authority.largest:.2g} N m{beside}, and "
-        f"on average {torques} N m about body x, y, z, in a field of {low} to {high} µT; none "
+        f"Magnetorquers: at rest in the orbit frame at most {authority.largest:.2g} N m{beside}, "
+        f"and on average {torques} N m about body x, y, z, in a field of {low} to {high} µT; none "
         f"about the field itself{unload}",
         "Magnetorquers alone, linear system about the orbit frame over one orbit: rank "
         f"{authority.rank} of 6, {slowly}. Removing one degree about x, y, z within an orbit takes "
