@@ -1,8 +1,6 @@
-"""How dispersed numbers go into thrusters, magnetorquers and failures."""
+"""How dispersed numbers go into thrusters, effectors and failures."""
 
-import dataclasses
 from collections.abc import Callable
-from typing import cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,8 +8,16 @@ import numpy as np
 
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import failures_of, parts_of
-from jaxsat.spacecraft import Actuators, ControlMomentGyros, GyroStates, Magnetorquers, ThrusterSet
-from jaxsat.studies.perturbed import PerturbedLoop, Values, in_loop, map_parts, with_thrusters
+from jaxsat.spacecraft import Actuators, GyroStates, Magnetorquers, ThrusterSet
+from jaxsat.studies.perturbed import (
+    PerturbedLoop,
+    Values,
+    effector_of,
+    in_loop,
+    map_parts,
+    with_state,
+    with_thrusters,
+)
 
 
 def thrusters_of(loop: AbstractLoop) -> list[Actuators | ThrusterSet]:
@@ -25,11 +31,6 @@ def thruster_count(thrusters: Actuators | ThrusterSet) -> int:
     if isinstance(thrusters, ThrusterSet):
         return thrusters.count
     return thrusters.torque_axes.shape[1]
-
-
-def torquers_of(loop: AbstractLoop) -> Magnetorquers:
-    """The magnetorquers, which `obstacle` has made sure of."""
-    return cast(Magnetorquers, loop.plant.find(Magnetorquers))
 
 
 def set_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
@@ -74,30 +75,24 @@ def set_dipole_limit(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
     return in_loop(
         perturbed,
         lambda loop: loop.plant.find(Magnetorquers).dipole_limit,
-        torquers_of(perturbed.loop).dipole_limit * (1 + change),
+        effector_of(perturbed.loop, Magnetorquers).dipole_limit * (1 + change),
     )
 
 
 def set_torquer_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
     """Magnetorquers turned, which the law is not told."""
-    one = torquers_of(perturbed.loop)
+    one = effector_of(perturbed.loop, Magnetorquers)
     turned = one.misaligned(angles.reshape(one.count, 2))
     return in_loop(perturbed, lambda loop: loop.plant.find(Magnetorquers), turned)
 
 
-def gyros_of(loop: AbstractLoop) -> ControlMomentGyros:
-    """The control moment gyros, which `obstacle` has made sure of."""
-    return cast(ControlMomentGyros, loop.plant.find(ControlMomentGyros))
-
-
 def set_rotor_momentum(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
     """Other momenta of the rotors of gyros."""
-    states = perturbed.loop.plant.complete(perturbed.start).of_each
-    changed = tuple(
-        GyroStates(one.angle, one.momentum * (1 + change)) if isinstance(one, GyroStates) else one
-        for one in states
-    )
-    return perturbed._replace(start=dataclasses.replace(perturbed.start, effectors=changed))
+
+    def changed(one: GyroStates) -> GyroStates:
+        return GyroStates(one.angle, one.momentum * (1 + change))
+
+    return with_state(perturbed, GyroStates, changed)
 
 
 def set_failure(field: str):

@@ -33,6 +33,7 @@ from jaxsat.studies.perturbed import (
     in_loop,
     map_parts,
     with_controller,
+    with_state,
 )
 
 LEAST_TORQUE = 1e-30
@@ -216,9 +217,7 @@ def set_omega(perturbed: PerturbedLoop, omega: Values) -> PerturbedLoop:
 
 def set_wheel_momentum(perturbed: PerturbedLoop, momentum: Values) -> PerturbedLoop:
     """Other initial momenta of the wheels relative to the body, N m s."""
-    states = perturbed.loop.plant.complete(perturbed.start).of_each
-    changed = [WheelMomenta(momentum) if isinstance(x, WheelMomenta) else x for x in states]
-    return perturbed._replace(start=dataclasses.replace(perturbed.start, effectors=tuple(changed)))
+    return with_state(perturbed, WheelMomenta, lambda _: WheelMomenta(momentum))
 
 
 def set_rotor_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:

@@ -17,6 +17,7 @@ from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.simulation.parts import failures_of, parts_of
 from jaxsat.spacecraft import (
+    AbstractEffector,
     AbstractFailures,
     Actuators,
     FailureKind,
@@ -30,12 +31,10 @@ from jaxsat.spacecraft import (
 )
 from jaxsat.spacecraft.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
 from jaxsat.studies.actuator_changes import (
-    gyros_of,
     thruster_count,
     thrusters_of,
-    torquers_of,
 )
-from jaxsat.studies.perturbed import controller_of
+from jaxsat.studies.perturbed import controller_of, effector_of
 from jaxsat.studies.sensor_changes import navigation_of
 
 
@@ -116,7 +115,7 @@ def of_omega(loop: AbstractLoop) -> Limits:
 
 def of_wheel_momentum(loop: AbstractLoop) -> Limits:
     """Up to the limit of each wheel that has one."""
-    limit = cast(Wheels, loop.plant.find(Wheels)).momentum_limit
+    limit = effector_of(loop, Wheels).momentum_limit
     largest = as_float(ranges.TORQUE.high) if limit is None else limit
     largest = jnp.minimum(largest, ranges.TORQUE.high)
     return Limits(-largest, largest)
@@ -128,19 +127,9 @@ def of_failed_thruster(loop: AbstractLoop) -> Limits:
     return Limits(as_float(-0.5), as_float(thruster_count(thrusters) - 0.5))
 
 
-def of_failed_wheel(loop: AbstractLoop) -> Limits:
-    """Numbers that are rounded to those of the wheels."""
-    return Limits(as_float(-0.5), as_float(cast(Wheels, loop.plant.find(Wheels)).count - 0.5))
-
-
-def of_failed_magnetorquer(loop: AbstractLoop) -> Limits:
-    """Numbers that are rounded to those of the magnetorquers."""
-    return Limits(as_float(-0.5), as_float(torquers_of(loop).count - 0.5))
-
-
-def of_failed_gimbal(loop: AbstractLoop) -> Limits:
-    """Numbers that are rounded to those of the control moment gyros."""
-    return Limits(as_float(-0.5), as_float(gyros_of(loop).count - 0.5))
+def of_failed(kind: type[AbstractEffector]) -> Callable[[AbstractLoop], Limits]:
+    """Numbers that are rounded to those of the devices of an effector."""
+    return lambda loop: Limits(as_float(-0.5), as_float(effector_of(loop, kind).count - 0.5))
 
 
 def of_failure_kind(loop: AbstractLoop) -> Limits:
@@ -203,7 +192,7 @@ def moments_of(loop: AbstractLoop) -> Float[Array, "3"]:
 
 def rotors_of(loop: AbstractLoop) -> Float[Array, " wheels"]:
     """The inertia of each rotor, kg m²."""
-    inertia = cast(Wheels, loop.plant.find(Wheels)).rotor_inertia
+    inertia = effector_of(loop, Wheels).rotor_inertia
     assert inertia is not None
     return inertia
 

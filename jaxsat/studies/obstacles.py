@@ -6,11 +6,10 @@ from jaxsat.control import AbstractBacksteppingLaw
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
 from jaxsat.simulation.parts import failures_of, parts_of
 from jaxsat.spacecraft import (
-    ControlMomentGyros,
+    AbstractEffector,
     FailureEvents,
     GimbalFailures,
     MagnetorquerFailures,
-    Magnetorquers,
     Sensors,
     WheelFailures,
     Wheels,
@@ -120,25 +119,18 @@ def needs_failures(*kinds: type) -> Callable[[AbstractLoop], str | None]:
 ANY_FAILURE = (FailureEvents, WheelFailures, MagnetorquerFailures, GimbalFailures)
 
 
-def needs_wheels(loop: AbstractLoop) -> str | None:
-    """Of spacecraft with wheels."""
-    return None if loop.plant.find(Wheels) is not None else "the spacecraft has no wheels"
+def needs(kind: type[AbstractEffector]) -> Callable[[AbstractLoop], str | None]:
+    """Of spacecraft with an effector of this class."""
+
+    def obstacle(loop: AbstractLoop) -> str | None:
+        there = loop.plant.find(kind) is not None
+        return None if there else f"the spacecraft has no {kind.kind}s"
+
+    return obstacle
 
 
 def needs_rotors(loop: AbstractLoop) -> str | None:
     """Of spacecraft with wheels whose rotors have an inertia."""
     wheels = loop.plant.find(Wheels)
     known = wheels is not None and wheels.rotor_inertia is not None
-    return needs_wheels(loop) or (None if known else "no wheel has a rotor inertia")
-
-
-def needs_magnetorquers(loop: AbstractLoop) -> str | None:
-    """Of spacecraft with magnetorquers."""
-    there = loop.plant.find(Magnetorquers) is not None
-    return None if there else "the spacecraft has no magnetorquers"
-
-
-def needs_gyros(loop: AbstractLoop) -> str | None:
-    """Of spacecraft with control moment gyros."""
-    there = loop.plant.find(ControlMomentGyros) is not None
-    return None if there else "the spacecraft has no control moment gyros"
+    return needs(Wheels)(loop) or (None if known else "no wheel has a rotor inertia")

@@ -1,12 +1,15 @@
 """A closed loop and its start while numbers are dispersed."""
 
-from typing import NamedTuple, cast
+import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar, cast
 
 import equinox as eqx
 import jax
 from jaxtyping import Array, Float
 
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop, SampledLoop
+from jaxsat.spacecraft import AbstractEffector
 from jaxsat.spacecraft.dynamics import PlantState
 
 
@@ -19,6 +22,23 @@ class PerturbedLoop(NamedTuple):
 
 
 Values = Float[Array, " size"]
+
+Kind = TypeVar("Kind", bound=AbstractEffector)
+State = TypeVar("State", bound=eqx.Module)
+
+
+def effector_of(loop: AbstractLoop, kind: type[Kind]) -> Kind:
+    """The plant's effector of this class, which `obstacle` has made sure of."""
+    return cast(Kind, loop.plant.find(kind))
+
+
+def with_state(
+    perturbed: PerturbedLoop, kind: type[State], change: Callable[[State], State]
+) -> PerturbedLoop:
+    """With a change of the state in which effectors of a kind begin."""
+    states = perturbed.loop.plant.complete(perturbed.start).of_each
+    changed = tuple(change(one) if isinstance(one, kind) else one for one in states)
+    return perturbed._replace(start=dataclasses.replace(perturbed.start, effectors=changed))
 
 
 def controller_of(loop: AbstractLoop):

@@ -9,24 +9,26 @@ from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import failures_of
 from jaxsat.spacecraft import (
+    AbstractEffector,
+    ControlMomentGyros,
     FailureEvents,
     GimbalFailures,
     MagnetorquerFailures,
+    Magnetorquers,
     Spacecraft,
     WheelFailures,
     Wheels,
 )
 from jaxsat.spacecraft.environment import AbstractOrbit
 from jaxsat.studies import actuator_changes, changes, limits, sensor_changes
-from jaxsat.studies.actuator_changes import gyros_of, thruster_count, thrusters_of, torquers_of
+from jaxsat.studies.actuator_changes import thruster_count, thrusters_of
 from jaxsat.studies.obstacles import (
     ANY_FAILURE,
     always,
+    needs,
     needs_delay,
     needs_failures,
-    needs_gyros,
     needs_latency,
-    needs_magnetorquers,
     needs_model,
     needs_navigation,
     needs_outage,
@@ -36,9 +38,8 @@ from jaxsat.studies.obstacles import (
     needs_sensors,
     needs_thrusters,
     needs_torque_level,
-    needs_wheels,
 )
-from jaxsat.studies.perturbed import PerturbedLoop, Values
+from jaxsat.studies.perturbed import PerturbedLoop, Values, effector_of
 
 
 class Quantity(NamedTuple):
@@ -71,13 +72,14 @@ def _failures(*kinds: type) -> Callable[[AbstractLoop], int]:
     return lambda loop: sum(one.count for one in failures_of(loop) if isinstance(one, kinds))
 
 
-def _wheels(loop: AbstractLoop) -> int:
-    wheels = loop.plant.find(Wheels)
-    return 0 if wheels is None else wheels.count
+def _devices(kind: type[AbstractEffector], each: int = 1) -> Callable[[AbstractLoop], int]:
+    """So many numbers for each device of an effector; none where there is no such effector."""
 
+    def size(loop: AbstractLoop) -> int:
+        effector = loop.plant.find(kind)
+        return 0 if effector is None else each * effector.count
 
-def _magnetorquers(each: int) -> Callable[[AbstractLoop], int]:
-    return lambda loop: each * torquers_of(loop).count
+    return size
 
 
 _FROM_NOW = Range(0.0, ranges.SECONDS.high)
@@ -109,7 +111,7 @@ QUANTITIES: dict[str, Quantity] = {
         limits.of_products,
     ),
     "rotor_inertia": Quantity(
-        _wheels,
+        _devices(Wheels),
         changes.set_rotor_inertia,
         needs_rotors,
         limits.changing(ranges.MOMENT, limits.rotors_of),
@@ -127,22 +129,26 @@ QUANTITIES: dict[str, Quantity] = {
         limits.between(ranges.CHANGE_OF_TORQUE),
     ),
     "dipole_limit": Quantity(
-        _magnetorquers(1),
+        _devices(Magnetorquers),
         actuator_changes.set_dipole_limit,
-        needs_magnetorquers,
-        limits.changing(ranges.DIPOLE_LIMIT, lambda loop: torquers_of(loop).dipole_limit),
+        needs(Magnetorquers),
+        limits.changing(
+            ranges.DIPOLE_LIMIT, lambda loop: effector_of(loop, Magnetorquers).dipole_limit
+        ),
     ),
     "magnetorquer_misalignment": Quantity(
-        _magnetorquers(2),
+        _devices(Magnetorquers, 2),
         actuator_changes.set_torquer_misalignment,
-        needs_magnetorquers,
+        needs(Magnetorquers),
         limits.between(ranges.MISALIGNMENT),
     ),
     "rotor_momentum": Quantity(
-        lambda loop: gyros_of(loop).count,
+        _devices(ControlMomentGyros),
         actuator_changes.set_rotor_momentum,
-        needs_gyros,
-        limits.changing(ranges.WHEEL_MOMENTUM, lambda loop: gyros_of(loop).rotor_momentum),
+        needs(ControlMomentGyros),
+        limits.changing(
+            ranges.WHEEL_MOMENTUM, lambda loop: effector_of(loop, ControlMomentGyros).rotor_momentum
+        ),
     ),
     "disturbance_amplitude": Quantity(
         _fixed(3),
@@ -230,19 +236,19 @@ QUANTITIES: dict[str, Quantity] = {
         _failures(WheelFailures),
         actuator_changes.set_failure("wheel"),
         needs_failures(WheelFailures),
-        limits.of_failed_wheel,
+        limits.of_failed(Wheels),
     ),
     "failed_magnetorquer": Quantity(
         _failures(MagnetorquerFailures),
         actuator_changes.set_failure("magnetorquer"),
         needs_failures(MagnetorquerFailures),
-        limits.of_failed_magnetorquer,
+        limits.of_failed(Magnetorquers),
     ),
     "failed_gimbal": Quantity(
         _failures(GimbalFailures),
         actuator_changes.set_failure("gimbal"),
         needs_failures(GimbalFailures),
-        limits.of_failed_gimbal,
+        limits.of_failed(ControlMomentGyros),
     ),
     "failure_kind": Quantity(
         _failures(*ANY_FAILURE),
@@ -299,9 +305,9 @@ QUANTITIES: dict[str, Quantity] = {
         limits.of_omega,
     ),
     "wheel_momentum": Quantity(
-        _wheels,
+        _devices(Wheels),
         changes.set_wheel_momentum,
-        needs_wheels,
+        needs(Wheels),
         limits.of_wheel_momentum,
     ),
     "rate_error": Quantity(
