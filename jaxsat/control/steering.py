@@ -29,7 +29,7 @@ DAMPING = 0.01
 class AbstractSteering(eqx.Module):
     """What one `kind` of effector makes of a law's command of three torques."""
 
-    kind: eqx.AbstractClassVar[str]
+    kind: ClassVar[str]
     """That of the effector of the body that is commanded."""
 
     @abc.abstractmethod

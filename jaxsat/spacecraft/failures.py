@@ -51,7 +51,7 @@ class AbstractFailures(eqx.Module):
     lets a study draw them. A time of infinity is never.
     """
 
-    kinds: eqx.AbstractClassVar[type[AbstractFailureKind]]
+    kinds: ClassVar[type[AbstractFailureKind]]
     at: eqx.AbstractVar[Float[Array, " f"]]
     kind: eqx.AbstractVar[Float[Array, " f"]]
     amount: eqx.AbstractVar[Float[Array, " f"]]
@@ -69,7 +69,7 @@ class AbstractFailures(eqx.Module):
         kind = [failure_kind(cls.kinds, table) for _, table in failures]
         number, at = [number for number, _ in failures], [table.at_s for _, table in failures]
         amount = [one.amount(table) for one, (_, table) in zip(kind, failures, strict=True)]
-        return cls(number, at, kind, amount)  # pyright: ignore[reportCallIssue]
+        return cls(number, at, kind, amount)  # pyright: ignore[reportCallIssue, reportArgumentType]
 
     def with_events(
         self,

@@ -52,6 +52,23 @@ LEAST_HOLD = 0.02
 """Of the largest momentum of a wheel: what others must hold in any direction beside a runaway."""
 
 
+class _Reaches(NamedTuple):
+    """The reach of a part in every case: see `Reach`."""
+
+    columns: Float[np.ndarray, "cases 3 n"]
+    low: Float[np.ndarray, "cases n"]
+    high: Float[np.ndarray, "cases n"]
+
+    @staticmethod
+    def of(reach: Reach, cases: int) -> "_Reaches":
+        """Of one that is the same in so many cases, or has an axis of them already."""
+
+        def each(x: Array, dims: int) -> np.ndarray:
+            return np.broadcast_to(np.asarray(x), (cases, *x.shape[x.ndim - dims :]))
+
+        return _Reaches(each(reach.columns, 2), each(reach.low, 1), each(reach.high, 1))
+
+
 class _Exchanger(NamedTuple):
     """An effector that stores momentum, in one case or, with a leading axis, in all.
 
@@ -65,7 +82,7 @@ class _Exchanger(NamedTuple):
     runaway: Bool[np.ndarray, "*cases k"]
 
     @staticmethod
-    def of(loop: AbstractLoop, effector: AbstractEffector, reach: Reach) -> "_Exchanger":
+    def of(loop: AbstractLoop, effector: AbstractEffector, reach: _Reaches) -> "_Exchanger":
         """By its reach in every case. A wheel that had failed before, as a law knows, is lost."""
         before = _at_rest(effector, jnp.zeros(effector.failure_times.shape, bool))
         size = np.linalg.norm(reach.columns, axis=1, keepdims=True)
@@ -140,7 +157,7 @@ def thruster_reach(loop: AbstractLoop) -> Reach:
     return actuators.reach(jnp.zeros(count, bool))
 
 
-def _reaches_left(loop: AbstractLoop, struck: Mapping[str, np.ndarray]) -> list[Reach]:
+def _reaches_left(loop: AbstractLoop, struck: Mapping[str, np.ndarray]) -> list[_Reaches]:
     """What thrusters and each effector can do in every case, once all failures have struck.
 
     Of effectors it is what they can do at rest.
@@ -161,14 +178,7 @@ def _reaches_left(loop: AbstractLoop, struck: Mapping[str, np.ndarray]) -> list[
         )
         before += one.count
 
-    return [
-        jax.tree.map(
-            lambda x, dims: np.broadcast_to(np.asarray(x), (cases, *x.shape[x.ndim - dims :])),
-            reach,
-            Reach(2, 1, 1, 1),
-        )
-        for reach in found
-    ]
+    return [_Reaches.of(reach, cases) for reach in found]
 
 
 def _at_rest(one: AbstractEffector, hit: Bool[Array, " f"]) -> Reach:
@@ -203,7 +213,7 @@ def _in_cases(
 
 
 def _levels(
-    reach: Reach, sound: Reach
+    reach: _Reaches, sound: Reach
 ) -> tuple[
     Float[np.ndarray, "cases 3 m"], Float[np.ndarray, "cases m"], Float[np.ndarray, "cases m"]
 ]:

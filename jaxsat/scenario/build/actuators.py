@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -128,7 +129,7 @@ def build_steering(scenario: Scenario, plant: RigidBody) -> tuple[AbstractSteeri
         found.append(_magnetic_steering(scenario, torquers))
     if gyros is not None:
         working = np.array([not one.failed for one in scenario.gimbal], float)
-        found.append(GimbalSteering(gyros.without_corners(), working))
+        found.append(GimbalSteering(cast(ControlMomentGyros, gyros.without_corners()), working))
     return tuple(found)
 
 
