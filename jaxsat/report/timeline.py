@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxsat.control.diagnosis import DiagnosedKind
 from jaxsat.report.facts import scenario_tables
 from jaxsat.report.plot import Timeline
 
-DIAGNOSED = ("dead", "degraded", "stuck on", "stuck at a level", "leaking", "reversed",
-             "friction up", "runaway", "stopped")  # fmt: skip
-"""Kinds of failure by the numbers of `jaxsat.control.diagnosis.DiagnosedKind`."""
+DIAGNOSED = tuple(kind.word for kind in DiagnosedKind)
+"""Kinds of failure by their numbers, in words."""
 
 MOST_VERDICTS = 6
 """Alarms and verdicts that a figure names."""

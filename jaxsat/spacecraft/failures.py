@@ -10,10 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.checks import as_float, as_optional_float
-from jaxsat.core.declaration.failures import AbstractFailureKind, FailureKind, failure_kind
-
-ONE_WAY = (FailureKind.STUCK_ON, FailureKind.STUCK_AT, FailureKind.LEAKING)
-"""Kinds, one after another, that strike one of the two valves of a two-sided thruster."""
+from jaxsat.core.declaration.failures import ONE_WAY, AbstractFailureKind, FailureKind, failure_kind
 
 CYCLE = 10.0
 """s, in which an intermittent thruster works and fails."""

@@ -9,13 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
+from jaxsat.core.declaration.failures import ONE_WAY
 from jaxsat.core.tolerances import SETTLED_BEFORE
 from jaxsat.simulation import AbstractLoop, Outcome
 from jaxsat.simulation.engine.failure_record import initial_record
 from jaxsat.simulation.parts import failures_of
 from jaxsat.spacecraft import AbstractFailures
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.spacecraft.failures import ONE_WAY
 from jaxsat.store import Column
 from jaxsat.studies.failure_codes import (
     AMOUNTLESS,

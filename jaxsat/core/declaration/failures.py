@@ -27,6 +27,11 @@ class AbstractFailureKind(enum.IntEnum):
         return member
 
     @property
+    def word(self) -> str:
+        """Its name in words."""
+        return self.name.lower().replace("_", " ")
+
+    @property
     def one_number(self) -> bool:
         """Whether its amount is one number; a turn has three, and most kinds have none."""
         return bool(self.keys) and self.keys != ("turn_rad",)
@@ -49,6 +54,10 @@ class FailureKind(AbstractFailureKind):
     INTERMITTENT = 6, "intermittent", "off for a fraction of every 10 s", "fraction"
     TURNED = 7, "turned", "its force or torque is turned by turn_rad", "turn_rad"
     REVERSED = 8, "reversed", "the opposite of the torque that it should make"
+
+
+ONE_WAY = (FailureKind.STUCK_ON, FailureKind.STUCK_AT, FailureKind.LEAKING)
+"""Kinds, one after another, that strike one of the two valves of a two-sided thruster."""
 
 
 class WheelFailureKind(AbstractFailureKind):

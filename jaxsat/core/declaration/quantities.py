@@ -1,9 +1,15 @@
 """The quantities that a study can disperse. `jaxsat.studies.quantities` applies them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from jaxsat.core.declaration.failures import (
+    AbstractFailureKind,
+    FailureKind,
+    GimbalFailureKind,
+    WheelFailureKind,
+)
 from jaxsat.core.declaration.keys import with_unit
 
 
@@ -30,6 +36,24 @@ class DispersibleQuantity:
         """Its key of `[dispersion]`: the name with the unit."""
         return with_unit(self.name, self.unit)
 
+
+def _numbered(actuator: str, kinds: Sequence[AbstractFailureKind]) -> str:
+    """The numbers by which kinds of failure are drawn, and the key that each one's amount has."""
+    names = []
+    for kind in kinds:
+        amount = "".join(f" ({key})" for key in kind.keys)
+        names.append(f"{kind:d} {kind.word}{amount}")
+    return f"of a {actuator} {', '.join(names)}"
+
+
+_DRAWN_KINDS = "; ".join(
+    (
+        _numbered("thruster", tuple(FailureKind)[: FailureKind.TURNED]),
+        _numbered("wheel", tuple(WheelFailureKind)),
+        _numbered("magnetorquer", tuple(FailureKind)[: FailureKind.LEAKING]),
+        _numbered("gimbal", tuple(GimbalFailureKind)),
+    )
+)
 
 DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
     {
@@ -170,10 +194,7 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
             ),
             DispersibleQuantity(
                 "failure_kind",
-                "kind of each [[failure]], rounded: of a thruster 0 dead, 1 degraded, 2 stuck on, "
-                "3 stuck at, 4 leaking, 5 delayed, 6 intermittent; of a wheel 0 dead, 1 degraded, "
-                "2 stopped, 3 friction by a factor, 4 friction to a level, 5 runaway; of a "
-                "magnetorquer 0 to 3 as of a thruster; of a gimbal 0 locked, 1 run down",
+                f"kind of each [[failure]], rounded: {_DRAWN_KINDS}",
             ),
             DispersibleQuantity(
                 "failure_amount",

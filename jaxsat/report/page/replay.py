@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxsat.core.declaration.failures import ONE_WAY
 from jaxsat.report.run_document import failures_of
 from jaxsat.report.timeline import mode_names
 from jaxsat.scenario.control import known_law
@@ -16,9 +17,6 @@ MOST_SAMPLES = 20_000
 
 THINNEST = 0.12
 """Of a side of the body, in parts of the longest one."""
-
-ONE_WAY = ("stuck-on", "stuck-at", "leaking")
-"""Failures that strike a two-sided thruster the way that it is declared."""
 
 
 def craft(dataset: xr.Dataset, scenario: Mapping[str, Any], title: str) -> dict[str, Any]:
@@ -103,7 +101,7 @@ def _failures_of_part(
         {"at": float(table.get("at_s", 0.0)), "kind": str(table.get("kind", ""))}
         for table in scenario.get("failure", ())
         if str(table.get("of", "")) == f"{kind} {name}"
-        and (way > 0 or table.get("kind") not in ONE_WAY)
+        and (way > 0 or table.get("kind") not in [kind.text for kind in ONE_WAY])
     ]
     return sorted(found, key=lambda one: one["at"])
 
