@@ -128,9 +128,9 @@ def _share_held(axes: np.ndarray, limit: np.ndarray, momentum: np.ndarray):
     sizes = np.linalg.norm(normals, axis=1)
     normals = normals[sizes > ROUNDING] / sizes[sizes > ROUNDING, None]
     held = np.abs(normals @ axes) @ limit
-    asked = np.abs(normals @ momentum)
+    needed = np.abs(normals @ momentum)
     small = ROUNDING * max(np.linalg.norm(momentum), float(limit.max()))
-    share = np.where(asked > small, asked / np.maximum(held, small), 0.0)
+    share = np.where(needed > small, needed / np.maximum(held, small), 0.0)
     worst = int(np.argmax(share))
     return float(share[worst]), normals[worst]
 
@@ -139,9 +139,9 @@ def _slow_thrust(scenario: Scenario) -> Iterator[Issue]:
     for number, one in enumerate(scenario.thruster):
         if 0 < one.min_on_time_s < one.rise_time_s:
             message = f"should be at least rise_time_s = {shown(one.rise_time_s)}"
-            found = f"{message}, else its shortest pulse ends before full thrust, got"
+            problem = f"{message}, else its shortest pulse ends before full thrust, got"
             location = ("thruster", number, "min_on_time_s")
-            yield Issue(location, f"{found} {shown(one.min_on_time_s)}")
+            yield Issue(location, f"{problem} {shown(one.min_on_time_s)}")
 
 
 def _dead_zone(scenario: Scenario) -> Iterator[Issue]:
@@ -182,8 +182,8 @@ def _idle_angle(scenario: Scenario, working: list[ThrusterTable], duty: float) -
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     largest = 0.0
     for axis in (*np.eye(3), *-np.eye(3)):
-        asked = bases @ (inertia @ axis * frequency**2)  # duties per radian, of each basis
-        duties = asked[np.argmax(asked.min(axis=1))]
+        duty_rates = bases @ (inertia @ axis * frequency**2)  # duties per radian, of each basis
+        duties = duty_rates[np.argmax(duty_rates.min(axis=1))]
         used = duties > ROUNDING * duties.max()
         largest = max(largest, float(np.min(shortest[used] / duties[used])))
     most = getattr(scenario.control, "max_rate_rad_s", None)

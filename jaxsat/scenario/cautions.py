@@ -84,7 +84,7 @@ def _start_cautions(scenario: Scenario) -> list[Issue]:
 
 
 def _inertia_cautions(scenario: Scenario) -> list[Issue]:
-    found = []
+    issues = []
     believed = getattr(getattr(scenario.control, "model", None), "inertia_kg_m2", None)
     places = {
         ("spacecraft", "inertia_kg_m2"): scenario.spacecraft.inertia_kg_m2,
@@ -92,14 +92,14 @@ def _inertia_cautions(scenario: Scenario) -> list[Issue]:
     }
     for location, inertia in places.items():
         if inertia is not None and not _obeys_triangle_inequality(inertia):
-            found.append(
+            issues.append(
                 Issue(
                     location,
                     "should have no principal moment above the sum of the other two, as no real "
                     f"body has, got {shown(inertia)}",
                 )
             )
-    return found
+    return issues
 
 
 def _obeys_triangle_inequality(inertia: tuple) -> bool:
@@ -128,7 +128,7 @@ def _holding_cautions(scenario: Scenario) -> list[Issue]:
     inertia, frame, _ = believed_normal_form(scenario)
     normal = frame[2]
     location, law = ("spacecraft", "inertia_kg_m2"), scenario.control.law
-    found = []
+    issues = []
     turn = nearest_held(inertia, normal, scenario.disturbance.gravity_gradient)
     if scenario.orbit.rate_rad_s != 0 and (turn is None or np.abs(turn).max() > HELD_TURN):
         nearest = (
@@ -143,8 +143,8 @@ def _holding_cautions(scenario: Scenario) -> list[Issue]:
             f'should let the law "{law}" hold the attitude of the orbit frame, where a torque '
             f"about the axis without one would be needed: {nearest}"
         )
-        found.append(Issue(location, message))
-    return found
+        issues.append(Issue(location, message))
+    return issues
 
 
 def _end_game_cautions(scenario: Scenario) -> list[Issue]:
@@ -153,11 +153,11 @@ def _end_game_cautions(scenario: Scenario) -> list[Issue]:
     Two rates of the amplitude ρ in phase are √2 ρ, and of the frequency ν a tilt of √2 ρ/ν.
     """
     control, settled = scenario.control, scenario.settled
-    known, gains = torque_limit(scenario), GAINS.get(control.law)
-    if gains is None or known is None:
+    torque, gains = torque_limit(scenario), GAINS.get(control.law)
+    if gains is None or torque is None:
         return []
     _, frame, (first, second, _) = believed_normal_form(scenario)
-    limit = known * usable_share(believed_axes(scenario), frame[:2])
+    limit = torque * usable_share(believed_axes(scenario), frame[:2])
     scaling = Scaling.of(
         math.sqrt(first * second), limit, getattr(control, "period_s", TUNED_PERIOD)
     )
@@ -188,19 +188,19 @@ def _one_torque_cautions(scenario: Scenario) -> list[Issue]:
     axis = believed_axes(scenario)[:, 0]
     _, mobility = torque_axis_frame(inertia, axis)
     tilt, named = mobility[0, 2] / mobility[0, 0], axis.round(6).tolist()
-    location, found = ("spacecraft", "inertia_kg_m2"), []
+    location, issues = ("spacecraft", "inertia_kg_m2"), []
     if not tilt >= LEAST_TILT:
         message = (
             "should give the one torque an acceleration at least a tenth of a radian from its "
             f'axis under the law "{scenario.control.law}", which needs the longer the nearer this '
             f"is to a principal axis, got {tilt:.2g} rad, torque axis {named}"
         )
-        found.append(Issue(location, message))
+        issues.append(Issue(location, message))
     steering = max(abs(mobility[1, 1] - mobility[0, 0]), abs(mobility[1, 2]))
     if steering < LEAST_STEERING * mobility[0, 0]:
         message = (
             "should let the one torque turn a momentum against J⁻¹b × b, b its axis, as it cannot "
             f"stop a rotation that begins there otherwise, got b = {named}"
         )
-        found.append(Issue(location, message))
-    return found
+        issues.append(Issue(location, message))
+    return issues

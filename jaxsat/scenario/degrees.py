@@ -53,21 +53,21 @@ def in_radians(data: Mapping[str, Any]) -> InRadians:
 
     A key that a table declares by its own name is left as it is.
     """
-    found = InRadians(copy.deepcopy(dict(data)), [], {})
-    _convert(found, data, found.data, ())
-    return found
+    result = InRadians(copy.deepcopy(dict(data)), [], {})
+    _convert(result, data, result.data, ())
+    return result
 
 
 def _convert(
     found: InRadians, root: Mapping[str, Any], table: dict[str, Any], location: Location
 ) -> None:
     declared = table_at(Scenario, root, location)
-    known = {} if declared is None else declared.model_fields
+    own = {} if declared is None else declared.model_fields
     for name in list(table):
         if isinstance(table[name], dict):
             _convert(found, root, table[name], (*location, name))
-        radians = next((key for key in other_spellings(name) if key in known), None)
-        if name in known or radians is None:
+        radians = next((key for key in other_spellings(name) if key in own), None)
+        if name in own or radians is None:
             continue
         place = (*location, name)
         if radians in table:
@@ -98,10 +98,10 @@ def with_degrees(schema: Any) -> Any:
         return [with_degrees(entry) for entry in schema]
     if not isinstance(schema, dict):
         return schema
-    told = {name: with_degrees(inner) for name, inner in schema.items()}
-    properties = told.get("properties")
+    result = {name: with_degrees(inner) for name, inner in schema.items()}
+    properties = result.get("properties")
     if not isinstance(properties, dict):
-        return told
+        return result
     twins = {
         key: twin
         for key in properties
@@ -109,19 +109,19 @@ def with_degrees(schema: Any) -> Any:
         if key.endswith(tuple(SUFFIXES.values())) and twin not in properties
     }
     if not twins:
-        return told
-    required = told.get("required", [])
-    told["properties"] = properties | {
+        return result
+    required = result.get("required", [])
+    result["properties"] = properties | {
         twin: _in_degrees(properties[key], key) for key, twin in twins.items()
     }
-    told["required"] = [key for key in required if key not in twins]
-    told["allOf"] = [
+    result["required"] = [key for key in required if key not in twins]
+    result["allOf"] = [
         {"oneOf": [{"required": [key]}, {"required": [twin]}]}
         if key in required
         else {"not": {"required": [key, twin]}}
         for key, twin in twins.items()
     ]
-    return told
+    return result
 
 
 def _in_degrees(entry: Any, key: str) -> Any:
@@ -131,11 +131,11 @@ def _in_degrees(entry: Any, key: str) -> Any:
     if not isinstance(entry, dict):
         return entry
     bounds = ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
-    told = {name: _in_degrees(inner, key) for name, inner in entry.items() if name != "default"}
+    result = {name: _in_degrees(inner, key) for name, inner in entry.items() if name != "default"}
     for name in bounds:
-        if isinstance(told.get(name), int | float):
-            told[name] = math.degrees(told[name])
-    if "unit" in told:
-        unit = told["unit"].replace("rad", "deg")
-        told |= {"unit": unit, "description": f"In place of {key} ({unit})"}
-    return told
+        if isinstance(result.get(name), int | float):
+            result[name] = math.degrees(result[name])
+    if "unit" in result:
+        unit = result["unit"].replace("rad", "deg")
+        result |= {"unit": unit, "description": f"In place of {key} ({unit})"}
+    return result

@@ -31,13 +31,13 @@ def domain_cautions(scenario: Scenario) -> Iterator[Issue]:
             continue
         meaning, key = NUMBERS[sweep.number]
         measured = sweep.beyond(value)
-        told = "beyond it nothing was measured"
+        evidence = "beyond it nothing was measured"
         if measured is not None:
-            told = f"at {measured[0]:.3g} {measured[1]:.0%} of the hard cases settled"
+            evidence = f"at {measured[0]:.3g} {measured[1]:.0%} of the hard cases settled"
         yield Issue(
             tuple(key.split(".")),
             f"should give {meaning} from {low:.3g} to {high:.3g}, where the law "
-            f'"{scenario.control.law}" was verified: {told}, got {value:.3g}',
+            f'"{scenario.control.law}" was verified: {evidence}, got {value:.3g}',
             (("control", "law"), ("spacecraft",)),
         )
 
@@ -48,19 +48,19 @@ def dimensionless_numbers(scenario: Scenario) -> dict[str, float]:
     axes = believed_axes(scenario)
     across = frame[:2] @ inertia @ frame[2]
     mean = math.sqrt(first * second)
-    found = {
+    numbers = {
         "coupling": (first - second) / third,
         "moment_ratio": mean / third,
         "lean": float(np.hypot(*across)) / third,
     }
     if axes.shape[1] == 2:
-        found["axes_angle"] = math.acos(min(1.0, abs(float(axes[:, 0] @ axes[:, 1]))))
-    known = torque_limit(scenario)
-    found["disturbance_rate"] = _disturbance_rate(scenario, inertia) / SETTLED_RATE
-    if known is not None:
-        limit = known * usable_share(axes, frame[:2])
-        found |= _timed_numbers(scenario, frame[2], math.sqrt(mean / limit), limit)
-    return found
+        numbers["axes_angle"] = math.acos(min(1.0, abs(float(axes[:, 0] @ axes[:, 1]))))
+    torque = torque_limit(scenario)
+    numbers["disturbance_rate"] = _disturbance_rate(scenario, inertia) / SETTLED_RATE
+    if torque is not None:
+        limit = torque * usable_share(axes, frame[:2])
+        numbers |= _timed_numbers(scenario, frame[2], math.sqrt(mean / limit), limit)
+    return numbers
 
 
 def _disturbance_rate(scenario: Scenario, inertia: Float[np.ndarray, "3 3"]) -> float:
@@ -75,18 +75,18 @@ def _timed_numbers(
 ) -> dict[str, float]:
     """Those that τ (s) and the torque limit (N m) are part of."""
     table = scenario.disturbance
-    found = {
+    numbers = {
         "orbit_rate": abs(scenario.orbit.rate()) * unit,
         "disturbance": float(np.linalg.norm(table.amplitude_N_m)) / limit,
         "constant_disturbance": abs(float(normal @ np.array(table.constant_N_m))) / limit,
     }
     period = getattr(scenario.control, "period_s", None)
     if period is not None:
-        found["period"] = period / unit
+        numbers["period"] = period / unit
     if scenario.sampling is not None:
-        found["rate_noise"] = scenario.sampling.rate_noise_rad_s * unit
-        found["attitude_noise"] = scenario.sampling.attitude_noise_rad
-    return found
+        numbers["rate_noise"] = scenario.sampling.rate_noise_rad_s * unit
+        numbers["attitude_noise"] = scenario.sampling.attitude_noise_rad
+    return numbers
 
 
 def believed_normal_form(scenario: Scenario):

@@ -60,8 +60,8 @@ def nearest_held(
     if on_ray is None:
         return near
     refined = _iterated(inertia, normal, gravity_gradient, on_ray)
-    found = [one for one in (near, on_ray, refined) if one is not None]
-    return min(found, key=lambda turn: round(float(np.sqrt(turn @ turn)), 6))
+    turns = [one for one in (near, on_ray, refined) if one is not None]
+    return min(turns, key=lambda turn: round(float(np.sqrt(turn @ turn)), 6))
 
 
 def _nearest_on_rays(

@@ -136,9 +136,9 @@ def error_coordinate_obstacle(values: Values) -> str | None:
 
 def uses_error_coordinates(values: Values) -> bool:
     """What `simulation.coordinates` comes to."""
-    asked = values["simulation.coordinates"]
-    if asked != "auto":
-        return asked == "error"
+    coordinates = values["simulation.coordinates"]
+    if coordinates != "auto":
+        return coordinates == "error"
     return torque_jumps(values) and error_coordinate_obstacle(values) is None
 
 

@@ -47,8 +47,8 @@ class OptimiserSettings:
 
     def transformation(self, steps: int) -> optax.GradientTransformation:
         """What turns gradients into steps, for a run of `steps`."""
-        made = getattr(optax, self.optimiser)(learning_rate=self._rate(steps))
-        return optax.chain(optax.clip_by_global_norm(self.clip), made)
+        optimiser = getattr(optax, self.optimiser)(learning_rate=self._rate(steps))
+        return optax.chain(optax.clip_by_global_norm(self.clip), optimiser)
 
     def _rate(self, steps: int) -> optax.Schedule:
         rate, steps = self.learning_rate, max(steps, 1)
@@ -60,17 +60,20 @@ class OptimiserSettings:
 
 
 def _require_optimiser(name: str) -> None:
-    made = getattr(optax, name, None)
+    factory = getattr(optax, name, None)
     problem = ArgumentError(
         "optimiser",
         "must be an optimiser of optax that needs gradients alone, such as adam, adamw, lion, "
         "rmsprop or sgd",
         repr(name),
     )
-    if not inspect.isfunction(made) or "learning_rate" not in inspect.signature(made).parameters:
+    if (
+        not inspect.isfunction(factory)
+        or "learning_rate" not in inspect.signature(factory).parameters
+    ):
         raise problem
     try:
-        transformation, point = made(learning_rate=0.1), jnp.ones(2)
+        transformation, point = factory(learning_rate=0.1), jnp.ones(2)
         with jax.numpy_dtype_promotion("standard"):  # optax counts its steps in whole numbers
             transformation.update(point, transformation.init(point), point)
     except Exception as error:

@@ -112,8 +112,8 @@ class Part:
 
 def find_part(kind: PluginKind, name: str) -> Part:
     """The part that a scenario names; raises `PluginError` for one that cannot be used."""
-    made, place = find_class(kind, name)
-    part = Part(name, kind, made.declaration, place)
+    part_class, place = find_class(kind, name)
+    part = Part(name, kind, part_class.declaration, place)
     require_constants(kind, part)
     return part
 
@@ -139,8 +139,8 @@ def find_class(kind: PluginKind, name: str) -> tuple[Any, str]:
         entry = installed(kind)[name]
         place = f"{entry.module}:{entry.attr}"
     else:
-        known = [f'"{one}"' for one in (*kind.own, *sorted(installed(kind)))]
-        allowed = f"be one of {', '.join(known)} or " if known else ""
+        names = [f'"{one}"' for one in (*kind.own, *sorted(installed(kind)))]
+        allowed = f"be one of {', '.join(names)} or " if names else ""
         raise PluginError(kind, f'must {allowed}have the form "module:Class", got {name}')
     module, attribute = place.split(":")
     return _checked(kind, name, _imported(kind, name, module), attribute), place
@@ -226,8 +226,8 @@ def _of_their_code(kind: PluginKind, name: str, module: str, error: BaseExceptio
 
 def _checked(kind: PluginKind, name: str, module: ModuleType, attribute: str) -> Any:
     """A class that has all that its kind needs."""
-    found = getattr(module, attribute, None)
-    if not inspect.isclass(found):
+    part_class = getattr(module, attribute, None)
+    if not inspect.isclass(part_class):
         classes = {
             one.lower(): one for one, value in vars(module).items() if inspect.isclass(value)
         }
@@ -236,21 +236,21 @@ def _checked(kind: PluginKind, name: str, module: ModuleType, attribute: str) ->
         message = f"must name a class of {module.__name__}, got {name}, which is none{hint}"
         raise PluginError(kind, message)
     bases = kind.resolved()
-    if not issubclass(found, bases):
+    if not issubclass(part_class, bases):
         allowed = " or ".join(base.__name__ for base in bases)
         message = f"must name {kind.what}, a subclass of {allowed}, got {name}, which is none"
         raise PluginError(kind, message)
-    lacking = sorted(getattr(found, "__abstractmethods__", ()))
+    lacking = sorted(getattr(part_class, "__abstractmethods__", ()))
     if lacking:
         message = f"must name {kind.what} with {', '.join(lacking)}, got {name} without"
         raise PluginError(kind, message)
-    if not isinstance(getattr(found, "declaration", None), kind.declaration):
+    if not isinstance(getattr(part_class, "declaration", None), kind.declaration):
         raise PluginError(
             kind,
             f"must name {kind.what} with a `declaration` that is a {kind.declaration.__name__}, "
             f"got {name} without",
         )
-    if not callable(getattr(found, "from_table", None)):
+    if not callable(getattr(part_class, "from_table", None)):
         message = f"must name {kind.what} with a class method `from_table`, got {name} without"
         raise PluginError(kind, message)
-    return found
+    return part_class

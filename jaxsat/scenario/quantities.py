@@ -31,8 +31,8 @@ code points that no file can hold. Tabs and line feeds have a rule of their own.
 
 
 def _printable(text: str) -> str:
-    found = _UNPRINTABLE.search(text)
-    if found:
+    match = _UNPRINTABLE.search(text)
+    if match:
         raise ArgumentError("text", "must have no control characters")
     return text
 
@@ -93,8 +93,8 @@ def _sound_inertia(value: tuple) -> tuple:
         raise ArgumentError("inertia", rule)
     if moments[0] < MIN_SHARE * moments[-1]:
         rule = f"must have no principal moment below {MIN_SHARE:g} of the largest"
-        found = f"{moments[0]:.6g} and {moments[-1]:.6g} kg m²"
-        raise ArgumentError("inertia", rule, found)
+        got = f"{moments[0]:.6g} and {moments[-1]:.6g} kg m²"
+        raise ArgumentError("inertia", rule, got)
     return value
 
 
@@ -108,9 +108,9 @@ Inertia = Annotated[
 def _directions(rows: tuple) -> tuple:
     for number, row in enumerate(rows, 1):
         if not 1e-12 <= sum(entry * entry for entry in row) <= 1e12:
-            found = "a zero row" if not any(row) else "one that is none"
+            got = "a zero row" if not any(row) else "one that is none"
             rule = "must have a direction in every row"
-            raise ArgumentError("rows", rule, f"{found} as row {number}")
+            raise ArgumentError("rows", rule, f"{got} as row {number}")
     return rows
 
 

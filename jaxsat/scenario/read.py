@@ -95,7 +95,7 @@ def read(
         scenario = Scenario.model_validate(turned.data, context={"law": law})
         issues = [] if problems else trial(scenario)
     except ValidationError as error:
-        issues = [found["ctx"]["issue"] for found in error.errors()]  # pyright: ignore
+        issues = [line["ctx"]["issue"] for line in error.errors()]  # pyright: ignore
     problems += sorted((places.problem(issue) for issue in issues), key=_order)
     if scenario is None or problems:
         raise ScenarioError(_unique(problems))
@@ -187,14 +187,14 @@ def _unique(problems: Iterable[Problem]) -> list[Problem]:
 
 def _read(name_or_path: str | Path) -> _Source:
     text_name = str(name_or_path)
-    known = library()
-    if isinstance(name_or_path, str) and text_name in known:
-        return _parse(f"{text_name}.toml", known[text_name].read_bytes())
+    named = library()
+    if isinstance(name_or_path, str) and text_name in named:
+        return _parse(f"{text_name}.toml", named[text_name].read_bytes())
     path = Path(name_or_path)
     try:
         text_name.encode()
         if not path.exists():
-            raise ScenarioError([_unknown_name(text_name, list(known))])
+            raise ScenarioError([_unknown_name(text_name, list(named))])
         if not path.is_file():
             what = "a folder" if path.is_dir() else "something else"
             raise ScenarioError([Problem(text_name, f"must be a scenario file, got {what}")])
@@ -227,8 +227,8 @@ def _parse(name: str, content: bytes) -> _Source:
         text = content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
-        found = f"got byte 0x{content[error.start]:02x}"
-        raise ScenarioError([Problem(name, f"must be UTF-8 text, {found}", None, line)]) from None
+        got = f"got byte 0x{content[error.start]:02x}"
+        raise ScenarioError([Problem(name, f"must be UTF-8 text, {got}", None, line)]) from None
     try:
         require_modest(text)
         data = tomllib.loads(text)
@@ -255,10 +255,10 @@ def given_keys(name_or_path: str | Path, overrides: Iterable[str] = ()) -> set[s
 
 def _parsed(name_or_path: str | Path) -> dict[str, Any]:
     """The file's tables; none where it cannot be read, which `load` tells."""
-    known = library()
+    named = library()
     try:
-        if isinstance(name_or_path, str) and name_or_path in known:
-            content = known[name_or_path].read_bytes()
+        if isinstance(name_or_path, str) and name_or_path in named:
+            content = named[name_or_path].read_bytes()
         else:
             with Path(name_or_path).open("rb") as file:
                 content = file.read(MAX_FILE_SIZE)

@@ -95,8 +95,8 @@ def fastest(scenario: Scenario) -> Fast | None:
     by viscous friction; with what is dispersed at its largest.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        found = [*_periodic(scenario), *_spin(scenario), *_friction(scenario)]
-    fast = max((one for one in found if one.rate > 0), key=lambda one: one.rate, default=None)
+        motions = [*_periodic(scenario), *_spin(scenario), *_friction(scenario)]
+    fast = max((one for one in motions if one.rate > 0), key=lambda one: one.rate, default=None)
     return None if fast is None else fast._replace(rate=min(fast.rate, FASTEST))
 
 

@@ -68,7 +68,7 @@ def rule_over(*keys: str) -> Callable[[Check], Check]:
 
 def broken_rules(values: Values, law: bool = True) -> list[Issue]:
     """Issues from every rule whose keys all have valid values; without those on the law if told."""
-    found: list[Issue] = []
+    issues: list[Issue] = []
     chosen = known_law(values.get("control.law"))
     if chosen is not None:
         values = {**values, "control.law": chosen}
@@ -77,8 +77,8 @@ def broken_rules(values: Values, law: bool = True) -> list[Issue]:
         if wanted and all(key in values for key in entry.keys):
             involved = tuple(tuple(key.split(".")) for key in entry.keys)
             for issue in entry.check(values):
-                found.append(Issue(issue.location, issue.message, involved, issue.missing))
-    return found
+                issues.append(Issue(issue.location, issue.message, involved, issue.missing))
+    return issues
 
 
 def _rules_of(law: Law) -> Iterator[Rule]:
@@ -93,14 +93,14 @@ def _rules_of(law: Law) -> Iterator[Rule]:
 def _findings(law: Law, declared: declaration.Rule, values: Values) -> Iterator[Issue]:
     try:
         values = {**values, "control.law": law.name}
-        found = [at(*one) for one in declared.check(*(values[key] for key in declared.keys))]
+        issues = [at(*one) for one in declared.check(*(values[key] for key in declared.keys))]
     except FOREIGN as error:
         if not is_plugin(law.name):
             raise
         what = f"{type(error).__name__}: {error}{place_in(inspect.getfile(law.controller), error)}"
         keys = ", ".join(declared.keys)
-        found = [at("control.law", f"must name a law whose rule over {keys} can run, got {what}")]
-    yield from found
+        issues = [at("control.law", f"must name a law whose rule over {keys} can run, got {what}")]
+    yield from issues
 
 
 def _in_order(low: str, high: str, values: Values) -> Iterator[Issue]:

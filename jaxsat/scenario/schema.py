@@ -115,8 +115,8 @@ class Scenario(_ACTUATORS):
             scenario = handler(data)
             values = flattened(scenario)
         except ValidationError as error:
-            found = [issue_of(cls, data, line) for line in error.errors()]
-            issues = [issue for issue in found if issue is not None]
+            read = [issue_of(cls, data, line) for line in error.errors()]
+            issues = [issue for issue in read if issue is not None]
             values = readable_values(cls, data)
         issues = [*issues, *broken_rules(values, (info.context or {}).get("law", True))]
         if scenario is None or issues:

@@ -161,20 +161,20 @@ MAX_CASES = 2**29
 def _given(values, table):
     """Names and valid values of the keys of `[tuning.parameters]` or `[tuning.smoothing]`."""
     prefix = f"tuning.{table}."
-    found = {}
+    entries = {}
     for key, value in values.items():
         if key.startswith(prefix):
             name, _, part = key.removeprefix(prefix).partition(".")
-            found.setdefault(name, {})[part] = value
-    return found
+            entries.setdefault(name, {})[part] = value
+    return entries
 
 
 def _tuned(values):
     """Tuned keys with their bounds where these are valid."""
-    found = {
+    bounds = {
         name: (e.get("low"), e.get("high")) for name, e in _given(values, "parameters").items()
     }
-    return {name: ends for name, ends in found.items() if None not in ends}
+    return {name: ends for name, ends in bounds.items() if None not in ends}
 
 
 def _foreign(values, table, known):

@@ -60,14 +60,14 @@ def item_kind(annotation: Any) -> Any:
 
 def _table_class(annotation: Any, data: Any) -> type[BaseModel] | None:
     tables = _tables_in(annotation)
-    found = tables[0] if tables else None
+    table = tables[0] if tables else None
     if len(tables) > 1:  # the laws, told apart by their name
         law = known_law(data.get("law") if isinstance(data, Mapping) else None)
         return None if law is None else table_of(law)
-    if found is not None and issubclass(found, PartTable):
-        part = known_part(found.plugin, data.get("kind") if isinstance(data, Mapping) else None)
-        return found if part is None else table_of_part(found, part)
-    return found
+    if table is not None and issubclass(table, PartTable):
+        part = known_part(table.plugin, data.get("kind") if isinstance(data, Mapping) else None)
+        return table if part is None else table_of_part(table, part)
+    return table
 
 
 def _tables_in(annotation: Any) -> list[type[BaseModel]]:
@@ -85,8 +85,8 @@ def known_location(data: Any, raw: Location, missing: bool) -> Location:
     parts: list[str | int] = []
     for position, part in enumerate(raw):
         last = position == len(raw) - 1
-        found, inner = _entry(data, part)
-        if found:
+        present, inner = _entry(data, part)
+        if present:
             data = inner
         elif not (missing and last):
             continue
@@ -138,8 +138,8 @@ def refusal(table: type[BaseModel], name: str, value: Any) -> str | None:
     try:
         validated(table.model_fields[name], value)
     except ValidationError as error:
-        found = {**error.errors()[0], "loc": (name,)}
-        issue = issue_of(table, {name: value}, found)
+        line = {**error.errors()[0], "loc": (name,)}
+        issue = issue_of(table, {name: value}, line)
         return issue and issue.message
     return None
 
@@ -236,14 +236,14 @@ def _unknown_key(root: type[BaseModel], data: Any, location: Location) -> str:
     table = table_at(root, data, location[:-1])
     parents = [part for part in location[:-1] if isinstance(part, str)]
     name = str(location[-1])
-    known = list(table.model_fields) if table else []
+    keys = list(table.model_fields) if table else []
     repeated = len(parents) < len(location) - 1
     place = f"{'[' * (1 + repeated)}{'.'.join(parents)}{']' * (1 + repeated)}"
     place = place if parents else "the scenario"
-    message = f"must be one of the keys of {place} ({', '.join(known)}), got {shown(name)}"
-    begun = any(key.startswith(name) for key in known)
+    message = f"must be one of the keys of {place} ({', '.join(keys)}), got {shown(name)}"
+    begun = any(key.startswith(name) for key in keys)
     hint = "" if begun else _elsewhere(root, name, parents)
-    return message + (hint or suggestion(name, known))
+    return message + (hint or suggestion(name, keys))
 
 
 def _elsewhere(root: type[BaseModel], name: str, parents: list[str]) -> str:
@@ -258,9 +258,9 @@ def _elsewhere(root: type[BaseModel], name: str, parents: list[str]) -> str:
 @once
 def dotted_keys(root: type[BaseModel]) -> list[tuple[str, ...]]:
     """Every key of a table class and the tables inside it."""
-    found: dict[tuple[str, ...], None] = {}
+    keys: dict[tuple[str, ...], None] = {}
     for name, field in root.model_fields.items():
-        found[(name,)] = None
+        keys[(name,)] = None
         for option in _tables_in(field.annotation):
-            found.update({(name, *rest): None for rest in dotted_keys(option)})
-    return list(found)
+            keys.update({(name, *rest): None for rest in dotted_keys(option)})
+    return list(keys)

@@ -130,6 +130,6 @@ APPROACH = _rows("approach", ApproachGains, rate_law=RateLawGains, slews=SlewGai
 
 def tuned_frequency(table: Mapping[float, FineGains], scaling: Scaling) -> float:
     """ν (rad/s) of a table; between two of its steps on a straight line in logarithms."""
-    known = [table[step].frequency for step in STEPS]
-    number = np.exp(np.interp(np.log(scaling.step), np.log(STEPS), np.log(known)))
+    frequencies = [table[step].frequency for step in STEPS]
+    number = np.exp(np.interp(np.log(scaling.step), np.log(STEPS), np.log(frequencies)))
     return float(number) / scaling.time

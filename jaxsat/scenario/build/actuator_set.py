@@ -39,7 +39,7 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
     torques, forces, signs, failed = _thrusters(scenario)
     names = [one.name for one in scenario.thruster] or [None] * len(failed)
     jets, spun = _names(names, [one.name for one in wheels])
-    found = actuator_set(
+    actuators = actuator_set(
         torques,
         two_sided=signs,
         forces=forces,
@@ -51,7 +51,7 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
         momentum=inertia @ omega + axes @ relative,
     )
     failed = [*failed, *(one.failed for one in wheels)]
-    return found, [place for place, gone in enumerate(failed) if not gone]
+    return actuators, [place for place, gone in enumerate(failed) if not gone]
 
 
 def borderline_words(scenario: Scenario) -> str | None:
@@ -88,9 +88,9 @@ def _thrusters(
         return np.array(rows, float).reshape(-1, 3).T, None, [True] * len(rows), failed
     torques = np.array([_torque(one) for one in tables]).T
     forces = np.array([one.force() for one in tables]).T
-    known = all(one.position_m is not None for one in tables)
+    placed = all(one.position_m is not None for one in tables)
     signs, failed = [one.two_sided for one in tables], [one.failed for one in tables]
-    return torques, forces if known else None, signs, failed
+    return torques, forces if placed else None, signs, failed
 
 
 def _torque(thruster: ThrusterTable) -> Float[np.ndarray, "3"]:

@@ -64,10 +64,10 @@ def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedAct
     if table is None:
         return failing(scenario, ideal)
     part, location = find_part(ACTUATORS, table.kind), ("actuators", "kind")
-    made = made_part(part, location, table, ActuatorContext(ideal, torques))
-    require_torque(part, location, made, jnp.zeros(torques or 2))
-    require_events(part, location, made, jnp.zeros(torques or 2))
-    return made
+    actuators = made_part(part, location, table, ActuatorContext(ideal, torques))
+    require_torque(part, location, actuators, jnp.zeros(torques or 2))
+    require_events(part, location, actuators, jnp.zeros(torques or 2))
+    return actuators
 
 
 def _with_wheels(

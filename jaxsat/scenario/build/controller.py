@@ -49,7 +49,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         disturbance.gravity_gradient,
     )
     try:
-        made = law.from_table(values, context)
+        controller = law.from_table(values, context)
     except UnsuitableModel as error:
         raise BuildError(_unsuitable(law, table, error)) from error
     except FOREIGN as error:
@@ -58,15 +58,17 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         raise BuildError(
             broken(law, ("control", "law"), law.controller, error, "can be built")
         ) from error
-    if not isinstance(made, law.controller):
+    if not isinstance(controller, law.controller):
         message = f'must be such that `from_table` of the law "{law.name}" gives the law, got '
-        raise BuildError(Issue(("control", "law"), message + type(made).__name__))
-    if isinstance(made, AbstractSampledController):
+        raise BuildError(Issue(("control", "law"), message + type(controller).__name__))
+    if isinstance(controller, AbstractSampledController):
         period = control.period_s
-        if float(np.asarray(made.period)) != float(np.asarray(as_float(period))):
-            message = f"must be the attribute `period` of the law, {made.period}, got {period}"
+        if float(np.asarray(controller.period)) != float(np.asarray(as_float(period))):
+            message = (
+                f"must be the attribute `period` of the law, {controller.period}, got {period}"
+            )
             raise BuildError(Issue(("control", "period_s"), message))
-    return made
+    return controller
 
 
 def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) -> RigidBody:
@@ -77,14 +79,14 @@ def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) ->
     inertia = table.inertia_kg_m2 or scenario.spacecraft.inertia_kg_m2
     relation = table.orbit_relation or scenario.orbit.relation
     rate = orbit_rate(scenario) if table.orbit_rate_rad_s is None else table.orbit_rate_rad_s
-    known: AbstractDisturbance = NoDisturbance()
+    disturbance: AbstractDisturbance = NoDisturbance()
     if any(measured):
         amplitude = np.where(measured, scenario.disturbance.amplitude_N_m, 0.0)
-        known = periodic_torque(amplitude, scenario.disturbance)
+        disturbance = periodic_torque(amplitude, scenario.disturbance)
     held = scenario.spacecraft.third_rate == "held" or _wheels_hold_the_third_rate(scenario)
     if rotors(scenario.wheel).any():
         inertia = free_inertia(inertia, scenario.wheel)
-    return RigidBody(Spacecraft(as_float(inertia)), orbit_of(relation, rate), known, held)
+    return RigidBody(Spacecraft(as_float(inertia)), orbit_of(relation, rate), disturbance, held)
 
 
 def _wheels_hold_the_third_rate(scenario: Scenario) -> bool:

@@ -39,8 +39,8 @@ def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue
             key = f"{DISPERSIBLE[problem.quantity].key}.{problem.parameter or ''}".rstrip(".")
             if problem.parameter == "frequency_known":
                 key = "frequency_known"
-            found = "" if problem.got is None else f", got {problem.got}"
-            issues.append(at(f"dispersion.{key}", f"{problem.rule}{found}"))
+            got = "" if problem.got is None else f", got {problem.got}"
+            issues.append(at(f"dispersion.{key}", f"{problem.rule}{got}"))
     if all_fit and not issues:
         issues += _start_of_a_study(scenario, set(distributions))
         with at_key("simulation.duration_s"):

@@ -97,8 +97,10 @@ def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance
     for place, declaration in DISTURBANCES.items():
         if scenario.panel and declaration in (AERODYNAMIC, SOLAR):
             continue
-        made = pkgutil.resolve_name(place).from_table(values_of(declaration.keys, table), context)
-        terms += [] if made is None else [made]
+        disturbance = pkgutil.resolve_name(place).from_table(
+            values_of(declaration.keys, table), context
+        )
+        terms += [] if disturbance is None else [disturbance]
     terms += _on_panels(scenario, context.place)
     in_wz = scenario.simulation.attitude == "wz"
     terms += [_other(name, other, context, in_wz) for name, other in table.torques.items()]
@@ -114,9 +116,9 @@ def _on_panels(scenario: Scenario, orbit: CircularOrbit) -> list[AbstractDisturb
     panels = Panels(*(np.array([getattr(one, name) for one in tables]) for name in names))
     values = values_of((*AERODYNAMIC.keys, *SOLAR.keys), table)
     light = Sunlight(values["sun_direction"], orbit, values["eclipses"])
-    found: list[AbstractDisturbance] = [PanelSolarPressure(panels, light)]
+    torques: list[AbstractDisturbance] = [PanelSolarPressure(panels, light)]
     density = values["drag_density_kg_m3"]
-    return [PanelDrag(density, panels, orbit), *found] if density else found
+    return [PanelDrag(density, panels, orbit), *torques] if density else torques
 
 
 def _other(
@@ -125,11 +127,11 @@ def _other(
     """A disturbance that does not come with jaxsat."""
     part = find_part(DISTURBANCE, table.kind)
     location = ("disturbance", "torques", name, "kind")
-    made = made_part(part, location, table, context)
+    disturbance = made_part(part, location, table, context)
 
     def torque(t: Float[Array, ""], inertia: Float[Array, "3 3"]) -> Any:
         attitude = Quaternion(as_float([1.0, 0.0, 0.0, 0.0]))
-        return made(t, attitude.as_wz() if in_wz else attitude, inertia)
+        return disturbance(t, attitude.as_wz() if in_wz else attitude, inertia)
 
     require_torque(part, location, torque, as_float(0.0), as_float(context.inertia))
-    return made
+    return disturbance

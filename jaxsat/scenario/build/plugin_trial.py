@@ -37,7 +37,7 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
     try:
         memory = eqx.filter_eval_shape(controller.init, start)
         given = eqx.filter_eval_shape(_run, controller, start)
-        told = eqx.filter_eval_shape(_what_is_told, controller, start)
+        answers = eqx.filter_eval_shape(_what_is_told, controller, start)
     except FOREIGN as error:
         raise BuildError(broken(law, LAW, law.controller, error)) from error
     method = _method(controller)
@@ -46,9 +46,9 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
         _refuse(law, LAW, f"gives two things from `{method}`, the torque and {what}", given)
     place = _defined(law.controller, method)
     _require_shape(law, LAW, given[0], (law.declaration.torques or 2,), f"commands {{}}{place}")
-    for name, (found, shape) in told.items():
+    for name, (value, shape) in answers.items():
         place = _defined(law.controller, name)
-        _require_shape(law, LAW, found, shape, f"gives {{}} from `{name}`{place}")
+        _require_shape(law, LAW, value, shape, f"gives {{}} from `{name}`{place}")
     _require_same_memory(law, LAW, memory, given[1], method)
 
 
@@ -75,23 +75,23 @@ def broken(
 def made_part(part: Part, location: Location, table: PartTable, context: Any) -> Any:
     """What a part's `from_table` makes of a checked table; raises `BuildError` otherwise."""
     try:
-        made = part.made.from_table(values_of(part.declaration.keys, table), context)
+        instance = part.made.from_table(values_of(part.declaration.keys, table), context)
     except FOREIGN as error:
         raise BuildError(broken(part, location, part.made, error, "can be built")) from error
-    if not isinstance(made, part.made):
-        _refuse(part, location, "is made by its `from_table`", made)
-    _require_arrays(part, location, made)
-    return made
+    if not isinstance(instance, part.made):
+        _refuse(part, location, "is made by its `from_table`", instance)
+    _require_arrays(part, location, instance)
+    return instance
 
 
 def require_torque(part: Part, location: Location, torque: Callable[..., Any], *given: Any) -> None:
     """Raise `BuildError` where a part, called once, raises or gives no torque of shape (3,)."""
     try:
-        found = eqx.filter_eval_shape(torque, *given)
+        value = eqx.filter_eval_shape(torque, *given)
     except FOREIGN as error:
         raise BuildError(broken(part, location, part.made, error)) from error
     place = _defined(part.made, "__call__")
-    _require_shape(part, location, found, (3,), f"gives {{}}, a torque in N m{place}")
+    _require_shape(part, location, value, (3,), f"gives {{}}, a torque in N m{place}")
 
 
 def require_estimates(
@@ -106,20 +106,20 @@ def require_estimates(
     measurement = Measurement(rate, upright, jnp.array(True))
     try:
         memory = eqx.filter_eval_shape(estimator.init, upright, zero)
-        found = eqx.filter_eval_shape(estimator.step, jnp.array(0), period, measurement, memory)
+        outcome = eqx.filter_eval_shape(estimator.step, jnp.array(0), period, measurement, memory)
     except FOREIGN as error:
         raise BuildError(broken(part, location, part.made, error)) from error
     place = _defined(part.made, "step")
-    if not (isinstance(found, tuple) and len(found) == 2 and isinstance(found[0], Estimate)):
-        _refuse(part, location, f"gives an `Estimate` and the memory from `step`{place}", found)
-    estimate, after = found
+    if not (isinstance(outcome, tuple) and len(outcome) == 2 and isinstance(outcome[0], Estimate)):
+        _refuse(part, location, f"gives an `Estimate` and the memory from `step`{place}", outcome)
+    estimate, after = outcome
     attitude = estimate.attitude
     if not isinstance(attitude, Quaternion):
         _refuse(part, location, f"estimates an attitude that is a `Quaternion`{place}", attitude)
-    told = {"attitude": (attitude.q, (4,)), "omega": (estimate.omega, (3,))}
+    estimates = {"attitude": (attitude.q, (4,)), "omega": (estimate.omega, (3,))}
     others = {name: getattr(estimate, name) for name in Estimate._fields[2:]}
-    told |= {name: (value, (3,)) for name, value in others.items() if value is not None}
-    for name, (value, shape) in told.items():
+    estimates |= {name: (value, (3,)) for name, value in others.items() if value is not None}
+    for name, (value, shape) in estimates.items():
         _require_shape(part, location, value, shape, f"estimates {{}} as `{name}`{place}")
     _require_same_memory(part, location, memory, after, "step")
 
@@ -130,12 +130,14 @@ def require_events(
     """Raise `BuildError` where actuators have another number of event functions than they say."""
     try:
         count = actuators.event_count
-        found = eqx.filter_eval_shape(actuators.event_functions, *given)
+        values = eqx.filter_eval_shape(actuators.event_functions, *given)
         piece = actuators.smooth_piece(jnp.ones(count, bool))
     except FOREIGN as error:
         raise BuildError(broken(part, location, part.made, error)) from error
     wanted = "gives {} from `event_functions`, as `event_count` says"
-    _require_shape(part, location, found, (count,), wanted + _defined(part.made, "event_functions"))
+    _require_shape(
+        part, location, values, (count,), wanted + _defined(part.made, "event_functions")
+    )
     require_torque(part, location, piece, *given)
 
 

@@ -74,6 +74,6 @@ def _estimator(table: EstimatorTable, context: EstimatorContext) -> AbstractEsti
     if table.kind == "mekf":
         return MultiplicativeFilter(context.orbit, context.gyro, context.tracker)
     part, location = find_part(ESTIMATOR, table.kind), ("estimator", "kind")
-    made = made_part(part, location, table, context)
-    require_estimates(part, location, made, context.period)
-    return made
+    estimator = made_part(part, location, table, context)
+    require_estimates(part, location, estimator, context.period)
+    return estimator

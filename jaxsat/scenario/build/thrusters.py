@@ -130,9 +130,9 @@ def failing(scenario: Scenario, ideal: Actuators) -> Actuators:
     rows = range(1, len(table.thruster_torque_axes or ()) + 1)
     working = [number for number in rows if number not in table.failed_thrusters]
     axes = np.asarray(ideal.torque_axes)
-    found = [(number_of(one.of, "thruster", rows), one) for one in scenario.failure]
+    targets = [(number_of(one.of, "thruster", rows), one) for one in scenario.failure]
     events = []
-    for number, one in found:
+    for number, one in targets:
         if number is None or number + 1 not in working:
             continue
         place, turned = working.index(number + 1), axes.copy()

@@ -138,8 +138,8 @@ def _amounts(number, one, wanted):
     what = f'for a failure of kind "{one.kind}"'
     for key in given:
         if key not in wanted:
-            found = shown(getattr(one, key))
-            yield Issue(("failure", number, key), f"must not be given {what}, got {found}")
+            got = shown(getattr(one, key))
+            yield Issue(("failure", number, key), f"must not be given {what}, got {got}")
     if wanted and not set(given) & set(wanted):
         message = f"must be given {what}, got nothing"
         yield Issue(("failure", number, wanted[-1]), message, (), True)
@@ -218,9 +218,9 @@ def _drawn(scenario: Any, key: str) -> Any:
 def _least(key: str, drawn: Any) -> dict[Location, float]:
     """The least number that is drawn, and where it is told; nothing where there is none."""
     for name in ("low", "values"):
-        told = getattr(drawn, name)
-        if told is not None:
-            return {("dispersion", key, name): min(told) if isinstance(told, tuple) else told}
+        bound = getattr(drawn, name)
+        if bound is not None:
+            return {("dispersion", key, name): min(bound) if isinstance(bound, tuple) else bound}
     return {}
 
 

@@ -196,10 +196,10 @@ def _each_thruster_is_whole(thrusters):
                 message = "must have a force that does not point through the centre of mass"
                 yield Issue(("thruster", number, "direction"), f"{message}, got no torque")
             continue
-        found = " and ".join(sorted(given)) or "none of them"
+        got = " and ".join(sorted(given)) or "none of them"
         yield Issue(
             ("thruster", number),
-            f"must have {', '.join(by_force)}, or {' and '.join(by_torque)}, got {found}",
+            f"must have {', '.join(by_force)}, or {' and '.join(by_torque)}, got {got}",
         )
 
 
@@ -262,8 +262,8 @@ def _thrust_follows_within_a_period(values):
                 yield Issue(("thruster", number, key), f"{message}, got {getattr(one, key)}")
         if one.valve_delay_s + delay > period:
             message = f"must be at most control.period_s = {shown(period)} with sampling.delay_s"
-            found = f"{message} = {delay:g}, got {one.valve_delay_s:g}"
-            yield Issue(("thruster", number, "valve_delay_s"), found)
+            problem = f"{message} = {delay:g}, got {one.valve_delay_s:g}"
+            yield Issue(("thruster", number, "valve_delay_s"), problem)
 
 
 @rule("thruster", "modulation.kind")

@@ -227,8 +227,8 @@ def _tachometers_belong_to_a_sampled_law(wheels, law):
     for number, one in enumerate(wheels):
         if one.tachometer_noise_N_m_s and not law.declaration.sampled:
             message = f'must be 0 under the law "{law}", which is not sampled'
-            found = shown(one.tachometer_noise_N_m_s)
-            yield Issue(("wheel", number, "tachometer_noise_N_m_s"), f"{message}, got {found}")
+            got = shown(one.tachometer_noise_N_m_s)
+            yield Issue(("wheel", number, "tachometer_noise_N_m_s"), f"{message}, got {got}")
 
 
 @rule_over("wheel", "control.law", *STEPS)
