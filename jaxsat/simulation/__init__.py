@@ -6,9 +6,8 @@ The engines, which stand above the loops, are imported when `simulate` is first 
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from jaxsat.simulation.assessment import Assessment
+from jaxsat.simulation.assessment import Assessment, IntegrationError
 from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
-from jaxsat.simulation.integration_error import IntegrationError
 from jaxsat.simulation.loops import (
     AbstractContinuousLoop,
     AbstractLoop,

@@ -43,7 +43,7 @@ class AdaptiveSteps(eqx.Module):
 
     def controller(self, body: RigidBody) -> StepSizeController:
         """What diffrax takes for it, in a loop of this body."""
-        from jaxsat.simulation.step_control import StepControl  # imports diffrax
+        from jaxsat.simulation.diffrax_parts import StepControl  # imports diffrax
 
         return StepControl(
             rtol=self.rtol, atol=self.atol, dtmin=self.min_step, force_dtmin=True, body=body

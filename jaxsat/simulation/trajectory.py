@@ -5,8 +5,7 @@ import enum
 import equinox as eqx
 from jaxtyping import Array, Float, Int, PyTree
 
-from jaxsat.simulation.assessment import Assessment
-from jaxsat.simulation.integration_error import IntegrationError
+from jaxsat.simulation.assessment import Assessment, IntegrationError
 
 
 class Outcome(enum.IntEnum):

@@ -17,10 +17,16 @@ from typing import Any, TypeVar, cast
 from distributed import Client, Future, KilledWorker, WorkerPlugin, get_worker, wait
 from distributed.utils import silence_logging_cmgr
 
-from jaxsat.studies.addresses import scheduler_address
-from jaxsat.studies.connection import ANSWER_S, PARTING_S, connected, in_time, reason
+from jaxsat.studies.connection import (
+    ANSWER_S,
+    PARTING_S,
+    connected,
+    in_time,
+    reason,
+    scheduler_address,
+)
 from jaxsat.studies.executors import POLL_S, AbstractExecutor, ClusterError, Stop, Work
-from jaxsat.studies.shipping import Done, Failed, PickledWork, computed, packed
+from jaxsat.studies.worker import Done, Failed, PickledWork, computed, packed
 
 AHEAD = 2
 """Chunks that are given out for every thread of a worker: one being computed, one waiting."""

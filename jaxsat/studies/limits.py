@@ -30,12 +30,12 @@ from jaxsat.spacecraft import (
     Wheels,
 )
 from jaxsat.spacecraft.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
-from jaxsat.studies.actuator_changes import (
+from jaxsat.studies.part_changes import (
+    navigation_of,
     thruster_count,
     thrusters_of,
 )
 from jaxsat.studies.perturbed import controller_of, effector_of
-from jaxsat.studies.sensor_changes import navigation_of
 
 
 class Limits(NamedTuple):

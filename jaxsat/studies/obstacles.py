@@ -15,9 +15,8 @@ from jaxsat.spacecraft import (
     Wheels,
 )
 from jaxsat.spacecraft.environment import PeriodicTorque
-from jaxsat.studies.actuator_changes import thrusters_of
+from jaxsat.studies.part_changes import navigation_of, thrusters_of
 from jaxsat.studies.perturbed import controller_of
-from jaxsat.studies.sensor_changes import navigation_of
 
 
 def always(loop: AbstractLoop) -> None:

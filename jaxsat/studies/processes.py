@@ -13,8 +13,7 @@ from queue import Empty, SimpleQueue
 from typing import IO, Any, NamedTuple, cast
 
 from jaxsat.studies.executors import POLL_S, AbstractExecutor, ClusterError, Stop, Work
-from jaxsat.studies.shipping import Done, Failed, packed
-from jaxsat.studies.worker import Ready, WorkerTask
+from jaxsat.studies.worker import Done, Failed, Ready, WorkerTask, packed
 
 ATTEMPTS = 3
 """Workers that may die on one chunk, or one after the other before they are ready."""

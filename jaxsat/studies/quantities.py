@@ -20,8 +20,8 @@ from jaxsat.spacecraft import (
     Wheels,
 )
 from jaxsat.spacecraft.environment import AbstractOrbit
-from jaxsat.studies import actuator_changes, changes, limits, sensor_changes
-from jaxsat.studies.actuator_changes import thruster_count, thrusters_of
+from jaxsat.studies import changes, limits, part_changes
+from jaxsat.studies import part_changes as sensor_changes
 from jaxsat.studies.obstacles import (
     ANY_FAILURE,
     always,
@@ -39,6 +39,7 @@ from jaxsat.studies.obstacles import (
     needs_thrusters,
     needs_torque_level,
 )
+from jaxsat.studies.part_changes import thruster_count, thrusters_of
 from jaxsat.studies.perturbed import PerturbedLoop, Values, effector_of
 
 
@@ -118,19 +119,19 @@ QUANTITIES: dict[str, Quantity] = {
     ),
     "misalignment": Quantity(
         _thrusters(2),
-        actuator_changes.set_misalignment,
+        part_changes.set_misalignment,
         needs_thrusters,
         limits.between(ranges.MISALIGNMENT),
     ),
     "torque_gain": Quantity(
         _thrusters(1),
-        actuator_changes.set_torque_gain,
+        part_changes.set_torque_gain,
         needs_thrusters,
         limits.between(ranges.CHANGE_OF_TORQUE),
     ),
     "dipole_limit": Quantity(
         _devices(Magnetorquers),
-        actuator_changes.set_dipole_limit,
+        part_changes.set_dipole_limit,
         needs(Magnetorquers),
         limits.changing(
             ranges.DIPOLE_LIMIT, lambda loop: effector_of(loop, Magnetorquers).dipole_limit
@@ -138,13 +139,13 @@ QUANTITIES: dict[str, Quantity] = {
     ),
     "magnetorquer_misalignment": Quantity(
         _devices(Magnetorquers, 2),
-        actuator_changes.set_torquer_misalignment,
+        part_changes.set_torquer_misalignment,
         needs(Magnetorquers),
         limits.between(ranges.MISALIGNMENT),
     ),
     "rotor_momentum": Quantity(
         _devices(ControlMomentGyros),
-        actuator_changes.set_rotor_momentum,
+        part_changes.set_rotor_momentum,
         needs(ControlMomentGyros),
         limits.changing(
             ranges.WHEEL_MOMENTUM, lambda loop: effector_of(loop, ControlMomentGyros).rotor_momentum
@@ -222,43 +223,43 @@ QUANTITIES: dict[str, Quantity] = {
     "tracker_outage": _of_tracker("outage", _FROM_NOW, needs_outage),
     "failure_time": Quantity(
         _failures(*ANY_FAILURE),
-        actuator_changes.set_failure("at"),
+        part_changes.set_failure("at"),
         needs_failures(*ANY_FAILURE),
         limits.between(_FROM_NOW),
     ),
     "failed_thruster": Quantity(
         _failures(FailureEvents),
-        actuator_changes.set_failure("thruster"),
+        part_changes.set_failure("thruster"),
         needs_failures(FailureEvents),
         limits.of_failed_thruster,
     ),
     "failed_wheel": Quantity(
         _failures(WheelFailures),
-        actuator_changes.set_failure("wheel"),
+        part_changes.set_failure("wheel"),
         needs_failures(WheelFailures),
         limits.of_failed(Wheels),
     ),
     "failed_magnetorquer": Quantity(
         _failures(MagnetorquerFailures),
-        actuator_changes.set_failure("magnetorquer"),
+        part_changes.set_failure("magnetorquer"),
         needs_failures(MagnetorquerFailures),
         limits.of_failed(Magnetorquers),
     ),
     "failed_gimbal": Quantity(
         _failures(GimbalFailures),
-        actuator_changes.set_failure("gimbal"),
+        part_changes.set_failure("gimbal"),
         needs_failures(GimbalFailures),
         limits.of_failed(ControlMomentGyros),
     ),
     "failure_kind": Quantity(
         _failures(*ANY_FAILURE),
-        actuator_changes.set_failure("kind"),
+        part_changes.set_failure("kind"),
         needs_failures(*ANY_FAILURE),
         limits.of_failure_kind,
     ),
     "failure_amount": Quantity(
         _failures(*ANY_FAILURE),
-        actuator_changes.set_failure("amount"),
+        part_changes.set_failure("amount"),
         needs_failures(*ANY_FAILURE),
         limits.of_failure_amount,
     ),

@@ -17,10 +17,10 @@ from jaxsat.core.solvers import NamedSolver
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation import SampledLoop, fixed, simulate
+from jaxsat.simulation.assessment import IntegrationError
 from jaxsat.simulation.engine import ScanEngine
 from jaxsat.simulation.engine.fixed import SampledStepper
 from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, Program
-from jaxsat.simulation.integration_error import IntegrationError
 from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters, WheelMomenta
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit, PeriodicTorque

@@ -17,7 +17,7 @@ from helpers.paper import (
     three_axis_start,
 )
 from jaxsat.simulation import ContinuousLoop
-from jaxsat.simulation.rotating_frame import into_frame, motion_in_frame, out_of_frame
+from jaxsat.simulation.engine.flat_ode import into_frame, motion_in_frame, out_of_frame
 
 LOOPS = {
     "error": lambda: (three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)),

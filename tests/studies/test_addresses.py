@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from jaxsat.studies.addresses import MAX_FILE_SIZE, scheduler_address
+from jaxsat.studies.connection import MAX_FILE_SIZE, scheduler_address
 
 PLACES = ["tcp://host:8786", "tls://10.0.0.1:8786", "host:8786", "[::1]:8786", "inproc://a/1/2"]
 
@@ -45,7 +45,7 @@ CONTENTS = {
 
 @pytest.mark.parametrize("kind", CONTENTS)
 def test_files_of_others_are_refused(tmp_path, monkeypatch, kind):
-    monkeypatch.setattr("jaxsat.studies.addresses.FLUSHED_S", 0.0)
+    monkeypatch.setattr("jaxsat.studies.connection.FLUSHED_S", 0.0)
     content, message = CONTENTS[kind]
     file = tmp_path / "s.json"
     file.write_bytes(content)

@@ -18,7 +18,7 @@ import pytest
 from jaxsat.studies import ClusterError, Processes, run_study
 from jaxsat.studies import processes as module
 from jaxsat.studies.ensemble import _by_column
-from jaxsat.studies.shipping import packed
+from jaxsat.studies.worker import packed
 from studies.stores import contents, same, without_status
 from studies.studies import tumbling
 from studies.workloads import Deadly, EndsAtOnce, NotHere, deaf, fails, told

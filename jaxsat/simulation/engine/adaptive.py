@@ -26,8 +26,14 @@ from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.engine.dense_output import require_dense_output
 from jaxsat.simulation.engine.details import details_of, with_details
-from jaxsat.simulation.engine.events import StepEnd, until_event
 from jaxsat.simulation.engine.flat_ode import DenseStep, FlatODE, initial_state
+from jaxsat.simulation.engine.instants import (
+    StepEnd,
+    excess_at,
+    rest_excess_at,
+    settled_along_step,
+    until_event,
+)
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import (
     Integrals,
@@ -40,7 +46,6 @@ from jaxsat.simulation.engine.progress import (
 from jaxsat.simulation.engine.rates import within_limit
 from jaxsat.simulation.engine.root_finding import sign_changes
 from jaxsat.simulation.engine.runge_kutta import require_explicit, stage_rates, tableau_of, weighted
-from jaxsat.simulation.engine.settling import excess_at, rest_excess_at, settled_along_step
 from jaxsat.simulation.engine.stepper import AbstractStepper
 
 SAFETY, MIN_FACTOR, MAX_FACTOR = 0.9, 0.2, 5.0

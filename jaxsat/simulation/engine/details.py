@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
-from jaxsat.core.tolerances import SettlingTracker, Tolerances
+from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.simulation import AbstractLoop, Outcome
-from jaxsat.simulation.assessment import Observation, stop_gradient
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 if TYPE_CHECKING:
@@ -61,18 +60,6 @@ def details_of(
     rest = jnp.where(success, progress.rest.settling_time(end, begin, dwell), jnp.inf)
     by_axis = jnp.concatenate([of_axes, jnp.where(success, idle, jnp.nan)])
     return Details(final, steps, rest, by_axis, effort[-1] if held else None, progress.forced)
-
-
-def rest_at(
-    rest: SettlingTracker | None,
-    t: Float[Array, ""],
-    observed: Observation,
-    tolerances: Tolerances,
-) -> SettlingTracker | None:
-    """Since when the case is at rest, with the end of one more of equal steps; None if not kept."""
-    if rest is None:
-        return None
-    return rest.observe(*stop_gradient((t, observed.rest_excess(tolerances))))
 
 
 def effort_rates(

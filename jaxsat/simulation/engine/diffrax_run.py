@@ -14,8 +14,8 @@ from jaxtyping import Array, Float, Int, PyTree
 from jaxsat.core.solvers import AbstractSolver, solver_of
 from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.simulation import Method, Outcome, SampledLoop, Signals, step_size_for
-from jaxsat.simulation.assessment import Observation, stop_gradient
-from jaxsat.simulation.engine.details import details_of, effort_rates, rest_at, with_details
+from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gradient
+from jaxsat.simulation.engine.details import details_of, effort_rates, with_details
 from jaxsat.simulation.engine.failure_record import FailureRecord, initial_record, record_of_history
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import (
@@ -23,8 +23,8 @@ from jaxsat.simulation.engine.progress import (
     Outputs,
     Progress,
     initial_progress,
+    judged_at,
     outputs_of,
-    settled_at,
 )
 from jaxsat.simulation.engine.rates import (
     consumption,
@@ -35,7 +35,6 @@ from jaxsat.simulation.engine.rates import (
     within_limit,
 )
 from jaxsat.simulation.held_torque import HeldTorque
-from jaxsat.simulation.integration_error import IntegrationError
 from jaxsat.simulation.methods import Adjoint
 from jaxsat.spacecraft.dynamics import PlantState
 
@@ -63,7 +62,7 @@ def integrated(
 def _continuous(program: Program, case: Case, times, method: Method, adjoint) -> Integrated:
     import diffrax
 
-    from jaxsat.simulation.monitored_solver import MonitoredSolver, MonitoredState
+    from jaxsat.simulation.diffrax_parts import MonitoredSolver, MonitoredState
 
     loop, cost, zero = continuous_loop(case), program.running_cost, jnp.zeros((), times.dtype)
 
@@ -112,7 +111,7 @@ def _continuous(program: Program, case: Case, times, method: Method, adjoint) ->
 
 def _monitor(program: Program, loop):
     """What settling and effort are judged by: of a detailed program also what is at rest."""
-    from jaxsat.simulation.monitored_solver import MonitorSample
+    from jaxsat.simulation.diffrax_parts import MonitorSample
 
     def monitor(t, both) -> MonitorSample:
         motion = loop.motion(t, both[0])
@@ -163,8 +162,8 @@ class _SampledRecord(NamedTuple):
     def at(self, t, plant: PlantState, program: Program, loop: SampledLoop) -> "_SampledRecord":
         """With one more observation of the plant."""
         observed = Observation.of(loop.plant, plant)
-        settled = settled_at(self.settled, t, observed, program.tolerances)
-        rest = rest_at(self.rest, t, observed, program.tolerances)
+        since = (self.settled, self.rest)
+        settled, rest = judged_at(since, t, observed, program.tolerances)
         return self._replace(settled=settled, rest=rest)
 
 

@@ -6,10 +6,9 @@ from typing import NamedTuple
 import jax
 from jaxtyping import Array, Float, PyTree
 
-from jaxsat.simulation.assessment import stop_gradient
+from jaxsat.simulation.assessment import IntegrationError, stop_gradient
 from jaxsat.simulation.engine.program import Program
 from jaxsat.simulation.engine.runge_kutta import Tableau, explicit_step
-from jaxsat.simulation.integration_error import IntegrationError
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 

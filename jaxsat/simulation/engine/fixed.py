@@ -10,19 +10,19 @@ import jax.numpy as jnp
 from jaxsat.core.checks import require_counts
 from jaxsat.core.solvers import NamedSolver, Solver, class_name
 from jaxsat.core.symmetric import halved, restored
-from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop
-from jaxsat.simulation.assessment import Observation, stop_gradient
-from jaxsat.simulation.engine.details import details_of, rest_at, with_details
+from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gradient
+from jaxsat.simulation.engine.details import details_of, with_details
 from jaxsat.simulation.engine.error_estimate import HalvedSteps, Span
 from jaxsat.simulation.engine.failure_record import initial_record
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import (
     Outputs,
     Progress,
+    Since,
     initial_progress,
+    judged_at,
     outputs_of,
-    settled_at,
     with_peaks,
 )
 from jaxsat.simulation.engine.rates import (
@@ -36,11 +36,7 @@ from jaxsat.simulation.engine.rates import (
 from jaxsat.simulation.engine.runge_kutta import explicit_step, require_explicit, tableau_of
 from jaxsat.simulation.engine.stepper import AbstractStepper
 from jaxsat.simulation.held_torque import HeldTorque
-from jaxsat.simulation.integration_error import IntegrationError
 from jaxsat.spacecraft import Sensors
-
-Since = tuple[SettlingTracker, SettlingTracker | None]
-"""Since when a case is settled, and at rest; None where that is not kept."""
 
 NOISE_BLOCK = 16
 """Samples whose noise is drawn together. More gain little, and a replay, which stops at every
@@ -212,15 +208,9 @@ def _judge(program: Program, loop: AbstractLoop):
 
     def judged(since: Since, t, both) -> Since:
         state = both[0] if isinstance(loop, SampledLoop) else plant_state(loop, t, both[0])
-        return _judged_at(program, since, t, Observation.of(loop.plant, state))
+        return judged_at(since, t, Observation.of(loop.plant, state), program.tolerances)
 
     return judged
-
-
-def _judged_at(program: Program, since: Since, t, observed: Observation) -> Since:
-    settled, rest = since
-    tolerances = program.tolerances
-    return settled_at(settled, t, observed, tolerances), rest_at(rest, t, observed, tolerances)
 
 
 def _equal_steps(tableau, rate, t, length, count: int, carry, judged):
@@ -266,7 +256,8 @@ def _finished(program: Program, case: Case, progress: Progress, number, steps: i
     end = program.time_of(number)
     plant = plant_state(case.loop, end, progress.state)
     observed = Observation.of(case.loop.plant, plant)
-    settled, rest = _judged_at(program, (progress.settled, progress.rest), end, observed)
+    since = (progress.settled, progress.rest)
+    settled, rest = judged_at(since, end, observed, program.tolerances)
     seen = with_peaks(progress, plant)._replace(settled=settled, rest=rest)
     used = consumption(case.loop, progress.state)
     dwell = program.tolerances.dwell

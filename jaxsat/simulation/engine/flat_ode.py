@@ -12,12 +12,11 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.barriers import apart
 from jaxsat.core.solvers import Solver
-from jaxsat.simulation import AbstractContinuousLoop
+from jaxsat.simulation import AbstractContinuousLoop, Motion
 from jaxsat.simulation.engine.dense_output import AbstractDenseOutput, dense_output
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.rates import continuous_loop, running_cost
 from jaxsat.simulation.engine.root_finding import ends_of_parts, polynomial
-from jaxsat.simulation.rotating_frame import into_frame, motion_in_frame, out_of_frame
 from jaxsat.simulation.units import in_units
 
 
@@ -196,3 +195,30 @@ def _initial_parts(program: Program, case: Case) -> PyTree:
 
 def _flat(tree: PyTree) -> Float[Array, " n"]:
     return ravel_pytree(tree)[0]
+
+
+def into_frame(loop: AbstractContinuousLoop, t: Float[Array, ""], state: PyTree) -> PyTree:
+    """A state at time `t` (s) with its memory in the rotating frame."""
+    factor = loop.integrating_factor(t)
+    return state if factor is None else state._replace(memory=factor.into_frame(state.memory))
+
+
+def out_of_frame(loop: AbstractContinuousLoop, t: Float[Array, ""], framed: PyTree) -> PyTree:
+    """The state that `into_frame` takes to `framed`."""
+    factor = loop.integrating_factor(t)
+    return framed if factor is None else framed._replace(memory=factor.out_of_frame(framed.memory))
+
+
+def motion_in_frame(loop: AbstractContinuousLoop, t: Float[Array, ""], framed: PyTree) -> Motion:
+    """`loop.motion` for a state in the rotating frame, with the rate of that state."""
+    factor = apart(_integrating_factor, loop, t)
+    if factor is None:
+        return loop.motion(t, framed)
+    motion = loop.motion(t, framed._replace(memory=factor.out_of_frame(framed.memory)))
+    rate = motion.rate._replace(memory=factor.rate_in_frame(motion.rate_error))
+    return motion._replace(rate=rate)
+
+
+@eqx.filter_jit
+def _integrating_factor(loop: AbstractContinuousLoop, t: Float[Array, ""]):
+    return loop.integrating_factor(t)

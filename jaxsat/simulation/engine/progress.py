@@ -11,11 +11,10 @@ from jaxsat.core.quotients import reciprocal
 from jaxsat.core.tolerances import SettlingTracker, Tolerances
 from jaxsat.core.trigonometry import cos
 from jaxsat.simulation import Outcome, Signals
-from jaxsat.simulation.assessment import Observation, stop_gradient
+from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gradient
 from jaxsat.simulation.engine.details import Details
 from jaxsat.simulation.engine.failure_record import FailureRecord
 from jaxsat.simulation.held_torque import HeldTorque
-from jaxsat.simulation.integration_error import IntegrationError
 from jaxsat.spacecraft import Consumption, wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState
 
@@ -120,6 +119,10 @@ class RunningCost(eqx.Module):
         return jnp.where(success, integral, charged)
 
 
+Since = tuple[SettlingTracker, SettlingTracker | None]
+"""Since when a case is settled, and at rest; None where that is not kept."""
+
+
 class Integrals(NamedTuple):
     """The running cost and Σ|T_i| (N m s), or in a detailed program each of them, integrated."""
 
@@ -217,14 +220,18 @@ def with_peaks(progress: Progress, observed: Signals | PlantState) -> Progress:
     )
 
 
-def settled_at(
-    settled: SettlingTracker, t: Float[Array, ""], observed: Observation, tolerances: Tolerances
-) -> SettlingTracker:
-    """Since when the case is settled, with the end of one more of equal steps taken into account.
+def judged_at(
+    since: Since, t: Float[Array, ""], observed: Observation, tolerances: Tolerances
+) -> Since:
+    """Since when the case is settled and at rest, with the end of one more of equal steps.
 
     Nothing of it is differentiated.
     """
-    return settled.observe(*stop_gradient((t, observed.excess(tolerances))))
+    settled, rest = since
+    settled = settled.observe(*stop_gradient((t, observed.excess(tolerances))))
+    if rest is not None:
+        rest = rest.observe(*stop_gradient((t, observed.rest_excess(tolerances))))
+    return settled, rest
 
 
 def outputs_of(

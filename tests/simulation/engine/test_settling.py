@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxsat.core.tolerances import SettlingTracker
-from jaxsat.simulation.engine import settling
+from jaxsat.simulation.engine import instants
 from jaxsat.simulation.engine.flat_ode import DenseStep, FlatODE
 
 LENGTH, STEPS = 3.0, 12
@@ -28,7 +28,7 @@ def judged(state, begin, tracker, needed=True) -> SettlingTracker:
     zero, none = jnp.zeros(()), jnp.zeros((1, 1))
     step = DenseStep(begin, zero + LENGTH, none[0], none, none, zero, none[0] > 0)
     at_end = state(begin + LENGTH)
-    return settling.settled_along_step(ode, step, zero + 1, tracker, at_end, jnp.array(needed))
+    return instants.settled_along_step(ode, step, zero + 1, tracker, at_end, jnp.array(needed))
 
 
 def tracked(state) -> SettlingTracker:
@@ -41,7 +41,7 @@ def tracked(state) -> SettlingTracker:
 
 @pytest.fixture
 def excess_is_the_state(monkeypatch):
-    monkeypatch.setattr(settling, "excess_at", lambda ode, t, flat: flat)
+    monkeypatch.setattr(instants, "excess_at", lambda ode, t, flat: flat)
 
 
 @pytest.mark.parametrize("period", [2.0, 2.7, 4.0, 10.0])

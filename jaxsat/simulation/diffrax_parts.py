@@ -1,4 +1,7 @@
-"""A solver of diffrax that judges a run on its own steps."""
+"""What diffrax is given: a solver that judges a run on its own steps, and a choice of steps.
+
+The choice judges momenta of effectors in a unit of the body's own. Importing this imports diffrax.
+"""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -11,6 +14,8 @@ from jaxtyping import Array, Float, PyTree
 
 from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.simulation.assessment import stop_gradient
+from jaxsat.simulation.units import in_units, out_of_units
+from jaxsat.spacecraft.dynamics import RigidBody
 
 CHECKS = 4
 """Equal parts of a step at whose ends a run is monitored."""
@@ -170,3 +175,29 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
         high = jax.lax.fori_loop(0, HALVINGS, halve, bracket)[1]
         located = begin + high * (end - begin)
         return since._replace(start=jnp.where(never | jnp.isinf(since.start), since.start, located))
+
+
+class StepControl(diffrax.PIDController):
+    """A `PIDController` of a loop's state whose momenta are in units of the `body`."""
+
+    body: RigidBody | None = None
+
+    def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
+        """With the first step of the state in units."""
+
+        def rate(terms, t, y, args):
+            return self._of(in_units, func(terms, t, self._of(out_of_units, y), args))
+
+        return super().init(terms, t0, t1, self._of(in_units, y0), dt0, args, rate, error_order)
+
+    def adapt_step_size(
+        self, t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
+    ):
+        """By states and error in units."""
+        before, after, error = (self._of(in_units, y) for y in (y0, y1_candidate, y_error))
+        return super().adapt_step_size(
+            t0, t1, before, after, args, error, error_order, controller_state
+        )
+
+    def _of(self, change, state):
+        return state if self.body is None else change(self.body, state)
