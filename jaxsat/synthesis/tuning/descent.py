@@ -177,7 +177,7 @@ def _generation(plan: TuningPlan, state: DescentState) -> DescentState:
         losses,
         np.full(len(losses), np.nan),
         _settled(outputs),
-        np.asarray(_ended_early(outputs)),
+        _ended_early(outputs),
         none,
         none,
         horizon,
@@ -280,7 +280,7 @@ def _settled(outputs: Outputs) -> np.ndarray:
 
 
 def _ended_early(outputs: Outputs) -> np.ndarray:
-    return (outputs.code != int(Outcome.SUCCESS)).sum(axis=1)
+    return (np.asarray(outputs.code) != int(Outcome.SUCCESS)).sum(axis=1)
 
 
 def _spread(
