@@ -171,7 +171,7 @@ class AbstractFeedbackLaw(AbstractController):
         """The commanded torque, N m: (u1, u2), or one about each body axis."""
 
     def init(self, state: PlantState) -> Memory:
-        """Nothing to remember."""
+        """The memory at the start: a feedback law has none."""
         del state
         return None
 

@@ -76,7 +76,7 @@ class DrivenFit(eqx.Module):
         return jnp.stack([jnp.stack(x), jnp.stack(y)])
 
     def init(self, omega: Float[Array, "3"]) -> DrivenMemory:
-        """No error known yet, at the rates (p1, p2, s), rad/s."""
+        """The memory of a fit that knows no error yet, at the rates (p1, p2, s), rad/s."""
         none = jnp.zeros(2, omega.dtype)
         variance = (self.prior**2).astype(omega.dtype)
         return DrivenMemory(

@@ -104,7 +104,7 @@ class ThirdAxisEstimator(eqx.Module):
     gradient: Float[Array, "3"] | None = None
 
     def init(self, omega: Float[Array, "3"]) -> EstimatorMemory:
-        """Nothing known yet but (p1, p2, s), rad/s."""
+        """The memory of an estimator that knows nothing but (p1, p2, s), rad/s."""
         return EstimatorMemory(
             None if self.observer is None else self.observer.init(omega[2]),
             None if self.least_squares is None else self.least_squares.init(omega),

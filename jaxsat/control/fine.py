@@ -76,7 +76,7 @@ class FineStage(eqx.Module):
         )
 
     def init(self, omega: Float[Array, "3"]) -> FineMemory:
-        """At rest, oscillating."""
+        """The memory at the start: the stage oscillates, with no amplitude yet."""
         hold = Hold.none(omega) if self.handover.coasts else None
         return FineMemory(self.oscillator.init(omega), jnp.array(False), hold)
 
@@ -168,7 +168,7 @@ class OscillatorySettling(AbstractSampledController):
         return self.fine.oscillator.form
 
     def init(self, state: PlantState) -> OscillatorySettlingMemory:
-        """At rest, nothing estimated."""
+        """The memory at the start: no oscillation yet, nothing estimated."""
         omega = self.form.seen(state).omega
         return OscillatorySettlingMemory(
             self.fine.init(omega),

@@ -72,7 +72,7 @@ class FiniteTimeRate(eqx.Module):
             require_positive(name, getattr(self, name))
 
     def init(self, state: PlantState) -> Signs:
-        """No signs chosen yet."""
+        """The memory at the start: no signs are chosen."""
         zero = jnp.zeros_like(state.omega[2])
         return Signs(jnp.zeros(2, state.omega.dtype), zero, zero)
 
@@ -88,10 +88,11 @@ class FiniteTimeRate(eqx.Module):
         return 3 * self._root(omega3) / (jnp.abs(c) * a * b)
 
     def signs(self, third: ThirdAxis, omega: Float[Array, "3"], last: Signs) -> Signs:
-        """Of the directions that make |s| fall quickly, the nearest by Σ J_i (ω_i - ω_id)².
+        """Signs of the rates to ask for, of those with which |s| falls quickly the nearest ones.
 
-        It is kept until s changes sign, or another makes it fall much more quickly: with s the
-        terms p1 s and p2 s of leaning axes grow, which help one of two opposite directions.
+        Nearest is by Σ J_i (ω_i - ω_id)². They are kept until s changes sign, or other ones make it
+        fall much more quickly: with s the terms p1 s and p2 s of leaning axes grow, which help one
+        of two opposite directions.
         """
         moments = self.form.moments[:2]
         side = jnp.where(third.rate < 0, -1.0, 1.0)
@@ -177,7 +178,7 @@ class FiniteTimeRateLaw(AbstractSampledController):
         require_positive("period", self.period)
 
     def init(self, state: PlantState) -> FiniteTimeRateMemory:
-        """No signs chosen, nothing estimated."""
+        """The memory at the start: no signs are chosen, nothing is estimated."""
         reference = jnp.zeros(2, state.omega.dtype)
         return FiniteTimeRateMemory(
             self.law.init(state), self.estimator.init(self.law.form.seen(state).omega), reference

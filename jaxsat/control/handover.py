@@ -44,11 +44,11 @@ class Hold(NamedTuple):
 
     @staticmethod
     def none(omega: Float[Array, "3"]) -> "Hold":
-        """Before the first."""
+        """The state before the first hold."""
         return Hold(jnp.zeros_like(omega[0]), jnp.array(False))
 
     def after(self, holds: Bool[Array, ""], clock: RealScalar, coast: "Coast") -> "Hold":
-        """At a `clock` (s) when the end game `holds` or not, with what has become known now."""
+        """The hold at a `clock` (s) when the end game `holds` or not, with what is known now."""
         return Hold(jnp.where(holds, self.begin, clock), self.known | coast.judged)
 
 
@@ -67,8 +67,10 @@ class Coast(NamedTuple):
     def of(
         hold: Hold, clock: RealScalar, frequency: RealScalar, drift: RealScalar, sure: RealScalar
     ) -> "Coast":
-        """For a `drift` (rad/s²) of which `sure` is balanced; `frequency` (rad/s) is that of the
-        oscillation, `clock` in s."""
+        """The coast for a `drift` (rad/s²) of which `sure` is balanced.
+
+        `frequency` (rad/s) is that of the oscillation, `clock` in s.
+        """
         old = (clock - hold.begin) * frequency > KNOWN_PERIODS * 2 * jnp.pi
         beyond = jnp.where(hold.known | old, drift - jnp.clip(drift, -sure, sure), 0.0)
         return Coast(beyond, sure, old & ~hold.known)
@@ -101,7 +103,7 @@ class Coast(NamedTuple):
         return ~self.drifts | (stops & long)
 
     def deceleration(self, own: RealScalar) -> RealScalar:
-        """Of a slow rate with which a hold begins (rad/s²); `own` is that of the end game."""
+        """Deceleration (rad/s²) of the slow rate with which a hold begins, `own` without drift."""
         return jnp.where(self.drifts, jnp.abs(self.drift) + 2 * self.sure, own)
 
     def opposed(self, slow: Slow, turn: RealScalar | float) -> Slow:
@@ -135,7 +137,7 @@ class RippleSlack(eqx.Module):
         return _less(slow, self.enter)
 
     def to_stay(self, slow: Slow, clock: RealScalar | float) -> Slow:
-        """What it hands back by, `clock` (s) after the beginning of the stage."""
+        """The slow errors by which the end game hands back `clock` (s) after the stage began."""
         return _less(slow, self.stay * jnp.clip(1 - clock / self.known, 0.0, 1.0))
 
 

@@ -29,7 +29,7 @@ class TorqueAxisFrame(NamedTuple):
 
     @staticmethod
     def of(inertia: Float[Array, "3 3"], axis: Float[Array, "3"]) -> "TorqueAxisFrame":
-        """Of an inertia (kg m²) and the unit vector b; d ∝ J⁻¹b × b, e = b × d."""
+        """The frame of an inertia (kg m²) and the unit vector b; d ∝ J⁻¹b × b, e = b × d."""
         first, second, third = inertia
         adjugate = jnp.stack(
             [jnp.cross(second, third), jnp.cross(third, first), jnp.cross(first, second)]
@@ -140,7 +140,7 @@ class InertiaFit(eqx.Module):
         return jnp.concatenate([MOMENT_ERROR * self.moments, PRODUCT_ERROR * products, lean])
 
     def init(self, omega: Float[Array, "3"]) -> InertiaMemory:
-        """No error known yet."""
+        """The memory of a fit that knows no error yet."""
         zero = jnp.zeros_like(omega[0])
         return InertiaMemory(
             jnp.zeros(8, omega.dtype),

@@ -66,7 +66,7 @@ class LeakMemory(NamedTuple):
 
     @staticmethod
     def none(count: int) -> "LeakMemory":
-        """Nothing known."""
+        """The memory before anything is known of leaks."""
         zero = jnp.zeros(count)
         return LeakMemory(jnp.zeros((2, count)), zero[:2], zero[0], zero[0])
 
@@ -96,7 +96,7 @@ class Leaks(eqx.Module):
         failed: tuple[int, ...],
         pulse: Float[np.ndarray, " m"],
     ) -> "tuple[Leaks, ThreeSlewSettling]":
-        """Of thrusters with these torques (N m), and the law with a fit of them."""
+        """The leaks of thrusters with these torques (N m), and the law with a fit of them."""
         form = law.form
         axes = np.asarray(form.axes)
         plane, about = axes[:2] @ torque, axes[2] @ torque
@@ -141,7 +141,7 @@ class Leaks(eqx.Module):
         return jnp.where(sure, leaks, 0.0)
 
     def found(self, fit: Fit, limit: Float[Array, " m"], memory: LeakMemory) -> LeakMemory:
-        """With the duties that fitted `leaks` allow, of thrusters up to a `limit`.
+        """The memory with the duties that fitted `leaks` allow, of thrusters up to a `limit`.
 
         Thrusters out of the plane, whose pulses are large, are used for a sign that those of the
         plane do not make.

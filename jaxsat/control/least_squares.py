@@ -52,7 +52,7 @@ class RecursiveLeastSquares(eqx.Module):
             raise ValueError(f"Argument `samples` must be at least 1, but got {self.samples}.")
 
     def init(self, omega: Float[Array, "3"]) -> Fit:
-        """No error known yet."""
+        """The memory of a fit that knows no error yet."""
         return Fit(
             jnp.zeros_like(self.prior) if self.mean is None else self.mean,
             Symmetric(jnp.diag(self.prior**2).astype(omega.dtype)),

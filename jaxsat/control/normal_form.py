@@ -64,7 +64,7 @@ class NormalState(NamedTuple):
     frame_rate: Float[Array, "3"]
 
     def relative_to(self, turn: Float[Array, "3"]) -> "NormalState":
-        """The same with the attitude relative to a frame turned from the orbit frame.
+        """The same state with the attitude relative to a frame turned from the orbit frame.
 
         `turn` is a small rotation vector along (x, y, n), rad.
         """
@@ -90,7 +90,10 @@ class NormalForm(eqx.Module):
     def of(
         model: RigidBody, directions: ArrayLike | Float[np.ndarray, "3 2"] = BODY_XY
     ) -> "NormalForm":
-        """Of a model whose inertia is concrete, and two torques about orthonormal `directions`."""
+        """The normal form of a model with a concrete inertia and two torques about `directions`.
+
+        These are orthonormal.
+        """
         directions = np.asarray(directions, dtype=float)
         axes, _ = normal_axes(np.asarray(model.spacecraft.inertia), directions)
         return NormalForm(model, axes, directions.T @ axes[:2].T)

@@ -190,7 +190,7 @@ class OneTorque(AbstractSampledController):
         )
 
     def init(self, state: PlantState) -> OneTorqueMemory:
-        """Nothing known yet."""
+        """The memory at the start: nothing is estimated."""
         no = jnp.array(False)
         omega = self.principal @ state.omega
         fit = self.fit.init(omega)

@@ -115,7 +115,7 @@ class Oscillator(eqx.Module):
         require_positive("dead_zone", self.dead_zone, zero_allowed=True)
 
     def init(self, omega: Float[Array, "3"]) -> Oscillation:
-        """At rest."""
+        """The oscillation at the start: none."""
         zero = jnp.zeros_like(omega[0])
         return Oscillation(zero, zero, zero + self._no_amplitude, jnp.stack([zero + 1, zero]))
 
@@ -226,7 +226,7 @@ class OscillatoryLaw(AbstractSampledController):
         require_positive("period", self.period)
 
     def init(self, state: PlantState) -> OscillatoryMemory:
-        """No oscillation yet, nothing estimated."""
+        """The memory at the start: no oscillation yet, nothing estimated."""
         omega = self.oscillator.form.seen(state).omega
         reference = jnp.zeros(2, omega.dtype)
         return OscillatoryMemory(self.oscillator.init(omega), self.estimator.init(omega), reference)

@@ -117,7 +117,7 @@ class PlannedSettling(AbstractSampledController):
 
     @property
     def period(self) -> RealScalar:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """That of `settling` (s)."""
+        """The control period, s: that of `settling`."""
         return self.settling.period
 
     @property
@@ -126,7 +126,7 @@ class PlannedSettling(AbstractSampledController):
         return self.settling.form
 
     def program(self, settling: SettlingMemory, driven: DrivenMemory) -> Transcription:
-        """Of the plans: torques about x and y of the normal form, the dynamics as estimated."""
+        """The programme of the plans: torques about x and y, the dynamics as estimated."""
         limit, form = self.settling.torque_limit * (1 - self.margin), self.form
         fit, fitted = settling.estimator.fit, None
         if fit is not None:
@@ -136,7 +136,7 @@ class PlannedSettling(AbstractSampledController):
         return Transcription(form.model, axes, limit, objective, self.intervals, 1, fitted)
 
     def init(self, state: PlantState) -> PlannedMemory:
-        """Nothing planned."""
+        """The memory at the start: nothing is planned."""
         zero = jnp.zeros_like(state.omega[0])
         settling = self.settling.init(state)._replace(phase=jnp.array(Phase.OSCILLATING))
         driven = self.driven.init(self.form.slow(self.form.axes @ state.omega))

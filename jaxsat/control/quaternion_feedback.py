@@ -63,7 +63,7 @@ class QuaternionFeedback(AbstractSampledController):
         )
 
     def init(self, state: PlantState) -> QuaternionFeedbackMemory:
-        """Nothing asked for."""
+        """The memory at the start: no torque is asked for."""
         return QuaternionFeedbackMemory(jnp.zeros_like(state.omega))
 
     def step(

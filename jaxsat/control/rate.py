@@ -45,12 +45,12 @@ class RateLaw(AbstractBacksteppingLaw):
         return cls(context.model, values["k1"], values["k2"], values["omega3_width_rad_s"])
 
     def init(self, state: PlantState) -> Memory:
-        """Nothing to remember."""
+        """The memory at the start: the law has none."""
         del state
         return None
 
     def is_smooth(self) -> bool:
-        """With a width above zero."""
+        """Whether the torque is smooth: with a width above zero."""
         return self.width is not None
 
     def event_functions(self, state: PlantState) -> Float[Array, " m"]:
@@ -77,7 +77,7 @@ class RateLaw(AbstractBacksteppingLaw):
         return -self.k2 * self.model.spacecraft.moments[:2] * rate_error
 
     def memory_rate(self, rate_error: Float[Array, "2"], memory: Memory) -> Memory:
-        """Nothing to remember."""
+        """The rate of the memory, of which the law has none."""
         del rate_error
         return memory
 

@@ -60,7 +60,7 @@ class FailedSet(NamedTuple):
 
 
 def failed_sets(torque: Float[np.ndarray, "3 m"]) -> tuple[FailedSet, ...]:
-    """No failure, each single one and, unless these are more than `MOST_SETS`, each pair."""
+    """The sets of failures looked at: none, each one and, up to `MOST_SETS` sets, each pair."""
     count = torque.shape[1]
     pairs = 1 + count + count * (count - 1) // 2 <= MOST_SETS
     sizes = range(min(MOST_FAILED if pairs else 1, count) + 1)

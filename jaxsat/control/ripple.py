@@ -91,7 +91,7 @@ class RippleObserver(AbstractRippleEstimator):
             require_positive(name, getattr(self, name))
 
     def init(self, omega3: RealScalar) -> Ripple:
-        """No disturbance known yet."""
+        """The memory of an observer that knows no disturbance yet."""
         return Ripple(omega3, jnp.zeros_like(omega3), jnp.zeros_like(omega3))
 
     def advance(
@@ -254,7 +254,7 @@ class RippleFilter(AbstractRippleEstimator):
         return ThirdRate(mean + ripple, ripple, quadrature / self.frequency, steady)
 
     def forget(self, memory: RippleBelief, when: Bool[Array, ""]) -> RippleBelief:
-        """Nothing to do: the covariance knows what the last phase was worth."""
+        """The memory as it is: the covariance knows what the last phase was worth."""
         del when
         return memory
 

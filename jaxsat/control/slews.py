@@ -124,7 +124,7 @@ class SlewPlanner(eqx.Module):
             require_positive(name, getattr(self, name))
 
     def init(self, omega: Float[Array, "3"]) -> Slewing:
-        """Nothing planned."""
+        """The memory of a planner that has planned nothing."""
         zero = jnp.zeros_like(omega[0])
         return Slewing(jnp.array(Leg.FIRST_SLEW), zero, jnp.array(True), zero, zero)
 
@@ -269,7 +269,7 @@ class ThreeSlewLaw(AbstractSampledController):
         require_positive("period", self.period)
 
     def init(self, state: PlantState) -> ThreeSlewMemory:
-        """Nothing planned."""
+        """The memory at the start: nothing is planned."""
         return ThreeSlewMemory(self.planner.init(state.omega), jnp.array(0))
 
     def step(

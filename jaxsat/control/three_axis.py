@@ -76,7 +76,7 @@ class InternalModel(eqx.Module):
         require_positive("frequency", self.frequency)
 
     def init(self) -> OscillatorState:
-        """At rest."""
+        """The state of oscillators at rest."""
         return OscillatorState(jnp.zeros_like(self.frequency), jnp.zeros_like(self.frequency))
 
     def rate(self, state: OscillatorState, rate_error: Float[Array, "2"]) -> OscillatorState:
@@ -156,7 +156,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         return None if self.internal_model is None else self.internal_model.init()
 
     def is_smooth(self) -> bool:
-        """With both widths above zero."""
+        """Whether the torque is smooth: with both widths above zero."""
         width = self.saturation_width
         return width is not None and all_positive(width, self.tilt_width)
 
@@ -212,7 +212,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         return None if self.internal_model is None else self.internal_model.rate(memory, rate_error)
 
     def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
-        """That of the internal model."""
+        """The integrating factor of the internal model."""
         return None if self.internal_model is None else self.internal_model.integrating_factor(t)
 
     def advance(

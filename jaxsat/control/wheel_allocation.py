@@ -70,7 +70,7 @@ class WheelAllocation(eqx.Module):
 
     @property
     def wheels(self) -> Wheels:
-        """Those that the law believes in."""
+        """The wheels that the law believes in."""
         return self.filter.wheels
 
     def find(

@@ -45,7 +45,7 @@ class ActuatorSet:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all thrusters, then of all wheels."""
+        """Names of all thrusters, then of all wheels."""
         return (*self.thrusters, *self.wheels)
 
     @property
@@ -90,12 +90,12 @@ class ActuatorSet:
 
     @property
     def once_stopped(self) -> "ActuatorSet":
-        """The same once friction has stopped the wheels that coast."""
+        """The same actuators once friction has stopped the wheels that coast."""
         return dataclasses.replace(self, coasting=np.zeros(3), coasting_rotors=np.zeros((3, 3)))
 
     @property
     def with_wheels_still(self) -> "ActuatorSet":
-        """The same without momentum in any wheel that is lost."""
+        """The same actuators without momentum in any wheel that is lost."""
         return dataclasses.replace(self.once_stopped, stored=np.zeros_like(self.stored))
 
 

@@ -62,7 +62,7 @@ class FailureCase:
 
     @property
     def verdict(self) -> str:
-        """As `Judgement` has it, for tables and colours."""
+        """The verdict of `Judgement`, for tables and colours."""
         return self.judgement.verdict
 
     @property
@@ -82,7 +82,7 @@ class FailureCase:
 
     @property
     def turn_time(self) -> float:
-        """That of `jaxsat.controllability.turn_time`, s, at 1 N m; NaN where wheels decide."""
+        """The `turn_time` of the layout at 1 N m, s; NaN where wheels decide."""
         return self.judgement.turn_time
 
     @property

@@ -50,7 +50,7 @@ def magnetic_authority(
     *,
     tolerance: float | int = TOLERANCE,
 ) -> MagneticAuthority:
-    """Of magnetorquers along `axes` (body axes) with dipole `limits` (A m²) in a `field`.
+    """What magnetorquers along `axes` (body axes) with dipole `limits` (A m²) can do in a `field`.
 
     `inertia` (3,) or (3, 3) in kg m². A singular value of the linear system below `tolerance` times
     the largest is zero. Raises NoEquilibriumError (a ValueError) unless the body y axis is a

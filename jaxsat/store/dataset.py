@@ -229,7 +229,8 @@ def time_to_settle(dataset: xr.Dataset) -> float:
 
 
 def time_at_rest(dataset: xr.Dataset) -> float:
-    """The same for the inertial rates alone, whatever the attitude: what a rate law can do, s."""
+    """The instant from which the inertial rates stay within tolerance, whatever the attitude, s:
+    what a rate law can do. Infinite if there is none."""
     return _total(dataset, "at_rest_from")
 
 

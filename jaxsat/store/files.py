@@ -136,7 +136,10 @@ def read_file(path: Path) -> bytes | None:
 
 
 def read_or_explain(path: Path) -> bytes | None:
-    """The same; raises `OutputError` where the system will not read it."""
+    """The content of a plain file, None where there is none.
+
+    Raises `OutputError` where the system will not read it.
+    """
     try:
         return read_file(path)
     except OSError as error:

@@ -42,7 +42,7 @@ Made = Callable[[str], bool]
 
 
 def nothing(name: str) -> bool:
-    """No name."""
+    """That a build makes nothing, whatever the name."""
     del name
     return False
 

@@ -63,7 +63,7 @@ def _processor() -> str:
 
 
 def provenance_attributes() -> dict[str, str]:
-    """The same as flat text attributes of a dataset, in the words of the CF conventions."""
+    """What `provenance` tells as flat text attributes of a dataset, named by CF conventions."""
     made_by = provenance()
     versions = {f"{name}_version": version for name, version in made_by["versions"].items()}
     return {

@@ -153,7 +153,7 @@ class AnyResidual(Protocol):
 
     @property
     def variance(self) -> Float[Array, ""] | Float[Array, " m"]:
-        """Of each innovation alike, or of each actuator's."""
+        """The variance of every innovation, or of each actuator's."""
         ...
 
     @property
@@ -172,7 +172,7 @@ class AnyResidual(Protocol):
         ...
 
     def doubt(self, uncertainty: RealScalar) -> Float[Array, ""] | Float[Array, " m"]:
-        """Its standard deviation if that part of it may be an error of the model."""
+        """Standard deviation of the innovations if the part `uncertainty` may be a model error."""
         ...
 
 
@@ -189,11 +189,11 @@ class Evidence(NamedTuple):
 
     @staticmethod
     def none(count: int) -> "Evidence":
-        """Nothing known."""
+        """The evidence before the first residual."""
         return Evidence(jnp.zeros((3, count)), jnp.zeros((2, count)), jnp.zeros(4))
 
     def after(self, residual: AnyResidual, uncertainty: RealScalar) -> "Evidence":
-        """With one more residual, of which the part `uncertainty` may be an error of the model.
+        """The evidence with one more residual, whose part `uncertainty` may be a model error.
 
         Evidence beyond any doubt is kept at `MOST_INFORMATION`.
         """

@@ -66,7 +66,7 @@ class AbstractResidualFilter(eqx.Module):
 
     @abc.abstractmethod
     def init(self, reading: PyTree) -> PyTree:
-        """Nothing measured yet."""
+        """The filter's memory before the first reading."""
 
     @abc.abstractmethod
     def restarted(self, memory: PyTree, verdict: Bool[Array, ""], alarm: Bool[Array, ""]) -> PyTree:
@@ -91,7 +91,7 @@ class AbstractResidualFilter(eqx.Module):
         period: RealScalar,
         quiet: Bool[Array, ""],
     ) -> "Condition":
-        """With the flows that actuators make all the time, and the torque besides, corrected.
+        """The condition with the flows that actuators make all the time, and the torque, corrected.
 
         The latter only while it is `quiet`: nothing is suspected.
         """

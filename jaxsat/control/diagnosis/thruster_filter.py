@@ -117,7 +117,7 @@ class Residual(NamedTuple):
     steady: RealScalar
 
     def doubt(self, uncertainty: RealScalar) -> RealScalar:
-        """Its standard deviation (rad/s) if that part of it may be an error of the model."""
+        """The standard deviation (rad/s) if the part `uncertainty` may be an error of the model."""
         return jnp.sqrt(self.variance + uncertainty**2 * jnp.sum(self.innovation**2))
 
 
@@ -148,11 +148,11 @@ class ResidualFilter(AbstractResidualFilter):
 
     @property
     def noise(self) -> RealScalar:
-        """That of a rate, rad/s."""
+        """Standard deviation of an estimated rate, rad/s."""
         return self.rate_noise
 
     def init(self, reading: Float[Array, "3"]) -> ResidualMemory:
-        """Nothing measured yet."""
+        """The filter's memory before the first estimated rate."""
         none = jnp.zeros((3, self.thrusters.count), reading.dtype)
         no, noise = jnp.array(False), self.rate_noise**2
         return ResidualMemory(reading, noise, none, none, none[0, 0], none[0], no)
@@ -160,7 +160,7 @@ class ResidualFilter(AbstractResidualFilter):
     def restarted(
         self, memory: ResidualMemory, verdict: Bool[Array, ""], alarm: Bool[Array, ""]
     ) -> ResidualMemory:
-        """As before the first sample after a verdict."""
+        """The memory, as before the first sample after a verdict."""
         del alarm
         return memory._replace(started=memory.started & ~verdict)
 
@@ -216,7 +216,7 @@ class ResidualFilter(AbstractResidualFilter):
         period: RealScalar,
         quiet: Bool[Array, ""],
     ) -> Condition:
-        """With the flows of failed thrusters that have one, and the torque, corrected.
+        """The condition with the flows of failed thrusters, and the torque that acts, corrected.
 
         Where there is no flow, the torque is the mean of what the last samples tell, each by the
         information in it.
@@ -242,7 +242,7 @@ class ResidualFilter(AbstractResidualFilter):
         )
 
     def believed(self, condition: Condition, period: RealScalar) -> Float[Array, "3"]:
-        """Of the torque that acts besides, what stands out of the noise of its estimate, N m."""
+        """What stands out of the noise of the estimated torque that acts besides, N m."""
         rate = self.model.spacecraft.inverse_inertia @ condition.torque * period
         known = jnp.sqrt(condition.samples + FIRST_SAMPLES)
         sigma = STEADY_GAIN * jnp.sqrt(STEADY_VARIANCE) * self.rate_noise / known

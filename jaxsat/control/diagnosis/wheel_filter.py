@@ -83,7 +83,7 @@ class WheelResidual(NamedTuple):
     steady: None = None
 
     def doubt(self, uncertainty: RealScalar) -> OfEach:
-        """Their standard deviations (N m s) if that part of each may be an error of the model."""
+        """Standard deviations (N m s) if the part `uncertainty` may be an error of the model."""
         return jnp.sqrt(self.variance + uncertainty**2 * self.innovation**2)
 
 
@@ -115,7 +115,7 @@ class WheelFilter(AbstractResidualFilter):
 
     @property
     def noise(self) -> OfEach:
-        """That of a momentum, N m s."""
+        """Standard deviation of each wheel's measured momentum, N m s."""
         return self.momentum_noise
 
     @property
@@ -126,7 +126,7 @@ class WheelFilter(AbstractResidualFilter):
         return limit
 
     def init(self, reading: OfEach | WheelReading) -> WheelMemory:
-        """Nothing measured yet."""
+        """The filter's memory at the first reading of the tachometers."""
         momentum, taken = self._told(reading)
         none, no = jnp.zeros_like(momentum), jnp.array(False)
         return WheelMemory(momentum, self.momentum_noise**2, none, none, none > 0, no, taken)
@@ -143,7 +143,7 @@ class WheelFilter(AbstractResidualFilter):
     def restarted(
         self, memory: WheelMemory, verdict: Bool[Array, ""], alarm: Bool[Array, ""]
     ) -> WheelMemory:
-        """As before the first sample after either: a wheel that seized is followed no further."""
+        """The memory after a verdict or an alarm; a wheel that seized is followed no further."""
         return memory._replace(started=memory.started & ~(verdict | alarm))
 
     def friction(self, momentum: OfEach, condition: Condition) -> OfEach:
@@ -230,7 +230,7 @@ class WheelFilter(AbstractResidualFilter):
         period: RealScalar,
         quiet: Bool[Array, ""],
     ) -> Condition:
-        """With the friction of those that are braked more than they should be corrected.
+        """The condition with the friction of wheels that are braked too much corrected.
 
         One that turns tells it by how fast it slows, one that does not turn though it is driven
         has more.

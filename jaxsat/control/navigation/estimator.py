@@ -43,7 +43,7 @@ def difference(q: Quaternion, p: Quaternion) -> Float[Array, "3"]:
 
 
 def rotation_vector(q: Quaternion, p: Quaternion) -> Float[Array, "3"]:
-    """The same as a rotation vector, rad."""
+    """The rotation vector (rad) of the turn from the attitude q to p, at most half a circle."""
     turn = between(q, p).q
     square = jnp.sum(turn[1:] ** 2)
     turns = square > 0

@@ -75,12 +75,12 @@ class TorqueCost(eqx.Module):
 
     @staticmethod
     def free(u: Torques, mu: RealScalar) -> "TorqueCost":
-        """Of torques that cost nothing, on the central path of `mu`."""
+        """The terms of torques that cost nothing, on the central path of `mu`."""
         return TorqueCost(tuple(Limit(slack, mu / slack) for slack in (1 + u, 1 - u)))
 
     @staticmethod
     def of_sizes(u: Torques, mu: RealScalar, length: RealScalar) -> "TorqueCost":
-        """Of torques that cost their sizes, on the central path: t² = u² + 2 t μ / length."""
+        """Terms of torques that cost their sizes, on the central path: t² = u² + 2 t μ / length."""
         ratio = mu / length
         size = ratio + jnp.sqrt(ratio**2 + u**2)
         slacks = (1 + u, 1 - u, size - u, size + u)
@@ -185,7 +185,7 @@ class EndTerms(NamedTuple):
         radii: Float[Array, "3"],
         mu: RealScalar,
     ) -> "EndTerms":
-        """At a place with the multipliers z."""
+        """The terms at a place of the end, with the multipliers z."""
         slack = slacks(place)
         along = BALLS * place[:, None]
         curvature = jnp.diag(BALLS @ (2 * multipliers))

@@ -34,7 +34,7 @@ def random_numbers(count: int) -> dict[str, Float[np.ndarray, "count ..."]]:
 
 
 def slew_duration(program: Transcription, x: Float[Array, "7"]) -> RealScalar:
-    """Of the tilt and turn of a start as one slew with one thruster, in units of τ.
+    """How long the tilt and turn of a start take as one slew with one thruster, in units of τ.
 
     Without derivatives: it is only where a search begins, and its root has none at the target.
     """

@@ -109,7 +109,7 @@ def solve(
 def begun(
     program: Transcription, begin: RealScalar, guess: Unknowns, settings: Settings
 ) -> Iterate:
-    """Before the first iteration from a guess."""
+    """The iterate before the first iteration from a guess."""
     torque = lax.map(lambda u: jnp.clip(u, -INSIDE, INSIDE), guess.torque)
     unknowns, dtype = guess._replace(torque=torque), guess.last.dtype
     mu, length = jnp.asarray(settings.first_barrier, dtype), guess.duration / program.intervals

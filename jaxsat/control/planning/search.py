@@ -79,7 +79,7 @@ class PlanSearch(eqx.Module):
 
     @property
     def closing_pieces(self) -> int:
-        """In how many of them the best guess is nearly always improved."""
+        """In how many pieces the best guess is nearly always improved."""
         return -(-CLOSING // self.iterations)
 
     @property

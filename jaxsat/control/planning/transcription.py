@@ -120,7 +120,7 @@ class Transcription(eqx.Module):
         return None if radii is None else inside(self.arrival(x) / (BALLS @ radii))
 
     def missed(self, at: "Unknowns") -> Float[Array, "6"]:
-        """By how much the last state misses its place in the tolerances, or rest."""
+        """The distance by which the last state misses its place in the tolerances, or rest."""
         arrival, radii = self.arrival(at.last), self.radii
         if radii is None or at.place is None:
             return arrival
@@ -220,5 +220,5 @@ class Transcription(eqx.Module):
         return at.duration if self.objective is PlanObjective.TIME else self.effort(at)
 
     def numbers(self, at: "Unknowns") -> Float[Array, " n"]:
-        """Of the intervals."""
+        """The numbers of the intervals."""
         return jnp.arange(self.intervals, dtype=at.last.dtype)
