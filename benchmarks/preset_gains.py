@@ -19,9 +19,8 @@ import jax
 import numpy as np
 
 import jaxsat
-from jaxsat.core.declaration.scaling import STEPS
 from jaxsat.core.declaration.settling import TUNED_LIMITS
-from jaxsat.core.declaration.tuned_gains import APPROACH, TWO_CHANNEL
+from jaxsat.core.declaration.tuned_gains import APPROACH, STEPS, TWO_CHANNEL
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting, comparison_scenario
 

@@ -21,7 +21,7 @@ from jaxsat.core.allocation import torque_axis
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.one_torque import ONE_TORQUE
-from jaxsat.core.declaration.scaling import Scaling
+from jaxsat.core.declaration.tuned_gains import Scaling
 from jaxsat.core.inertia import LEAST_TORQUE_TILT, torque_axis_frame
 from jaxsat.spacecraft.dynamics import PlantState
 

@@ -1,10 +1,10 @@
 """Settling controllers for any inertia, torque limit and control period.
 
-Their gains have no dimension (`jaxsat.core.declaration.tuned_gains`). The unit of time is τ of
-`jaxsat.core.declaration.scaling`, J0 being the geometric mean of S1 and S2, so a larger body under
-torques larger in proportion flies alike. The gains are functions of the control period over τ,
-tuned at three values of it; between these they are interpolated, below and above they are those of
-the nearest. What is known of the periodic d3 goes into the ripple estimator.
+Their gains have no dimension. The unit of time is τ of `jaxsat.core.declaration.tuned_gains`, J0
+being the geometric mean of S1 and S2, so a larger body under torques larger in proportion flies
+alike. The gains are functions of the control period over τ, tuned at three values of it; between
+these they are interpolated, below and above they are those of the nearest. What is known of the
+periodic d3 goes into the ripple estimator.
 """
 
 import bisect
@@ -29,7 +29,6 @@ from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, Steady
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.core.checks import as_float, numpy_if_known
-from jaxsat.core.declaration.scaling import Scaling, in_seconds
 from jaxsat.core.declaration.settling import TUNED_PERIOD
 from jaxsat.core.declaration.settling import holding_amplitude as own_amplitude
 from jaxsat.core.declaration.tuned_gains import (
@@ -37,6 +36,8 @@ from jaxsat.core.declaration.tuned_gains import (
     MORIN_SAMSON,
     TWO_CHANNEL,
     FineGains,
+    Scaling,
+    in_seconds,
 )
 from jaxsat.spacecraft.dynamics import RigidBody
 

@@ -5,9 +5,8 @@ import math
 import numpy as np
 
 from jaxsat.core.allocation import usable_share
-from jaxsat.core.declaration.scaling import Scaling
 from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE, TUNED_PERIOD, holding_amplitude
-from jaxsat.core.declaration.tuned_gains import MORIN_SAMSON, TWO_CHANNEL, tuned_frequency
+from jaxsat.core.declaration.tuned_gains import MORIN_SAMSON, TWO_CHANNEL, Scaling, tuned_frequency
 from jaxsat.core.inertia import torque_axis_frame
 from jaxsat.core.ranges import SETTLED_W
 from jaxsat.scenario.actuator_cautions import actuator_cautions
@@ -59,7 +58,7 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
 
 def _axes_cautions(scenario: Scenario) -> list[Issue]:
     """Rows of torque axes are directions: what their lengths could mean is not flown."""
-    rows = scenario.spacecraft.thruster_torque_axes or ()
+    rows: tuple[tuple[float, ...], ...] = scenario.spacecraft.thruster_torque_axes or ()
     for number, row in enumerate(rows):
         length = math.hypot(*row)
         if abs(length - 1) > UNIT_LENGTH:

@@ -30,7 +30,7 @@ from jaxsat.scenario.parts.sensors import (
     StarTrackerTable,
 )
 from jaxsat.scenario.parts.thrusters import ModulationTable
-from jaxsat.scenario.quantities import Line, Table, Text, choice
+from jaxsat.scenario.quantities import Line, Table, Text, choice, table_with
 from jaxsat.scenario.rules import broken_rules
 from jaxsat.scenario.tables import (
     InitialTable,
@@ -54,17 +54,13 @@ class _Body(Table):
     actuators: ActuatorsOfAKind | None = choice("Actuators that do not come with jaxsat", None)
 
 
-_ACTUATORS: Any = create_model(
-    "_Actuators",
-    __base__=_Body,
-    **{
-        one.name: (Annotated[tuple[one.table, ...], Len(0, one.most)], choice(one.meaning, ()))
-        for one in ACTUATORS
-    },
-)
+_ACTUATORS = {
+    one.name: (Annotated[tuple[one.table, ...], Len(0, one.most)], choice(one.meaning, ()))
+    for one in ACTUATORS
+}
 
 
-class Scenario(_ACTUATORS):
+class Scenario(table_with(_ACTUATORS, _Body)):
     """One spacecraft, its control law and one run of them.
 
     Raises pydantic's `ValidationError` holding every mistake at once. Each of its errors carries

@@ -14,9 +14,8 @@ from jaxsat.control import oscillatory_settling, three_slew_settling
 from jaxsat.control.fine import FineMode
 from jaxsat.control.supervisor import Phase
 from jaxsat.core.attitude import WZ
-from jaxsat.core.declaration.scaling import STEPS, Scaling
 from jaxsat.core.declaration.settling import TUNED_LIMITS, TUNED_MOMENTS, TUNED_PERIOD
-from jaxsat.core.declaration.tuned_gains import APPROACH, MORIN_SAMSON, TWO_CHANNEL
+from jaxsat.core.declaration.tuned_gains import APPROACH, MORIN_SAMSON, STEPS, TWO_CHANNEL, Scaling
 from jaxsat.scenario.build.run import build_loop
 from jaxsat.simulation import SampledLoop, simulate
 from jaxsat.spacecraft.dynamics import PlantState

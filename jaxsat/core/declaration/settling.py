@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from jaxsat.core.declaration.domain import sweeps_of
 from jaxsat.core.declaration.keys import LARGEST, number, switch
 from jaxsat.core.declaration.law import LawDeclaration, control_period
-from jaxsat.core.declaration.scaling import Scaling
+from jaxsat.core.declaration.tuned_gains import Scaling
 
 TUNED_MOMENTS = (449.5, 264.6, 312.5)
 """Principal moments (kg m²) for which the gains are tuned."""

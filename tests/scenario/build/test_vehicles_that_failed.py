@@ -5,8 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from jaxsat.core.declaration.scaling import STEPS
-from jaxsat.core.declaration.tuned_gains import APPROACH
+from jaxsat.core.declaration.tuned_gains import APPROACH, STEPS
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
