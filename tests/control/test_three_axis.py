@@ -64,7 +64,7 @@ def three_axis_cases():
     """
     rng = np.random.default_rng(5)
     yield "paper", PAPER_THREE_AXIS, 500.0
-    yield "exact orbit", {**PAPER_THREE_AXIS, "relation": "exact"}, 200.0
+    yield "exact orbit", {**PAPER_THREE_AXIS, "relation": "exact"}, 400.0
     detuned = {"internal_model_frequency": (0.5, 0.9), "k4": (0.02, 0.5)}
     yield "detuned internal model", {**PAPER_THREE_AXIS, **detuned}, 200.0
     free = {**PAPER_THREE_AXIS, "third_rate": "free"}
@@ -89,7 +89,7 @@ def three_axis_cases():
                 "a": 0.1 * rng.uniform(0.8, 1.25),
                 "phase": tuple(rng.uniform(-3, 3, 3)),
             },
-            100.0,
+            500.0,
         )
 
 
