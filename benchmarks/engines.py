@@ -35,7 +35,7 @@ from contenders import all_contenders
 from contenders.contender import LAWS, Contender, Run
 from contenders.scipy_dop853 import truth
 from contenders.work import errors, final_state, starts
-from jaxsat.core.processors import processors
+from jaxsat.core.process import processors
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 from jaxsat.store import machine

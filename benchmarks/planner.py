@@ -21,7 +21,7 @@ import numpy as np
 from jaxsat.compiler import Mapped
 from jaxsat.control.planning import Plan, Planner, PlanStatus
 from jaxsat.core.attitude import Quaternion
-from jaxsat.core.processors import processors
+from jaxsat.core.process import processors
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.spacecraft.dynamics import PlantState

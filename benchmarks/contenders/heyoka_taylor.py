@@ -28,7 +28,7 @@ from contenders.work import (
     reference,
     starts,
 )
-from jaxsat.core.processors import processors
+from jaxsat.core.process import processors
 from jaxsat.studies import Study
 
 INSIDE, OFFSET = (6, 7), (8, 9)

@@ -7,7 +7,7 @@ import diffrax
 import numpy as np
 
 from contenders.contender import TOLERANCES, Contender, Run
-from jaxsat.core.processors import processors
+from jaxsat.core.process import processors
 from jaxsat.simulation import adaptive
 from jaxsat.simulation.engine import (
     AbstractEngine,

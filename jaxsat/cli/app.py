@@ -35,8 +35,8 @@ from jaxsat.cli.terminal import (
     print_warning,
 )
 from jaxsat.cli.tune import tune
-from jaxsat.core.garbage_collection import no_collection
 from jaxsat.core.numerals import at_least_digits
+from jaxsat.core.process import no_collection
 
 app = App(
     name="jaxsat",

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.options import BatchSize, OptionalBatchSize, Text, Workers
 from jaxsat.cli.terminal import FailedRun, UserMistake, output_problem, print_stderr
-from jaxsat.core.processors import processors
+from jaxsat.core.process import processors
 
 if TYPE_CHECKING:
     from jaxsat.studies import AbstractExecutor

@@ -141,8 +141,7 @@ def _apply(b: Builder, eqn: Equation, arrays: list[Elements]) -> Sequence[Elemen
         with b.at(() if b.trace is None else frames_of(eqn, b.trace)):
             outputs = RULES[name](b, eqn, *arrays)
             if b.trace is not None:
-                arrays = [outputs] if isinstance(outputs, np.ndarray) else outputs
-                note_elements(b.trace, arrays)
+                note_elements(b.trace, [outputs] if isinstance(outputs, np.ndarray) else outputs)
         if b.written - before > LONGEST and not _is_call(eqn):
             many = b.written - before
             raise CannotLower(f"`{name}` would be written out as {many} operations")

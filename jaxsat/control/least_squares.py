@@ -9,7 +9,7 @@ from jaxtyping import Array, Float, Int
 
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import reciprocal
-from jaxsat.core.symmetric import Symmetric
+from jaxsat.core.trees import Symmetric
 
 RealScalar = Float[Array, ""]
 

@@ -20,8 +20,7 @@ from jaxtyping import Array, ArrayLike, Float
 from jaxsat.core.attitude import AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_float, numpy_if_known
 from jaxsat.core.inertia import normal_axes
-from jaxsat.core.quotients import reciprocal
-from jaxsat.core.roots import angle_of, root
+from jaxsat.core.quotients import angle_of, reciprocal, root
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 

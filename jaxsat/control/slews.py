@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.control.normal_form import NormalForm, NormalState, clipped
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_float, require_positive
-from jaxsat.core.roots import angle_of, root
+from jaxsat.core.quotients import angle_of, root
 from jaxsat.core.tolerances import wrap_angle
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState

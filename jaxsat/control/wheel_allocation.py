@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.diagnosis import WEAK, Condition, WheelFilter
 from jaxsat.control.reconfiguration import Left
-from jaxsat.core.roots import length, root
+from jaxsat.core.quotients import length, root
 from jaxsat.spacecraft import Wheels, nearest_within
 
 RealScalar = Float[Array, ""]

@@ -7,9 +7,7 @@ from typing import Any
 
 from jaxsat.compiler.c.naming import comment
 from jaxsat.flight import templates
-from jaxsat.flight.flight import CannotExport
-from jaxsat.flight.harness import records_header, test_program, vectors_file
-from jaxsat.flight.library import library_source
+from jaxsat.flight.harness import library_source, records_header, test_program, vectors_file
 from jaxsat.flight.measure import Measured, measured
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.flight.readme import readme
@@ -53,32 +51,14 @@ def export(request: Request) -> Export:
     Raises `CannotExport` for a loop that has no flight code, and `CannotLower` for an operation
     that cannot be written, with its line in the source.
     """
-    if not isinstance(request.loop, SampledLoop):
-        raise CannotExport(NOT_SAMPLED)
     program = flight_program(request.loop, request.start, single=request.single)
+    assert isinstance(request.loop, SampledLoop)  # another one has no flight program
     intro = _intro(request, program)
     texts = {
         "controller.h": header(program, intro),
         "controller.c": source(program, intro, libm=request.libm),
     }
-    found = vectors(program, request.loop, request.start, request.duration)
-    return with_tests(request, program, texts, intro, found)
-
-
-NOT_SAMPLED = (
-    "control.law: must be a law that runs once a period to become flight code, got one in "
-    "continuous time"
-)
-
-
-def with_tests(
-    request: Request,
-    program: FlightProgram,
-    texts: dict[str, str],
-    intro: list[str],
-    found: Vectors,
-) -> Export:
-    """The same with everything that stands around the controller."""
+    samples = vectors(program, request.loop, request.start, request.duration)
     texts |= {
         "controller_records.h": records_header(program, intro),
         "test_controller.c": test_program(program, intro),
@@ -91,11 +71,11 @@ def with_tests(
         "export.json": _record(request, program) + "\n",
     }
     files = {name: text.encode() for name, text in texts.items()}
-    files["test_vectors.bin"] = vectors_file(found)
+    files["test_vectors.bin"] = vectors_file(samples)
     numbers = measured(files)
     lines = texts["controller.c"].count("\n")
-    files["README.md"] = readme(request, program, found, numbers, lines).encode()
-    return Export(program, files, found, numbers, lines)
+    files["README.md"] = readme(request, program, samples, numbers, lines).encode()
+    return Export(program, files, samples, numbers, lines)
 
 
 def _intro(request: Request, program: FlightProgram) -> list[str]:

@@ -14,7 +14,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from jaxsat.core.search_path import add_folders
+from jaxsat.core.process import add_folders
 from jaxsat.scenario.cautions import cautions
 from jaxsat.scenario.degrees import InRadians, in_radians
 from jaxsat.scenario.errors import (

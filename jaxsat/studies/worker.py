@@ -20,8 +20,7 @@ import cloudpickle
 import equinox as eqx
 import jax
 
-from jaxsat.core.processors import share_of
-from jaxsat.core.search_path import add_folders, added_folders
+from jaxsat.core.process import add_folders, added_folders, share_of
 from jaxsat.studies.executors import ClusterError, Work
 
 

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from jaxsat.core import search_path
+from jaxsat.core import process
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
 from jaxsat.synthesis.comparison.run import compare
 from jaxsat.synthesis.execution import Listener
@@ -91,7 +91,7 @@ class Own(AbstractFeedbackLaw):
 def own_law(tmp_path, monkeypatch):
     """A law in the current folder, which is gone from Python afterwards."""
     monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(search_path, "_ADDED", [])
+    monkeypatch.setattr(process, "_ADDED", [])
     (tmp_path / "my_compared_law.py").write_text(OWN_LAW)
     yield
     sys.modules.pop("my_compared_law", None)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from jaxsat.core import search_path
+from jaxsat.core import process
 
 PAGE = Path(__file__).parents[2] / "docs" / "your-own-disturbance.md"
 TEXT = PAGE.read_text(encoding="utf-8")
@@ -17,7 +17,7 @@ COMMANDS = re.findall(r"^    jaxsat (.*)$", TEXT, re.MULTILINE)
 def _files(tmp_path, monkeypatch):
     """The three files of the page in the current folder."""
     monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(search_path, "_ADDED", [])
+    monkeypatch.setattr(process, "_ADDED", [])
     solar, valves = blocks("python")
     files = {"solar.py": solar, "valves.py": valves, "disturbed.toml": blocks("toml")[0]}
     for name, text in files.items():

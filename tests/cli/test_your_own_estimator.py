@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxsat.core import search_path
+from jaxsat.core import process
 from jaxsat.scenario import ScenarioError, dump, plugins
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -47,7 +47,7 @@ class Broken(FixedGains):
 def own(tmp_path, monkeypatch):
     """A scenario of the library with the page's sensors and estimator, beside the module."""
     monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(search_path, "_ADDED", [])
+    monkeypatch.setattr(process, "_ADDED", [])
     (tmp_path / "observers.py").write_text(MODULE + MORE, encoding="utf-8")
     path = tmp_path / "own.toml"
     kept = library()["switching"].read_text(encoding="utf-8")

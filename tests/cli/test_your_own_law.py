@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from jaxsat.core import search_path
+from jaxsat.core import process
 
 PAGE = Path(__file__).parents[2] / "docs" / "your-own-law.md"
 
@@ -15,7 +15,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "your-own-law.md"
 def _files(tmp_path, monkeypatch):
     """The two files of the page in the current folder."""
     monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(search_path, "_ADDED", [])
+    monkeypatch.setattr(process, "_ADDED", [])
     text = PAGE.read_text(encoding="utf-8")
     for name, kind in (("quaternion_pd.py", "python"), ("mine.toml", "toml")):
         (tmp_path / name).write_text(blocks(text, kind)[0], encoding="utf-8")

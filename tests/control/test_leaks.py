@@ -8,7 +8,7 @@ from scipy.optimize import linprog
 from jaxsat.control.leaks import LeakMemory, Leaks, wanted_push
 from jaxsat.control.least_squares import Fit
 from jaxsat.control.oscillatory import Slow
-from jaxsat.core.symmetric import Symmetric
+from jaxsat.core.trees import Symmetric
 
 PLANE = np.array([[5.0, -5.0, 0, 0, 0, 0], [0, 0, 5.0, -5.0, 0, 0]]) * 1e-3
 

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.core.barriers import apart
+from jaxsat.core.trees import apart
 from jaxsat.simulation.engine.flat_ode import FlatODE
 
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.core import barriers
+from jaxsat.core import trees
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.core.jaxprs import jaxpr_of
 
@@ -126,7 +126,7 @@ def told_otherwise(state, k):
     product = state * k  # which may be negative
     jax.debug.print("product {}", product)
     half = 0.5
-    return barriers.apart(jax.jit(jnp.negative), jnp.where(product > 0, product, half * product))
+    return trees.apart(jax.jit(jnp.negative), jnp.where(product > 0, product, half * product))
 
 
 def negated(x, gain):

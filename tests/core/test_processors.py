@@ -7,14 +7,14 @@ import threading
 
 import pytest
 
-from jaxsat.core import processors as counting
-from jaxsat.core.processors import all_processors, processors, share_of
+from jaxsat.core import process as counting
+from jaxsat.core.process import all_processors, processors, share_of
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processes cannot be bound here")
 def test_a_process_bound_to_one_processor_has_one():
     program = "import os; os.sched_setaffinity(0, [min(os.sched_getaffinity(0))]); "
-    program += "from jaxsat.core.processors import processors; print(processors())"
+    program += "from jaxsat.core.process import processors; print(processors())"
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )

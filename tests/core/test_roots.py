@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.core.roots import angle_of, length, root
+from jaxsat.core.quotients import angle_of, length, root
 
 STEP = 1e-6
 SMALL = 3e-5  # a value is this far from zero where the differences are to be right

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.core.symmetric import Symmetric, halved, restored
+from jaxsat.core.trees import Symmetric, halved, restored
 
 
 class _Memory(NamedTuple):

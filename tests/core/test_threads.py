@@ -18,11 +18,11 @@ from jaxsat.compiler.c import naming
 from jaxsat.compiler.llvm.threads import _shared
 from jaxsat.control.planning import guesses
 from jaxsat.controllability import analyse, pointwise, torque_cone
-from jaxsat.core import garbage_collection
+from jaxsat.core import process
 from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.laws import LAWS
-from jaxsat.core.search_path import _ADDED, add_folders
-from jaxsat.core.symmetric import _places
+from jaxsat.core.process import _ADDED, add_folders
+from jaxsat.core.trees import _places
 from jaxsat.scenario import control, plugins, wording
 from jaxsat.scenario.optimisers import OptimiserSettings
 from jaxsat.scenario.parts import named
@@ -107,7 +107,7 @@ def test_a_property_is_found_once_by_the_threads_that_want_it_first(make, name):
 
 
 def test_threads_add_one_folder(tmp_path, monkeypatch):
-    monkeypatch.setattr("sys.path", [*jaxsat.core.search_path.sys.path])
+    monkeypatch.setattr("sys.path", [*jaxsat.core.process.sys.path])
     before = list(_ADDED)
     try:
         at_once(lambda: add_folders([str(tmp_path)]))
@@ -129,7 +129,7 @@ def test_a_study_is_drawn_and_read_without_filters_of_warnings(monkeypatch):
 
 def test_threads_leave_the_search_for_dead_cycles_as_it_was(monkeypatch):
     """Also where one comes in while another one goes out."""
-    enabled, looked, left = garbage_collection.gc.isenabled, threading.Event(), threading.Event()
+    enabled, looked, left = process.gc.isenabled, threading.Event(), threading.Event()
 
     def slowly():
         found = enabled()
@@ -139,12 +139,12 @@ def test_threads_leave_the_search_for_dead_cycles_as_it_was(monkeypatch):
         return found
 
     def come():
-        with garbage_collection.no_collection():
+        with process.no_collection():
             pass
 
-    monkeypatch.setattr(garbage_collection.gc, "isenabled", slowly)
+    monkeypatch.setattr(process.gc, "isenabled", slowly)
     other = threading.Thread(target=come)
-    with garbage_collection.no_collection():
+    with process.no_collection():
         other.start()
         assert looked.wait(60)
     left.set()

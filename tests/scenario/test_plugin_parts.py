@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jaxsat.core import search_path
+from jaxsat.core import process
 from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioError, dump, plugins
 from jaxsat.scenario.build.load import load
@@ -167,7 +167,7 @@ high = 0.01
 def own(tmp_path, monkeypatch):
     """A scenario beside a module of parts, neither of them in the current folder."""
     monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(search_path, "_ADDED", [])
+    monkeypatch.setattr(process, "_ADDED", [])
     (tmp_path / "own_parts.py").write_text(PARTS, encoding="utf-8")
     path = tmp_path / "own.toml"
     path.write_text(SCENARIO, encoding="utf-8")

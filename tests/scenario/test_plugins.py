@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from jaxsat.core import search_path
+from jaxsat.core import process
 from jaxsat.scenario import ScenarioError, dump, plugins
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -21,7 +21,7 @@ from scenario.packages import PACKAGE, forget_package, install_package
 def _nothing_stays(monkeypatch):
     """No module or folder of a test is there in the next."""
     monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(search_path, "_ADDED", [])
+    monkeypatch.setattr(process, "_ADDED", [])
     plugins.installed.cache_clear()
     yield
     sys.modules.pop("own_law", None)

@@ -21,7 +21,7 @@ import pytest
 from helpers.derivatives import Derivatives
 from helpers.every_law import KEYS, PLACES, UPSIDE_DOWN, library, scenario_of
 from helpers.magnetic import document
-from jaxsat.core import search_path
+from jaxsat.core import process
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.scenario.build.run import build_loop
@@ -277,7 +277,7 @@ def part(request, tmp_path_factory):
         folder = tmp_path_factory.mktemp("plug-ins")
         patch.chdir(folder)
         patch.syspath_prepend(folder)
-        patch.setattr(search_path, "_ADDED", [])
+        patch.setattr(process, "_ADDED", [])
         install_package(folder, patch)
         scenario = one.scenario()
         loop = build_loop(scenario)

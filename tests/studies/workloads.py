@@ -10,7 +10,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from jaxsat.compiler.llvm import cache
-from jaxsat.core.processors import processors
+from jaxsat.core.process import processors
 
 
 def told(chunk):

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import TypeVar
 
 from jaxsat.core.once import once
-from jaxsat.core.processors import all_processors
+from jaxsat.core.process import all_processors
 
 STACK = 16 << 20
 """Bytes of a thread's stack; the system provides those that are used."""

@@ -16,7 +16,7 @@ from jaxsat.control.navigation.estimator import (
     rotation,
 )
 from jaxsat.core.attitude import Quaternion
-from jaxsat.core.barriers import apart
+from jaxsat.core.trees import apart
 from jaxsat.spacecraft import Gyro, StarTracker
 from jaxsat.spacecraft.environment import AbstractOrbit
 

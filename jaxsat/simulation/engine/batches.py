@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from jaxsat.core.fingerprint import fingerprint
-from jaxsat.core.garbage_collection import no_collection
 from jaxsat.core.jaxprs import Jaxpr, jaxpr_of
+from jaxsat.core.process import no_collection
 from jaxsat.core.trees import strong
 from jaxsat.simulation import Signals
 from jaxsat.simulation.engine.interface import AbstractEngine, CostGradient, Mode, count_of

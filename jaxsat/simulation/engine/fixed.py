@@ -9,7 +9,7 @@ import jax.numpy as jnp
 
 from jaxsat.core.checks import require_counts
 from jaxsat.core.solvers import NamedSolver, Solver, class_name
-from jaxsat.core.symmetric import halved, restored
+from jaxsat.core.trees import halved, restored
 from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop
 from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gradient
 from jaxsat.simulation.engine.details import details_of, with_details

@@ -10,8 +10,8 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.core.barriers import apart
 from jaxsat.core.solvers import Solver
+from jaxsat.core.trees import apart
 from jaxsat.simulation import AbstractContinuousLoop, Motion
 from jaxsat.simulation.engine.dense_output import AbstractDenseOutput, dense_output
 from jaxsat.simulation.engine.program import Case, Program

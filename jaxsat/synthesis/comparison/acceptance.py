@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from jaxsat.core.search_path import add_folders
+from jaxsat.core.process import add_folders
 from jaxsat.scenario import Problem, Scenario, ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import EngineName, build_study

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
-from jaxsat.core.processors import processors
+from jaxsat.core.process import processors
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.control import known_law
 from jaxsat.studies import Serial, Threads, Work

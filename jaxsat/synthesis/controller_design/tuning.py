@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxsat.core.declaration.keys import Numeric
-from jaxsat.core.processors import processors
+from jaxsat.core.process import processors
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.optimisers import DERIVATIVE_FREE
 from jaxsat.scenario.tuning import BoundsTable, CostTable, TuningTable

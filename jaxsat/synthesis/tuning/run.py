@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jaxsat.core.once import once_property
-from jaxsat.core.processors import processors
+from jaxsat.core.process import processors
 from jaxsat.report.document import Document
 from jaxsat.report.markdown import markdown_page
 from jaxsat.report.tuning_document import tuning_document

@@ -14,7 +14,7 @@ from jaxsat.compiler.lowering import CannotLower
 from jaxsat.core.checks import require_counts
 from jaxsat.core.jaxprs import Jaxpr
 from jaxsat.core.once import Locks
-from jaxsat.core.processors import processors
+from jaxsat.core.process import processors
 from jaxsat.simulation import Signals
 from jaxsat.simulation.engine.fixed import FixedStepper
 from jaxsat.simulation.engine.interface import (

@@ -21,8 +21,8 @@ from jaxsat.compiler.llvm.emitter import ALIGNMENT
 from jaxsat.compiler.llvm.entry_points import EntryPoint
 from jaxsat.compiler.llvm.locations import Location, PerCase, ScalarArgument, Shared, Slot
 from jaxsat.compiler.lowering import Elements, arrays_of, lower, number_type, scalars_of
-from jaxsat.core.garbage_collection import no_collection
 from jaxsat.core.jaxprs import Jaxpr, jaxpr_and_shapes
+from jaxsat.core.process import no_collection
 from jaxsat.simulation.engine.native.phases import AbstractPhases, zero_leaves
 
 del rules  # imported for the table it fills

@@ -1,8 +1,12 @@
-"""How many processors may be used here: one count, for all who share work out to threads."""
+"""What all of a process shares: the processors it may use, folders of a user's modules, Python's
+garbage collection."""
 
+import gc
 import math
 import os
-from collections.abc import Iterator
+import sys
+import threading
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -49,3 +53,39 @@ def _quota() -> int | None:
         return max(1, math.ceil(int(most) / int(period)))
     except (OSError, ValueError):  # no such file, or the word max
         return None
+
+
+_switching = threading.Lock()
+
+
+@contextmanager
+def no_collection() -> Iterator[None]:
+    """Without the search, which goes through all objects again and again while many are made."""
+    with _switching:
+        active = gc.isenabled()
+        gc.disable()
+    try:
+        yield
+    finally:
+        if active:  # others inside are slower from here on, no more
+            with _switching:
+                gc.enable()
+
+
+_ADDED: list[str] = []
+_adding = threading.Lock()
+
+
+def add_folders(folders: Iterable[str]) -> None:
+    """Let modules be imported from these folders, after all others."""
+    with _adding:
+        for folder in folders:
+            if folder not in _ADDED:
+                _ADDED.append(folder)
+            if folder not in sys.path:
+                sys.path.append(folder)
+
+
+def added_folders() -> tuple[str, ...]:
+    """The folders that have been added, for a worker to add too."""
+    return tuple(_ADDED)
