@@ -132,4 +132,4 @@ def _tests(dataset: xr.Dataset) -> Plot:
     lines = [Line(time, values[:, place], f"{part} {names[place]}") for place in places]
     lines.append(Line(time[[0, -1]], np.ones(2), "alarm"))
     top = 1.15 * max(1.0, float(np.nanmax(values)))
-    return Plot("Tests", "", TIME, Axis("CUSUM over its threshold", limits=(0.0, top)), lines)
+    return Plot("Tests", "", TIME, Axis("CUSUM over its threshold", "1", limits=(0.0, top)), lines)

@@ -7,6 +7,7 @@ import itertools
 import re
 import textwrap
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -87,7 +88,7 @@ def paint(
     below = [0.0 if same else TICKS for same in shared]
     below[-1] = BOTTOM
     whole = TOP + sum(heads) + height * len(plots) + sum(below)
-    with rc_context({**SETTINGS}):
+    with rc_context(dict[Any, Any](SETTINGS)):
         figure, axes, top = Figure(figsize=(WIDTH, whole)), [], whole - TOP
         for plot, head, foot in zip(plots, heads, below, strict=True):
             top -= head + height
@@ -118,13 +119,13 @@ def paint_grid(rows: Sequence[Sequence[Plot | None]], title: str) -> Figure:
     plots = [plot for row in rows for plot in row if plot is not None]
     names = list(dict.fromkeys(line.label for plot in plots for line in plot.lines))
     size = (max(6.5, 3.2 * len(rows[0]) + 0.8), 2.3 * len(rows) + 1.1)
-    with rc_context({**SETTINGS}):
+    with rc_context(dict[Any, Any](SETTINGS)):
         figure = Figure(figsize=size, layout="constrained")
         panels = figure.subplots(len(rows), len(rows[0]), squeeze=False, sharey=True)
         set_title(figure, title)
     handles = {}
-    for place, plot in np.ndenumerate(np.array([[*row] for row in rows], dtype=object)):
-        panel = panels[place]
+    for row, column in itertools.product(range(len(rows)), range(len(rows[0]))):
+        panel, plot = panels[row, column], rows[row][column]
         if plot is None:
             panel.set_visible(False)
             continue
@@ -135,8 +136,8 @@ def paint_grid(rows: Sequence[Sequence[Plot | None]], title: str) -> Figure:
             handles[line.label] = panel.plot(line.x, line.y, **look)[0]
         panel.set_title(escape_mathematics(plot.title), fontsize=8, loc="left")
         _scale(panel, plot)
-        panel.set_ylabel(escape_mathematics(plot.y.text) if place[1] == 0 else "")
-        panel.set_xlabel(escape_mathematics(plot.x.text) if place[0] == len(rows) - 1 else "")
+        panel.set_ylabel(escape_mathematics(plot.y.text) if column == 0 else "")
+        panel.set_xlabel(escape_mathematics(plot.x.text) if row == len(rows) - 1 else "")
     labels = [*map(escape_mathematics, handles)]
     columns = min(5, _columns(labels))
     figure.legend([*handles.values()], labels, loc="outside lower center", ncols=columns)
@@ -195,9 +196,9 @@ def _paint(figure: Figure, panel: Axes, plot: Plot) -> None:
 
 def _beside(axis: Axis) -> str:
     """What stands beside an axis, in up to three lines, its unit always."""
-    lines = textwrap.wrap(axis.text, LABEL_WIDTH)
+    unit = f"({'–' if axis.unit == '1' else axis.unit})" if axis.unit else ""
+    lines = textwrap.wrap(f"{axis.label} {unit}", LABEL_WIDTH)
     if len(lines) > 3:
-        unit = axis.text[len(axis.label) :].strip()
         lines = textwrap.wrap(axis.label, LABEL_WIDTH, max_lines=3 - bool(unit), placeholder="…")
         lines += [unit] if unit else []
     return "\n".join(map(escape_mathematics, lines))

@@ -153,7 +153,7 @@ def comparison_figure(
         return [Line(*line) for line in zip(times, shown, labels, strict=True)]
 
     plots = [
-        Plot("Tilt", "", TIME, Axis("|w|", log=True), lines("w")),
+        Plot("Tilt", "", TIME, Axis("|w|", "1", log=True), lines("w")),
         Plot("Turn", "", TIME, Axis("z", "rad"), lines("z")),
         Plot("Rate", "", TIME, Axis("|ω_r|", "rad/s", log=True), lines("relative_rate")),
     ]

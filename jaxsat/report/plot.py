@@ -11,7 +11,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Axis:
-    """A quantity, its unit ("" or "1" where it has none), and what is shown of it.
+    """A quantity, its unit ("1" for a pure number, "" where none is told), and what is shown of it.
 
     `limits` are its ends, None for one that follows the data. On paper an axis is logarithmic
     beyond `linear_to` on either side of zero; a page, which can be enlarged, stays linear. `names`
@@ -26,9 +26,14 @@ class Axis:
     names: Mapping[int, str] = field(default_factory=dict)
 
     @property
+    def unit_text(self) -> str:
+        """The unit behind a number, nothing for a pure one."""
+        return "" if self.unit == "1" else self.unit
+
+    @property
     def text(self) -> str:
         """What stands beside the axis."""
-        return f"{self.label} ({self.unit})" if self.unit not in ("", "1") else self.label
+        return f"{self.label} ({self.unit_text})" if self.unit_text else self.label
 
 
 TIME = Axis("time", "s")

@@ -82,7 +82,7 @@ def signal_plots(dataset: xr.Dataset, name: str) -> list[Plot]:
     if (name in MUTE and not np.nan_to_num(values).any()) or (name == "mode" and len(names) < 2):
         return []
     title = TITLES.get(name) or capitalised(str(variable.attrs.get("long_name", name)))
-    unit = shown_unit(str(variable.attrs.get("units", "1")))
+    unit = shown_unit(str(variable.attrs.get("units", "1"))) or "1"
     parts = part_labels(variable)
     if len(parts) > MOST_LINES:
         return [Plot(title, "", TIME, Axis(title, unit), strips=Strips(time, values, parts))]
@@ -110,7 +110,7 @@ def attitude_plots(dataset: xr.Dataset) -> list[Plot]:
     tilts = [Line(time, column, f"w{number}") for number, column in enumerate(tilt.T, 1)]
     turns = [Line(time, turn, "z"), Line(time, whole, "whole rotation")]
     return [
-        Plot("Tilt w", "", TIME, Axis("Tilt w"), tilts),
+        Plot("Tilt w", "", TIME, Axis("Tilt w", "1"), tilts),
         Plot("Turn z, and the whole rotation", "", TIME, Axis("Rotation angle", "°"), turns),
     ]
 

@@ -69,7 +69,7 @@ def chart_of(plot: Plot, window: TimeWindow | None = None) -> Chart:
     if window is None:
         options |= {"x_label": plot.x.text, "y_label": plot.y.text, "height": HEIGHT}
     else:
-        unit = "degrees" if plot.y.unit == "°" else plot.y.unit
+        unit = "degrees" if plot.y.unit == "°" else plot.y.unit_text
         options |= {"x_label": plot.x.text, "y_label": unit, "height": HEIGHT_OVER_TIME}
         options |= {"x_range": window.range, "y_range": DataRange1d(range_padding=0.08)}
     if plot.strips is not None:
@@ -244,7 +244,7 @@ def _line(
 
 
 def _bars(drawing: Any, plot: Plot, bars: Bars) -> None:
-    edges = {"left": bars.edges[:-1], "right": bars.edges[1:], "top": bars.heights}
+    edges: dict[str, Any] = {"left": bars.edges[:-1], "right": bars.edges[1:], "top": bars.heights}
     source, names = ColumnDataSource(edges), {name: name for name in edges}
     look: dict[str, Any] = {"fill_color": BLUE, "line_color": None}
     drawn = drawing.quad(bottom=0, source=source, **names, **look)
@@ -266,7 +266,7 @@ def _strips(drawing: Any, plot: Plot, strips: Strips) -> str:
     drawing.height = max(HEIGHT_OVER_TIME, 18 * count + 40)
     _hover(drawing, drawn, [("t", "$x{%.6g} s"), (plot.title, _told("image", plot.y))], "mouse")
     ends = [number_text(end, 3) for end in (low, top)]
-    unit = plot.y.unit
+    unit = plot.y.unit_text
     if ends[0] == ends[1]:
         return f"{ends[0]} all the time {unit}"
     return f"from {ends[0]} (dark) to {ends[1]} (bright) {unit}"
@@ -279,8 +279,7 @@ def _drawable(values: np.ndarray, axis: Axis) -> np.ndarray:
 
 def _told(column: str, axis: Axis) -> str:
     """A column in the words of a hover, with its unit."""
-    unit = "" if axis.unit == "1" else axis.unit
-    return f"@{column}{FORM} {unit}".rstrip()
+    return f"@{column}{FORM} {axis.unit_text}".rstrip()
 
 
 def _hover(drawing: Any, drawn: Any, rows: Sequence[tuple[str, str]], mode: Any) -> None:
@@ -305,6 +304,6 @@ def _described(plot: Plot) -> str:
             least, most, last = (
                 number_text(one, 3, scale=size) for one in (good.min(), good.max(), good[-1])
             )
-            told = f"from {least} to {most}, at the end {last} {plot.y.unit}".rstrip()
+            told = f"from {least} to {most}, at the end {last} {plot.y.unit_text}".rstrip()
             parts.append(f"{label or plot.y.label}: {told}")
     return "; ".join(parts) + "." if parts else "No values."
