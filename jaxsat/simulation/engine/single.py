@@ -89,7 +89,7 @@ def _by_diffrax(program: Program, case: PyTree, times, numbers, method, adjoint)
     if numbers is not None:
         instants = times[0] + program.time_of(jnp.arange(program.intervals + 1))
     outputs, signals, held = integrated(program, made, instants, method, adjoint)
-    if held is None:
+    if held is None or numbers is None:
         return _trajectory(times, outputs, signals)
     signals = _saved(signals, numbers)
     ranges = held.between(numbers, stop_gradient(signals.torque[-1]))
