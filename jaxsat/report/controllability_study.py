@@ -75,14 +75,20 @@ class ControllabilityStudy(NamedTuple):
         """All lines."""
         return [*self.lines, *self.drift_lines]
 
+    @property
+    def verdict(self) -> str:
+        """A sentence, which says so where actuators are left out of it."""
+        sentence = verdict_sentence(self.judgement)
+        if not self.scenario.gimbal:
+            return sentence
+        start = "Without the control moment gyros, which are not judged"
+        return f"{start}: {sentence[0].lower()}{sentence[1:]}"
+
     def document(self, failures: int | None = None) -> Document:
         """The verdict, every failure, or those of so many actuators, and the findings."""
-        title, sentence = (
-            f"Controllability: {self.scenario.title}",
-            verdict_sentence(self.judgement),
-        )
+        title = f"Controllability: {self.scenario.title}"
         return controllability_document(
-            title, sentence, failure_records(self.cases), self.findings, failures
+            title, self.verdict, failure_records(self.cases), self.findings, failures
         )
 
     def write(self, folder: OutputFolder) -> None:
@@ -92,7 +98,12 @@ class ControllabilityStudy(NamedTuple):
         folder.write("controllability.md", markdown_page(document))
         folder.write("failures.csv", failure_csv(cases))
         dataset = failure_dataset(
-            cases, self.judgement, title=document.title, scenario=text, findings=self.findings
+            cases,
+            self.judgement,
+            title=document.title,
+            scenario=text,
+            verdict=self.verdict,
+            findings=self.findings,
         )
         folder.write("failures.nc", dataset_bytes(dataset))
         save_figures(

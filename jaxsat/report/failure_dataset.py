@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import xarray as xr
 
-from jaxsat.controllability import FailureCase, Judgement, failure_arrays, verdict_sentence
+from jaxsat.controllability import FailureCase, Judgement, failure_arrays
 from jaxsat.core.text import clean
 from jaxsat.store.provenance import provenance_attributes
 
@@ -15,11 +15,12 @@ def failure_dataset(
     *,
     title: str,
     scenario: str,
+    verdict: str,
     findings: Sequence[str],
 ) -> xr.Dataset:
     """Every failure case with rank, margin and what is lost; the judgement in the attributes.
 
-    `findings` are sentences of the document, a line each in an attribute.
+    `verdict` is a sentence, `findings` are sentences of the document, a line each in an attribute.
     """
     names = cases[0].working  # the first case has no failure
     arrays = failure_arrays(cases, names)
@@ -49,7 +50,7 @@ def failure_dataset(
     attributes = {
         "title": clean(title),
         "scenario": scenario,
-        "verdict": verdict_sentence(judgement),
+        "verdict": clean(verdict),
         "findings": "\n".join(map(clean, findings)),
         "rank": judgement.rank,
         "margin": judgement.margin,

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from helpers.gyros import document
 from helpers.magnetic import scenario
 from jaxsat.cli import main
 from jaxsat.controllability.cone import direction_words
-from jaxsat.scenario import dump
+from jaxsat.scenario import Scenario, dump
 
 
 def run(capsys, *tokens):
@@ -51,6 +52,16 @@ def test_controllability_tells_what_magnetorquers_add(capsys, tmp_path):
     assert "thrusters and wheels without magnetorquers" in " ".join(out.split())
     status, out, _ = run(capsys, *command)
     assert "no equilibrium of this body" in " ".join(out.split())
+
+
+def test_a_verdict_says_that_control_moment_gyros_are_left_out(capsys, tmp_path):
+    file = tmp_path / "gyros.toml"
+    file.write_text(dump(Scenario.model_validate(document())))
+    status, out, _ = run(capsys, "controllability", str(file))
+    assert status == 0
+    text = " ".join(out.split())
+    assert "Without the control moment gyros, which are not judged: not controllable" in text
+    assert "4 of 4 make at least 0.46" in text
 
 
 @pytest.mark.slow
