@@ -25,7 +25,7 @@ BLOCK = 4096
 """Bytes of disk that the smallest file or folder takes, and by which they grow."""
 
 RECORD = 80
-"""Bytes of the ledger for a file of a chunk."""
+"""Bytes of the record of a chunk for each of its files."""
 
 OWN_COLUMNS = 2
 """Of small whole numbers, which a store has beside those of the study."""
@@ -61,10 +61,10 @@ def study_work(study: Study, until: StopRule | None = None, workers: int = 1) ->
     steps = cases * study.program.intervals * _substeps(study)
     sizes = [study.chunk * math.prod(shape) * size for shape, size in shapes]
     folders = sum(len(shape) for shape, _ in shapes)
+    sizes.append(len(sizes) * RECORD)  # the chunk's record in the ledger
     blocks = folders + sum(-(-size // BLOCK) for size in sizes)
     chunks = -(-cases // study.chunk)
-    disk = chunks * (blocks * BLOCK + len(sizes) * RECORD)
-    return Work(cases, steps, memory, disk, chunks * (len(sizes) + folders))
+    return Work(cases, steps, memory, chunks * blocks * BLOCK, chunks * (len(sizes) + folders))
 
 
 def _substeps(study: Study) -> int:

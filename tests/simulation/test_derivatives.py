@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from helpers import gyros
 from helpers.derivatives import Derivatives
 from helpers.every_law import KEYS, PLACES, UPSIDE_DOWN, library, scenario_of
 from helpers.magnetic import document
@@ -220,6 +221,11 @@ def tachometers():
     return Scenario.model_validate(data, context={"law": True})
 
 
+def gimbals():
+    data = gyros.document([{"of": "gimbal 3", "at_s": 0.1, "kind": "locked"}])
+    return Scenario.model_validate(data, context={"law": True})
+
+
 def estimated(kind):
     return Part(f"navigation-{kind}", lambda: navigation(kind))
 
@@ -234,7 +240,7 @@ class Part(NamedTuple):
 
 OF_JAXSAT = [ideal, pulsed, wheels, magnetorquers, noise_and_delay, disturbances, panels]
 OF_JAXSAT += [failing_ideal_thrusters, failing_pulsed_thrusters, failing_magnetorquers]
-OF_JAXSAT += [failing_wheels, failing_wheels_without_rotors]
+OF_JAXSAT += [failing_wheels, failing_wheels_without_rotors, gimbals]
 PARTS = [Part(one.__name__, one) for one in OF_JAXSAT] + [estimated(kind) for kind in ESTIMATOR.own]
 PARTS += [Part("tachometers", tachometers, "healthy.natural_frequency")]
 PLUGINS = [

@@ -62,8 +62,8 @@ WHEEL_LAWS, THRUSTER_LAWS = ("three-axis",), ("planned",)
 """Laws for two wheels without momentum, and those that know nothing of a limit of momentum."""
 
 SLOW_LAWS: Mapping[str, str] = {
-    "planned": "plans in flight, so that its verification takes many minutes; it is designed with "
-    "`--law planned` or `--law all`"
+    "planned": "plans in flight, so that its verification takes many minutes; it is designed "
+    "where it is asked for"
 }
 """Laws that are designed only on request, and why."""
 
