@@ -11,6 +11,7 @@ import numpy as np
 
 from jaxsat.compiler.ir import (
     Block,
+    BlockSwitch,
     Call,
     Function,
     Load,
@@ -20,7 +21,6 @@ from jaxsat.compiler.ir import (
     Scalar,
     Source,
     Store,
-    Switch,
     Value,
     is_uniform,
 )
@@ -269,7 +269,7 @@ class Builder:
     def _switch(self, index, blocks, yields, *, cold: bool = False) -> list[Scalar]:
         kinds = zip(*yields, strict=True)
         outs = [Value(several[0].dtype, all(map(is_uniform, several))) for several in kinds]
-        self.block.steps.append(Switch(index, blocks, yields, outs, cold))
+        self.block.steps.append(BlockSwitch(index, blocks, yields, outs, cold))
         self._note(*outs)
         return list(outs)
 

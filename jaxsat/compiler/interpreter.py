@@ -10,6 +10,7 @@ import numpy as np
 
 from jaxsat.compiler.ir import (
     Block,
+    BlockSwitch,
     Call,
     Function,
     Load,
@@ -17,7 +18,6 @@ from jaxsat.compiler.ir import (
     Memory,
     Operation,
     Store,
-    Switch,
     Value,
     is_uniform,
 )
@@ -69,7 +69,7 @@ class _Run:
                     self.memory(step.memory)[self.value(step.index)] = self.value(step.value)
                 case Loop():
                     self._loop(step)
-                case Switch():
+                case BlockSwitch():
                     number = int(self.value(step.index))
                     self.block(step.blocks[number])
                     for out, result in zip(step.outs, step.yields[number], strict=True):

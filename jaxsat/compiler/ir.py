@@ -139,7 +139,7 @@ class Loop:
 
 
 @dataclass(slots=True)
-class Switch:
+class BlockSwitch:
     """The block number `index`, which is uniform and in range; `yields` are their results.
 
     Blocks after the first are `cold` (hardly ever run) or not.
@@ -193,7 +193,7 @@ class Call:
     outs: list[Value]
 
 
-Step = Operation | Load | Store | Loop | Switch | Call
+Step = Operation | Load | Store | Loop | BlockSwitch | Call
 
 
 def definitions(step: Step) -> Sequence[Value]:
@@ -203,7 +203,7 @@ def definitions(step: Step) -> Sequence[Value]:
             return [out]
         case Store():
             return []
-        case Loop(params=outs) | Switch(outs=outs) | Call(outs=outs):
+        case Loop(params=outs) | BlockSwitch(outs=outs) | Call(outs=outs):
             return outs
 
 
@@ -212,7 +212,7 @@ def blocks_in(step: Step) -> Sequence[Block]:
     match step:
         case Loop(condition=condition, body=body):
             return (condition, body)
-        case Switch(blocks=blocks):
+        case BlockSwitch(blocks=blocks):
             return blocks
     return ()
 
@@ -226,7 +226,7 @@ def uses(step: Step) -> Iterator[int]:
             yield from numbers_of([index, *memory.elements])
         case Store(index=index, value=value):
             yield from numbers_of([index, value])
-        case Switch():
+        case BlockSwitch():
             yield from numbers_of([step.index])
             for block, results in zip(step.blocks, step.yields, strict=True):
                 yield from _uses_in(block, results)

@@ -64,7 +64,7 @@ class ThirdAxis(NamedTuple):
         return jnp.sum(self.products * products_of(omega))
 
 
-class Belief(NamedTuple):
+class ThirdAxisBelief(NamedTuple):
     """What follows from the fitted errors alone, see `ThirdAxis`.
 
     It is made anew only where these have changed, as it takes roots and quotients.
@@ -81,7 +81,7 @@ class EstimatorMemory(NamedTuple):
 
     ripple: PyTree
     fit: Fit | None
-    belief: Belief | None
+    belief: ThirdAxisBelief | None
     omega: Float[Array, "3"]
     started: Bool[Array, ""]
 
@@ -114,10 +114,10 @@ class ThirdAxisEstimator(eqx.Module):
         )
 
     @staticmethod
-    def _no_belief(omega: Float[Array, "3"]) -> Belief:
+    def _no_belief(omega: Float[Array, "3"]) -> ThirdAxisBelief:
         """Before the first sample, which makes one."""
         zero = jnp.zeros_like(omega[0])
-        return Belief(zero, jnp.zeros_like(omega[:2]), jnp.zeros_like(omega), zero)
+        return ThirdAxisBelief(zero, jnp.zeros_like(omega[:2]), jnp.zeros_like(omega), zero)
 
     def forget_ripple(self, memory: EstimatorMemory, when: Bool[Array, ""]) -> EstimatorMemory:
         """The disturbance estimate set back to zero where `when` holds."""
@@ -173,7 +173,7 @@ class ThirdAxisEstimator(eqx.Module):
 
     def _belief(
         self, products: Float[Array, "6"], c: RealScalar, lean: Float[Array, "2"]
-    ) -> Belief:
+    ) -> ThirdAxisBelief:
         """From the factors of ds/dt believed; `c` and `lean` are the model's own."""
         coupling, axes = _main_axes(products[0], products[1])
         if self.least_squares is not None:  # else the model's own value, however small
@@ -183,7 +183,7 @@ class ThirdAxisEstimator(eqx.Module):
         if self.gradient is not None:
             gradient = leaned(seen_turned(self.gradient, turn), lean)
             drift = drift - jnp.sum(products * products_of(gradient))
-        return Belief(coupling, axes, turn, drift)
+        return ThirdAxisBelief(coupling, axes, turn, drift)
 
     def _orbit_rate(self, turn: Float[Array, "3"]) -> Float[Array, "3"]:
         """`orbit_rate` of `ThirdAxis`, a `turn` (rad) from the orbit frame."""
@@ -196,7 +196,7 @@ class ThirdAxisEstimator(eqx.Module):
         errors: Float[Array, " n"],
         factors: Float[Array, "6"],
         lean: Float[Array, "2"],
-        belief: Belief,
+        belief: ThirdAxisBelief,
     ) -> ThirdAxis:
         zero = jnp.zeros_like(omega[2])
         known = ThirdRate(omega[2], zero, zero)

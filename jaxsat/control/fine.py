@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.demands import MorinSamson
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
-from jaxsat.control.handover import Coast, Handover, Hold
+from jaxsat.control.handover import Handover, HoldRecord, UnbalancedDrift
 from jaxsat.control.leaks import USED, Aid
 from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
@@ -37,12 +37,12 @@ class FineMode(enum.IntEnum):
 
 
 class FineMemory(NamedTuple):
-    """The oscillation asked for last, whether the end game works, and its `Hold`, `None` where
-    holds do not coast."""
+    """The oscillation asked for last, whether the end game works, and its `HoldRecord`, `None`
+    where holds do not coast."""
 
     oscillation: Oscillation
     late: Bool[Array, ""]
-    hold: Hold | None
+    hold: HoldRecord | None
 
 
 class FineStage(eqx.Module):
@@ -77,7 +77,7 @@ class FineStage(eqx.Module):
 
     def init(self, omega: Float[Array, "3"]) -> FineMemory:
         """The memory at the start: the stage oscillates, with no amplitude yet."""
-        hold = Hold.none(omega) if self.handover.coasts else None
+        hold = HoldRecord.none(omega) if self.handover.coasts else None
         return FineMemory(self.oscillator.init(omega), jnp.array(False), hold)
 
     def step(
@@ -111,7 +111,7 @@ class FineStage(eqx.Module):
         excess = state.omega - third.rest
         coast, hold = None, memory.hold
         if hold is not None:
-            coast = Coast.of(hold, clock, self.oscillator.frequency, lasting, sure)
+            coast = UnbalancedDrift.of(hold, clock, self.oscillator.frequency, lasting, sure)
         late = self.handover(
             memory.late, tilt, slow, excess, deceleration, third.turn[2], coast, clock
         )

@@ -32,7 +32,7 @@ TINY = 1e-30
 """Keeps the derivative of a root finite."""
 
 
-class Hold(NamedTuple):
+class HoldRecord(NamedTuple):
     """When the present hold began (s), and whether one has lasted until the drift was known.
 
     While there is none, `begin` is the present time: only a hold has an age, as the drift is learnt
@@ -43,16 +43,18 @@ class Hold(NamedTuple):
     known: Bool[Array, ""]
 
     @staticmethod
-    def none(omega: Float[Array, "3"]) -> "Hold":
+    def none(omega: Float[Array, "3"]) -> "HoldRecord":
         """The state before the first hold."""
-        return Hold(jnp.zeros_like(omega[0]), jnp.array(False))
+        return HoldRecord(jnp.zeros_like(omega[0]), jnp.array(False))
 
-    def after(self, holds: Bool[Array, ""], clock: RealScalar, coast: "Coast") -> "Hold":
+    def after(
+        self, holds: Bool[Array, ""], clock: RealScalar, coast: "UnbalancedDrift"
+    ) -> "HoldRecord":
         """The hold at a `clock` (s) when the end game `holds` or not, with what is known now."""
-        return Hold(jnp.where(holds, self.begin, clock), self.known | coast.judged)
+        return HoldRecord(jnp.where(holds, self.begin, clock), self.known | coast.judged)
 
 
-class Coast(NamedTuple):
+class UnbalancedDrift(NamedTuple):
     """What the end game cannot balance of the drift, and whether a hold is to be judged now.
 
     The end game balances a drift up to `sure`; what is left, `drift` (rad/s²), is zero for a
@@ -65,15 +67,19 @@ class Coast(NamedTuple):
 
     @staticmethod
     def of(
-        hold: Hold, clock: RealScalar, frequency: RealScalar, drift: RealScalar, sure: RealScalar
-    ) -> "Coast":
+        hold: HoldRecord,
+        clock: RealScalar,
+        frequency: RealScalar,
+        drift: RealScalar,
+        sure: RealScalar,
+    ) -> "UnbalancedDrift":
         """The coast for a `drift` (rad/s²) of which `sure` is balanced.
 
         `frequency` (rad/s) is that of the oscillation, `clock` in s.
         """
         old = (clock - hold.begin) * frequency > KNOWN_PERIODS * 2 * jnp.pi
         beyond = jnp.where(hold.known | old, drift - jnp.clip(drift, -sure, sure), 0.0)
-        return Coast(beyond, sure, old & ~hold.known)
+        return UnbalancedDrift(beyond, sure, old & ~hold.known)
 
     @property
     def drifts(self) -> Bool[Array, ""]:
@@ -154,9 +160,9 @@ class Handover(eqx.Module):
     `enter_turn`, and |p1|, |p2| less their values at rest below `enter_rate`; it hands back when
     |w| exceeds `leave_tilt` or one of the turns from the wanted attitude `leave_turn` (rad, rad/s).
     If it `coasts`, a hold begins against a drift that the end game cannot balance, and ends only
-    when the turn itself exceeds `leave_turn` (see `Coast`): each hand-back takes rates far above
-    those of the end game. The first one is judged, as it begins before the drift is known.
-    `slack` is what of the slow rate counts for nothing, None for nothing of it.
+    when the turn itself exceeds `leave_turn` (see `UnbalancedDrift`): each hand-back takes rates
+    far above those of the end game. The first one is judged, as it begins before the drift is
+    known. `slack` is what of the slow rate counts for nothing, None for nothing of it.
     """
 
     enter_rate: RealScalar = eqx.field(converter=as_float)
@@ -179,7 +185,7 @@ class Handover(eqx.Module):
         excess: Float[Array, "3"],
         deceleration: RealScalar,
         held: RealScalar,
-        coast: Coast | None = None,
+        coast: UnbalancedDrift | None = None,
         clock: RealScalar | float = 0.0,
     ) -> Bool[Array, ""]:
         """Whether the end game is to work now, given whether it did.

@@ -50,7 +50,7 @@ class Oscillation(NamedTuple):
     axes: Float[Array, "2"]
 
 
-class Request(NamedTuple):
+class OscillationRequest(NamedTuple):
     """What a demand asks for, and what is granted of it; squares of rates but for the last two.
 
     `alpha` and `beta` are asked for, `dead` is the (α, β) that a slow rate of the dead zone would
@@ -150,7 +150,9 @@ class Oscillator(eqx.Module):
         turn = turn - c / 8 * inverse**2 * (alpha * cos2 - beta * sin2)
         return Slow(rate, turn)
 
-    def request(self, slow: Slow, third: ThirdAxis, aim: RealScalar | None = None) -> Request:
+    def request(
+        self, slow: Slow, third: ThirdAxis, aim: RealScalar | None = None
+    ) -> OscillationRequest:
         """What the demand asks for, with what takes the drift away; `aim` (rad/s) is the slow rate
         to reach in place of none."""
         excess = slow.rate if aim is None else slow.rate - aim
@@ -159,7 +161,9 @@ class Oscillator(eqx.Module):
         still = jnp.zeros_like(slow.turn)
         dead = self.demand(self.dead_zone, still, third.coupling, self.frequency)
         most = self.ratio * self.largest_amplitude**2
-        return Request(alpha, beta, dead, most, reciprocal(self.ratio), self._no_amplitude)
+        return OscillationRequest(
+            alpha, beta, dead, most, reciprocal(self.ratio), self._no_amplitude
+        )
 
     def oscillation(self, slow: Slow, third: ThirdAxis) -> Oscillation:
         """What is granted of the request."""

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.diagnosis import WEAK, Condition
+from jaxsat.control.diagnosis import WEAK, ActuatorCondition
 from jaxsat.core.allocation import (
     largest_torque,
     least_propellant,
@@ -135,7 +135,7 @@ class Reconfiguration(eqx.Module):
             as_array(np.array([int(one.left) for one in sets])),
         )
 
-    def find(self, condition: Condition, before: "Ability") -> "Ability":
+    def find(self, condition: ActuatorCondition, before: "Ability") -> "Ability":
         """What is left in a `condition`; `before` is what was left at the last sample.
 
         Where thrusters that work make less than torques about all axes, three axes are left still

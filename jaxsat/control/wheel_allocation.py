@@ -9,7 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.diagnosis import WEAK, Condition, WheelFilter
+from jaxsat.control.diagnosis import WEAK, ActuatorCondition, WheelFilter
 from jaxsat.control.reconfiguration import Left
 from jaxsat.core.quotients import length, root
 from jaxsat.spacecraft import Wheels, nearest_within
@@ -74,7 +74,7 @@ class WheelAllocation(eqx.Module):
         return self.filter.wheels
 
     def find(
-        self, condition: Condition, momentum: OfEach, before: "Wheeled | None" = None
+        self, condition: ActuatorCondition, momentum: OfEach, before: "Wheeled | None" = None
     ) -> Wheeled:
         """What is left at momenta (N m s); `before` is what was left at the last sample.
 
@@ -130,7 +130,7 @@ class WheelAllocation(eqx.Module):
         idle = jnp.where(wheeled.left == Left.THREE_AXES, unloading * idle, 0.0)
         return nearest + idle * within(wheeled.usable, nearest, idle)
 
-    def commands(self, condition: Condition, momentum: OfEach, torque: OfEach) -> OfEach:
+    def commands(self, condition: ActuatorCondition, momentum: OfEach, torque: OfEach) -> OfEach:
         """Motor torques (N m), within the limits, that do `torque` (N m) to the body.
 
         Friction helps or hinders a wheel that turns; one at rest has to break away from it. Of what

@@ -16,9 +16,9 @@ from jaxsat.controllability.closure import (
 from jaxsat.controllability.cone import TorqueCone, torque_cone
 from jaxsat.controllability.decision import turn_time
 from jaxsat.controllability.drift import (
+    DriftTrajectory,
     EnergyCounterexample,
     Recurrence,
-    Trajectory,
     divergence,
     drift_trajectory,
     energy_bound,
@@ -82,6 +82,7 @@ __all__ = [
     "ClosedForm",
     "ControlField",
     "DriftField",
+    "DriftTrajectory",
     "EnergyCounterexample",
     "FailureCase",
     "Judgement",
@@ -94,7 +95,6 @@ __all__ = [
     "NoEquilibriumError",
     "Recurrence",
     "TorqueCone",
-    "Trajectory",
     "actuator_set",
     "analyse",
     "angle_grid",

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.controllability import exact
-from jaxsat.controllability.layout import Layout, Numbers, make_layout
+from jaxsat.controllability.layout import Numbers, TorqueLayout, make_layout
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class ClosedForm:
 
 
 def _evaluate(
-    equation: str, layout: Layout, first: exact.Vector, second: exact.Vector
+    equation: str, layout: TorqueLayout, first: exact.Vector, second: exact.Vector
 ) -> ClosedForm:
     """The condition rank{p, q, ⟨w:w⟩} = 3 for some w = c1 p + c2 q."""
     adjoint = exact.adjugate(layout.integer_inertia)

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.controllability import exact
-from jaxsat.controllability.layout import TOLERANCE, Layout
+from jaxsat.controllability.layout import TOLERANCE, TorqueLayout
 
 RANK_OF_DIMENSION = (0, 2, 5, 6)
 
@@ -59,20 +59,20 @@ def _strongest(vectors: Float[np.ndarray, "3 k"], count: int) -> list[int]:
     return chosen
 
 
-def closure_growth(layout: Layout, thrusters: tuple[int, ...]) -> tuple[int, ...]:
+def closure_growth(layout: TorqueLayout, thrusters: tuple[int, ...]) -> tuple[int, ...]:
     """Dimension of the exact closure after each round; see `exact.closure_growth`."""
     axes = [layout.integer_axes[i] for i in thrusters]
     return exact.closure_growth(layout.integer_inertia, axes)
 
 
-def _without_rounding_errors(layout: Layout, thrusters: tuple[int, ...]) -> tuple[int, ...]:
+def _without_rounding_errors(layout: TorqueLayout, thrusters: tuple[int, ...]) -> tuple[int, ...]:
     """Thrusters whose torque axis is more than rounding beside the longest of the set."""
     lengths = {i: float(np.max(np.abs(layout.torque_axes[:, i]))) for i in thrusters}
     longest = max(lengths.values(), default=0.0)
     return tuple(i for i in thrusters if lengths[i] > min(layout.rounding, 1e-9) * longest)
 
 
-def _decide_set(layout: Layout, thrusters: tuple[int, ...], tolerance: float) -> RankDecision:
+def _decide_set(layout: TorqueLayout, thrusters: tuple[int, ...], tolerance: float) -> RankDecision:
     columns = layout.columns(thrusters)
     vectors = layout.vectors[:, columns]
     limit = max(tolerance, layout.rounding)
@@ -103,7 +103,7 @@ def _decide_set(layout: Layout, thrusters: tuple[int, ...], tolerance: float) ->
 
 
 def decide_rank(
-    layout: Layout, thrusters: tuple[int, ...], tolerance: float = TOLERANCE
+    layout: TorqueLayout, thrusters: tuple[int, ...], tolerance: float = TOLERANCE
 ) -> RankDecision:
     """Rank and margin of a subset (column numbers) of the thrusters of a layout."""
     kept = _without_rounding_errors(layout, thrusters)

@@ -48,7 +48,7 @@ def divergence(field: VectorField, state: Float[Array, " n"]) -> Float[Array, ""
     return jnp.trace(jax.jacfwd(coordinates)(jnp.zeros(6, state.dtype)))
 
 
-class Trajectory(eqx.Module):
+class DriftTrajectory(eqx.Module):
     """States (n, 12 or 13) at times (n,) in s."""
 
     times: Float[Array, " n"]
@@ -58,7 +58,7 @@ class Trajectory(eqx.Module):
 @eqx.filter_jit
 def drift_trajectory(
     field: VectorField, state: Float[Array, " d"], step: float | int | Array, count: int
-) -> Trajectory:
+) -> DriftTrajectory:
     """`count` steps of the classical fourth-order Runge-Kutta method from a flat state.
 
     `step` in s. The attitude matrix is integrated as it is; `recurrence` reports how far it ends
@@ -76,7 +76,7 @@ def drift_trajectory(
 
     _, states = jax.lax.scan(advance, state, None, length=count)
     states = jnp.concatenate([state[None], states])
-    return Trajectory(step * jnp.arange(count + 1, dtype=state.dtype), states)
+    return DriftTrajectory(step * jnp.arange(count + 1, dtype=state.dtype), states)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,8 +18,8 @@ from jaxsat.controllability.drift_barrier import momentum_barrier
 from jaxsat.controllability.judgement import Judgement, Laws, Verdict
 from jaxsat.controllability.layout import (
     TOLERANCE,
-    Layout,
     Numbers,
+    TorqueLayout,
     inertia_matrix,
     make_layout,
 )
@@ -30,7 +30,7 @@ from jaxsat.controllability.wheels import (
 )
 
 
-def actuator_layout(inertia: Numbers, actuators: ActuatorSet) -> Layout:
+def actuator_layout(inertia: Numbers, actuators: ActuatorSet) -> TorqueLayout:
     """The brackets of all thrusters and wheels, for `judge_only`; `inertia` with wheels locked.
 
     Rotors that turn or coast are no part of the inertia that a torque turns.
@@ -63,7 +63,7 @@ def judge_once_stopped(
 
 
 def judge_only(
-    layout: Layout, actuators: ActuatorSet, kept: tuple[int, ...], tolerance: float | int
+    layout: TorqueLayout, actuators: ActuatorSet, kept: tuple[int, ...], tolerance: float | int
 ) -> Judgement:
     """Judge a subset, by ascending places in `actuators.names`, with the brackets of all.
 
@@ -93,7 +93,7 @@ def _beside_coasting_wheels(stopped: Judgement) -> Judgement:
 
 
 def _judged(
-    layout: Layout,
+    layout: TorqueLayout,
     actuators: ActuatorSet,
     left: ActuatorSet,
     kept: tuple[int, ...],
@@ -203,7 +203,7 @@ def _wheel_crosses(
 
 
 def _by_torques(
-    layout: Layout, left: ActuatorSet, kept: tuple[int, ...], tolerance: float
+    layout: TorqueLayout, left: ActuatorSet, kept: tuple[int, ...], tolerance: float
 ) -> Judgement:
     """Thrusters alone, by the cone of their torques and the rank condition."""
     signs = left.two_sided

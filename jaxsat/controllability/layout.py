@@ -63,7 +63,7 @@ def inertia_matrix(inertia: Numbers) -> tuple[Float[np.ndarray, "3 3"], float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
+class TorqueLayout:
     """Inertia and thrusters, checked once, with everything that any subset of them shares.
 
     `members[k]` names the thrusters that column k of the generating vectors needs; `alias[i]` is
@@ -119,7 +119,7 @@ def _generating_vectors(
 
 def make_layout(
     inertia: Numbers, torque_axes: Numbers, *, labels: Sequence[str] | None = None
-) -> Layout:
+) -> TorqueLayout:
     """Check the arguments and prepare the exact and the rounded generating vectors.
 
     Raises ValueError for wrong shapes, entries that are not finite, an inertia that is not
@@ -143,7 +143,7 @@ def make_layout(
     moments = np.linalg.eigvalsh(matrix / np.max(np.abs(matrix)))
     # The exact test has passed; a condition number beyond doubles shows here as a moment <= 0.
     condition = moments[2] / max(moments[0], np.finfo(float).eps * moments[2])
-    return Layout(
+    return TorqueLayout(
         inertia=0.5 * (matrix + matrix.T),
         torque_axes=axes,
         labels=names,

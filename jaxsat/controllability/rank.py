@@ -17,7 +17,7 @@ from jaxsat.controllability.decision import (
     decide_rank,
     decided_turn_time,
 )
-from jaxsat.controllability.layout import TOLERANCE, Layout, Numbers, make_layout
+from jaxsat.controllability.layout import TOLERANCE, Numbers, TorqueLayout, make_layout
 from jaxsat.controllability.linear import (
     LinearControllability,
     NoEquilibriumError,
@@ -143,7 +143,7 @@ def ranks_away_from_rest(
     }
 
 
-def _closed_form(inertia: Numbers, layout: Layout) -> ClosedForm | None:
+def _closed_form(inertia: Numbers, layout: TorqueLayout) -> ClosedForm | None:
     live = [i for i, axis in enumerate(layout.integer_axes) if any(axis)]
     if len(live) == 1:
         return one_thruster_condition(inertia, layout.torque_axes[:, live])

@@ -35,10 +35,10 @@ __all__ = [
     "WISH",
     "ClosedJaxpr",
     "DropVar",
+    "EquationLayout",
     "Expanded",
     "Jaxpr",
     "JaxprEqn",
-    "Layout",
     "Literal",
     "OpenJaxpr",
     "Place",
@@ -103,7 +103,7 @@ class Expanded(NamedTuple):
     jaxpr: ClosedJaxpr
 
 
-class Layout(NamedTuple):
+class EquationLayout(NamedTuple):
     """An equation's primitive and its parameters, under names that stay.
 
     Parameters that no result depends on are left out. `unknown` is empty, or says what of the
@@ -124,12 +124,12 @@ class Place(NamedTuple):
     column: int
 
 
-def layout_of(equation: JaxprEqn) -> Layout:
+def layout_of(equation: JaxprEqn) -> EquationLayout:
     """What an equation computes."""
     name, params = equation.primitive.name, equation.params
     known = _CALLS.get(name) or LAYOUTS.get(name)
     if not params and known is None:
-        return Layout(name, params, "")
+        return EquationLayout(name, params, "")
     rest = dict(params)
     try:
         taken = {} if known is None else known(rest)
@@ -141,7 +141,7 @@ def layout_of(equation: JaxprEqn) -> Layout:
         strange = [key for key in rest if key not in ignored and rest[key] is not None]
     kept = {key: value for key, value in rest.items() if key not in _NO_RESULT}
     unknown = f"the parameters {', '.join(strange)} of `{name}`" if strange else ""
-    return Layout(CALL if name in _CALLS else name, taken | kept, unknown)
+    return EquationLayout(CALL if name in _CALLS else name, taken | kept, unknown)
 
 
 def _same(*names: str) -> Callable[[dict], dict]:

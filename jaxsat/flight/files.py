@@ -8,7 +8,7 @@ from typing import Any
 from jaxsat.compiler.c.naming import comment
 from jaxsat.flight import templates
 from jaxsat.flight.harness import library_source, records_header, test_program, vectors_file
-from jaxsat.flight.measure import Measured, measured
+from jaxsat.flight.measure import ProcessorUse, measured
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.flight.readme import readme
 from jaxsat.flight.source import header, source
@@ -41,7 +41,7 @@ class Export:
     program: FlightProgram
     files: Mapping[str, bytes]
     vectors: Vectors
-    measured: Measured
+    measured: ProcessorUse
     lines: int
 
 

@@ -68,7 +68,7 @@ class State(NamedTuple):
     begin: Begin | None = None
 
 
-class Output(NamedTuple):
+class SampleCommands(NamedTuple):
     """Commands of one sample.
 
     `torque` is what the law commands (N m) about the first two body axes, or about each of the
@@ -135,7 +135,7 @@ class FlightController(eqx.Module):
         return command, self.law.mode(memory), memory
 
     def allocate(self, command: Array, memory: PyTree) -> tuple[dict[str, Array], PyTree]:
-        """The actuators' commands by the names of `Output`, and the modulator's memory."""
+        """The actuators' commands by the names of `SampleCommands`, and the modulator's memory."""
         asked = self.actuators.commands(command)
         found = {f"{kind}_torque": each for kind, each in asked.items()}
         thrusters, command = self._thrusters(command)

@@ -16,7 +16,7 @@ _FLAGS = "-mcpu=cortex-m4 -mthumb -O2 -std=c99 -ffp-contract=off --specs=rdimon.
 
 
 @dataclass(frozen=True)
-class Measured:
+class ProcessorUse:
     """On a Cortex-M4: bytes of stack, of code and constants, and instructions of a step at most.
 
     None is what could not be measured, for which `why` is the reason.
@@ -28,11 +28,11 @@ class Measured:
     why: str = ""
 
 
-def measured(files: Mapping[str, bytes]) -> Measured:
+def measured(files: Mapping[str, bytes]) -> ProcessorUse:
     """What the tools that are installed tell of these files."""
     missing = [tool for tool in (ARM, QEMU) if shutil.which(tool) is None]
     if ARM in missing:
-        return Measured(why=f"{' and '.join(missing)} not installed where this was exported")
+        return ProcessorUse(why=f"{' and '.join(missing)} not installed where this was exported")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, content in files.items():
@@ -41,15 +41,15 @@ def measured(files: Mapping[str, bytes]) -> Measured:
         try:
             return _measured(folder, has_emulator=QEMU not in missing)
         except (OSError, subprocess.SubprocessError) as error:
-            return Measured(why=f"the tools failed: {type(error).__name__}")
+            return ProcessorUse(why=f"the tools failed: {type(error).__name__}")
 
 
-def _measured(folder: Path, *, has_emulator: bool) -> Measured:
+def _measured(folder: Path, *, has_emulator: bool) -> ProcessorUse:
     _run(folder, ARM, *_FLAGS, "-fcallgraph-info=su", "-c", "controller.c")
     stack = _stack((folder / "controller.ci").read_text())
     sizes = _run(folder, "arm-none-eabi-size", "controller.o").splitlines()[1].split()
     if not has_emulator:
-        return Measured(stack, int(sizes[0]), None, f"{QEMU} not installed")
+        return ProcessorUse(stack, int(sizes[0]), None, f"{QEMU} not installed")
     section = "-Wl,--section-start=.vectors=0x0"
     parts = ["-DSTEPS", "cortex_m.c", "controller.o", "-o", "steps.elf", "-lm"]
     _run(folder, ARM, *_FLAGS, section, *parts)
@@ -58,7 +58,7 @@ def _measured(folder: Path, *, has_emulator: bool) -> Measured:
         "-semihosting-config", "enable=on,target=native", "-kernel", "steps.elf",
     )  # fmt: skip
     found = re.search(r"(\d+) instructions", told)
-    return Measured(stack, int(sizes[0]), int(found.group(1)) if found else None)
+    return ProcessorUse(stack, int(sizes[0]), int(found.group(1)) if found else None)
 
 
 def _run(folder: Path, *command: str) -> str:

@@ -20,7 +20,7 @@ from jaxsat.flight.flight import (
     FlightController,
     Input,
     Measured,
-    Output,
+    SampleCommands,
     Seen,
     State,
     as_type,
@@ -30,7 +30,7 @@ from jaxsat.spacecraft.dynamics import PlantState
 
 
 @dataclass(frozen=True)
-class Stage:
+class ProgramStage:
     """One program with the C expressions of its inputs and the places of its results."""
 
     name: str
@@ -53,8 +53,8 @@ class FlightProgram:
     C, once they are written.
     """
 
-    begin: list[Stage]
-    step: list[Stage]
+    begin: list[ProgramStage]
+    step: list[ProgramStage]
     structs: dict[str, Struct]
     parameters: list[Any]
     modes: dict[str, int]
@@ -110,7 +110,7 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
         )
         command, mode, law = flight.control(now.time, told, state.law)
         asked, modulation = flight.allocate(command, state.modulation)
-        return Output(command, mode, **asked), State(law, memory, modulation)
+        return SampleCommands(command, mode, **asked), State(law, memory, modulation)
 
     def begin(parameters, attitude, now):
         flight = made(parameters)
@@ -130,7 +130,9 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
         "state": Struct(
             "controller_state", about(State), fields_of(remembered, Names(fields=True))
         ),
-        "output": Struct("controller_output", about(Output), fields_of(out, Names(fields=True))),
+        "output": Struct(
+            "controller_output", about(SampleCommands), fields_of(out, Names(fields=True))
+        ),
         "clock": Struct(
             "controller_clock",
             "Time (s) and number of a sample since the controller began.",
@@ -166,7 +168,9 @@ def _hash(traces, structs: dict[str, Struct]) -> str:
     return hashlib.sha256("\n".join([fingerprint(traces), *layout]).encode()).hexdigest()
 
 
-def _stages(made, kept, now, begun, seen, q, structs) -> tuple[list[Stage], list[Stage]]:
+def _stages(
+    made, kept, now, begun, seen, q, structs
+) -> tuple[list[ProgramStage], list[ProgramStage]]:
     """Those of a sample, and those before the first."""
     estimates = made(kept).estimator is not None
     p = structs["parameters"].elements("p->")
@@ -190,7 +194,7 @@ def _stages(made, kept, now, begun, seen, q, structs) -> tuple[list[Stage], list
         )
         inputs = [*p, *clock, *measured, *at("estimator", "now")]
         outputs = [*structs["seen"].elements("seen->"), *at("estimator", "next")]
-        stages.append(Stage("estimate", "The estimator", program, inputs, outputs))
+        stages.append(ProgramStage("estimate", "The estimator", program, inputs, outputs))
     program = scalar_program(
         "control",
         lambda p, time, told, memory: made(p).control(time, told, memory),
@@ -198,7 +202,7 @@ def _stages(made, kept, now, begun, seen, q, structs) -> tuple[list[Stage], list
     )
     outputs = [*out["torque"], *out["mode"], *at("law", "next")]
     inputs = [*p, clock[0], *told, *at("law", "now")]
-    stages.append(Stage("control", "The law", program, inputs, outputs))
+    stages.append(ProgramStage("control", "The law", program, inputs, outputs))
     command = program.outputs[0]
     program = scalar_program(
         "allocate",
@@ -209,14 +213,14 @@ def _stages(made, kept, now, begun, seen, q, structs) -> tuple[list[Stage], list
     outputs = [text for name in names for text in out[name]]
     inputs = [*p, *out["torque"], *at("modulation", "now")]
     outputs += at("modulation", "next")
-    stages.append(Stage("allocate", "Allocation and modulation", program, inputs, outputs))
+    stages.append(ProgramStage("allocate", "Allocation and modulation", program, inputs, outputs))
     if estimates:
         program = scalar_program(
             "begin_estimator", lambda p, q: made(p).begin_estimator(q), (kept, q)
         )
         attitude = [f"attitude[{i}]" for i in range(4)]
         starts.append(
-            Stage(
+            ProgramStage(
                 "begin_estimator",
                 "The estimator's first memory",
                 program,
@@ -226,11 +230,11 @@ def _stages(made, kept, now, begun, seen, q, structs) -> tuple[list[Stage], list
         )
     program = scalar_program("begin_law", lambda p, told: made(p).begin_law(told), (kept, seen))
     starts.append(
-        Stage("begin_law", "The law's first memory", program, [*p, *told], at("law", "next"))
+        ProgramStage("begin_law", "The law's first memory", program, [*p, *told], at("law", "next"))
     )
     program = scalar_program("begin_modulation", lambda p: made(p).begin_modulation(), (kept,))
     starts.append(
-        Stage(
+        ProgramStage(
             "begin_modulation",
             "The modulator's first memory",
             program,
@@ -249,7 +253,7 @@ def _under(struct: Struct, part: str) -> list[Field]:
     ]
 
 
-def _used(parameters: Struct, stages: Sequence[Stage]) -> Struct:
+def _used(parameters: Struct, stages: Sequence[ProgramStage]) -> Struct:
     """The structure without what no stage reads."""
     read = _read_by(stages)
     kept, place = [], 0
@@ -260,7 +264,7 @@ def _used(parameters: Struct, stages: Sequence[Stage]) -> Struct:
     return Struct(parameters.name, parameters.about, tuple(kept))
 
 
-def _read_by(stages: Sequence[Stage]) -> set[int]:
+def _read_by(stages: Sequence[ProgramStage]) -> set[int]:
     """Numbers of the scalars that are the first parameters of all stages and that one reads."""
     found: set[int] = set()
     for stage in stages:

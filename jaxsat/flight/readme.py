@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jaxsat.flight.measure import Measured
+from jaxsat.flight.measure import ProcessorUse
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.templates import DEVIATIONS
 from jaxsat.flight.vectors import EDGES, Vectors
@@ -17,7 +17,7 @@ SHOWN = 12
 
 
 def readme(
-    request: "Request", program: FlightProgram, found: Vectors, numbers: Measured, lines: int
+    request: "Request", program: FlightProgram, found: Vectors, numbers: ProcessorUse, lines: int
 ) -> str:
     """What it is, where it comes from, how it is built, tested and called."""
     versions = request.provenance["versions"]
@@ -122,7 +122,7 @@ def _period(program: FlightProgram) -> str:
     return f"{float(np.asarray(program.period)):.9g}"
 
 
-def _measurement(numbers: Measured) -> str:
+def _measurement(numbers: ProcessorUse) -> str:
     rows = {
         "instructions of a step, the most over the test vectors": numbers.instructions,
         "bytes of stack at most": numbers.stack,

@@ -11,7 +11,7 @@ from jaxsat.compiler.c.functions import Unit, python_function
 from jaxsat.compiler.c.naming import Names, comment, identifier
 from jaxsat.compiler.c.text import in_lines, wrapped
 from jaxsat.compiler.ir import Value
-from jaxsat.flight.program import FlightProgram, Stage
+from jaxsat.flight.program import FlightProgram, ProgramStage
 
 GUARD = "CONTROLLER_H"
 
@@ -162,7 +162,7 @@ def _initialiser(array) -> str:
     return "{" + ", ".join(_initialiser(row) for row in array) + "}"
 
 
-def _stage(unit: Unit, stage: Stage) -> str:
+def _stage(unit: Unit, stage: ProgramStage) -> str:
     """Have a stage printed; its call."""
     function = stage.program.function
     if not stage.outputs:

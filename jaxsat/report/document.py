@@ -57,7 +57,7 @@ class Table:
     first: int | None = None
 
 
-class Key(NamedTuple):
+class LegendKey(NamedTuple):
     """What a line is in a legend: its name, colour, dashes and width as SVG has them."""
 
     label: str
@@ -73,7 +73,7 @@ class Chart:
     figure: Any
     title: str
     description: str
-    legend: Sequence[Key] = ()
+    legend: Sequence[LegendKey] = ()
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Charts:
 
 
 @dataclass(frozen=True)
-class Replay:
+class ReplayScene:
     """3-D replays side by side with one time; `crafts` are those of `jaxsat.report.page.replay`.
 
     On pages alone.
@@ -107,7 +107,7 @@ class Listing:
     file: str
 
 
-Block = Facts | Lines | Table | Charts | Replay | Listing
+Block = Facts | Lines | Table | Charts | ReplayScene | Listing
 
 
 @dataclass(frozen=True)

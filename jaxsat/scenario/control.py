@@ -13,8 +13,8 @@ from jaxsat.scenario.plugins import LAW, PluginError, find_class, installed, req
 from jaxsat.scenario.quantities import (
     Inertia,
     Number,
+    ScenarioTable,
     Switches3,
-    Table,
     choice,
     fields_of,
     quantity,
@@ -82,7 +82,7 @@ def _require_true(law: Law) -> None:
         )
 
 
-class ModelTable(Table):
+class ModelTable(ScenarioTable):
     """`[control.model]`: what the controller believes; by default it equals the plant."""
 
     inertia_kg_m2: Inertia | None = quantity(
@@ -96,7 +96,7 @@ class ModelTable(Table):
     orbit_relation: Relation | None = choice("Form of (11) that the controller uses", None)
 
 
-class LawTable(Table):
+class LawTable(ScenarioTable):
     """`[control]`, whatever the law."""
 
     model_config = ConfigDict(validate_default=True)  # whoever declares a default may err
@@ -128,7 +128,7 @@ def table_of(law: Law) -> type[LawTable]:
     if law.declaration.has_model:
         what = "What the controller believes of the plant"
         fields["model"] = (ModelTable, choice(what, ModelTable()))
-    name = "".join(part.capitalize() for part in re.split(r"\W+", law.name)) + "Table"
+    name = "".join(part.capitalize() for part in re.split(r"\W+", law.name)) + "ScenarioTable"
     doc = f'`law = "{law.name}"`: {law.declaration.summary}.'
     table = create_model(name, __base__=LawTable, __doc__=doc, __module__=__name__, **fields)
     table.declared = law

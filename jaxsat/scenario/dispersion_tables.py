@@ -7,7 +7,7 @@ from pydantic import Discriminator, Tag, model_validator
 
 from jaxsat.core.declaration.quantities import DISPERSIBLE, DispersibleQuantity
 from jaxsat.core.errors import ArgumentError
-from jaxsat.scenario.quantities import Number, Switch, Table, choice, quantity, table_with
+from jaxsat.scenario.quantities import Number, ScenarioTable, Switch, choice, quantity, table_with
 
 NumberOrList = Annotated[
     Annotated[Number, Tag("one")] | Annotated[tuple[Number, ...], Len(1, 1000), Tag("each")],
@@ -27,7 +27,7 @@ PARAMETERS = {
 """The parameters of each distribution."""
 
 
-class DistributionTable(Table):
+class DistributionTable(ScenarioTable):
     """`[dispersion.QUANTITY]`: a distribution, in the unit of the quantity.
 
     A parameter is one number for all components or a list with one for each.

@@ -145,7 +145,7 @@ def _unit_length(q: tuple) -> tuple:
 UnitQuaternion = Annotated[Vector4, AfterValidator(_unit_length)]
 
 
-class Table(BaseModel):
+class ScenarioTable(BaseModel):
     """A table of a scenario file: frozen, and without keys that it does not know."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -172,12 +172,12 @@ def fields_of(keys: Iterable[Key]) -> dict[str, tuple[Any, Any]]:
     return {key.name: (_annotation(key), _field(key)) for key in keys}
 
 
-def table_with(fields: Mapping[str, Any], base: type[Table] = Table) -> Any:
+def table_with(fields: Mapping[str, Any], base: type[ScenarioTable] = ScenarioTable) -> Any:
     """A table with these fields, to derive a class with a name of its own from."""
     return create_model("Declared", __base__=base, **fields)
 
 
-def values_of(keys: Iterable[Key], table: Table) -> dict[str, Any]:
+def values_of(keys: Iterable[Key], table: ScenarioTable) -> dict[str, Any]:
     """What a checked table has under declared keys, as `from_table` takes it."""
     return {key.name: getattr(table, key.name) for key in keys}
 

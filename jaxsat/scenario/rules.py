@@ -21,14 +21,14 @@ Check = Callable[..., Iterator[Issue]]
 
 
 @dataclass(frozen=True)
-class Rule:
+class ScenarioRule:
     """A check and the dotted keys without which it is not applied."""
 
     keys: tuple[str, ...]
     check: Callable[[Values], Iterator[Issue]]
 
 
-RULES: list[Rule] = []
+RULES: list[ScenarioRule] = []
 
 OF_THE_LAW = (
     "control.",
@@ -50,7 +50,7 @@ def rule(*keys: str) -> Callable[[Check], Check]:
     """
 
     def register(check: Check) -> Check:
-        RULES.append(Rule(keys, lambda values: check(*(values[key] for key in keys))))
+        RULES.append(ScenarioRule(keys, lambda values: check(*(values[key] for key in keys))))
         return check
 
     return register
@@ -60,7 +60,7 @@ def rule_over(*keys: str) -> Callable[[Check], Check]:
     """Register a check that takes all values, and needs those of `keys`."""
 
     def register(check: Check) -> Check:
-        RULES.append(Rule(keys, check))
+        RULES.append(ScenarioRule(keys, check))
         return check
 
     return register
@@ -81,13 +81,13 @@ def broken_rules(values: Values, law: bool = True) -> list[Issue]:
     return issues
 
 
-def _rules_of(law: Law) -> Iterator[Rule]:
+def _rules_of(law: Law) -> Iterator[ScenarioRule]:
     """What the law declares, as rules of a scenario."""
     for declared in law.declaration.rules:
-        yield Rule(declared.keys, functools.partial(_findings, law, declared))
+        yield ScenarioRule(declared.keys, functools.partial(_findings, law, declared))
     for low, high in law.declaration.ordered:
         keys = (f"control.{low}", f"control.{high}")
-        yield Rule(keys, functools.partial(_in_order, low, high))
+        yield ScenarioRule(keys, functools.partial(_in_order, low, high))
 
 
 def _findings(law: Law, declared: declaration.Rule, values: Values) -> Iterator[Issue]:

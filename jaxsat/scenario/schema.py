@@ -30,7 +30,7 @@ from jaxsat.scenario.parts.sensors import (
     StarTrackerTable,
 )
 from jaxsat.scenario.parts.thrusters import ModulationTable
-from jaxsat.scenario.quantities import Line, Table, Text, choice, table_with
+from jaxsat.scenario.quantities import Line, ScenarioTable, Text, choice, table_with
 from jaxsat.scenario.rules import broken_rules
 from jaxsat.scenario.tables import (
     InitialTable,
@@ -43,7 +43,7 @@ from jaxsat.scenario.tuning import TuningTable
 from jaxsat.scenario.wording import issue_of, item_kind, table_at, validated
 
 
-class _Body(Table):
+class _Body(ScenarioTable):
     """What a scenario has before its actuators."""
 
     title: Line = choice("One line for a person")

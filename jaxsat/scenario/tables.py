@@ -23,7 +23,7 @@ from jaxsat.scenario.quantities import (
     Inertia,
     Number,
     Positive,
-    Table,
+    ScenarioTable,
     TorqueAxes,
     UnitQuaternion,
     Vector2,
@@ -46,7 +46,7 @@ MAX_SAMPLED_STEPS = 2**26
 """The same where the law is sampled: a week at 0.1 s and four steps a period, and more."""
 
 
-class SpacecraftTable(Table):
+class SpacecraftTable(ScenarioTable):
     """`[spacecraft]`: the rigid body, its thrusters and their failures."""
 
     inertia_kg_m2: Inertia = quantity(
@@ -83,7 +83,7 @@ def working_axes(
     return unit_columns(np.array(kept, dtype=float).reshape(-1, 3).T)
 
 
-class OrbitTable(Table):
+class OrbitTable(ScenarioTable):
     """`[orbit]`: the circular orbit, by rate or by altitude."""
 
     rate_rad_s: Annotated[Number, within(ORBIT_RATE)] | None = quantity(
@@ -119,7 +119,7 @@ class OrbitTable(Table):
         return circular_orbit_rate(1000 * self.altitude_km)
 
 
-class InitialTable(Table):
+class InitialTable(ScenarioTable):
     """`[initial]`: the state at the start, the attitude as (w, z) or as a quaternion."""
 
     w: Vector2 | None = quantity(
@@ -132,7 +132,7 @@ class InitialTable(Table):
     omega_rad_s: Vector3 = quantity("Inertial angular velocity in body axes", "rad/s")
 
 
-class SolverTable(Table):
+class SolverTable(ScenarioTable):
     """`[simulation.solver]`: how the loop is integrated; by default what suits the loop."""
 
     name: SolverName | None = choice("Explicit Runge-Kutta solver of diffrax", None)
@@ -173,7 +173,7 @@ class SolverTable(Table):
     )
 
 
-class SettledTable(Table):
+class SettledTable(ScenarioTable):
     """`[settled]`: within what, and for how long, a case counts as settled."""
 
     tilt_rad: Annotated[Number, Gt(0), Lt(math.pi)] | None = quantity(
@@ -198,7 +198,7 @@ class SettledTable(Table):
     )
 
 
-class SimulationTable(Table):
+class SimulationTable(ScenarioTable):
     """`[simulation]`: how long, what to save, and in which form the loop is integrated."""
 
     duration_s: Seconds = quantity("Simulated time", "s")

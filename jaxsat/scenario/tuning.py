@@ -12,8 +12,8 @@ from jaxsat.scenario.quantities import (
     NonNegative,
     Number,
     Positive,
+    ScenarioTable,
     Switch,
-    Table,
     Whole,
     choice,
     quantity,
@@ -25,7 +25,7 @@ Count = Annotated[Whole, Ge(1), Le(10**6)]
 Unit = Annotated[Positive, Lt(1)]
 
 
-class BoundsTable(Table):
+class BoundsTable(ScenarioTable):
     """`[tuning.parameters.KEY]`: the bounds of one gain, in its own unit."""
 
     low: Number = choice("Least value")
@@ -35,7 +35,7 @@ class BoundsTable(Table):
     )
 
 
-class CostTable(Table):
+class CostTable(ScenarioTable):
     """`[tuning.cost]`: what a second costs, and how much at most."""
 
     w: NonNegative = quantity("Weight of the tilt; see simulation.attitude_cost", "1", 1.0)
@@ -62,7 +62,7 @@ class CostTable(Table):
     )
 
 
-class TuningTable(Table):
+class TuningTable(ScenarioTable):
     """`[tuning]`: gain tuning by gradient descent over the dispersed cases."""
 
     parameters: dict[str, BoundsTable] = choice(

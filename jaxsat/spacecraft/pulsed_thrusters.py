@@ -36,7 +36,7 @@ class ThrusterMemory(NamedTuple):
     openings: Float[Array, " m"]
 
 
-class Plan(NamedTuple):
+class PulsePlan(NamedTuple):
     """Pulses of a period that begins at `t` (s), and those of the last one that go on in it.
 
     `memory` is that of the next period but for what is used until then.
@@ -139,7 +139,7 @@ class PulsedThrusters(AbstractPulsedActuators):
         zero = jnp.zeros_like(memory.openings)
         torque = jnp.zeros(3, zero.dtype)
         running = Running(zero[0], memory.level, zero[0], zero, torque)
-        return Plan(t, period, pulses, following), running
+        return PulsePlan(t, period, pulses, following), running
 
     def _late(self, t, pulses, before, period, delay) -> Pulses:
         late = self._condition(t, jnp.zeros_like(period)).delay

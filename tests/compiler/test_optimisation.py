@@ -6,7 +6,7 @@ import pytest
 from jax import lax
 
 from jaxsat.compiler import Mapped
-from jaxsat.compiler.ir import Block, Loop, Operation, Switch, definitions, uses
+from jaxsat.compiler.ir import Block, BlockSwitch, Loop, Operation, definitions, uses
 from jaxsat.compiler.llvm.target import host
 
 CASES = np.linspace(0.1, 2.0, 24)
@@ -27,7 +27,7 @@ def _loops(block: Block) -> list[Loop]:
         match step:
             case Loop(condition=condition, body=body):
                 found += [step, *_loops(condition), *_loops(body)]
-            case Switch(blocks=blocks):
+            case BlockSwitch(blocks=blocks):
                 found += [loop for inside in blocks for loop in _loops(inside)]
             case _:
                 pass
@@ -41,7 +41,7 @@ def _names(block: Block) -> list[str]:
         match step:
             case Operation(name=name):
                 names.append(name)
-            case Switch(blocks=blocks):
+            case BlockSwitch(blocks=blocks):
                 names += [name for inside in blocks for name in _names(inside)]
             case Loop(condition=condition, body=body):
                 names += [*_names(condition), *_names(body)]

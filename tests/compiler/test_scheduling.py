@@ -8,7 +8,7 @@ import pytest
 from jax import lax
 
 from jaxsat.compiler import Mapped
-from jaxsat.compiler.ir import Loop, Operation, Switch, Value, definitions, uses
+from jaxsat.compiler.ir import BlockSwitch, Loop, Operation, Value, definitions, uses
 
 CASES = np.linspace(0.1, 2.0, 24)
 
@@ -18,7 +18,7 @@ def _steps(function, example=0.0):
 
 
 def _switches(function, example=0.0):
-    return [step for step in _steps(function, example) if isinstance(step, Switch)]
+    return [step for step in _steps(function, example) if isinstance(step, BlockSwitch)]
 
 
 def _comes_after_what_it_reads(steps, known):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxsat.control.handover import AIMED_TURN, ENOUGH, KNOWN_PERIODS, Coast, Hold
+from jaxsat.control.handover import AIMED_TURN, ENOUGH, KNOWN_PERIODS, HoldRecord, UnbalancedDrift
 from jaxsat.control.oscillatory import Slow
 
 DRIFT, LIMIT = 2.5e-7, 0.045
@@ -13,8 +13,10 @@ DRIFT, LIMIT = 2.5e-7, 0.045
 
 def coast(drift, known=False, clock=1000.0, sure=0.0):
     """At a `clock`, of a hold that began at 0, with an oscillation of 0.3 rad/s."""
-    hold = Hold(jnp.array(0.0), jnp.array(known))
-    return Coast.of(hold, jnp.array(clock), jnp.array(0.3), jnp.array(drift), jnp.array(sure))
+    hold = HoldRecord(jnp.array(0.0), jnp.array(known))
+    return UnbalancedDrift.of(
+        hold, jnp.array(clock), jnp.array(0.3), jnp.array(drift), jnp.array(sure)
+    )
 
 
 def turns(drift, rate, turn):
@@ -92,7 +94,7 @@ def test_the_first_hold_is_judged_once_when_the_drift_is_known():
     assert not before.drifts
     assert after.judged
     assert after.drifts
-    hold = Hold.none(jnp.zeros(3)).after(jnp.array(True), jnp.array(1.01 * age), after)
+    hold = HoldRecord.none(jnp.zeros(3)).after(jnp.array(True), jnp.array(1.01 * age), after)
     assert hold.known
     later = coast(DRIFT, known=True, clock=0.1 * age)
     assert later.drifts
@@ -102,10 +104,10 @@ def test_the_first_hold_is_judged_once_when_the_drift_is_known():
 def test_oscillating_before_a_hold_is_no_age_of_it():
     """The drift is learnt while holding: the first hold is judged however late it begins."""
     age, step = KNOWN_PERIODS * 2 * np.pi / 0.3, 0.1
-    hold, judged = Hold.none(jnp.zeros(3)), []
+    hold, judged = HoldRecord.none(jnp.zeros(3)), []
     begins, ends = 3 * age, 4.5 * age
     for clock in np.arange(0, ends, step):
-        now = Coast.of(hold, jnp.array(clock), *map(jnp.array, (0.3, DRIFT, 0.0)))
+        now = UnbalancedDrift.of(hold, jnp.array(clock), *map(jnp.array, (0.3, DRIFT, 0.0)))
         assert bool(now.drifts) == (clock > begins + age)
         hold = hold.after(jnp.array(clock >= begins), jnp.array(clock), now)
         judged += [clock] if now.judged else []

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 from helpers.thruster_layouts import allocated, canted, pairs
-from jaxsat.control.diagnosis import Condition
+from jaxsat.control.diagnosis import ActuatorCondition
 from jaxsat.control.reconfiguration import (
     Ability,
     Left,
@@ -130,7 +130,7 @@ def found(torque, part, flow, before=None):
     """What is left where thrusters make these parts of their thrust, and flows all the time."""
     count = torque.shape[1]
     part = jnp.asarray(part) * jnp.ones(count)
-    condition = Condition.sound(count)._replace(
+    condition = ActuatorCondition.sound(count)._replace(
         failed=part < 1, part=part, flow=jnp.asarray(flow) * jnp.ones(count)
     )
     whole = Ability.whole(count)
@@ -211,7 +211,7 @@ def test_a_program_for_many_thrusters_is_as_long_as_one_for_few():
         made, count = tables(torque), torque.shape[1]
 
         def step(failed, flow, wanted):
-            condition = Condition(failed, 1 - flow, flow, wanted, jnp.array(0.0))
+            condition = ActuatorCondition(failed, 1 - flow, flow, wanted, jnp.array(0.0))
             ability = made.find(condition, Ability.whole(count))
             return made.allocate(ability.limit, wanted, made.torque @ flow)
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.control.diagnosis import Condition, WheelFilter
+from jaxsat.control.diagnosis import ActuatorCondition, WheelFilter
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.wheel_allocation import LEAST_MOMENTUM, MOST_MOMENTUM, WheelAllocation
 from jaxsat.spacecraft import Wheels
@@ -20,7 +20,7 @@ def allocation(axes=PYRAMID, full=0.4, most=20.0, **options):
 
 
 def condition(count, failed=(), part=None, flow=None):
-    sound = Condition.sound(count)
+    sound = ActuatorCondition.sound(count)
     lost = jnp.array([wheel in failed for wheel in range(count)])
     part = jnp.ones(count) if part is None else jnp.asarray(part)
     return sound._replace(

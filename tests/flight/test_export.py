@@ -54,9 +54,9 @@ def _few_samples():
 
 
 def _nothing():
-    from jaxsat.flight.measure import Measured
+    from jaxsat.flight.measure import ProcessorUse
 
-    return Measured(why="not measured in tests")
+    return ProcessorUse(why="not measured in tests")
 
 
 @pytest.fixture(scope="module")

@@ -123,7 +123,7 @@ def test_closed_loops_with_the_compiled_law_are_the_same_to_the_bit(
 
 
 def _nothing(files):
-    from jaxsat.flight.measure import Measured
+    from jaxsat.flight.measure import ProcessorUse
 
     del files
-    return Measured(why="not measured in tests")
+    return ProcessorUse(why="not measured in tests")

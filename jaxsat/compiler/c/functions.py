@@ -13,7 +13,7 @@ from jaxsat.compiler.c.helpers import TYPES, helper
 from jaxsat.compiler.c.naming import Names, comment, docstring, identifier
 from jaxsat.compiler.c.printer import Printer
 from jaxsat.compiler.c.text import braced, dimensions, in_lines
-from jaxsat.compiler.c.unit import POINTERS, AbstractUnit, Printed
+from jaxsat.compiler.c.unit import POINTERS, AbstractUnit, CallSignature
 from jaxsat.compiler.c.wishes import name_of
 from jaxsat.compiler.ir import Function, Memory, Scalar, Value
 from jaxsat.compiler.trace import Trace
@@ -40,7 +40,7 @@ class Unit(AbstractUnit):
         self.functions: list[list[str]] = []
         self.contexts: dict[int, Context] = {}
         self._reserved: dict[str, str] = {}
-        self._printed: dict[int, Printed] = {}
+        self._printed: dict[int, CallSignature] = {}
         self._alike: dict[str, str] = {}
         self._tables: dict[tuple, str] = {}
 
@@ -80,11 +80,11 @@ class Unit(AbstractUnit):
             return word + ("f" if function.results[0].dtype.itemsize == 4 else "")
         if id(function) not in self._printed:
             name = self.names.new(identifier(f"{word}_of" if word in LIBM else word))
-            self._printed[id(function)] = Printed(name, (), (), ())
+            self._printed[id(function)] = CallSignature(name, (), (), ())
             self.functions.append(_elementary_text(self, name, function, trace))
         return self._printed[id(function)].name
 
-    def python(self, function: Function, trace: Trace) -> Printed:
+    def python(self, function: Function, trace: Trace) -> CallSignature:
         """A function of the Python code, printed once."""
         if id(function) not in self._printed:
             self._printed[id(function)] = self._python(function, trace)
@@ -104,7 +104,7 @@ class Unit(AbstractUnit):
         for function in functions[::-1]:
             self.python(function, trace)
 
-    def _loop(self, function: Function) -> Printed:
+    def _loop(self, function: Function) -> CallSignature:
         """An operation on arrays, printed once for all of one kind."""
         name, lines = loop_text(function)
         key = lines[0]
@@ -116,7 +116,7 @@ class Unit(AbstractUnit):
         assert source is not None
         ways = ["pointer" if source.results[0] else "value"]
         passed = [True] * len(source.params)
-        return Printed(self._alike[key], passed, ways, (), count_of(source))
+        return CallSignature(self._alike[key], passed, ways, (), count_of(source))
 
     def _name(self, word: str) -> str:
         """The reserved name for the first function of a word, a new one for others."""
@@ -126,7 +126,7 @@ class Unit(AbstractUnit):
         self._reserved[word] = ""
         return name
 
-    def _python(self, function: Function, trace: Trace) -> Printed:
+    def _python(self, function: Function, trace: Trace) -> CallSignature:
         source = function.source
         assert source is not None
         if source.loop:
@@ -141,7 +141,7 @@ class Unit(AbstractUnit):
             told = f"{word}: {about}" if about else word
             body[0] = body[0].replace(" @(", f" {name}(")
             self.functions.append([*comment(told), *in_lines(body[0], ""), *body[1:]])
-        return Printed(name, printed.passed, printed.results, printed.pointers)
+        return CallSignature(name, printed.passed, printed.results, printed.pointers)
 
 
 def _word(function: Function) -> str:
@@ -172,7 +172,7 @@ def _elementary_text(unit: Unit, name: str, function: Function, trace: Trace) ->
 
 def python_function(
     unit: Unit, name: str, function: Function, trace: Trace, context: Context
-) -> tuple[list[str], Printed]:
+) -> tuple[list[str], CallSignature]:
     """A function's lines, its head in one, and how it is called."""
     source = function.source
     shapes = ((), ()) if source is None else (source.params, source.results)
@@ -224,7 +224,7 @@ def python_function(
     params = [unit.types[one] for one in pointers] + given
     kind = TYPES[values[0].dtype] if values else "void"
     head = f"static {kind} {name}({', '.join(params) or 'void'})"
-    return [head, "{", *lines, "}"], Printed(name, passed, results, pointers)
+    return [head, "{", *lines, "}"], CallSignature(name, passed, results, pointers)
 
 
 FEW = 5

@@ -16,6 +16,7 @@ from jaxsat.compiler.c.unit import POINTERS, AbstractUnit
 from jaxsat.compiler.c.uses import Uses
 from jaxsat.compiler.ir import (
     Block,
+    BlockSwitch,
     Call,
     Function,
     Load,
@@ -25,7 +26,6 @@ from jaxsat.compiler.ir import (
     Source,
     Step,
     Store,
-    Switch,
     Value,
 )
 from jaxsat.compiler.lowering import CannotLower
@@ -82,7 +82,7 @@ class Printer:
                 index, value = self.body.operand(step.index), self.body.operand(step.value)
                 memory = self._arrays.memory(step.memory)
                 self.body.line(f"{memory}[{index.text}] = {value.text};")
-            case Switch():
+            case BlockSwitch():
                 self._switch(step)
             case Loop():
                 self._loop(step)
@@ -130,7 +130,7 @@ class Printer:
         for place, text in after:
             self.body.line(f"{place} = {text};")
 
-    def _switch(self, step: Switch) -> None:
+    def _switch(self, step: BlockSwitch) -> None:
         body = self.body
         self._arrays.declare(step.blocks)
         condition = self._condition(step.index) if len(step.blocks) == 2 else None
@@ -158,7 +158,7 @@ class Printer:
             body.line("}")
         body.line("}")
 
-    def _branch(self, step: Switch, number: int, places: Sequence[str]) -> None:
+    def _branch(self, step: BlockSwitch, number: int, places: Sequence[str]) -> None:
         with self.body.inside():
             self.block(step.blocks[number])
             for place, result in zip(places, step.yields[number], strict=True):
@@ -251,7 +251,7 @@ def _is_enclosed(text: str) -> bool:
     return False
 
 
-class Bound(NamedTuple):
+class CountedLoop(NamedTuple):
     """Of a loop that counts up: which param counts, where it ends (exclusive), and whether that is
     the loop's whole condition."""
 
@@ -260,7 +260,7 @@ class Bound(NamedTuple):
     is_whole: bool
 
 
-def bound_of(step: Loop, makers: Mapping[int, Operation]) -> Bound | None:
+def bound_of(step: Loop, makers: Mapping[int, Operation]) -> CountedLoop | None:
     """The bound of a loop that counts up from a constant to another; None of any other."""
     for name in _conjuncts(step.active, makers):
         maker = makers.get(name)
@@ -281,7 +281,7 @@ def bound_of(step: Loop, makers: Mapping[int, Operation]) -> Bound | None:
             )
             if counts:
                 whole = isinstance(step.active, Value) and step.active.number == name
-                return Bound(i, int(maker.args[1]), whole)  # pyright: ignore
+                return CountedLoop(i, int(maker.args[1]), whole)  # pyright: ignore
     return None
 
 

@@ -14,7 +14,7 @@ POINTERS = ("p", "at", "in", "attitude", "seen", "now", "next", "out")
 
 
 @dataclass(frozen=True)
-class Printed:
+class CallSignature:
     """A function as it is called: which of its arrays are handed over, and how results come back:
     "field" is written where it belongs, "value" returned, and "pointer" written for the caller.
 
@@ -48,5 +48,5 @@ class AbstractUnit(abc.ABC):
         """The name of an elementary function of numbers."""
 
     @abc.abstractmethod
-    def python(self, function: Function, trace: Trace) -> Printed:
+    def python(self, function: Function, trace: Trace) -> CallSignature:
         """A function of the Python code, printed once."""

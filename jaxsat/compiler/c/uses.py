@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 
 from jaxsat.compiler.ir import (
     Block,
+    BlockSwitch,
     Call,
     Load,
     Loop,
@@ -12,7 +13,6 @@ from jaxsat.compiler.ir import (
     Scalar,
     Step,
     Store,
-    Switch,
     Value,
     definitions,
 )
@@ -41,7 +41,7 @@ class Uses:
                 self.makers[step.out.number] = step
             self._read(_read_by(step), made)
             match step:
-                case Switch():
+                case BlockSwitch():
                     for inside, yields in zip(step.blocks, step.yields, strict=True):
                         self._block(inside, yields)
                 case Loop():
@@ -69,7 +69,7 @@ def _read_by(step: Step) -> Sequence[Scalar]:
             return [index, *memory.elements]
         case Store(index=index, value=value):
             return [index, value]
-        case Switch(index=index):
+        case BlockSwitch(index=index):
             return [index]
         case Loop(before=before):
             return before

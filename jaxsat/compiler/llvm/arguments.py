@@ -128,7 +128,7 @@ class Arguments:
         return arrays, count
 
 
-class Memory:
+class AlignedMemory:
     """Memory for machine code, aligned and at first zero."""
 
     def __init__(self, size: int):
@@ -138,7 +138,7 @@ class Memory:
         self.address: int = self.bytes.ctypes.data
 
 
-def addresses(arena: Memory, arrays: Sequence[np.ndarray]) -> ctypes.Array:
+def addresses(arena: AlignedMemory, arrays: Sequence[np.ndarray]) -> ctypes.Array:
     """The `pointers` of an entry point; arena and arrays must live as long as they are used."""
     return (ctypes.c_void_p * (1 + len(arrays)))(
         arena.address, *(array.ctypes.data for array in arrays)

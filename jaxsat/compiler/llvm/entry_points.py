@@ -25,7 +25,7 @@ from jaxsat.compiler.llvm.locations import (
     Location,
     PerCase,
     ScalarArgument,
-    Shared,
+    SharedElement,
     Slot,
     array_pointer,
     parameter_locations,
@@ -75,7 +75,7 @@ def emit_entry_point(module: Module, entry: EntryPoint) -> None:
     """Print an entry point into a module."""
     inputs = list(zip(entry.function.params, entry.inputs, strict=True))
     locations = {
-        x.number: location for x, location in inputs if isinstance(location, Shared | Slot)
+        x.number: location for x, location in inputs if isinstance(location, SharedElement | Slot)
     }
     body = _EntryPointEmitter(module, parameter_locations(entry.function.block, locations))
     for param, location in inputs:

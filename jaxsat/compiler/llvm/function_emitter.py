@@ -10,6 +10,7 @@ import numpy as np
 
 from jaxsat.compiler.ir import (
     Block,
+    BlockSwitch,
     Call,
     Function,
     Load,
@@ -18,7 +19,6 @@ from jaxsat.compiler.ir import (
     Operation,
     Scalar,
     Store,
-    Switch,
     Value,
     is_uniform,
 )
@@ -117,7 +117,7 @@ class FunctionEmitter(AbstractEmitter):
                     self._store(step)
                 case Loop():
                     self._loop(step)
-                case Switch():
+                case BlockSwitch():
                     self._switch(step)
                 case Call():
                     self._call(step)
@@ -244,7 +244,7 @@ class FunctionEmitter(AbstractEmitter):
     def _operands(self, given: Sequence[Scalar], to: Sequence[Value]) -> list[str]:
         return [self.operand(x, not out.uniform) for x, out in zip(given, to, strict=True)]
 
-    def _switch(self, step: Switch) -> None:
+    def _switch(self, step: BlockSwitch) -> None:
         number = self.fresh("")[1:]
         labels = [f"case{number}.{i}" for i in range(len(step.blocks))]
         out, kind = f"out{number}", scalar_type(step.index.dtype)

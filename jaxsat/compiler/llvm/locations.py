@@ -24,7 +24,7 @@ class PerCase:
 
 
 @dataclass(frozen=True)
-class Shared:
+class SharedElement:
     """Element `element` of an array that is the same for all cases."""
 
     array: int
@@ -46,8 +46,8 @@ class ScalarArgument:
     name: str
 
 
-Location = PerCase | Shared | Slot | ScalarArgument
-Known = Mapping[int, Shared | Slot]
+Location = PerCase | SharedElement | Slot | ScalarArgument
+Known = Mapping[int, SharedElement | Slot]
 """Locations of values by their numbers, for all who have the entry point's pointers."""
 
 CONTEXT = "ptr noalias %pointers, ptr noalias %state"
@@ -56,7 +56,7 @@ FIRST = 1
 """Before the addresses of the arrays from outside stands that of the arena (`emitter.Module`)."""
 
 
-def rematerialise(emitter: AbstractEmitter, value: Value, location: Shared | Slot) -> None:
+def rematerialise(emitter: AbstractEmitter, value: Value, location: SharedElement | Slot) -> None:
     """Let a value be loaded in every block that needs it: it need not be kept in between."""
     emitter.readers[value.number] = lambda out: _read(emitter, out, value.dtype, location)
 
@@ -72,7 +72,9 @@ def array_pointer(emitter: AbstractEmitter, number: int) -> str:
     return emitter.once_in_block(("array", number), load)
 
 
-def _read(emitter: AbstractEmitter, out: str, dtype: np.dtype, location: Shared | Slot) -> None:
+def _read(
+    emitter: AbstractEmitter, out: str, dtype: np.dtype, location: SharedElement | Slot
+) -> None:
     where = emitter.fresh("p")
     if isinstance(location, Slot):
         emitter.line(f"{where} = getelementptr i8, ptr %state, i64 {location.offset}")
@@ -83,14 +85,16 @@ def _read(emitter: AbstractEmitter, out: str, dtype: np.dtype, location: Shared 
     emitter.get(out, where, dtype, False)
 
 
-def parameter_locations(block: Block, locations: Known) -> dict[int, dict[int, Shared | Slot]]:
+def parameter_locations(
+    block: Block, locations: Known
+) -> dict[int, dict[int, SharedElement | Slot]]:
     """For functions that an entry point calls, by identity: parameters always in one location.
 
     Functions that others call as well have none.
     """
     calls = list(block.calls())
     inner = {id(call.function) for outer in calls for call in outer.function.block.calls()}
-    known: dict[int, dict[int, Shared | Slot]] = {}
+    known: dict[int, dict[int, SharedElement | Slot]] = {}
     functions: dict[int, Function] = {id(call.function): call.function for call in calls}
     for identity, function in functions.items():
         if identity in inner:

@@ -12,11 +12,11 @@ from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.interpreter import interpret
 from jaxsat.compiler.ir import Function, Value
 from jaxsat.compiler.llvm import target
-from jaxsat.compiler.llvm.arguments import Arguments, Memory, addresses
+from jaxsat.compiler.llvm.arguments import AlignedMemory, Arguments, addresses
 from jaxsat.compiler.llvm.drivers import RUN, run_blocks
 from jaxsat.compiler.llvm.emitter import Module, require_lanes
 from jaxsat.compiler.llvm.entry_points import EntryPoint, emit_entry_point
-from jaxsat.compiler.llvm.locations import Location, PerCase, Shared
+from jaxsat.compiler.llvm.locations import Location, PerCase, SharedElement
 from jaxsat.compiler.llvm.threads import in_own_thread
 from jaxsat.compiler.lowering import (
     arrays_of,
@@ -71,7 +71,7 @@ class Mapped:
 
         def work(stopped: threading.Event) -> None:
             del stopped
-            arena = Memory(self._module.arena)
+            arena = AlignedMemory(self._module.arena)
             run(addresses(arena, [*inputs, *outputs]), None, 0, count, 0, 0)
 
         in_own_thread(work)
@@ -82,9 +82,9 @@ class Mapped:
         inputs, count = self._taken(cases, shared)
         args = []
         for location in self.entry_point.inputs:
-            assert isinstance(location, PerCase | Shared)
+            assert isinstance(location, PerCase | SharedElement)
             array = inputs[location.array]
-            if isinstance(location, Shared):
+            if isinstance(location, SharedElement):
                 args.append(array.reshape(-1)[location.element])
             else:
                 args.append(array.reshape(count, -1)[:, location.element])
@@ -139,7 +139,7 @@ def _entry_point(jaxpr: Jaxpr, per_case: int) -> EntryPoint:
         for element in range(size):
             params.append(Value(number_type(aval.dtype), array >= per_case))
             varying = PerCase(array, element, size)
-            inputs.append(varying if array < per_case else Shared(array, element))
+            inputs.append(varying if array < per_case else SharedElement(array, element))
     b = Builder()
     results = scalars_of(lower(b, jaxpr, arrays_of(params, shapes)))
     outputs: list[Location] = []

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 from jaxsat.compiler.ir import (
     Block,
+    BlockSwitch,
     Call,
     Function,
     Loop,
     Operation,
     Scalar,
     Step,
-    Switch,
     Value,
     definitions,
     memories,
@@ -74,7 +74,7 @@ def _branched(block: Block, results: Sequence[Scalar]) -> None:
             break
         _put_in(block, choice)
     for step in block.steps:
-        if isinstance(step, Switch):
+        if isinstance(step, BlockSwitch):
             for inside, yields in zip(step.blocks, step.yields, strict=True):
                 _branched(inside, yields)
         elif isinstance(step, Loop):
@@ -162,7 +162,7 @@ def _put_in(block: Block, choice: _Choice) -> None:
             steps.append(step)
         if number == last:
             steps.append(Operation("convert", (first.args[0],), index))
-            steps.append(Switch(index, [no, yes], yields, outs))
+            steps.append(BlockSwitch(index, [no, yes], yields, outs))
     block.steps = _in_order(steps)
 
 
@@ -197,7 +197,7 @@ def _cost(step: Step) -> float:
             if function.source.loop:
                 return float(len(function.params))
             return _total(function.block.steps)
-        case Switch(blocks=blocks):
+        case BlockSwitch(blocks=blocks):
             return max(_total(block.steps) for block in blocks)
         case Loop(condition=condition, body=body):
             return 10 * _total([*condition.steps, *body.steps])

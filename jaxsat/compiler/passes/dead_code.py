@@ -11,6 +11,7 @@ from itertools import compress
 
 from jaxsat.compiler.ir import (
     Block,
+    BlockSwitch,
     Call,
     Function,
     Load,
@@ -20,7 +21,6 @@ from jaxsat.compiler.ir import (
     Scalar,
     Step,
     Store,
-    Switch,
     Value,
     blocks_in,
     numbers_of,
@@ -59,7 +59,7 @@ class DeadCodeElimination:
                     self._needs[out.number] += numbers_of(memory.elements)
                 case Store(memory=memory, index=index, value=value):
                     self._needs[memory.number] += [*numbers_of([index, value]), *control]
-                case Switch():
+                case BlockSwitch():
                     inner = [*control, *numbers_of([step.index])]
                     for inside, results in zip(step.blocks, step.yields, strict=True):
                         self._gather(inside, inner)
@@ -89,7 +89,7 @@ class DeadCodeElimination:
                     step.function = step.function.parts[used.index(True)]
                     step.outs = list(compress(outs, used))
                 return any(used)
-            case Switch():
+            case BlockSwitch():
                 used = self._used(step.outs)
                 step.outs = list(compress(step.outs, used))
                 step.yields = [list(compress(results, used)) for results in step.yields]
@@ -165,7 +165,7 @@ class _DataFlow:
                 self.memories[memory.number] = needs
             case Call(args=args, outs=outs):
                 self._note(outs, [self.of(args)] * len(outs))
-            case Switch():
+            case BlockSwitch():
                 control |= self.of([step.index])
                 for block in step.blocks:
                     self.block(block, control)

@@ -13,11 +13,11 @@ from itertools import chain
 
 from jaxsat.compiler.ir import (
     Block,
+    BlockSwitch,
     Loop,
     Operation,
     Scalar,
     Step,
-    Switch,
     Value,
     blocks_in,
     definitions,
@@ -90,13 +90,13 @@ def merge_cold_branches(block: Block) -> None:
     """
     depths: dict[int, int] = {}  # by value and memory: how many switches one after the other
     plain: dict[int, list[Step]] = defaultdict(list)
-    cold: dict[int, list[Switch]] = defaultdict(list)
+    cold: dict[int, list[BlockSwitch]] = defaultdict(list)
     for step in block.steps:
         for inside in blocks_in(step):
             merge_cold_branches(inside)
         touched = [memory.number for memory in memories(step)]
         depth = max((depths.get(n, 0) for n in chain(uses(step), touched)), default=0)
-        is_cold = isinstance(step, Switch) and step.cold
+        is_cold = isinstance(step, BlockSwitch) and step.cold
         (cold if is_cold else plain)[depth].append(step)  # pyright: ignore
         after = [out.number for out in definitions(step)]
         depths.update(dict.fromkeys(chain(after, touched), depth + is_cold))
@@ -106,7 +106,7 @@ def merge_cold_branches(block: Block) -> None:
         block.steps += _together(cold[depth])
 
 
-def _together(switches: Sequence[Switch]) -> Sequence[Step]:
+def _together(switches: Sequence[BlockSwitch]) -> Sequence[Step]:
     if len(switches) < 2:
         return switches
     index: Scalar = switches[0].index
@@ -120,7 +120,7 @@ def _together(switches: Sequence[Switch]) -> Sequence[Step]:
         block.steps = list(chain(*(switch.blocks[number].steps for switch in switches)))
     yields = [list(chain(*(switch.yields[number] for switch in switches))) for number in (0, 1)]
     outs = list(chain(*(switch.outs for switch in switches)))
-    return [*steps, Switch(index, blocks, yields, outs, cold=True)]
+    return [*steps, BlockSwitch(index, blocks, yields, outs, cold=True)]
 
 
 _CYCLES = {"div": 13, "sqrt": 20, "add": 4, "sub": 4, "mul": 4, "round": 8}
@@ -133,7 +133,7 @@ def schedule(block: Block, results: Iterable[Scalar]) -> None:
             case Loop():
                 schedule(step.condition, [step.active])
                 schedule(step.body, step.after)
-            case Switch():
+            case BlockSwitch():
                 for inside, yields in zip(step.blocks, step.yields, strict=True):
                     schedule(inside, yields)
             case _:

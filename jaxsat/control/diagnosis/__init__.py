@@ -10,7 +10,7 @@ from jaxsat.control.diagnosis.diagnosis import (
     cusum_threshold,
 )
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
-from jaxsat.control.diagnosis.residual import AbstractResidualFilter, Condition
+from jaxsat.control.diagnosis.residual import AbstractResidualFilter, ActuatorCondition
 from jaxsat.control.diagnosis.thruster_filter import ResidualFilter, ResidualMemory, ThrusterModel
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter, WheelMemory
 
@@ -18,7 +18,7 @@ __all__ = [
     "MOST_RETURNS",
     "WEAK",
     "AbstractResidualFilter",
-    "Condition",
+    "ActuatorCondition",
     "DiagnosedKind",
     "Diagnosis",
     "DiagnosisMemory",

@@ -21,7 +21,7 @@ from jaxsat.control.diagnosis.isolation import (
     Evidence,
     explanation,
 )
-from jaxsat.control.diagnosis.residual import AbstractResidualFilter, Condition
+from jaxsat.control.diagnosis.residual import AbstractResidualFilter, ActuatorCondition
 from jaxsat.core.checks import as_float, require_positive
 
 OVERSHOOT = 1.166
@@ -110,7 +110,7 @@ class DiagnosisMemory(NamedTuple):
     evidence: Evidence
     suspect: Int[Array, ""]
     rival: Bool[Array, " m"]
-    condition: Condition
+    condition: ActuatorCondition
     kind: Float[Array, " m"]
     returns: Float[Array, " m"]
 
@@ -172,7 +172,7 @@ class Diagnosis(eqx.Module):
             Evidence.none(count),
             jnp.array(0),
             zero >= 0,
-            Condition.sound(count),
+            ActuatorCondition.sound(count),
             zero + NONE,
             zero,
         )
@@ -234,7 +234,7 @@ class Diagnosis(eqx.Module):
         back = condition.part + best.loss * (1 - condition.part)
         left = jnp.where(fails, condition.part * (1 - best.loss), back)
         flow = jnp.where(comes_back, 0.0, tracked.flow)
-        judged = Condition(
+        judged = ActuatorCondition(
             (condition.failed | (fails & ~serves)) & ~comes_back,
             jnp.where(hit, left, condition.part),
             jnp.where(fails, condition.flow + best.flow, flow),

@@ -25,7 +25,7 @@ TRACKING = 0.1
 """Part of the error of a flow that is taken out with each sample."""
 
 
-class Condition(NamedTuple):
+class ActuatorCondition(NamedTuple):
     """What is believed of each actuator: whether it has `failed`, and what it makes.
 
     The part `part` of what is commanded, and the part `flow` of full torque all the time, which is
@@ -41,10 +41,10 @@ class Condition(NamedTuple):
     samples: RealScalar
 
     @staticmethod
-    def sound(count: int) -> "Condition":
+    def sound(count: int) -> "ActuatorCondition":
         """All work, and nothing is known to act besides."""
         zero = jnp.zeros(count)
-        return Condition(zero > 0, zero + 1, zero, jnp.zeros(3), jnp.array(0.0))
+        return ActuatorCondition(zero > 0, zero + 1, zero, jnp.zeros(3), jnp.array(0.0))
 
 
 class AbstractResidualFilter(eqx.Module):
@@ -77,7 +77,7 @@ class AbstractResidualFilter(eqx.Module):
         self,
         reading: PyTree,
         commanded: Float[Array, " m"],
-        condition: "Condition",
+        condition: "ActuatorCondition",
         period: RealScalar,
         memory: PyTree,
     ) -> tuple[AnyResidual, PyTree]:
@@ -87,10 +87,10 @@ class AbstractResidualFilter(eqx.Module):
     def tracked(
         self,
         residual: AnyResidual,
-        condition: "Condition",
+        condition: "ActuatorCondition",
         period: RealScalar,
         quiet: Bool[Array, ""],
-    ) -> "Condition":
+    ) -> "ActuatorCondition":
         """The condition with the flows that actuators make all the time, and the torque, corrected.
 
         The latter only while it is `quiet`: nothing is suspected.

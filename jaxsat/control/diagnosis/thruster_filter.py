@@ -18,7 +18,7 @@ from jaxsat.control.diagnosis.residual import (
     TEST_SIGMAS,
     TRACKING,
     AbstractResidualFilter,
-    Condition,
+    ActuatorCondition,
 )
 from jaxsat.core.checks import as_float, require_finite, require_positive
 from jaxsat.spacecraft import AbstractModulation
@@ -168,7 +168,7 @@ class ResidualFilter(AbstractResidualFilter):
         self,
         reading: Float[Array, "3"],
         commanded: Float[Array, " m"],
-        condition: "Condition",
+        condition: "ActuatorCondition",
         period: RealScalar,
         memory: ResidualMemory,
     ) -> tuple[Residual, ResidualMemory]:
@@ -212,10 +212,10 @@ class ResidualFilter(AbstractResidualFilter):
     def tracked(
         self,
         residual: AnyResidual,
-        condition: Condition,
+        condition: ActuatorCondition,
         period: RealScalar,
         quiet: Bool[Array, ""],
-    ) -> Condition:
+    ) -> ActuatorCondition:
         """The condition with the flows of failed thrusters, and the torque that acts, corrected.
 
         Where there is no flow, the torque is the mean of what the last samples tell, each by the
@@ -241,7 +241,7 @@ class ResidualFilter(AbstractResidualFilter):
             samples=jnp.where(opposed, 0.0, samples),
         )
 
-    def believed(self, condition: Condition, period: RealScalar) -> Float[Array, "3"]:
+    def believed(self, condition: ActuatorCondition, period: RealScalar) -> Float[Array, "3"]:
         """What stands out of the noise of the estimated torque that acts besides, N m."""
         rate = self.model.spacecraft.inverse_inertia @ condition.torque * period
         known = jnp.sqrt(condition.samples + FIRST_SAMPLES)

@@ -25,7 +25,7 @@ from jaxsat.control.diagnosis.residual import (
     TEST_SIGMAS,
     TRACKING,
     AbstractResidualFilter,
-    Condition,
+    ActuatorCondition,
 )
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft import Wheels
@@ -146,11 +146,11 @@ class WheelFilter(AbstractResidualFilter):
         """The memory after a verdict or an alarm; a wheel that seized is followed no further."""
         return memory._replace(started=memory.started & ~(verdict | alarm))
 
-    def friction(self, momentum: OfEach, condition: Condition) -> OfEach:
+    def friction(self, momentum: OfEach, condition: ActuatorCondition) -> OfEach:
         """The size of what brakes each wheel at these momenta while it turns, N m.
 
-        `Condition.flow` is the part of a motor's full torque that does so besides, less than zero
-        where that drives the wheel on.
+        `ActuatorCondition.flow` is the part of a motor's full torque that does so besides, less
+        than zero where that drives the wheel on.
         """
         wheels = self.wheels
         torque = condition.flow * self.full
@@ -164,7 +164,7 @@ class WheelFilter(AbstractResidualFilter):
         """Which way each wheel turns, from -1 to 1: a part of it near rest."""
         return jnp.clip(momentum / (STILL * self.momentum_noise), -1.0, 1.0)
 
-    def held(self, momentum: OfEach, torque: OfEach, condition: Condition) -> OfEach:
+    def held(self, momentum: OfEach, torque: OfEach, condition: ActuatorCondition) -> OfEach:
         """What of a motor torque (N m) friction holds back: of a wheel at rest, up to its size."""
         friction = jnp.maximum(self.friction(momentum, condition), 0.0)
         return (1 - jnp.abs(self.side(momentum))) * jnp.clip(torque, -friction, friction)
@@ -173,7 +173,7 @@ class WheelFilter(AbstractResidualFilter):
         self,
         reading: OfEach | WheelReading,
         commanded: OfEach,
-        condition: Condition,
+        condition: ActuatorCondition,
         period: RealScalar,
         memory: WheelMemory,
     ) -> tuple[WheelResidual, WheelMemory]:
@@ -226,10 +226,10 @@ class WheelFilter(AbstractResidualFilter):
     def tracked(
         self,
         residual: AnyResidual,
-        condition: Condition,
+        condition: ActuatorCondition,
         period: RealScalar,
         quiet: Bool[Array, ""],
-    ) -> Condition:
+    ) -> ActuatorCondition:
         """The condition with the friction of wheels that are braked too much corrected.
 
         One that turns tells it by how fast it slows, one that does not turn though it is driven

@@ -22,7 +22,7 @@ from bokeh.plotting import figure
 
 from jaxsat.core.numerals import number_text
 from jaxsat.report.decimation import kept_samples, largest_of_parts
-from jaxsat.report.document import Chart, Key
+from jaxsat.report.document import Chart, LegendKey
 from jaxsat.report.plot import Axis, Bars, Line, Plot, Strips, Timeline
 from jaxsat.report.style import MOST_LINES, STYLES
 
@@ -160,7 +160,7 @@ def _figure(*, x_label: str = "", y_label: str = "", x_range: Any = None, **opti
     return drawing
 
 
-def _keys(plot: Plot) -> list[Key]:
+def _keys(plot: Plot) -> list[LegendKey]:
     """What the lines are; nothing for a single one."""
     if sum(bool(line.label) for line in plot.lines) < 2:
         return []
@@ -170,12 +170,12 @@ def _keys(plot: Plot) -> list[Key]:
     return keys + [_key(label, FAINT) for label in faint]
 
 
-def _key(label: str, stroke: Mapping[str, Any]) -> Key:
+def _key(label: str, stroke: Mapping[str, Any]) -> LegendKey:
     """What a line is in a legend."""
     color, dash = stroke["line_color"], stroke.get("line_dash", "solid")
     color = "currentColor" if color == "#000000" else color
     dashes = "" if dash == "solid" else " ".join(map(str, dash))
-    return Key(label, color, dashes, stroke["line_width"])
+    return LegendKey(label, color, dashes, stroke["line_width"])
 
 
 def _lines(drawing: Any, plot: Plot) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.core.text import capitalised
-from jaxsat.report.document import Charts, Document, Facts, Lines, Listing, Replay, Table
+from jaxsat.report.document import Charts, Document, Facts, Lines, Listing, ReplayScene, Table
 from jaxsat.report.facts import provenance_facts, scenario_facts, scenario_tables
 from jaxsat.report.page.plots import TimeWindow, chart_of, overview_of
 from jaxsat.report.page.replay import craft
@@ -35,7 +35,7 @@ def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Document:
     blocks: list[Any] = [Facts("Scenario", scenario_facts(scenario))]
     if len(times) > 1:
         window = TimeWindow(Timeline(times, failures_of(scenario, times)))
-        blocks.append(Replay("3-D replay", [craft(dataset, scenario, told.title)]))
+        blocks.append(ReplayScene("3-D replay", [craft(dataset, scenario, told.title)]))
         blocks.append(Charts("Time window", [overview_of(pointing_plots(dataset)[0], window)]))
         for heading, plots in _plots(dataset).items():
             charts = [chart_of(plot, window) for plot in plots]

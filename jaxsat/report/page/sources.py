@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from jaxsat.core.once import imported
-from jaxsat.report.document import Document, Replay, Verdict
+from jaxsat.report.document import Document, ReplayScene, Verdict
 from jaxsat.scenario.plugins import without_imports
 from jaxsat.store import OutputError, open_trajectory
 from jaxsat.store.files import parse_json
@@ -38,13 +38,16 @@ def sections_of(paths: Sequence[Path]) -> list[Document]:
         craft
         for section in sections
         for block in section.blocks
-        if isinstance(block, Replay)
+        if isinstance(block, ReplayScene)
         for craft in block.crafts
     ]
     if not 1 < len(crafts) <= MOST_TOGETHER:
         return sections
     told = Verdict(None, f"{len(crafts)} runs on a common time axis.")
-    return [Document("Side by side", told, [Replay("3-D replay", crafts)], "Replay"), *sections]
+    return [
+        Document("Side by side", told, [ReplayScene("3-D replay", crafts)], "Replay"),
+        *sections,
+    ]
 
 
 def _section(path: Path) -> Document:

@@ -6,6 +6,6 @@ Acta Astronautica 83 (2013) 44-53.
 
 from jaxsat.report.reproduction.claim import Claim, ClaimVerdict
 from jaxsat.report.reproduction.claims import claims_document, judge
-from jaxsat.report.reproduction.runs import RUNS, Run
+from jaxsat.report.reproduction.runs import RUNS, PaperRun
 
-__all__ = ["RUNS", "Claim", "ClaimVerdict", "Run", "claims_document", "judge"]
+__all__ = ["RUNS", "Claim", "ClaimVerdict", "PaperRun", "claims_document", "judge"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from jaxsat.core.declaration.failures import AbstractFailureKind
-from jaxsat.scenario.quantities import Table
+from jaxsat.scenario.quantities import ScenarioTable
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class ActuatorDeclaration:
     """
 
     name: str
-    table: type[Table]
+    table: type[ScenarioTable]
     most: int
     meaning: str
     kinds: tuple[AbstractFailureKind, ...]

@@ -14,7 +14,7 @@ from jaxsat.scenario.quantities import (
     Line,
     Number,
     Position3,
-    Table,
+    ScenarioTable,
     choice,
     fields_of,
     quantity,
@@ -51,7 +51,7 @@ class DisturbanceTable(
 Share = Annotated[Number, Ge(0), Le(1)]
 
 
-class PanelTable(Table):
+class PanelTable(ScenarioTable):
     """`[[panel]]`: one flat plate, struck on the side of its normal."""
 
     name: Line | None = choice("A name for a person", None)

@@ -14,7 +14,7 @@ from jaxsat.scenario.quantities import (
     Line,
     Number,
     Rotation3,
-    Table,
+    ScenarioTable,
     Time,
     choice,
     quantity,
@@ -43,7 +43,7 @@ AMOUNTS = sorted({key for kinds in _KINDS.values() for kind in kinds for key in 
 """Keys that say how much."""
 
 
-class FailureTable(Table):
+class FailureTable(ScenarioTable):
     """`[[failure]]`: what happens to an actuator in flight; the law is not told.
 
     Of several failures of one actuator the later one replaces the earlier.

@@ -12,8 +12,8 @@ from jaxsat.scenario.quantities import (
     Direction,
     Line,
     Number,
+    ScenarioTable,
     Switch,
-    Table,
     choice,
     quantity,
     within,
@@ -25,7 +25,7 @@ ACROSS = 1e-6
 """The cosine between a gimbal axis and its spin axis that counts as zero."""
 
 
-class GimbalTable(Table):
+class GimbalTable(ScenarioTable):
     """`[[gimbal]]`: one control moment gyro, a rotor of steady momentum in one gimbal."""
 
     name: Line | None = choice("A name of its own; by default it goes by its number from 1", None)

@@ -9,8 +9,8 @@ from jaxsat.scenario.quantities import (
     Direction,
     Line,
     Number,
+    ScenarioTable,
     Switch,
-    Table,
     choice,
     quantity,
     within,
@@ -19,7 +19,7 @@ from jaxsat.scenario.rules import at, rule
 from jaxsat.scenario.wording import shown
 
 
-class MagnetorquerTable(Table):
+class MagnetorquerTable(ScenarioTable):
     """`[[magnetorquer]]`: one magnetorquer, a coil or rod."""
 
     name: Line | None = choice("A name of its own; by default it goes by its number from 1", None)
@@ -30,7 +30,7 @@ class MagnetorquerTable(Table):
     failed: Switch = choice("Whether it has failed before the start, and the law knows it", False)
 
 
-class UnloadingTable(Table):
+class UnloadingTable(ScenarioTable):
     """`[unloading]`: how magnetorquers take momentum out of wheels."""
 
     time_constant_s: Annotated[Number, within(SECONDS)] = quantity(

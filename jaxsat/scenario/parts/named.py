@@ -8,10 +8,10 @@ from pydantic import ConfigDict, SerializeAsAny, WrapValidator, create_model
 
 from jaxsat.core.once import once
 from jaxsat.scenario.plugins import ACTUATORS, Part, PluginKind, find_part
-from jaxsat.scenario.quantities import Table, choice, fields_of
+from jaxsat.scenario.quantities import ScenarioTable, choice, fields_of
 
 
-class PartTable(Table):
+class PartTable(ScenarioTable):
     """A table of a part that does not come with jaxsat, with the keys that it declares."""
 
     model_config = ConfigDict(extra="allow", validate_default=True)
@@ -39,7 +39,7 @@ def table_of_part(base: type[PartTable], part: Part) -> type[PartTable]:
     fields: dict[str, Any] = {"kind": (Literal[part.name], choice("The part"))}
     fields |= fields_of(part.declaration.keys)
     return create_model(
-        "".join(piece.capitalize() for piece in re.split(r"\W+", part.name)) + "Table",
+        "".join(piece.capitalize() for piece in re.split(r"\W+", part.name)) + "ScenarioTable",
         __base__=Closed,
         __doc__=f'`kind = "{part.name}"`: {part.declaration.summary}.',
         __module__=__name__,

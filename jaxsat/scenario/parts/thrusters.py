@@ -17,8 +17,8 @@ from jaxsat.scenario.quantities import (
     Line,
     Number,
     Position3,
+    ScenarioTable,
     Switch,
-    Table,
     Time,
     choice,
     quantity,
@@ -44,7 +44,7 @@ NO_TORQUE = 1e-12
 """N m; a force through the centre of mass makes less by rounding."""
 
 
-class ThrusterTable(Table):
+class ThrusterTable(ScenarioTable):
     """`[[thruster]]`: one thruster, by its place and force or by its torque."""
 
     name: Line | None = choice("A name of its own; by default it goes by its number from 1", None)
@@ -97,7 +97,7 @@ class ThrusterTable(Table):
 ModulationKind = Literal["pwm", "delta-sigma", "pwpf", "ideal"]
 
 
-class ModulationTable(Table):
+class ModulationTable(ScenarioTable):
     """`[modulation]`: how commanded thrust becomes pulses."""
 
     kind: ModulationKind | None = choice(

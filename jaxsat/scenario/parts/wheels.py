@@ -13,8 +13,8 @@ from jaxsat.scenario.quantities import (
     Direction,
     Line,
     Number,
+    ScenarioTable,
     Switch,
-    Table,
     choice,
     inertia_matrix,
     quantity,
@@ -28,7 +28,7 @@ MISSING = 1e-9
 """A part of a command, relative to it, that counts as not made."""
 
 
-class WheelTable(Table):
+class WheelTable(ScenarioTable):
     """`[[wheel]]`: one reaction wheel."""
 
     name: Line | None = choice("A name of its own; by default it goes by its number from 1", None)

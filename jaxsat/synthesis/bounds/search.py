@@ -17,7 +17,7 @@ from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop
 from jaxsat.spacecraft import Actuators, Wheels
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
-from jaxsat.synthesis.bounds.transcription import BoundObjective, Solution, Transcription
+from jaxsat.synthesis.bounds.transcription import BoundObjective, BoundTranscription, Solution
 
 TOLERANCE = 1e-11
 
@@ -28,7 +28,7 @@ MAX_EXCESS = 0.01
 """And within what is allowed of tilt, turn and rate if it exceeds it by no more of itself."""
 
 
-class Verification(NamedTuple):
+class EndError(NamedTuple):
     """How far from the target a flight ends, in angle (rad) and relative rate (rad/s).
 
     The rate is that in inertial axes where rates alone are to be stopped.
@@ -54,7 +54,7 @@ class Verification(NamedTuple):
         return near and self.rate < ends[-1]
 
 
-def propagate(manoeuvre: Manoeuvre, solution: Solution) -> Verification:
+def propagate(manoeuvre: Manoeuvre, solution: Solution) -> EndError:
     """Fly a solution's thrusts by DOP853, the attitude as direction cosines by (1), (10), (11)."""
     inverse = np.linalg.inv(manoeuvre.inertia)
     length = solution.duration / len(solution.thrust)
@@ -92,7 +92,7 @@ def propagate(manoeuvre: Manoeuvre, solution: Solution) -> Verification:
     tilt = np.arctan2(np.hypot(cosines[0, 2], cosines[1, 2]), cosines[2, 2])
     turn = np.arctan2(cosines[0, 1] - cosines[1, 0], cosines[0, 0] + cosines[1, 1])
     torques = solution.thrust @ manoeuvre.torque_axes.T
-    return Verification(
+    return EndError(
         float(angle),
         float(np.linalg.norm(omega if manoeuvre.rates_only else relative_rate(cosines, omega))),
         float(np.abs(torques).sum() * length),
@@ -123,7 +123,7 @@ class Bound(NamedTuple):
 
     objective: BoundObjective
     solution: Solution
-    verification: Verification
+    verification: EndError
     starts: int
     values: list[float]
 
@@ -160,9 +160,9 @@ def best_of_starts(
     """
     if starts < 1:
         raise ValueError(f"Argument `starts` must be at least 1, but got {starts}.")
-    transcription = Transcription(manoeuvre, objective, longest, intervals)
+    transcription = BoundTranscription(manoeuvre, objective, longest, intervals)
     solver = transcription.solver()
-    optima: list[tuple[Solution, Verification]] = []
+    optima: list[tuple[Solution, EndError]] = []
 
     def add(solution: Solution | None) -> None:
         if solution is None or solution.duration > longest * (1 + ROUNDING):

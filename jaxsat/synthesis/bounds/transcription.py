@@ -42,7 +42,7 @@ class Solution(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Transcription:
+class BoundTranscription:
     """The nonlinear program of a manoeuvre.
 
     `substeps` classical Runge-Kutta steps in each of the `intervals`; `longest` (s) bounds the

@@ -197,7 +197,7 @@ def bfgs(search: _Search, start: np.ndarray) -> None:
     minimise(gradient, start, low, high)
 
 
-class Method(NamedTuple):
+class SearchMethod(NamedTuple):
     """A search from a start, whether it sees new cases in every round, the package that it needs
     beyond those of jaxsat, and whether it takes gradients."""
 
@@ -207,12 +207,12 @@ class Method(NamedTuple):
     gradients: bool = False
 
 
-METHODS: dict[str, Method] = {
-    "Nelder-Mead": Method(nelder_mead),
-    "random search": Method(random_search),
-    "CMA-ES": Method(cma_es, package=PACKAGE),
-    "CMA-ES, new cases": Method(cma_es, fresh=True, package=PACKAGE),
-    "BFGS": Method(bfgs, gradients=True),
+METHODS: dict[str, SearchMethod] = {
+    "Nelder-Mead": SearchMethod(nelder_mead),
+    "random search": SearchMethod(random_search),
+    "CMA-ES": SearchMethod(cma_es, package=PACKAGE),
+    "CMA-ES, new cases": SearchMethod(cma_es, fresh=True, package=PACKAGE),
+    "BFGS": SearchMethod(bfgs, gradients=True),
 }
 """Every method by the name that it has in tables."""
 

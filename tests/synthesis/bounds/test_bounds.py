@@ -21,7 +21,7 @@ from jaxsat.spacecraft import Actuators
 from jaxsat.spacecraft.environment import AbstractDisturbance
 from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre, manoeuvre_of
 from jaxsat.synthesis.bounds.search import best_of_starts, plans_of, propagate
-from jaxsat.synthesis.bounds.transcription import BoundObjective, Solution, Transcription
+from jaxsat.synthesis.bounds.transcription import BoundObjective, BoundTranscription, Solution
 
 pytest.importorskip("casadi")
 
@@ -170,7 +170,9 @@ def test_flight_is_that_of_the_plant(paper, changes):
     scenario = load("acceptance-nominal", [*COMMON, *changes], purpose="motion")
     own, start = build_uncontrolled(scenario)
     manoeuvre = manoeuvre_of(own, start)
-    transcription = Transcription(manoeuvre, BoundObjective.TIME, 100.0, intervals=20, substeps=4)
+    transcription = BoundTranscription(
+        manoeuvre, BoundObjective.TIME, 100.0, intervals=20, substeps=4
+    )
     solver = transcription.solver()
     solution = next(filter(None, (transcription.solve(solver, seed) for seed in range(9))))
     verification = propagate(manoeuvre, solution)
@@ -223,7 +225,7 @@ def test_starts_and_intervals_are_checked(paper):
     with pytest.raises(ValueError, match="`starts` must be at least 1"):
         best_of_starts(paper[1], BoundObjective.TIME, 0, longest=100.0)
     with pytest.raises(ValueError, match="`intervals` must be positive"):
-        Transcription(paper[1], BoundObjective.TIME, 100.0, intervals=0)
+        BoundTranscription(paper[1], BoundObjective.TIME, 100.0, intervals=0)
     with pytest.raises(ValueError, match="at least one thruster"):
         dataclasses.replace(paper[1], torque_axes=np.zeros((3, 0)))
 

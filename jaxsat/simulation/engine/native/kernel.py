@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import PyTree
 
 from jaxsat.compiler.llvm import cache, target
-from jaxsat.compiler.llvm.arguments import Memory, addresses
+from jaxsat.compiler.llvm.arguments import AlignedMemory, addresses
 from jaxsat.compiler.llvm.drivers import (
     HISTORY,
     RUN,
@@ -120,7 +120,7 @@ class Kernel:
         pieces = iter(range(0, count, piece))
 
         def work(stopped: threading.Event) -> None:
-            arena, state = Memory(self._made.arena), Memory(self._made.state_size)
+            arena, state = AlignedMemory(self._made.arena), AlignedMemory(self._made.state_size)
             pointers = addresses(arena, [*inputs, *leaves])  # which live as long as this needs them
             for begin in pieces:  # next() of a range iterator is atomic
                 if stopped.is_set():
@@ -157,12 +157,12 @@ class Kernel:
         numbers = np.array(instants, np.int64)
 
         def work(stopped: threading.Event) -> None:
-            arena = Memory(max(self._made.arena, arena_size))
+            arena = AlignedMemory(max(self._made.arena, arena_size))
             pointers = addresses(arena, [*inputs, *leaves, *rows])
             for first in range(0, count, self.lanes):
                 state, cases, wanted = self._block(first, count)
                 where = (pointers, state.address, cases.ctypes.data, wanted.ctypes.data)
-                places = Memory(8 * self.lanes).bytes.view(np.int64)
+                places = AlignedMemory(8 * self.lanes).bytes.view(np.int64)
                 places[:] = cases
                 begin(*where, 0, 0)
                 for piece in range(0, len(numbers), WATCHED):
@@ -184,9 +184,9 @@ class Kernel:
 
     def _block(self, first: int, count: int):
         numbers = first + np.arange(self.lanes)
-        cases = Memory(8 * self.lanes).bytes.view(np.int64)
+        cases = AlignedMemory(8 * self.lanes).bytes.view(np.int64)
         cases[:] = np.minimum(numbers, count - 1)
-        return Memory(self._made.state_size), cases, (numbers < count).astype(np.uint8)
+        return AlignedMemory(self._made.state_size), cases, (numbers < count).astype(np.uint8)
 
 
 def module_of(trajectory: LoweredTrajectory, lanes: int, cpu: target.Host) -> Module:

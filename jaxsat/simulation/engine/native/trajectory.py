@@ -19,7 +19,7 @@ from jaxsat.compiler.ir import Function, Scalar, Value
 from jaxsat.compiler.llvm.arguments import Arguments
 from jaxsat.compiler.llvm.emitter import ALIGNMENT
 from jaxsat.compiler.llvm.entry_points import EntryPoint
-from jaxsat.compiler.llvm.locations import Location, PerCase, ScalarArgument, Shared, Slot
+from jaxsat.compiler.llvm.locations import Location, PerCase, ScalarArgument, SharedElement, Slot
 from jaxsat.compiler.lowering import Elements, arrays_of, lower, number_type, scalars_of
 from jaxsat.core.jaxprs import Jaxpr, jaxpr_and_shapes
 from jaxsat.core.process import no_collection
@@ -148,7 +148,7 @@ def _outside(avals: Sequence[Any], n_case: int) -> list[_Source]:
     return [
         _Source(dtype, None, PerCase(array, element, size), False)
         if array < n_case
-        else _Source(dtype, None, Shared(array, element), True)
+        else _Source(dtype, None, SharedElement(array, element), True)
         for array, element, size, dtype in _elements(avals)
     ]
 
