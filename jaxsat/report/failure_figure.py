@@ -62,6 +62,7 @@ def failure_figure(dataset: xr.Dataset, *, title: str = "") -> Figure | None:
             textcoords="offset points",
             arrowprops={"arrowstyle": "-", "linewidth": 0.7},
             verticalalignment="center",
+            fontsize="small",
             bbox={"facecolor": "white", "alpha": 0.85, "linewidth": 0, "pad": 1},
         )
     return figure

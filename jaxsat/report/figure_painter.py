@@ -38,6 +38,9 @@ WIDTH = 7.0
 LEFT, RIGHT, TOP, BOTTOM = 1.0, 0.15, 0.27, 0.45
 """Inches around the panels of a figure."""
 
+BAR = 0.6
+"""Inches of the bar that tells what shades mean; all panels of a figure are as wide."""
+
 TICKS, ROW, GAP = 0.22, 0.17, 0.17
 """Inches of the numbers below a panel, of a line of text above one, and between panels at least."""
 
@@ -87,12 +90,12 @@ def paint(
     shared = [one.x == other.x for one, other in itertools.pairwise(plots)] + [False]
     below = [0.0 if same else TICKS for same in shared]
     below[-1] = BOTTOM
+    right = RIGHT + (BAR if any(plot.strips is not None for plot in plots) else 0)
     whole = TOP + sum(heads) + height * len(plots) + sum(below)
     with rc_context(dict[Any, Any](SETTINGS)):
         figure, axes, top = Figure(figsize=(WIDTH, whole)), [], whole - TOP
         for plot, head, foot in zip(plots, heads, below, strict=True):
             top -= head + height
-            right = RIGHT if plot.strips is None else RIGHT + 0.6
             place = (LEFT / WIDTH, top / whole, 1 - (LEFT + right) / WIDTH, height / whole)
             axes.append(figure.add_axes(place))
             top -= foot
@@ -275,7 +278,7 @@ def _show_timeline(panel: Axes, timeline: Timeline, *, named: bool) -> None:
     """Dotted lines at the marks, and bands of grey in the panel that has the names."""
     for row, (at, name) in enumerate(timeline.marks):
         panel.axvline(at, color="black", linewidth=0.9, linestyle=(0, (1, 1.5)))
-        if named:
+        if named and name:
             panel.text(
                 at,
                 0.97 - 0.13 * (row % MARK_ROWS),
