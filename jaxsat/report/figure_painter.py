@@ -94,7 +94,7 @@ def paint(
     whole = TOP + sum(heads) + height * len(plots) + sum(below)
     with rc_context(dict[Any, Any](SETTINGS)):
         figure, axes, top = Figure(figsize=(WIDTH, whole)), [], whole - TOP
-        for plot, head, foot in zip(plots, heads, below, strict=True):
+        for head, foot in zip(heads, below, strict=True):
             top -= head + height
             place = (LEFT / WIDTH, top / whole, 1 - (LEFT + right) / WIDTH, height / whole)
             axes.append(figure.add_axes(place))
