@@ -187,6 +187,7 @@ def test_a_bad_case_spoils_no_other_and_machine_code_makes_the_same_plans():
 
     alone = Plan(*Mapped(one, starts[0], made)(batch, made))
     together = eqx.filter_jit(jax.vmap(lambda start: made.quickest(NOW, start)))(batch)
+    together = jax.tree.map(np.asarray, together)
     for plans in (alone, together):
         assert np.all((plans.status == PlanStatus.FAILED) == [False, True, False, True, False])
     np.testing.assert_array_equal(alone.status, together.status)
