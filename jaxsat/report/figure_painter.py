@@ -66,7 +66,7 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 class PowerFormatter(LogFormatterSciNotation):
     """Powers of ten as plain text, 2×10⁻³: mathematics takes ten times as long to set."""
 
-    def __call__(self, x: float, pos: int | None = None) -> str:
+    def __call__(self, x: float | int, pos: int | None = None) -> str:
         """The number at a tick."""
         text = super().__call__(x, pos)
         power = POWER.fullmatch(text)
