@@ -1,7 +1,6 @@
 """What actuators use and store is told of every case of a study: propellant, openings, momentum."""
 
 import csv
-import json
 
 import numpy as np
 import pytest
@@ -79,9 +78,6 @@ def test_a_store_from_before_is_read_and_not_continued(tmp_path, monkeypatch):
     told = r"another study \(columns\.propellant: null there, .* here; columns\.valve_openings: "
     with pytest.raises(OutputError, match=told):
         run_study(study(), tmp_path / "s.zarr")
-    assert (
-        json.loads((tmp_path / "s.zarr/zarr.json").read_text())["attributes"]["jaxsat_format"] == 3
-    )
 
 
 def test_axes_of_parts_have_the_names_of_the_scenario():
