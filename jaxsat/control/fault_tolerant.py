@@ -11,8 +11,9 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from jaxsat.control.diagnosis import (
     Diagnosis,
     DiagnosisMemory,
-    ResidualFilter,
+    Reading,
     Stage,
+    ThrusterFilter,
     ThrusterModel,
 )
 from jaxsat.control.leaks import LeakMemory, Leaks
@@ -125,14 +126,14 @@ class FaultTolerant(AbstractSampledController):
     @property
     def thrusters(self) -> ThrusterModel:
         """What the law believes of its thrusters."""
-        return cast(ResidualFilter, self.diagnosis.filter).thrusters
+        return cast(ThrusterFilter, self.diagnosis.filter).thrusters
 
     def init(self, state: PlantState) -> TolerantMemory:
         """All thrusters work."""
         thrusters = self.thrusters
         zero = jnp.zeros(thrusters.count, state.omega.dtype)
         return TolerantMemory(
-            self.diagnosis.init(state.omega),
+            self.diagnosis.init(Reading(state.omega)),
             self.healthy.init(state),
             None if self.settling is None else self.settling.at(jnp.array(0))[0].init(state),
             LeakMemory.none(thrusters.count),
@@ -152,12 +153,12 @@ class FaultTolerant(AbstractSampledController):
         thrusters, period = self.thrusters, self.period
         needed = self.reconfiguration.needed(memory.diagnosis.condition.failed)
         diagnosis = self.diagnosis.step(
-            state.omega, memory.on_time, period, memory.diagnosis, needed
+            Reading(state.omega), memory.on_time, period, memory.diagnosis, needed
         )
         condition = diagnosis.condition
         ability = self.reconfiguration.find(condition, memory.ability)
         number, left, limit = ability
-        besides = cast(ResidualFilter, self.diagnosis.filter).believed(condition, period)
+        besides = cast(ThrusterFilter, self.diagnosis.filter).believed(condition, period)
         steady = -(thrusters.torque @ condition.flow + besides)
         torque, healthy = self.healthy.step(t, state, memory.healthy)
         settling, leaking = memory.settling, memory.leaking
@@ -239,7 +240,7 @@ class FaultTolerant(AbstractSampledController):
         inverse = self.healthy.model.spacecraft.inverse_inertia
         inertia = 1 / jnp.sum(units * (inverse @ units), axis=0)
         rate = -jnp.sum(units * state.omega[:, None], axis=0)
-        above = jnp.maximum(rate - QUIET_SIGMAS * self.diagnosis.filter.noise, 0.0)
+        above = jnp.maximum(rate - QUIET_SIGMAS * self.diagnosis.filter.noise[0], 0.0)
         pull = 2 * self.healthy.damping * self.healthy.natural_frequency
         return jnp.minimum(pull * inertia * above / size, 1.0)
 

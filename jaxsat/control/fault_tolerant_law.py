@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.control.controller import LawContext, ThrusterContext, UnsuitableModel
-from jaxsat.control.diagnosis import Diagnosis, ResidualFilter
+from jaxsat.control.diagnosis import Diagnosis, ThrusterFilter
 from jaxsat.control.fault_tolerant import FaultTolerant, SettlingLaws
 from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.leaks import Leaks
@@ -143,7 +143,7 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
     pulse = float(np.max(sizes * thrusters.pulse))
     sets = failed_sets(torque)
     sets, settling = _settling(values, context, torque, sets, Steps(pulse, noise))
-    residual = ResidualFilter(
+    residual = ThrusterFilter(
         model=context.model,
         thrusters=thrusters.model,
         rate_noise=noise,

@@ -11,8 +11,15 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.controller import LawContext, WheelContext
-from jaxsat.control.diagnosis import MOST_RETURNS, Diagnosis, DiagnosisMemory, Stage, WheelFilter
-from jaxsat.control.diagnosis.wheel_filter import LEAST_NOISE, WheelReading
+from jaxsat.control.diagnosis import (
+    MOST_RETURNS,
+    Diagnosis,
+    DiagnosisMemory,
+    Reading,
+    Stage,
+    WheelFilter,
+)
+from jaxsat.control.diagnosis.wheel_filter import LEAST_NOISE
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.sampled import AbstractSampledController
@@ -134,7 +141,7 @@ class FaultTolerantWheels(AbstractSampledController):
     def init(self, state: PlantState) -> WheelLawMemory:
         """All wheels work but those that are known to have failed."""
         momentum = cast(Array, wheel_momentum(state))
-        diagnosis = self.diagnosis.init(WheelReading(momentum, state.omega))
+        diagnosis = self.diagnosis.init(Reading(state.omega, momentum))
         condition = diagnosis.condition
         condition = condition._replace(
             failed=self.known, part=jnp.where(self.known, 0.0, condition.part)
@@ -162,7 +169,7 @@ class FaultTolerantWheels(AbstractSampledController):
         """The torque of each wheel on the body, N m."""
         momentum = cast(Array, wheel_momentum(state))
         all_needed = jnp.ones_like(self.known)
-        reading = WheelReading(momentum, state.omega)
+        reading = Reading(state.omega, momentum)
         diagnosis = self.diagnosis.step(
             reading, memory.impulse, self.period, memory.diagnosis, all_needed
         )

@@ -10,9 +10,9 @@ from jaxsat.control.diagnosis.diagnosis import (
     cusum_threshold,
 )
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
-from jaxsat.control.diagnosis.residual import AbstractResidualFilter, ActuatorCondition
-from jaxsat.control.diagnosis.thruster_filter import ResidualFilter, ResidualMemory, ThrusterModel
-from jaxsat.control.diagnosis.wheel_filter import WheelFilter, WheelMemory
+from jaxsat.control.diagnosis.residual import AbstractResidualFilter, ActuatorCondition, Reading
+from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter, ThrusterModel
+from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 
 __all__ = [
     "MOST_RETURNS",
@@ -22,12 +22,11 @@ __all__ = [
     "DiagnosedKind",
     "Diagnosis",
     "DiagnosisMemory",
-    "ResidualFilter",
-    "ResidualMemory",
+    "Reading",
     "Stage",
+    "ThrusterFilter",
     "ThrusterModel",
     "WheelFilter",
-    "WheelMemory",
     "average_run_length",
     "cusum_threshold",
 ]

@@ -12,16 +12,21 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.diagnosis.isolation import (
     PENALTY,
-    AnyResidual,
     DiagnosedKind,
     Evidence,
+    Residual,
     explanation,
 )
-from jaxsat.control.diagnosis.residual import AbstractResidualFilter, ActuatorCondition
+from jaxsat.control.diagnosis.residual import (
+    AbstractResidualFilter,
+    ActuatorCondition,
+    FilterMemory,
+    Reading,
+)
 from jaxsat.core.checks import as_float, require_positive
 
 OVERSHOOT = 1.166
@@ -102,8 +107,8 @@ class DiagnosisMemory(NamedTuple):
     included.
     """
 
-    residual: PyTree
-    doubt: RealScalar | Float[Array, " m"]
+    residual: FilterMemory
+    doubt: Float[Array, " k"]
     statistic: Float[Array, "tests m"]
     stage: Int[Array, ""]
     age: RealScalar
@@ -159,10 +164,10 @@ class Diagnosis(eqx.Module):
         rate += hypotheses.weak_losses * math.exp(-2 * reference * threshold)
         return self.filter.count * rate
 
-    def init(self, reading: PyTree) -> DiagnosisMemory:
+    def init(self, reading: Reading) -> DiagnosisMemory:
         """All actuators work."""
         count = self.filter.count
-        zero = jnp.zeros(count, jax.tree.leaves(reading)[0].dtype)
+        zero = jnp.zeros(count, reading.rate.dtype)
         return DiagnosisMemory(
             self.filter.init(reading),
             self.filter.noise,
@@ -192,7 +197,7 @@ class Diagnosis(eqx.Module):
 
     def step(
         self,
-        reading: PyTree,
+        reading: Reading,
         commanded: Float[Array, " m"],
         period: RealScalar,
         memory: DiagnosisMemory,
@@ -218,7 +223,7 @@ class Diagnosis(eqx.Module):
         late = age > self.patience * period
         tested = (best.tested > LEAST_INFORMATION) | (age > MOST_PERIODS * period)
         flows = best.kind > DiagnosedKind.DEGRADED
-        tested = tested & (flows | ~needed[best.thruster] | (best.tested > TOLD_APART))
+        tested = tested & (flows | ~needed[best.actuator] | (best.tested > TOLD_APART))
         sure = (best.margin > self.margin) & tested
         ahead = best.score - best.disturbance
         verdict = alarmed & (best.score > self.margin) & (sure | (late & (ahead > self.margin)))
@@ -226,7 +231,7 @@ class Diagnosis(eqx.Module):
         disturbed = disturbed & ((ahead < -self.margin) | late)
         over = verdict | disturbed | (alarmed & late)
         alarm = ~alarmed & (jnp.max(statistic) > self.threshold)
-        hit = verdict & (jnp.arange(lasting.shape[0]) == best.thruster)
+        hit = verdict & (jnp.arange(lasting.shape[0]) == best.actuator)
         fails = hit & ~condition.failed
         comes_back = hit & condition.failed & (best.kind == DiagnosedKind.DEAD)
         tracked = self.filter.tracked(residual, condition, period, ~alarmed & ~alarm)
@@ -241,7 +246,7 @@ class Diagnosis(eqx.Module):
             tracked.torque + jnp.where(disturbed, self.filter.torque_of(best.acceleration), 0.0),
             jnp.where(disturbed, 0.0, tracked.samples),
         )
-        named = self.filter.named(best.kind, best.thruster, filtered).astype(memory.kind.dtype)
+        named = self.filter.named(best.kind, best.actuator, filtered).astype(memory.kind.dtype)
         return DiagnosisMemory(
             self.filter.restarted(filtered, verdict | disturbed, alarm),
             residual.doubt(self.filter.uncertainty),
@@ -249,14 +254,14 @@ class Diagnosis(eqx.Module):
             jnp.where(over, int(Stage.QUIET), jnp.where(alarm, int(Stage.ALARM), memory.stage)),
             jnp.where(over | alarm, 0.0, age),
             evidence,
-            best.thruster,
+            best.actuator,
             best.scores > best.score - self.margin,
             judged,
             jnp.where(comes_back, NONE, jnp.where(hit, named, memory.kind)),
             memory.returns + comes_back.astype(memory.returns.dtype),
         )
 
-    def _statistic(self, residual: AnyResidual, memory: DiagnosisMemory) -> Float[Array, "tests m"]:
+    def _statistic(self, residual: Residual, memory: DiagnosisMemory) -> Float[Array, "tests m"]:
         """The CUSUMs, which stand where a signature is too small, and during an alarm.
 
         With `weak_losses` the last is the likelihood ratio of a full loss, for which no signature
@@ -268,7 +273,7 @@ class Diagnosis(eqx.Module):
         size = jnp.sqrt(squares)
         sigma = jnp.broadcast_to(jnp.sqrt(residual.variance), size.shape)
         seen = size > LEAST_SIGNAL * sigma
-        along = jnp.sum(signatures * residual.innovation[None, :, None], axis=1)
+        along = jnp.sum(signatures * residual.innovation[None], axis=1)
         score = along / (jnp.where(seen, size, 1.0) * sigma)
         gain = score - self.reference
         of_flow = (jnp.arange(1 + len(signs)) > 0)[:, None]

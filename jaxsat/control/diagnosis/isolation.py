@@ -1,18 +1,11 @@
 """Which actuator failed, and how: likelihoods of the kinds of failure.
 
 A failed actuator lacks the part a of what was commanded and makes the part b of its full torque all
-the time. The kinds are points and lines in the plane of (a, b). Of a thruster:
-
-    dead (1, 0), degraded (s, 0), stuck on (1, 1), stuck at (1, s), leaking (s, s), reversed (2, 0).
-
-Of a reaction wheel b is the part of its full motor torque that brakes the rotor all the time, so
-that a motor that drives it on has b = -1:
-
-    dead (1, 0), degraded (s, 0), friction up (0, s), runaway (1, -1).
+the time. The kinds of failure of an actuator are points and lines in the plane of (a, b).
 """
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -24,9 +17,6 @@ RealScalar = Float[Array, ""]
 
 LEAST_PART = 0.02
 """A loss or a leak below this part of full torque is none."""
-
-MOST_FRICTION = 4.0
-"""Of the full torque of a motor: what brakes a wheel more counts as this."""
 
 
 class DiagnosedKind(AbstractFailureKind):
@@ -68,65 +58,19 @@ class Hypotheses(NamedTuple):
     in_service: tuple[int, ...] = ()
 
 
-def _thruster_parts(information, weighted, uncertainty) -> Float[Array, "kinds 2 m"]:
-    """The most likely (a, b) of every kind; b of one stuck on is full thrust as it really is."""
-    aa, ab, bb = information
-    y, z = weighted
-    one, zero = jnp.ones_like(y), jnp.zeros_like(y)
-    lost, stuck = _nearest(y, aa), _nearest(z - ab, bb)
-    certain = 1 / uncertainty**2
-    fully = (z - ab + certain) / (bb + certain)
-    leak = _nearest(y + z, aa + 2 * ab + bb)
-    return _stacked(
-        (one, zero), (lost, zero), (one, fully), (one, stuck), (leak, leak), (2 * one, zero)
-    )
-
-
-def _wheel_parts(information, weighted, uncertainty) -> Float[Array, "kinds 2 m"]:
-    """The same of a wheel; b of a runaway is minus its full torque as it really is."""
-    aa, ab, bb = information
-    y, z = weighted
-    one, zero = jnp.ones_like(y), jnp.zeros_like(y)
-    lost, braked = _nearest(y, aa), _nearest(z, bb, MOST_FRICTION)
-    certain = 1 / uncertainty**2
-    driven = (z - ab - certain) / (bb + certain)
-    return _stacked((one, zero), (lost, zero), (zero, braked), (one, driven))
-
-
-def _nearest(value, weight, most: float = 1.0) -> Float[Array, " m"]:
+def most_likely(
+    value: Float[Array, " m"], weight: Float[Array, " m"], most: float = 1.0
+) -> Float[Array, " m"]:
+    """The value over its weight, a part of full torque from `LEAST_PART` to `most`."""
     quotient = value / jnp.where(weight > 0, weight, 1.0)
     return jnp.clip(quotient, LEAST_PART, most)
 
 
-def _stacked(*pairs) -> Float[Array, "kinds 2 m"]:
+def stacked_parts(
+    *pairs: tuple[Float[Array, " m"], Float[Array, " m"]],
+) -> Float[Array, "kinds 2 m"]:
+    """The (a, b) of every kind, in their order."""
     return jnp.stack([jnp.stack(pair) for pair in pairs])
-
-
-OF_THRUSTERS = Hypotheses(
-    kinds=tuple(range(DiagnosedKind.REVERSED + 1)),
-    free=(DiagnosedKind.DEGRADED, DiagnosedKind.STUCK_AT, DiagnosedKind.LEAKING),
-    full=DiagnosedKind.STUCK_ON,
-    level=1.0,
-    parts=_thruster_parts,
-)
-"""Of thrusters that push."""
-
-OF_WHEELS = Hypotheses(
-    kinds=(
-        DiagnosedKind.DEAD,
-        DiagnosedKind.DEGRADED,
-        DiagnosedKind.FRICTION_UP,
-        DiagnosedKind.RUNAWAY,
-    ),
-    free=(DiagnosedKind.DEGRADED, DiagnosedKind.FRICTION_UP, DiagnosedKind.RUNAWAY),
-    full=DiagnosedKind.RUNAWAY,
-    level=-1.0,
-    parts=_wheel_parts,
-    tests=(1.0, -1.0),
-    weak_losses=False,
-    in_service=(DiagnosedKind.DEGRADED, DiagnosedKind.FRICTION_UP),
-)
-"""Of reaction wheels, whose momenta tell of each alone."""
 
 
 PENALTY = 3.0
@@ -142,38 +86,27 @@ MOST_INFORMATION = 1e5
 """In that unit; what is far beyond doubt is not added up."""
 
 
-@runtime_checkable
-class AnyResidual(Protocol):
-    """Innovations in one unit, and the signatures in them of what each actuator may lack or add."""
+class Residual(NamedTuple):
+    """Innovations in one unit, and the signatures in them of what each actuator may lack or add.
 
-    @property
-    def innovation(self) -> Float[Array, " n"]:
-        """What was read less what was expected."""
-        ...
+    A column of `innovation` is what was read less what was expected; there is one that tells of all
+    actuators, or one of each, with a `variance` each. `loss` is what an actuator leaves whose
+    torque has been missing (of one that counts as failed: has been there again), `flow` what one
+    leaves that has made its full torque all the time, and `steady` what a constant acceleration of
+    1 rad/s² leaves, None where nothing acts besides. `driven`, from -1 to 1, tells which actuators
+    are driven from rest and which way, None where none rests.
+    """
 
-    @property
-    def variance(self) -> Float[Array, ""] | Float[Array, " m"]:
-        """The variance of every innovation, or of each actuator's."""
-        ...
+    innovation: Float[Array, "n k"]
+    variance: Float[Array, " k"]
+    loss: Float[Array, "n m"]
+    flow: Float[Array, "n m"]
+    steady: RealScalar | None = None
+    driven: Float[Array, " m"] | None = None
 
-    @property
-    def loss(self) -> Float[Array, "n m"]:
-        """What missing torque leaves in it."""
-        ...
-
-    @property
-    def flow(self) -> Float[Array, "n m"]:
-        """What full torque all the time leaves in it."""
-        ...
-
-    @property
-    def steady(self) -> Float[Array, ""] | None:
-        """What one unit of constant acceleration leaves in it; None where nothing acts besides."""
-        ...
-
-    def doubt(self, uncertainty: RealScalar) -> Float[Array, ""] | Float[Array, " m"]:
-        """Standard deviation of the innovations if the part `uncertainty` may be a model error."""
-        ...
+    def doubt(self, uncertainty: RealScalar) -> Float[Array, " k"]:
+        """Standard deviations if the part `uncertainty` of innovations may be a model error."""
+        return jnp.sqrt(self.variance + uncertainty**2 * jnp.sum(self.innovation**2, axis=0))
 
 
 class Evidence(NamedTuple):
@@ -192,23 +125,22 @@ class Evidence(NamedTuple):
         """The evidence before the first residual."""
         return Evidence(jnp.zeros((3, count)), jnp.zeros((2, count)), jnp.zeros(4))
 
-    def after(self, residual: AnyResidual, uncertainty: RealScalar) -> "Evidence":
+    def after(self, residual: Residual, uncertainty: RealScalar) -> "Evidence":
         """The evidence with one more residual, whose part `uncertainty` may be a model error.
 
         Evidence beyond any doubt is kept at `MOST_INFORMATION`.
         """
         loss, flow, seen = residual.loss, residual.flow, residual.innovation
-        variance = UNIT * residual.doubt(uncertainty) ** 2
-        variance = jnp.broadcast_to(variance, loss.shape[1:])[None]
+        variance = UNIT * residual.doubt(uncertainty)[None] ** 2
         products = (loss * loss, loss * flow, flow * flow)
         more = jnp.stack([jnp.sum(one, axis=0) for one in products])
-        correlation = jnp.stack([jnp.sum(seen[:, None] * one, axis=0) for one in (loss, flow)])
+        correlation = jnp.stack([jnp.sum(seen * one, axis=0) for one in (loss, flow)])
         information = self.information + more / variance
         most = jnp.maximum(jnp.max(information), MOST_INFORMATION)
         scale = MOST_INFORMATION / most
         besides = self.disturbance
         if residual.steady is not None:
-            signature = jnp.concatenate([residual.steady[None], seen])
+            signature = jnp.concatenate([residual.steady[None], seen[:, 0]])
             besides = scale * (besides + residual.steady * signature / variance[0, 0])
         return Evidence(
             scale * information, scale * (self.weighted + correlation / variance), besides
@@ -224,7 +156,7 @@ class Explanation(NamedTuple):
     that of the constant torque, and `acceleration` (rad/s²) what it does.
     """
 
-    thruster: Int[Array, ""]
+    actuator: Int[Array, ""]
     kind: Int[Array, ""]
     loss: RealScalar
     flow: RealScalar
@@ -265,20 +197,20 @@ def explanation(
     of_failed = kinds <= DiagnosedKind.DEGRADED
     scores = jnp.where((failed[None] & ~of_failed) | lasting[None], -IMPOSSIBLE, scores)
     best = jnp.max(scores, axis=0)
-    thruster = jnp.argmax(best)
-    others = jnp.where(jnp.arange(failed.shape[0]) == thruster, -IMPOSSIBLE, best)
-    row = jnp.argmax(scores[:, thruster])
+    actuator = jnp.argmax(best)
+    others = jnp.where(jnp.arange(failed.shape[0]) == actuator, -IMPOSSIBLE, best)
+    row = jnp.argmax(scores[:, actuator])
     known, pull = evidence.disturbance[0], evidence.disturbance[1:]
     acceleration = pull / jnp.where(known > 0, known, 1.0)
     disturbance = jnp.sum(pull * acceleration) / 2 - PENALTY * pull.shape[0]
     return Explanation(
-        thruster,
+        actuator,
         kinds[row, 0],
-        a[row, thruster],
-        b[row, thruster],
-        best[thruster],
-        best[thruster] - jnp.maximum(jnp.max(others), disturbance),
-        aa[thruster],
+        a[row, actuator],
+        b[row, actuator],
+        best[actuator],
+        best[actuator] - jnp.maximum(jnp.max(others), disturbance),
+        aa[actuator],
         best,
         disturbance,
         acceleration,

@@ -1,28 +1,38 @@
-"""What a filter of residuals is: innovations of readings, and what failures leave in them.
+"""What is read and was not commanded: innovations of Kalman filters, and failures in them.
 
-There is one filter for thrusters and one for wheels. Both know of each actuator in what condition
-it is believed to be.
+Differences of readings have correlated noise; the innovations of a Kalman filter of what is read do
+not. The filter's gain also says how the signature of a failure decays in them. A kind of actuator
+has one filter: of the body's rate, in which all actuators leave their signatures, or of telemetry
+of its own, in which each leaves its own.
 """
 
 import abc
+from collections.abc import Callable
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxsat.control.diagnosis.isolation import AnyResidual, Hypotheses
+from jaxsat.control.diagnosis.isolation import Hypotheses, Residual
 
 RealScalar = Float[Array, ""]
 
 RESTLESSNESS = 0.25
-"""Process noise over the noise of the rate, so that a signature decays by 0.39 a sample."""
+"""Process noise over the noise of what is read, so that a signature decays by 0.39 a sample."""
 
 TEST_SIGMAS = 6.0
 """Effect of a test pulse on what is read, over its noise."""
 
 TRACKING = 0.1
 """Part of the error of a flow that is taken out with each sample."""
+
+
+class Reading(NamedTuple):
+    """The rate of the body (rad/s), and what tachometers tell of wheels (N m s), None without."""
+
+    rate: Float[Array, "3"]
+    momentum: Float[Array, " wheels"] | None = None
 
 
 class ActuatorCondition(NamedTuple):
@@ -47,10 +57,53 @@ class ActuatorCondition(NamedTuple):
         return ActuatorCondition(zero > 0, zero + 1, zero, jnp.zeros(3), jnp.array(0.0))
 
 
+class FilterMemory(NamedTuple):
+    """What is filtered, its variance, and each actuator's signatures in it, as in a `Residual`.
+
+    `own` is what one kind of filter remembers besides. `started` is false before the first reading
+    that counts.
+    """
+
+    estimate: Float[Array, "n k"]
+    variance: Float[Array, " k"]
+    loss: Float[Array, "n m"]
+    flow: Float[Array, "n m"]
+    steady: RealScalar | None
+    started: Bool[Array, ""]
+    own: PyTree
+
+
+class Prediction(NamedTuple):
+    """How an estimate changes in a period, and what a failure would have left in it.
+
+    `doubt` is the variance of the change by errors of the model, and `passing` one that is in the
+    innovation and does not stay in the estimate. `loss`, `flow` and `steady` are what a period adds
+    to the signatures, and `driven` is as in `Residual`. `own` makes of the residual, of which a
+    part stays, what the filter remembers of its own.
+    """
+
+    change: Float[Array, "n k"]
+    doubt: RealScalar | Float[Array, " k"]
+    loss: Float[Array, "n m"]
+    flow: Float[Array, "n m"]
+    own: Callable[[Residual, Float[Array, " k"]], PyTree]
+    steady: RealScalar | None = None
+    passing: RealScalar | float = 0.0
+    driven: Float[Array, " m"] | None = None
+
+
 class AbstractResidualFilter(eqx.Module):
-    """What makes innovations of readings and commands, and knows what a failure leaves in them."""
+    """A Kalman filter of what is read, which knows what a failure of an actuator leaves in it.
+
+    The filters of all columns that are read have variances of their own, and noise of one standard
+    deviation each. Torques are believed to be wrong by the part `uncertainty` of themselves.
+    """
 
     hypotheses: ClassVar[Hypotheses]
+    """What may have happened to an actuator of the kind."""
+
+    restarts_at_alarm: ClassVar[bool]
+    """Whether the filter starts anew at an alarm, too, and not at a verdict alone."""
 
     uncertainty: eqx.AbstractVar[RealScalar]
 
@@ -61,45 +114,92 @@ class AbstractResidualFilter(eqx.Module):
 
     @property
     @abc.abstractmethod
-    def noise(self) -> RealScalar | Float[Array, " m"]:
-        """Standard deviation of what is read."""
+    def noise(self) -> Float[Array, " k"]:
+        """Standard deviation of what is read, of each column."""
 
     @abc.abstractmethod
-    def init(self, reading: PyTree) -> PyTree:
-        """The filter's memory before the first reading."""
+    def read(self, reading: Reading) -> Float[Array, "n k"]:
+        """What of a reading is filtered."""
 
     @abc.abstractmethod
-    def restarted(self, memory: PyTree, verdict: Bool[Array, ""], alarm: Bool[Array, ""]) -> PyTree:
+    def init(self, reading: Reading) -> FilterMemory:
+        """The memory at the first reading."""
+
+    @abc.abstractmethod
+    def predicted(
+        self,
+        reading: Reading,
+        commanded: Float[Array, " m"],
+        condition: ActuatorCondition,
+        period: RealScalar,
+        memory: FilterMemory,
+    ) -> Prediction:
+        """What the period (s) that ends with a reading is believed to have done."""
+
+    def restarted(
+        self, memory: FilterMemory, verdict: Bool[Array, ""], alarm: Bool[Array, ""]
+    ) -> FilterMemory:
         """The memory after a verdict, or an alarm, or neither."""
+        ends = verdict | alarm if self.restarts_at_alarm else verdict
+        return memory._replace(started=memory.started & ~ends)
 
-    @abc.abstractmethod
     def step(
         self,
-        reading: PyTree,
+        reading: Reading,
         commanded: Float[Array, " m"],
-        condition: "ActuatorCondition",
+        condition: ActuatorCondition,
         period: RealScalar,
-        memory: PyTree,
-    ) -> tuple[AnyResidual, PyTree]:
-        """The residual of the period (s) that ends with a reading, and the next memory."""
+        memory: FilterMemory,
+    ) -> tuple[Residual, FilterMemory]:
+        """The residual of the period (s) that ends with a reading, and the next memory.
+
+        `commanded` is what actuators were to do in that period.
+        """
+        seen, started, noise = self.read(reading), memory.started, self.noise**2
+        ahead = self.predicted(reading, commanded, condition, period, memory)
+        predicted = memory.variance + RESTLESSNESS * noise + ahead.doubt
+        variance = predicted + noise
+        gain = jnp.where(started, predicted / variance, 1.0)
+        left = 1 - gain
+        innovation = jnp.where(started, seen - memory.estimate - ahead.change, 0.0)
+        steady = None
+        if memory.steady is not None:
+            steady = jnp.where(started, memory.steady + ahead.steady, 0.0)
+        residual = Residual(
+            innovation,
+            variance + ahead.passing,
+            jnp.where(started, memory.loss + ahead.loss, 0.0),
+            jnp.where(started, memory.flow + ahead.flow, 0.0),
+            steady,
+            ahead.driven,
+        )
+        after = memory.estimate + ahead.change + gain[None] * innovation
+        following = FilterMemory(
+            jnp.where(started, after, seen),
+            jnp.where(started, left * predicted, noise),
+            left[None] * residual.loss,
+            left[None] * residual.flow,
+            None if steady is None else left[0] * steady,
+            jnp.array(True),
+            ahead.own(residual, left),
+        )
+        return residual, following
 
     @abc.abstractmethod
     def tracked(
         self,
-        residual: AnyResidual,
-        condition: "ActuatorCondition",
+        residual: Residual,
+        condition: ActuatorCondition,
         period: RealScalar,
         quiet: Bool[Array, ""],
-    ) -> "ActuatorCondition":
+    ) -> ActuatorCondition:
         """The condition with the flows that actuators make all the time, and the torque, corrected.
 
         The latter only while it is `quiet`: nothing is suspected.
         """
 
     @abc.abstractmethod
-    def test_command(
-        self, period: RealScalar, sigma: RealScalar | Float[Array, " m"]
-    ) -> Float[Array, " m"]:
+    def test_command(self, period: RealScalar, sigma: Float[Array, " k"]) -> Float[Array, " m"]:
         """Commands of test pulses that stand out of errors of this standard deviation."""
 
     def torque_of(self, acceleration: Float[Array, "3"]) -> Float[Array, "3"]:
@@ -107,8 +207,8 @@ class AbstractResidualFilter(eqx.Module):
         return jnp.zeros_like(acceleration)
 
     def named(
-        self, kind: Int[Array, ""], actuator: Int[Array, ""], memory: PyTree
+        self, kind: Int[Array, ""], actuator: Int[Array, ""], memory: FilterMemory
     ) -> Int[Array, ""]:
-        """The kind of a verdict; here as it was found."""
+        """The kind of a verdict; here as it was isolated."""
         del actuator, memory
         return kind

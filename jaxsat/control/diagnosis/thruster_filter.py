@@ -1,24 +1,34 @@
-"""Rate changes that were not commanded: innovations of a filter, and what failures leave in them.
+"""Rate changes that thrusters were not commanded to make.
 
-The residual is the measured change of angular momentum less the expected one, over the inertia.
-Differences of measured rates have correlated noise; the innovations of a Kalman filter of the rate
-do not. The filter's gain also says how a failure's signature decays in them.
+The residual is the measured change of angular momentum less the expected one, over the inertia. A
+thruster has these kinds of failure in the plane of (a, b) of `jaxsat.control.diagnosis.isolation`:
+
+    dead (1, 0), degraded (s, 0), stuck on (1, 1), stuck at (1, s), leaking (s, s), reversed (2, 0).
 """
 
 import math
-from typing import ClassVar, NamedTuple, cast
+from typing import ClassVar, cast
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.control.diagnosis.isolation import OF_THRUSTERS, AnyResidual, Hypotheses
+from jaxsat.control.diagnosis.isolation import (
+    DiagnosedKind,
+    Hypotheses,
+    Residual,
+    most_likely,
+    stacked_parts,
+)
 from jaxsat.control.diagnosis.residual import (
     RESTLESSNESS,
     TEST_SIGMAS,
     TRACKING,
     AbstractResidualFilter,
     ActuatorCondition,
+    FilterMemory,
+    Prediction,
+    Reading,
 )
 from jaxsat.core.checks import as_float, require_finite, require_positive
 from jaxsat.spacecraft import AbstractModulation
@@ -86,51 +96,39 @@ class ThrusterModel(eqx.Module):
         return within(0.0, period), within(period, 2 * period), memory
 
 
-class ResidualMemory(NamedTuple):
-    """The filtered rate (rad/s), its variance, and each thruster's signatures in it (rad/s).
-
-    `steady` (s) is the signature of a constant acceleration over it. `late` (s) is on-time of each
-    failed thruster that was missing and may still come late.
-    """
-
-    rate: Float[Array, "3"]
-    variance: RealScalar
-    loss: Float[Array, "3 m"]
-    flow: Float[Array, "3 m"]
-    steady: RealScalar
-    late: Float[Array, " m"]
-    started: Bool[Array, ""]
+def _parts(information, weighted, uncertainty) -> Float[Array, "kinds 2 m"]:
+    """The most likely (a, b) of every kind; b of one stuck on is full thrust as it really is."""
+    aa, ab, bb = information
+    y, z = weighted
+    one, zero = jnp.ones_like(y), jnp.zeros_like(y)
+    lost, stuck = most_likely(y, aa), most_likely(z - ab, bb)
+    certain = 1 / uncertainty**2
+    fully = (z - ab + certain) / (bb + certain)
+    leak = most_likely(y + z, aa + 2 * ab + bb)
+    return stacked_parts(
+        (one, zero), (lost, zero), (one, fully), (one, stuck), (leak, leak), (2 * one, zero)
+    )
 
 
-class Residual(NamedTuple):
-    """An innovation (rad/s), its variance about each axis, and the signatures in it.
-
-    `loss` is what a thruster leaves whose thrust has been missing (of one that counts as failed:
-    has been there again), `flow` what one leaves that has had full thrust all the time, rad/s, and
-    `steady` what a constant acceleration of 1 rad/s² leaves.
-    """
-
-    innovation: Float[Array, "3"]
-    variance: RealScalar
-    loss: Float[Array, "3 m"]
-    flow: Float[Array, "3 m"]
-    steady: RealScalar
-
-    def doubt(self, uncertainty: RealScalar) -> RealScalar:
-        """The standard deviation (rad/s) if the part `uncertainty` may be an error of the model."""
-        return jnp.sqrt(self.variance + uncertainty**2 * jnp.sum(self.innovation**2))
-
-
-class ResidualFilter(AbstractResidualFilter):
+class ThrusterFilter(AbstractResidualFilter):
     """A Kalman filter of the rate about three axes alike, with a scalar variance.
 
     `model` is the plant as the law believes it, `rate_noise` (rad/s) the standard deviation of an
     estimated rate. Torques of thrusters, and gyroscopic ones, are believed to be wrong by the part
     `uncertainty` of themselves. What a failed thruster does not make when it is commanded may come
-    late. For some samples its effect is in doubt, and is not taken for a failure of another.
+    late. For some samples its effect is in doubt, and is not taken for a failure of another. The
+    memory of its own is the on-time (s) of each failed thruster that was missing and may come late.
+    What is commanded are on-times, s.
     """
 
-    hypotheses: ClassVar[Hypotheses] = OF_THRUSTERS
+    hypotheses: ClassVar[Hypotheses] = Hypotheses(
+        kinds=tuple(range(DiagnosedKind.REVERSED + 1)),
+        free=(DiagnosedKind.DEGRADED, DiagnosedKind.STUCK_AT, DiagnosedKind.LEAKING),
+        full=DiagnosedKind.STUCK_ON,
+        level=1.0,
+        parts=_parts,
+    )
+    restarts_at_alarm: ClassVar[bool] = False
 
     model: RigidBody
     thrusters: ThrusterModel
@@ -147,71 +145,53 @@ class ResidualFilter(AbstractResidualFilter):
         return self.thrusters.count
 
     @property
-    def noise(self) -> RealScalar:
+    def noise(self) -> Float[Array, "1"]:
         """Standard deviation of an estimated rate, rad/s."""
-        return self.rate_noise
+        return self.rate_noise[None]
 
-    def init(self, reading: Float[Array, "3"]) -> ResidualMemory:
+    def read(self, reading: Reading) -> Float[Array, "3 1"]:
+        """The rate, rad/s."""
+        return reading.rate[:, None]
+
+    def init(self, reading: Reading) -> FilterMemory:
         """The filter's memory before the first estimated rate."""
-        none = jnp.zeros((3, self.thrusters.count), reading.dtype)
-        no, noise = jnp.array(False), self.rate_noise**2
-        return ResidualMemory(reading, noise, none, none, none[0, 0], none[0], no)
+        rate = self.read(reading)
+        none = jnp.zeros((3, self.count), rate.dtype)
+        no, variance = jnp.array(False), self.noise**2
+        return FilterMemory(rate, variance, none, none, none[0, 0], no, none[0])
 
-    def restarted(
-        self, memory: ResidualMemory, verdict: Bool[Array, ""], alarm: Bool[Array, ""]
-    ) -> ResidualMemory:
-        """The memory, as before the first sample after a verdict."""
-        del alarm
-        return memory._replace(started=memory.started & ~verdict)
-
-    def step(
+    def predicted(
         self,
-        reading: Float[Array, "3"],
+        reading: Reading,
         commanded: Float[Array, " m"],
-        condition: "ActuatorCondition",
+        condition: ActuatorCondition,
         period: RealScalar,
-        memory: ResidualMemory,
-    ) -> tuple[Residual, ResidualMemory]:
-        """The residual of the period that ends with the estimated rate that is read (rad/s).
-
-        The on-time (s) of each thruster was commanded in it.
-        """
-        omega, on_time = reading, commanded
-        noise, started = self.rate_noise**2, memory.started
-        inverse = self.model.spacecraft.inverse_inertia
+        memory: FilterMemory,
+    ) -> Prediction:
+        """What the on-times (s) in the period, and the gyroscopic torque, are believed to make."""
+        on_time, body = commanded, self.model.spacecraft
+        inverse = body.inverse_inertia
         effect = inverse @ self.thrusters.torque
-        middle = (memory.rate + omega) / 2
-        turning = jnp.cross(middle, self.model.spacecraft.inertia @ middle)
-        gyroscopic = -period * (inverse @ turning)
+        middle = (memory.estimate[:, 0] + reading.rate) / 2
+        gyroscopic = -period * (inverse @ jnp.cross(middle, body.inertia @ middle))
         expected = condition.part * on_time + condition.flow * period
         besides = self.believed(condition, period)
         change = effect @ expected + gyroscopic + period * (inverse @ besides)
         doubt = jnp.sum((effect * expected[None]) ** 2) + jnp.sum(gyroscopic**2)
-        predicted = memory.variance + RESTLESSNESS * noise + self.uncertainty**2 * doubt
-        variance = predicted + noise
-        gain = jnp.where(started, predicted / variance, 1.0)
-        innovation = jnp.where(started, omega - memory.rate - change, 0.0)
-        change_of_loss = jnp.where(condition.failed, 1 - condition.part, -condition.part) * on_time
-        loss = jnp.where(started, memory.loss + effect * change_of_loss[None], 0.0)
-        flow = jnp.where(started, memory.flow + effect * period, 0.0)
-        steady = jnp.where(started, memory.steady + period, 0.0)
-        left = 1 - gain
-        rate = jnp.where(started, memory.rate + change + gain * innovation, omega)
-        following = ResidualMemory(
-            rate,
-            jnp.where(started, left * predicted, noise),
-            left * loss,
-            left * flow,
-            left * steady,
-            jnp.where(condition.failed, left * memory.late + change_of_loss, 0.0),
-            jnp.array(True),
+        missing = jnp.where(condition.failed, 1 - condition.part, -condition.part) * on_time
+        return Prediction(
+            change[:, None],
+            self.uncertainty**2 * doubt,
+            effect * missing[None],
+            effect * period,
+            lambda _, left: jnp.where(condition.failed, left * memory.own + missing, 0.0),
+            period,
+            jnp.sum((effect * memory.own[None]) ** 2),
         )
-        late = jnp.sum((effect * memory.late[None]) ** 2)
-        return Residual(innovation, variance + late, loss, flow, steady), following
 
     def tracked(
         self,
-        residual: AnyResidual,
+        residual: Residual,
         condition: ActuatorCondition,
         period: RealScalar,
         quiet: Bool[Array, ""],
@@ -223,18 +203,18 @@ class ResidualFilter(AbstractResidualFilter):
         """
         body = self.model.spacecraft
         effect = period * (body.inverse_inertia @ self.thrusters.torque)
-        more = jnp.sum(effect * residual.innovation[:, None], axis=0) / jnp.sum(effect**2, axis=0)
+        more = jnp.sum(effect * residual.innovation, axis=0) / jnp.sum(effect**2, axis=0)
         flows = condition.failed & (condition.flow > 0)
         flow = jnp.clip(condition.flow + TRACKING * more, 0.0, 1.0)
         opposed, steady = jnp.any(flows), cast(RealScalar, residual.steady)
         weight = (steady * STEADY_GAIN / period) ** 2
-        weight = weight * STEADY_VARIANCE * self.rate_noise**2 / residual.variance
+        weight = weight * STEADY_VARIANCE * self.rate_noise**2 / residual.variance[0]
         weight = jnp.where(quiet & (condition.samples < MOST_SAMPLES), weight, 0.0)
         samples = condition.samples + weight
         mean = weight / (samples + FIRST_SAMPLES) / jnp.where(steady > 0, steady, 1.0)
         part = jnp.where(opposed, SLOW_TRACKING / period, mean)
         doubted = condition.torque - self.believed(condition, period)
-        error = residual.innovation - steady * (body.inverse_inertia @ doubted)
+        error = residual.innovation[:, 0] - steady * (body.inverse_inertia @ doubted)
         return condition._replace(
             flow=jnp.where(flows, flow, condition.flow),
             torque=condition.torque + part * (body.inertia @ error),
@@ -257,7 +237,7 @@ class ResidualFilter(AbstractResidualFilter):
         """The torque (N m) that makes an acceleration (rad/s²)."""
         return self.model.spacecraft.inertia @ acceleration
 
-    def test_command(self, period: RealScalar, sigma: RealScalar) -> Float[Array, " m"]:
+    def test_command(self, period: RealScalar, sigma: Float[Array, "1"]) -> Float[Array, " m"]:
         """Duties of pulses that stand out of errors of a rate (rad/s)."""
         effect = self.model.spacecraft.inverse_inertia @ self.thrusters.torque
         seen = TEST_SIGMAS * sigma / jnp.sqrt(jnp.sum(effect**2, axis=0))

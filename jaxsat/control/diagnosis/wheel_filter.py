@@ -4,9 +4,14 @@ A wheel's tachometer tells its momentum h relative to the body. Its motor is com
 on the body, friction f brakes the rotor, so that dh/dt = -(c + f) - J_w a·dω/dt with the inertia
 J_w of a rotor about its axis a. The last term is known from the rates, so what failures leave is
 told by each wheel alone, whatever the body does.
+
+In the plane of (a, b) of `jaxsat.control.diagnosis.isolation` b of a wheel is the part of its full
+motor torque that brakes the rotor all the time, so that a motor that drives it on has b = -1:
+
+    dead (1, 0), degraded (s, 0), friction up (0, s), runaway (1, -1).
 """
 
-from typing import ClassVar, NamedTuple, cast
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,18 +19,20 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.diagnosis.isolation import (
     LEAST_PART,
-    MOST_FRICTION,
-    OF_WHEELS,
-    AnyResidual,
     DiagnosedKind,
     Hypotheses,
+    Residual,
+    most_likely,
+    stacked_parts,
 )
 from jaxsat.control.diagnosis.residual import (
-    RESTLESSNESS,
     TEST_SIGMAS,
     TRACKING,
     AbstractResidualFilter,
     ActuatorCondition,
+    FilterMemory,
+    Prediction,
+    Reading,
 )
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft import Wheels
@@ -46,45 +53,29 @@ NEAR_LIMIT = 0.98
 """Of the largest momentum: from there on a motor may make less than it is commanded."""
 
 
-class WheelReading(NamedTuple):
-    """The momenta that tachometers tell, N m s, and the rate of the body, rad/s."""
-
-    momentum: OfEach
-    rate: Float[Array, "3"]
+MOST_FRICTION = 4.0
+"""Of the full torque of a motor: what brakes a wheel more counts as this."""
 
 
-class WheelMemory(NamedTuple):
-    """Filtered momenta (N m s), their variances, and each wheel's signatures in them (N m s).
+def _parts(information, weighted, uncertainty) -> Float[Array, "kinds 2 m"]:
+    """The most likely (a, b) of every kind; b of a runaway is minus its full torque as it is."""
+    aa, ab, bb = information
+    y, z = weighted
+    one, zero = jnp.ones_like(y), jnp.zeros_like(y)
+    lost, braked = most_likely(y, aa), most_likely(z, bb, MOST_FRICTION)
+    certain = 1 / uncertainty**2
+    driven = (z - ab - certain) / (bb + certain)
+    return stacked_parts((one, zero), (lost, zero), (zero, braked), (one, driven))
 
-    `seized` tells which wheels stood still at once and have not turned since. `taken` (N m s) is
-    the momentum J_w a·ω that rotors had with the body, None without a rotor inertia.
+
+class Rotors(NamedTuple):
+    """Which wheels stood still at once and have not turned since, and what turns with the body.
+
+    `taken` (N m s) is the momentum J_w a·ω that rotors had with it, None without rotor inertia.
     """
 
-    momentum: OfEach
-    variance: OfEach
-    loss: OfEach
-    flow: OfEach
     seized: Bool[Array, " m"]
-    started: Bool[Array, ""]
     taken: OfEach | None = None
-
-
-class WheelResidual(NamedTuple):
-    """Innovations (N m s) and their variances, and the signatures in them, of each wheel alone.
-
-    `driven`, from -1 to 1, tells which wheels are driven from rest, and which way.
-    """
-
-    innovation: OfEach
-    variance: OfEach
-    loss: Float[Array, "m m"]
-    flow: Float[Array, "m m"]
-    driven: OfEach
-    steady: None = None
-
-    def doubt(self, uncertainty: RealScalar) -> OfEach:
-        """Standard deviations (N m s) if the part `uncertainty` may be an error of the model."""
-        return jnp.sqrt(self.variance + uncertainty**2 * self.innovation**2)
 
 
 class WheelFilter(AbstractResidualFilter):
@@ -93,10 +84,26 @@ class WheelFilter(AbstractResidualFilter):
     `wheels` are those that the law believes in, with a torque limit each. `momentum_noise` (N m s)
     is the standard deviation of each tachometer. Commanded and friction torques are believed to be
     wrong by the part `uncertainty` of themselves; friction of unknown sign, near rest, is in doubt
-    as a whole. What is commanded is an impulse (N m s) on the body.
+    as a whole. What is commanded is an impulse (N m s) on the body. The memory of its own are
+    `Rotors`.
     """
 
-    hypotheses: ClassVar[Hypotheses] = OF_WHEELS
+    hypotheses: ClassVar[Hypotheses] = Hypotheses(
+        kinds=(
+            DiagnosedKind.DEAD,
+            DiagnosedKind.DEGRADED,
+            DiagnosedKind.FRICTION_UP,
+            DiagnosedKind.RUNAWAY,
+        ),
+        free=(DiagnosedKind.DEGRADED, DiagnosedKind.FRICTION_UP, DiagnosedKind.RUNAWAY),
+        full=DiagnosedKind.RUNAWAY,
+        level=-1.0,
+        parts=_parts,
+        tests=(1.0, -1.0),
+        weak_losses=False,
+        in_service=(DiagnosedKind.DEGRADED, DiagnosedKind.FRICTION_UP),
+    )
+    restarts_at_alarm: ClassVar[bool] = True
 
     wheels: Wheels
     momentum_noise: OfEach = eqx.field(converter=as_float)
@@ -125,26 +132,23 @@ class WheelFilter(AbstractResidualFilter):
         assert limit is not None
         return limit
 
-    def init(self, reading: OfEach | WheelReading) -> WheelMemory:
-        """The filter's memory at the first reading of the tachometers."""
-        momentum, taken = self._told(reading)
-        none, no = jnp.zeros_like(momentum), jnp.array(False)
-        return WheelMemory(momentum, self.momentum_noise**2, none, none, none > 0, no, taken)
+    def read(self, reading: Reading) -> Float[Array, "1 m"]:
+        """The momenta relative to the body, N m s."""
+        return _momentum(reading)[None]
 
-    def _told(self, reading: OfEach | WheelReading) -> tuple[OfEach, OfEach | None]:
-        """The momenta relative to the body, and those that rotors have with it."""
-        if not isinstance(reading, WheelReading):
-            return reading, None
+    def init(self, reading: Reading) -> FilterMemory:
+        """The filter's memory at the first reading of the tachometers."""
+        momentum = self.read(reading)
+        none, no = jnp.zeros_like(momentum), jnp.array(False)
+        own = Rotors(none[0] > 0, self._taken(reading))
+        return FilterMemory(momentum, self.momentum_noise**2, none, none, None, no, own)
+
+    def _taken(self, reading: Reading) -> OfEach | None:
+        """The momentum that rotors have with the body, N m s."""
         wheels = self.wheels
         if wheels.rotor_inertia is None:
-            return reading.momentum, None
-        return reading.momentum, wheels.rotor_inertia * (wheels.axes.T @ reading.rate)
-
-    def restarted(
-        self, memory: WheelMemory, verdict: Bool[Array, ""], alarm: Bool[Array, ""]
-    ) -> WheelMemory:
-        """The memory after a verdict or an alarm; a wheel that seized is followed no further."""
-        return memory._replace(started=memory.started & ~(verdict | alarm))
+            return None
+        return wheels.rotor_inertia * (wheels.axes.T @ reading.rate)
 
     def friction(self, momentum: OfEach, condition: ActuatorCondition) -> OfEach:
         """The size of what brakes each wheel at these momenta while it turns, N m.
@@ -169,20 +173,19 @@ class WheelFilter(AbstractResidualFilter):
         friction = jnp.maximum(self.friction(momentum, condition), 0.0)
         return (1 - jnp.abs(self.side(momentum))) * jnp.clip(torque, -friction, friction)
 
-    def step(
+    def predicted(
         self,
-        reading: OfEach | WheelReading,
+        reading: Reading,
         commanded: OfEach,
         condition: ActuatorCondition,
         period: RealScalar,
-        memory: WheelMemory,
-    ) -> tuple[WheelResidual, WheelMemory]:
-        """The residuals of the period that ends with what is read; rates count with rotors."""
-        reading, taken = self._told(reading)
+        memory: FilterMemory,
+    ) -> Prediction:
+        """What motors, friction and the turning body are believed to have done to each momentum."""
+        taken, before = self._taken(reading), memory.estimate[0]
         left_behind = 0.0
-        if taken is not None and memory.taken is not None:
-            left_behind = taken - memory.taken
-        noise, started, before = self.momentum_noise**2, memory.started, memory.momentum
+        if taken is not None and memory.own.taken is not None:
+            left_behind = taken - memory.own.taken
         full = period * self.full
         motor = condition.part * commanded
         driving = motor + left_behind
@@ -190,7 +193,7 @@ class WheelFilter(AbstractResidualFilter):
         motor = motor - period * self.held(before, motor / period, condition)
         friction, side = period * self.friction(before, condition), self.side(before)
         braked = friction * side
-        expected = before - (driving - held) - braked
+        change = held - driving - braked
         limit = self.wheels.momentum_limit
         doubt = self.uncertainty**2 * (motor**2 + left_behind**2 + braked**2)
         rests = jnp.abs(before) < jnp.abs(motor) + jnp.abs(friction) + STILL * self.momentum_noise
@@ -198,34 +201,30 @@ class WheelFilter(AbstractResidualFilter):
         if limit is not None:
             near = jnp.abs(before) > NEAR_LIMIT * limit - jnp.abs(motor)
             doubt = doubt + jnp.where(near, motor**2, 0.0)
-            expected = jnp.clip(expected, -limit, limit)
-        predicted = memory.variance + RESTLESSNESS * noise + doubt
-        variance = predicted + noise
-        gain = jnp.where(started, predicted / variance, 1.0)
-        innovation = jnp.where(started, reading - expected, 0.0)
+            change = jnp.clip(change, -limit - before, limit - before)
         returned = (condition.part - 1) * commanded
         missing = jnp.where(condition.failed, returned, motor)
-        loss = jnp.where(started, memory.loss + missing, 0.0)
-        flow = jnp.where(started, memory.flow - full * side, 0.0)
-        left = 1 - gain
-        still = jnp.abs(reading) < STILL * self.momentum_noise
-        jumped = jnp.abs(innovation) > JUMP * full + STILL * jnp.sqrt(variance)
-        following = WheelMemory(
-            jnp.where(started, expected + gain * innovation, reading),
-            jnp.where(started, left * predicted, noise),
-            left * loss,
-            left * flow,
-            still & (jumped | memory.seized),
-            jnp.array(True),
-            taken,
-        )
         driven = (1 - jnp.abs(side)) * motor / (jnp.abs(motor) + self.momentum_noise)
-        residual = WheelResidual(innovation, variance, jnp.diag(loss), jnp.diag(flow), driven)
-        return residual, following
+        still = jnp.abs(_momentum(reading)) < STILL * self.momentum_noise
+
+        def rotors(residual: Residual, left: OfEach) -> Rotors:
+            del left
+            jump = JUMP * full + STILL * jnp.sqrt(residual.variance)
+            jumped = jnp.abs(residual.innovation[0]) > jump
+            return Rotors(still & (jumped | memory.own.seized), taken)
+
+        return Prediction(
+            change[None],
+            doubt,
+            missing[None],
+            -(full * side)[None],
+            rotors,
+            driven=driven,
+        )
 
     def tracked(
         self,
-        residual: AnyResidual,
+        residual: Residual,
         condition: ActuatorCondition,
         period: RealScalar,
         quiet: Bool[Array, ""],
@@ -236,21 +235,28 @@ class WheelFilter(AbstractResidualFilter):
         has more.
         """
         del quiet
-        full, flow = period * self.full, jnp.diagonal(residual.flow)
-        driven = cast(WheelResidual, residual).driven
+        full, flow = period * self.full, residual.flow[0]
+        driven = 0.0 if residual.driven is None else residual.driven
         signature = jnp.where(jnp.abs(flow) > full, flow, full * driven)
-        error = residual.innovation * signature / (signature**2 + full**2)
+        error = residual.innovation[0] * signature / (signature**2 + full**2)
         braked = ~condition.failed & (condition.flow > 0)
         known = jnp.clip(condition.flow + TRACKING * error, LEAST_PART, MOST_FRICTION)
         return condition._replace(flow=jnp.where(braked, known, condition.flow))
 
-    def test_command(self, period: RealScalar, sigma: RealScalar | OfEach) -> OfEach:
+    def test_command(self, period: RealScalar, sigma: OfEach) -> OfEach:
         """Torques (N m) that stand out of errors of a momentum (N m s) within a period."""
         return jnp.minimum(TEST_SIGMAS * sigma / period, self.full)
 
     def named(
-        self, kind: Int[Array, ""], actuator: Int[Array, ""], memory: WheelMemory
+        self, kind: Int[Array, ""], actuator: Int[Array, ""], memory: FilterMemory
     ) -> Int[Array, ""]:
         """A dead wheel that stood still at once is one that has stopped."""
-        stopped = (kind == DiagnosedKind.DEAD) & memory.seized[actuator]
+        stopped = (kind == DiagnosedKind.DEAD) & memory.own.seized[actuator]
         return jnp.where(stopped, int(DiagnosedKind.STOPPED), kind)
+
+
+def _momentum(reading: Reading) -> OfEach:
+    """What tachometers tell, N m s."""
+    if reading.momentum is None:
+        raise ValueError("Argument `reading` must have the momenta of wheels, but has none.")
+    return reading.momentum

@@ -10,7 +10,8 @@ from helpers.thruster_layouts import canted
 from jaxsat.control.diagnosis import (
     DiagnosedKind,
     Diagnosis,
-    ResidualFilter,
+    Reading,
+    ThrusterFilter,
     ThrusterModel,
     average_run_length,
 )
@@ -29,7 +30,7 @@ def diagnosis(noise=NOISE, **options):
     model = RigidBody(Spacecraft(MOMENTS), SmallAngleOrbit(0.0))
     late = np.zeros(COUNT)
     thrusters = ThrusterModel(TORQUE, np.full(COUNT, SHORTEST), late, late, DeltaSigma())
-    return Diagnosis(ResidualFilter(model, thrusters, noise, 0.1), **options)
+    return Diagnosis(ThrusterFilter(model, thrusters, noise, 0.1), **options)
 
 
 def commanded(rng, samples, rate=0.2):
@@ -50,13 +51,13 @@ def followed(watch, on_time, made, noise, outside=None):
         omega = omega + body.spacecraft.inverse_inertia @ (
             jnp.asarray(TORQUE) @ real + PERIOD * (beside - jnp.cross(omega, MOMENTS * omega))
         )
-        memory = watch.step(omega + NOISE * error, commanded, jnp.array(PERIOD), memory)
+        memory = watch.step(Reading(omega + NOISE * error), commanded, jnp.array(PERIOD), memory)
         condition = memory.condition
         believed = watch.filter.believed(condition, jnp.array(PERIOD))
         seen = (memory.stage, condition.failed, memory.kind, condition.flow, believed)
         return (omega, memory), seen
 
-    start = (jnp.zeros(3), watch.init(jnp.zeros(3)))
+    start = (jnp.zeros(3), watch.init(Reading(jnp.zeros(3))))
     outside = jnp.zeros_like(noise) if outside is None else outside
     return jax.lax.scan(sample, start, (on_time, made, noise, outside))[1]
 
@@ -251,7 +252,7 @@ def _alarms(threshold, samples, runs, leak):
     for; without them false alarms are rarer.
     """
     watch, none = diagnosis(), jnp.zeros(COUNT)
-    condition = watch.init(jnp.zeros(3)).condition
+    condition = watch.init(Reading(jnp.zeros(3))).condition
     change = jnp.asarray(leak * PERIOD * TORQUE[:, 0] / MOMENTS)
 
     def sample(carry, draws):
@@ -259,16 +260,16 @@ def _alarms(threshold, samples, runs, leak):
         omega = omega + change - PERIOD * jnp.cross(omega, MOMENTS * omega) / MOMENTS
         omega = omega + np.sqrt(RESTLESSNESS) * NOISE * impulse
         residual, memory = watch.filter.step(
-            omega + NOISE * error, none, condition, jnp.array(PERIOD), memory
+            Reading(omega + NOISE * error), none, condition, jnp.array(PERIOD), memory
         )
         size = jnp.sqrt(jnp.sum(residual.flow**2, axis=0) * residual.variance)
-        along = jnp.sum(residual.flow * residual.innovation[:, None], axis=0)
+        along = jnp.sum(residual.flow * residual.innovation, axis=0)
         score = along / jnp.where(size > 0, size, 1.0)
         statistic = jnp.maximum(0.0, statistic + score - watch.reference)
         return (omega, memory, statistic), statistic > threshold
 
     def run(key):
-        start = (jnp.zeros(3), watch.filter.init(jnp.zeros(3)), none)
+        start = (jnp.zeros(3), watch.filter.init(Reading(jnp.zeros(3))), none)
         alarm = jax.lax.scan(sample, start, jax.random.normal(key, (samples + 1, 2, 3)))[1][1:]
         return jnp.where(alarm.any(axis=0), jnp.argmax(alarm, axis=0) + 1, samples)
 
