@@ -16,8 +16,17 @@ from itertools import compress
 
 import numpy as np
 
-from jaxsat.compiler.ir import Function, Operation, Scalar, Value, is_uniform
-from jaxsat.compiler.llvm.emitter import Module
+from jaxsat.compiler.ir import (
+    Function,
+    Operation,
+    Scalar,
+    Value,
+    is_uniform,
+    numbers_of,
+    uses,
+)
+from jaxsat.compiler.llvm.case_arrays import copy_text, gather_text, scatter_text
+from jaxsat.compiler.llvm.emitter import ALIGNMENT, Module
 from jaxsat.compiler.llvm.function_emitter import FunctionEmitter
 from jaxsat.compiler.llvm.locations import (
     CONTEXT,
@@ -45,10 +54,11 @@ class EntryPoint:
     inputs: list[Location]
     outputs: list[Location]
 
-    def needs(self) -> dict[Location, set[Location]]:
+    def needs(self) -> dict[Location, frozenset[Location]]:
         """By the location of every result, the locations of the inputs that it needs."""
-        found = zip(self.outputs, dependencies(self.function), strict=True)
-        return {location: {self.inputs[i] for i in some} for location, some in found}
+        numbers = dependencies(self.function)
+        inputs = {some: frozenset(self.inputs[i] for i in some) for some in set(numbers)}
+        return {place: inputs[some] for place, some in zip(self.outputs, numbers, strict=True)}
 
     def with_outputs(self, outputs: Container[Location]) -> "EntryPoint":
         """With no results but those in these locations."""
@@ -78,14 +88,19 @@ def emit_entry_point(module: Module, entry: EntryPoint) -> None:
         x.number: location for x, location in inputs if isinstance(location, SharedElement | Slot)
     }
     body = _EntryPointEmitter(module, parameter_locations(entry.function.block, locations))
-    for param, location in inputs:
-        body.read(param, location)
-    body.steps(entry.function.block)
     moved = [
         (result, location)
         for result, location in zip(entry.function.results, entry.outputs, strict=True)
         if not (isinstance(result, Value) and locations.get(result.number) == location)
     ]
+    of_cases = {x.number: place for x, place in inputs if isinstance(place, PerCase)}
+    copies, moved = _copies(moved, of_cases)
+    read = {number for step in entry.function.block.steps for number in uses(step)}
+    read.update(numbers_of(result for result, _ in moved))
+    for param, location in inputs:
+        if param.number not in of_cases or param.number in read:
+            body.read(param, location)
+    body.steps(entry.function.block)
     chosen = {
         step.out.number: step
         for step in entry.function.block.steps
@@ -97,6 +112,8 @@ def emit_entry_point(module: Module, entry: EntryPoint) -> None:
             body.operand(scalar)  # read before anything is written
     for result, conditions, location in masked:
         body.write(result, conditions, location)
+    for kind, place, slot, count in copies:
+        body.copy(kind, place, slot, count)
     body.line("ret void")
     lines = body.text()
     if body.in_arena:
@@ -106,6 +123,32 @@ def emit_entry_point(module: Module, entry: EntryPoint) -> None:
         "ptr noalias %cases, ptr noalias %wanted, i64 %a, i64 %b) noinline #0 {"
     )
     module.functions[entry.function.name] = "\n".join([head, *lines, "}"])
+
+
+_Copy = tuple[str, PerCase, Slot, int]
+"""Numbers of a type in memory, where the first is, where it goes, and how many follow each other"""
+
+
+def _copies(
+    moved: Sequence[tuple[Scalar, Location]], of_cases: Mapping[int, PerCase]
+) -> tuple[list[_Copy], list[tuple[Scalar, Location]]]:
+    """What an entry point only copies from arrays of cases into the state, row by row; the rest."""
+    copies: list[_Copy] = []
+    rest = []
+    for result, location in moved:
+        source = of_cases.get(result.number) if isinstance(result, Value) else None
+        if source is None or not isinstance(location, Slot):
+            rest.append((result, location))
+            continue
+        kind = memory_type(result.dtype)
+        if copies:
+            _, first, slot, count = copies[-1]
+            further = replace(first, element=first.element + count)
+            if source == further and location.offset == slot.offset + count * ALIGNMENT:
+                copies[-1] = (kind, first, slot, count + 1)
+                continue
+        copies.append((kind, source, location, 1))
+    return copies, rest
 
 
 def _new(
@@ -153,11 +196,24 @@ class _EntryPointEmitter(FunctionEmitter):
         lanes, kind = self.module.lanes, memory_type(dtype)
         cells, name = f"<{lanes} x {kind}>", f"@gather.{kind}"
         index, base = self._indices(location), array_pointer(self, location.array)
-        self.module.functions.setdefault(name, _gather_text(name, kind, lanes))
+        self.module.functions.setdefault(name, gather_text(name, kind, lanes))
         found = out if dtype.kind != "b" else self.fresh()
         self.line(f"{found} = call {cells} {name}(ptr {base}, <{lanes} x i64> {index})")
         if dtype.kind == "b":
             self.line(f"{out} = icmp ne {cells} {found}, zeroinitializer")
+
+    def copy(self, kind: str, source: PerCase, slot: Slot, count: int) -> None:
+        """Copy elements of an array of cases that follow each other, for the wanted lanes."""
+        lanes, name, gather = self.module.lanes, f"@copy.{kind}", f"@gather.{kind}"
+        self.module.functions.setdefault(gather, gather_text(gather, kind, lanes))
+        self.module.functions.setdefault(name, copy_text(name, kind, lanes))
+        index, base = self._indices(source), array_pointer(self, source.array)
+        where = self.fresh("p")
+        self.line(f"{where} = getelementptr i8, ptr %state, i64 {slot.offset}")
+        self.line(
+            f"call void {name}(ptr {base}, <{lanes} x i64> {index}, ptr {where}, i64 {count}, "
+            f"<{lanes} x i1> %lane)"
+        )
 
     def _indices(self, location: PerCase) -> str:
         wide = f"<{self.module.lanes} x i64>"
@@ -198,7 +254,7 @@ class _EntryPointEmitter(FunctionEmitter):
             self.line(f"{byte} = zext {wide} {value} to <{lanes} x i8>")
             value = byte
         index, base = self._indices(location), array_pointer(self, location.array)
-        self.module.functions.setdefault(name, _scatter_text(name, kind, lanes))
+        self.module.functions.setdefault(name, scatter_text(name, kind, lanes))
         self.line(
             f"call void {name}(ptr {base}, <{lanes} x i64> {index}, "
             f"<{lanes} x {kind}> {value}, <{lanes} x i1> %lane)"
@@ -209,7 +265,7 @@ class _EntryPointEmitter(FunctionEmitter):
         dtype, lanes = result.dtype, self.module.lanes
         wide = vector_type(dtype, lanes)
         value = f"{wide} {self.operand(result, True)}"
-        if self.module.masks and dtype.itemsize == 8:
+        if self.module.masks and lanes > 1 and dtype.itemsize == 8:  # LLVM makes a jump of one lane
             name = f"@llvm.masked.store.{suffix(dtype, lanes)}.p0"
             kinds = f"{wide}, ptr, i32, <{lanes} x i1>"
             self.module.declarations.add(f"declare void {name}({kinds})")
@@ -219,39 +275,3 @@ class _EntryPointEmitter(FunctionEmitter):
         self.get(old, where, dtype, True)
         self.line(f"{new} = select {lane}, {value}, {wide} {old}")
         self.put(where, new, dtype, True)
-
-
-def _gather_text(name: str, kind: str, lanes: int) -> str:
-    cells = f"<{lanes} x {kind}>"
-    lines = [f"define internal {cells} {name}(ptr %base, <{lanes} x i64> %index) noinline #0 {{"]
-    whole = "poison"
-    for lane in range(lanes):
-        lines += [
-            f"%i{lane} = extractelement <{lanes} x i64> %index, i64 {lane}",
-            f"%p{lane} = getelementptr {kind}, ptr %base, i64 %i{lane}",
-            f"%x{lane} = load {kind}, ptr %p{lane}",
-            f"%w{lane} = insertelement {cells} {whole}, {kind} %x{lane}, i64 {lane}",
-        ]
-        whole = f"%w{lane}"
-    return "\n".join([*lines, f"ret {cells} {whole}", "}"])
-
-
-def _scatter_text(name: str, kind: str, lanes: int) -> str:
-    cells = f"<{lanes} x {kind}>"
-    lines = [
-        f"define internal void {name}(ptr %base, <{lanes} x i64> %index, {cells} %value, "
-        f"<{lanes} x i1> %lane) noinline #0 {{"
-    ]
-    for lane in range(lanes):
-        lines += [
-            f"%b{lane} = extractelement <{lanes} x i1> %lane, i64 {lane}",
-            f"br i1 %b{lane}, label %put{lane}, label %next{lane}",
-            f"put{lane}:",
-            f"%i{lane} = extractelement <{lanes} x i64> %index, i64 {lane}",
-            f"%p{lane} = getelementptr {kind}, ptr %base, i64 %i{lane}",
-            f"%x{lane} = extractelement {cells} %value, i64 {lane}",
-            f"store {kind} %x{lane}, ptr %p{lane}",
-            f"br label %next{lane}",
-            f"next{lane}:",
-        ]
-    return "\n".join([*lines, "ret void", "}"])

@@ -5,7 +5,7 @@ carries of loops on which nothing depends but themselves.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import compress
 
@@ -122,16 +122,24 @@ def without_dead_code(function: Function) -> Function:
     return function
 
 
-def dependencies(function: Function) -> list[set[int]]:
+def dependencies(function: Function) -> list[frozenset[int]]:
     """For every result, the numbers of the parameters that it may need.
 
-    A call needs all its arguments.
+    Results of equal needs have the same set. A call needs all its arguments.
     """
     flow = _DataFlow({param.number: 1 << i for i, param in enumerate(function.params)})
     flow.block(function.block, 0)
-    indices = range(len(function.params))
     needs = [flow.of([x]) for x in function.results]
-    return [{i for i in indices if need >> i & 1} for need in needs]
+    numbers = {need: frozenset(_bits(need)) for need in set(needs)}
+    return [numbers[need] for need in needs]
+
+
+def _bits(number: int) -> Iterator[int]:
+    """The bits of a whole number that are one."""
+    while number:
+        lowest = number & -number
+        yield lowest.bit_length() - 1
+        number ^= lowest
 
 
 @dataclass
