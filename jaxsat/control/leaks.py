@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.oscillatory import Slow
 from jaxsat.core.checks import as_array, as_float
-from jaxsat.spacecraft.allocation import LeastPropellant
+from jaxsat.spacecraft.least_propellant import LeastPropellant
 
 if TYPE_CHECKING:
     from jaxsat.control.supervisor import ThreeSlewSettling

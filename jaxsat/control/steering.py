@@ -12,8 +12,9 @@ from jaxsat.spacecraft import (
     ControlMomentGyros,
     GyroStates,
     Magnetorquers,
+    Reach,
+    allocate,
     inverse_of,
-    nearest_within,
     wheel_momentum,
 )
 from jaxsat.spacecraft.dynamics import PlantState
@@ -81,10 +82,10 @@ class MagneticSteering(AbstractSteering):
             torque = torque - self.unloading * (self.wheel_axes @ momentum)
         square = jnp.sum(field**2)
         shares = self.shares @ (jnp.cross(field, torque) / square)
-        across = jnp.cross(self.axes, (field / jnp.sqrt(square))[:, None], axis=0)
-        working = jnp.where(jnp.any(self.shares != 0, axis=1), 1.0, 0.0)
-        dipoles, _ = nearest_within(across, working, self.dipole_limit, shares)
-        return dipoles, command - jnp.cross(self.axes @ dipoles, field)
+        across = jnp.cross(self.axes, field[:, None], axis=0)
+        limit = jnp.where(jnp.any(self.shares != 0, axis=1), self.dipole_limit, 0.0)
+        dipoles = allocate(Reach(across, -limit, limit), across @ shares).use
+        return dipoles, command - across @ dipoles
 
 
 class GimbalSteering(AbstractSteering):
@@ -113,14 +114,12 @@ class GimbalSteering(AbstractSteering):
             raise ValueError("Argument `state` must have the states of gyros, but has none.")
         sound = jnp.zeros(self.gyros.failure_times.shape, bool)
         reach = self.gyros.reach(t, state, own, sound, jnp.zeros_like(t))
-        size = jnp.sqrt(jnp.sum(reach.columns**2, axis=0))
-        turns = (size > 0) & (self.working > 0)
-        units = reach.columns / jnp.where(size > 0, size, 1.0)[None]
+        reach = reach._replace(low=reach.low * self.working, high=reach.high * self.working)
         torque = command + jnp.cross(state.omega, self.gyros.momentum(own))
-        weight = jnp.where(turns, 1.0, 0.0)
-        wanted = weight * _robust(units * weight[None], torque)
-        used, _ = nearest_within(units, weight, size * reach.high, wanted)
-        return used / jnp.where(size > 0, size, 1.0), command - units @ used + (torque - command)
+        size = jnp.sqrt(jnp.sum((reach.columns * self.working[None]) ** 2, axis=0))
+        units = reach.columns / jnp.where(size > 0, size, jnp.inf)[None]
+        rates = allocate(reach, units @ _robust(units, torque)).use
+        return rates, torque - reach.columns @ rates
 
 
 def _robust(columns: Float[Array, "3 k"], torque: Float[Array, "3"]) -> Float[Array, " k"]:

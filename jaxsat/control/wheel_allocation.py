@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.control.diagnosis import WEAK, ActuatorCondition, WheelFilter
 from jaxsat.control.reconfiguration import Left
 from jaxsat.core.quotients import length, root
-from jaxsat.spacecraft import Wheels, nearest_within
+from jaxsat.spacecraft import Reach, Wheels, allocate
 
 RealScalar = Float[Array, ""]
 OfEach = Float[Array, " m"]
@@ -123,8 +123,9 @@ class WheelAllocation(eqx.Module):
         `unloading` (1/s) is the rate at which momentum without effect on the body is taken out, as
         far as the torque leaves room.
         """
-        wanted = wheeled.shares @ torque
-        nearest, _ = nearest_within(self.wheels.axes, wheeled.usable, wheeled.usable, wanted)
+        reach = Reach(self.wheels.axes, -wheeled.usable, wheeled.usable)
+        within_plane = self.wheels.axes @ (wheeled.shares @ torque)
+        nearest = allocate(reach, within_plane).use
         held = jnp.where(wheeled.working, momentum, 0.0)
         idle = held - wheeled.shares @ (self.wheels.axes @ held)
         idle = jnp.where(wheeled.left == Left.THREE_AXES, unloading * idle, 0.0)

@@ -9,8 +9,7 @@ from jaxsat.spacecraft.actuators import (
     Actuators,
     NoThrusters,
 )
-from jaxsat.spacecraft.allocation import LeastPropellant
-from jaxsat.spacecraft.bounded_least_squares import nearest_within
+from jaxsat.spacecraft.allocation import Allocated, allocate
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.failures import (
     AbstractFailures,
@@ -22,6 +21,7 @@ from jaxsat.spacecraft.gimbals import (
     GyroStates,
 )
 from jaxsat.spacecraft.holds import AbstractPulsedActuators, Consumption, Hold, Usage
+from jaxsat.spacecraft.least_propellant import LeastPropellant
 from jaxsat.spacecraft.magnetorquers import MagnetorquerFailures, Magnetorquers
 from jaxsat.spacecraft.modulation import (
     AbstractModulation,
@@ -38,7 +38,6 @@ from jaxsat.spacecraft.spacecraft import Spacecraft, inverse_of
 from jaxsat.spacecraft.thrusters import (
     Thrusters,
     ThrusterSet,
-    allocation,
     one_thruster_coupling,
     two_thruster_coupling,
 )
@@ -60,6 +59,7 @@ __all__ = [
     "ActuatorContext",
     "Actuators",
     "ActuatorsWithWheels",
+    "Allocated",
     "Consumption",
     "ControlMomentGyros",
     "DeltaSigma",
@@ -96,9 +96,8 @@ __all__ = [
     "WheelFailures",
     "WheelMomenta",
     "Wheels",
-    "allocation",
+    "allocate",
     "inverse_of",
-    "nearest_within",
     "one_thruster_coupling",
     "two_thruster_coupling",
     "wheel_momentum",

@@ -6,14 +6,16 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jaxsat.core.allocation import allocation_matrix
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.smooth import sat
 from jaxsat.spacecraft.axes import turned_axes
 from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.failures import FailureEvents
-from jaxsat.spacecraft.thrusters import Thrusters, allocation
+from jaxsat.spacecraft.thrusters import Thrusters
 
 
 class AbstractActuators(eqx.Module):
@@ -110,7 +112,8 @@ class Actuators(AbstractActuators):
 
         Raises `ValueError` where they cannot make the first `torques` torques independently.
         """
-        return Actuators(thrusters.torque_axes, allocation(thrusters, torques), limit)
+        shares = allocation_matrix(np.asarray(thrusters.torque_axes), torques)
+        return Actuators(thrusters.torque_axes, shares, limit)
 
     def misaligned(
         self, angles: Float[Array, "m 2"], gain_errors: Float[Array, " m"]
@@ -157,7 +160,7 @@ class Actuators(AbstractActuators):
         room = jnp.where(gain > 0, self.limit, 0.0) * jnp.where(gain > 0, gain, 1.0)
         held = level * jnp.where(jnp.isfinite(self.limit), self.limit, 0.0)
         each = jnp.zeros(now.torque_axes.shape[1])
-        return Reach.free(now.torque_axes, each + held - room, each + held + room)
+        return Reach(now.torque_axes, each + held - room, each + held + room)
 
     def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
         """Positive for each thruster of which more than its limit is asked."""

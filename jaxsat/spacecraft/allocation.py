@@ -1,288 +1,89 @@
-"""Duties within their bounds that make a torque with least propellant: a small simplex method.
+"""One allocation for all devices: what each is to do so that together they make a torque.
 
-The parametric dual simplex method with bounds (Dantzig, Linear Programming and Extensions, 1963,
-chapters 11 and 18) for a linear programme of three equations, in plain `jax.numpy`. The torque
-grows from zero, and the duties are optimal all the way. Where no pivot is left, that is as much
-of the torque as can be made in its direction: there is no first phase, and no penalty.
+Devices that cost propellant do only what free ones cannot, at the least price (`least_price`);
+free ones share what is left by least squares (`least_squares_within`). Both are exact with bounds.
 """
 
-import math
-from functools import reduce
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
-from jaxsat.core.allocation import least_propellant, unit_columns
-from jaxsat.core.checks import as_float, as_optional_float
-from jaxsat.core.smooth import positive_part, within
+from jaxsat.core.smooth import within
+from jaxsat.spacecraft.bounded_least_squares import least_squares_within
+from jaxsat.spacecraft.effector import Reach
+from jaxsat.spacecraft.least_propellant import GOLDEN, least_price
 
-RealScalar = Float[Array, ""]
+FREE_PRICE = 1e-6
+"""Of the dearest torque: the price of a torque that is free, so that no more of it is made than
+is needed. The sum of squares decides afterwards how much of it each device makes."""
 
-PIVOTS_A_THRUSTER = 4
-"""The method ends after so many pivots for each thruster; it needs one or two."""
-
-ZERO = 0.6
-"""The power of the machine's precision that counts as zero, of unit columns and of a torque. By so
-much prices differ at least: else a pivot may change nothing, and such pivots go round in a circle.
-"""
-
-GOLDEN = (math.sqrt(5) - 1) / 2
-"""Parts of its multiples are spread evenly between 0 and 1, and none comes twice."""
-
-ANY_WAY = (0.62, -0.31, 0.72)
-"""A direction in which no layout is likely to make less than three torques."""
+UNBOUNDED = 1e6
+"""Of the torque to be made: the bound of a device without one."""
 
 
-class Vertex(NamedTuple):
-    """Three thrusters with duties between their bounds, and the others at one of theirs.
+class Allocated(NamedTuple):
+    """The `use` of each device, the torque that they make of the one asked for, and what is left
+    (N m)."""
 
-    `members` are their numbers; from m on they are unit torques that are not to be had, with which
-    the method begins. `columns` has a row for each, with its torque over its size, `price`, `upper`
-    and `thrust` (N m) are theirs too. `side` is 1 for a thruster at zero, -1 for one at its upper
-    bound, and 0 for one that is a member or has no duty at all. `ahead` (N m) is still to be made
-    by way of this `leg`, see `_next_leg`. `facets` has a row for each of the first two legs: the
-    normal of the facet of all torques that ended it, zero where nothing did.
+    use: Float[Array, " n"]
+    made: Float[Array, "3"]
+    unmade: Float[Array, "3"]
+
+
+def allocate(reach: Reach, torque: Float[Array, "3"]) -> Allocated:
+    """Uses within the bounds of `reach` whose torques add up to `torque` (N m).
+
+    What devices make that do not obey comes first: it is opposed as far as possible. Of what is
+    then lacking, the greatest part in its direction is made. Of all such uses these have the least
+    price, which counts from the use nearest to zero, and of those with the same use of devices that
+    have a price, the least sum of squares of use over limit of the others. A price of None is none.
     """
-
-    members: Int[Array, "3"]
-    columns: Float[Array, "3 3"]
-    price: Float[Array, "3"]
-    upper: Float[Array, "3"]
-    thrust: Float[Array, "3"]
-    side: Float[Array, " m"]
-    ahead: Float[Array, "3"]
-    facets: Float[Array, "2 3"]
-    leg: Int[Array, ""]
-    pivots: Int[Array, ""]
-    goes: Bool[Array, ""]
-
-
-class Programme(NamedTuple):
-    """Unit columns of the thrusters' torques, their greatest sizes (N m) and their prices."""
-
-    units: Float[Array, "3 m"]
-    upper: Float[Array, " m"]
-    price: Float[Array, " m"]
-
-
-class LeastPropellant(eqx.Module):
-    """Duties d, 0 <= d <= limit, that make a torque with least propellant.
-
-    `units` (3, m) are the torques at full thrust over their `size` (N m), `price` the cost of a
-    torque by each, and `command_map` (3, torques) makes the torque on the body of a command. Any
-    layout will do, also one whose torques are in a plane. Of a torque that cannot be made in full
-    the greatest part is, in the same direction. At most `between` duties are neither zero nor at
-    their limit. `table` (bases, m, torques) has the duties of
-    `jaxsat.core.allocation.least_propellant`: while none is beyond 1, the one without a negative
-    duty is the solution, and no loop is run.
-    """
-
-    units: Float[Array, "3 m"] = eqx.field(converter=as_float)
-    size: Float[Array, " m"] = eqx.field(converter=as_float)
-    price: Float[Array, " m"] = eqx.field(converter=as_float)
-    command_map: Float[Array, "3 torques"] = eqx.field(converter=as_float)
-    table: Float[Array, "bases m torques"] | None = eqx.field(
-        converter=as_optional_float, default=None
+    idle = within(jnp.zeros_like(reach.low), reach.low, reach.high)
+    square = jnp.sum(reach.columns**2, axis=0)
+    size = jnp.sqrt(jnp.where(square > 0, square, 1.0))
+    units = reach.columns / size[None]
+    low, high = (
+        jnp.where(square > 0, size * (bound - idle), 0.0) for bound in (reach.low, reach.high)
     )
-    between: int = eqx.field(static=True, default=3)
-
-    @staticmethod
-    def of(
-        torque: Float[np.ndarray, "3 m"],
-        cost: Float[np.ndarray, " m"],
-        command_map: Float[np.ndarray, "3 torques"] | None = None,
-        tabled: bool = False,
-    ) -> "LeastPropellant":
-        """For thrusters with these torques (N m) at full thrust, and what that costs.
-
-        A command is a torque (N m) about the body axes unless `command_map` makes it one. Raises
-        `ValueError` where they are `tabled` and make no torque of either sign for some command.
-        """
-        size = np.sqrt(np.sum(torque**2, axis=0))
-        price = cost / size
-        given = np.eye(3) if command_map is None else command_map
-        table = least_propellant(torque, cost, given) if tabled else None
-        return LeastPropellant(unit_columns(torque), size, price / price.max(), given, table)
-
-    def __call__(
-        self,
-        command: Float[Array, " torques"],
-        limit: Float[Array, " m"] | None = None,
-        first: Float[Array, "3"] | None = None,
-    ) -> tuple[Float[Array, " m"], Float[Array, "3"]]:
-        """The duties for a `command`, and the torque (N m) that they do not make of it.
-
-        They are parts of full thrust on average over a period, up to a `limit` (1 if None), and
-        make a torque `first` (N m) besides. Where that is too much, `first` is made as far as it
-        can be; then, of what the sum lacks, the greatest part in its direction.
-        """
-        torque = jnp.sum(self.command_map * command[None], axis=1)
-        if self.table is None or limit is not None or first is not None:
-            most = jnp.ones_like(self.size) if limit is None else limit
-            rest = jnp.zeros_like(torque) if first is None else first
-            return _duties(self, most, torque, rest, jnp.array(True))
-        candidates = jnp.sum(self.table * command[None, None, :], axis=-1)
-        best = jnp.argmax(reduce(_smaller, candidates.T))
-        duty = positive_part(candidates[best])
-        within_bounds = jnp.max(duty) <= 1
-        bounded, missed = _duties(
-            self, jnp.ones_like(duty), torque, jnp.zeros_like(torque), ~within_bounds
-        )
-        return (
-            jnp.where(within_bounds, duty, bounded),
-            jnp.where(within_bounds, 0.0, missed),
-        )
+    first = -(reach.columns @ idle)
+    if reach.price is None:
+        each, unmade = least_squares_within(units, low, high, torque, first)
+    else:
+        each, unmade = _priced(reach.price / size, units, (low, high), torque, first)
+    use = within(idle + each / size, reach.low, reach.high)
+    return Allocated(use, torque - unmade, unmade)
 
 
-def _smaller(x: Float[Array, " bases"], y: Float[Array, " bases"]) -> Float[Array, " bases"]:
-    """The smaller one, for numbers; which basis is chosen for NaN does not matter."""
-    return jnp.where(x < y, x, y)
-
-
-@jax.jit
-def _duties(
-    table: LeastPropellant,
-    limit: Float[Array, " m"],
+def _priced(
+    price: Float[Array, " n"],
+    units: Float[Array, "3 n"],
+    bounds: tuple[Float[Array, " n"], Float[Array, " n"]],
     torque: Float[Array, "3"],
     first: Float[Array, "3"],
-    wanted: Bool[Array, ""],
-) -> tuple[Float[Array, " m"], Float[Array, "3"]]:
-    """Compiled once, however often it is called. Derivatives are those at the last vertex.
-
-    The loop is not run where the duties are not `wanted`.
-    """
-    count = table.size.shape[0]
-    upper = limit * table.size
-    spread = GOLDEN * jnp.arange(count, dtype=upper.dtype) % 1
-    price = table.price * (1 + _zero(upper) * spread)
-    fixed = jax.lax.stop_gradient((Programme(table.units, upper, price), torque))
-    last = jax.lax.while_loop(
-        lambda at: at.goes & (at.pivots < PIVOTS_A_THRUSTER * (count + 2)),
-        lambda at: _pivot(*fixed, at),
-        jax.lax.stop_gradient(_beginning(upper, torque, first)._replace(goes=wanted)),
-    )
-    made = _part(table.units, upper, last.facets[0], 0 * first, first)
-    made = made + _part(table.units, upper, last.facets[1], made, torque + first - made)
-    full = jnp.where(last.side < 0, upper, 0.0)
-    rest = made - jnp.sum(table.units * full[None], axis=1)
-    thrust = jnp.sum(_inverse(last.columns) * rest[None], axis=1)
-    used = jnp.arange(count)[:, None] == last.members[None]
-    thrust = full + jnp.sum(jnp.where(used, thrust[None], 0.0), axis=1)
-    return within(thrust / table.size, 0 * limit, limit), torque + first - made
-
-
-def _zero(x: Array) -> float:
-    """What counts as zero beside 1."""
-    return float(jnp.finfo(x.dtype).eps) ** ZERO
-
-
-def _part(
-    units: Float[Array, "3 m"],
-    upper: Float[Array, " m"],
-    facet: Float[Array, "3"],
-    made: Float[Array, "3"],
-    wanted: Float[Array, "3"],
-) -> Float[Array, "3"]:
-    """The part of a `wanted` torque up to a `facet` of all torques, beside what is `made` (N m)."""
-    along = jnp.sum(facet[:, None] * units, axis=0)
-    farthest = jnp.sum(jnp.where(along > _zero(upper), along, 0.0) * upper)
-    speed = jnp.sum(facet * wanted)
-    ends = speed > 0
-    part = (farthest - jnp.sum(facet * made)) / jnp.where(ends, speed, 1.0)
-    return jnp.where(ends, part, 1.0) * wanted
-
-
-def _beginning(
-    upper: Float[Array, " m"], torque: Float[Array, "3"], first: Float[Array, "3"]
-) -> Vertex:
-    """No thrust, and all of the torque ahead."""
-    comes_first = jnp.any(first != 0)
-    none = jnp.zeros_like(torque)
-    return Vertex(
-        upper.shape[0] + jnp.arange(3),
-        jnp.eye(3, dtype=torque.dtype),
-        none,
-        none,
-        none,
-        jnp.where(upper > 0, 1.0, 0.0).astype(torque.dtype),
-        jnp.where(comes_first, first, torque),
-        jnp.stack([none, none]),
-        jnp.where(comes_first, 0, 1),
-        jnp.array(0),
+) -> tuple[Float[Array, " n"], Float[Array, "3"]]:
+    """Torques of each, and what is not made: at a `price`, then of those that have none."""
+    low, high = bounds
+    free, dearest = price <= 0, jnp.max(price)
+    spread = 1 + GOLDEN * jnp.arange(price.shape[0], dtype=price.dtype) % 1
+    each_price = jnp.where(free, FREE_PRICE * spread, price / jnp.where(dearest > 0, dearest, 1.0))
+    upper = jnp.concatenate([high, -low])
+    known = jnp.where(jnp.isfinite(upper), upper, 0.0)
+    most = jnp.max(known) + jnp.sum(jnp.abs(torque) + jnp.abs(first))
+    upper = jnp.where(jnp.isfinite(upper), known, jax.lax.stop_gradient(UNBOUNDED * most))
+    thrust, unmade = least_price(
+        jnp.concatenate([units, -units], axis=1),
+        upper,
+        jnp.concatenate([each_price, each_price]),
+        torque,
+        first,
         jnp.array(True),
     )
-
-
-def _inverse(columns: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
-    """Of the matrix with these columns, one a row."""
-    a, b, c = columns
-    across = jnp.cross(b, c)
-    adjugate = jnp.stack([across, jnp.cross(c, a), jnp.cross(a, b)])
-    return adjugate / jnp.sum(a * across)
-
-
-def _pivot(programme: Programme, torque: Float[Array, "3"], at: Vertex) -> Vertex:
-    """As far as no member meets a bound; then the cheapest other takes the place of that one."""
-    units, upper, price = programme
-    zero = _zero(upper)
-    inverse = _inverse(at.columns)
-    rates = jnp.sum(inverse * at.ahead[None], axis=1)
-    speed = jnp.abs(rates)
-    moves = speed > zero * jnp.sum(jnp.abs(at.ahead))
-    way = jnp.where(rates > 0, 1.0, -1.0)
-    room = jnp.where(way > 0, at.upper - at.thrust, at.thrust)
-    until = jnp.where(moves, room / jnp.where(moves, speed, 1.0), jnp.inf)
-    nearest = jnp.maximum(jnp.min(until), 0.0)
-    leaves = jnp.argmax(jnp.where(until <= nearest, speed, -1.0))
-    normal = way[leaves] * inverse[leaves]
-    dual = jnp.sum(at.price[:, None] * inverse, axis=0)
-    dearer = at.side * (price - jnp.sum(units * dual[:, None], axis=0))
-    helps = at.side * jnp.sum(units * normal[:, None], axis=0)
-    usable = helps > zero
-    each = jnp.where(usable, jnp.maximum(dearer, 0.0) / jnp.where(usable, helps, 1.0), jnp.inf)
-    enters = jnp.argmin(each)
-    turns = (nearest < 1) & jnp.any(usable)
-    step = jnp.minimum(nearest, 1.0)
-    hit = (jnp.arange(3) == leaves) & turns
-    place = jnp.arange(upper.shape[0])
-    side = jnp.where(place == at.members[leaves], -way[leaves], at.side)
-    begins = jnp.where(at.side[enters] < 0, upper[enters], 0.0)
-    moved = at._replace(
-        members=jnp.where(hit, enters, at.members),
-        columns=jnp.where(hit[:, None], units[:, enters][None], at.columns),
-        price=jnp.where(hit, price[enters], at.price),
-        upper=jnp.where(hit, upper[enters], at.upper),
-        thrust=jnp.where(hit, begins, at.thrust + step * rates),
-        side=jnp.where(turns, jnp.where(place == enters, 0.0, side), at.side),
-        ahead=(1 - step) * at.ahead,
-        pivots=at.pivots + 1,
+    forth, back = jnp.split(thrust, 2)
+    paid = within(jnp.where(free, 0.0, forth - back), low, high)
+    rest = torque + first - unmade - units @ paid
+    shared, _ = least_squares_within(
+        units, jnp.where(free, low, 0.0), jnp.where(free, high, 0.0), rest, 0 * rest
     )
-    return _next_leg(upper, torque, moved, turns, jnp.where(nearest < 1, normal, 0.0))
-
-
-def _next_leg(
-    upper: Float[Array, " m"],
-    torque: Float[Array, "3"],
-    at: Vertex,
-    turns: Bool[Array, ""],
-    facet: Float[Array, "3"],
-) -> Vertex:
-    """This leg, unless it has ended: 0 comes first, 1 is the torque (N m) itself.
-
-    Where members are torques that are not to be had, the last leg exchanges them for thrusters as
-    far as possible: it goes as good as no way. A change of the torque is then made by thrusters.
-    """
-    ended = ~turns & (jnp.arange(2) == at.leg)
-    ways = jnp.asarray(ANY_WAY, upper.dtype) * (_zero(upper) ** 2 * jnp.max(upper))
-    ahead = jnp.where(at.leg == 0, torque + at.ahead, ways)
-    more = (at.leg == 0) | ((at.leg == 1) & jnp.any(at.members >= upper.shape[0]))
-    return at._replace(
-        ahead=jnp.where(turns, at.ahead, ahead),
-        facets=jnp.where(ended[:, None], facet[None], at.facets),
-        leg=jnp.where(turns, at.leg, at.leg + 1),
-        goes=turns | more,
-    )
+    return paid + shared, unmade

@@ -1,9 +1,10 @@
-"""Torques of wheels within their limits, nearest to those that least squares give.
+"""Torques of devices within their bounds, with the least sum of squares, that make a torque.
 
 The parametric active-set method (Best, An algorithm for the solution of the parametric quadratic
 programming problem, 1996) for three equations, in plain `jax.numpy`. The torque on the body grows
-from zero. Until a wheel comes to its limit the solution is that without limits; then others make
-up for it, until it leaves its limit or the next one comes to its own.
+from zero, and the solution is optimal all the way. Until a device comes to a bound it is that
+without bounds; then others make up for it, until it leaves its bound or the next one comes to its
+own. Where none can, that is as much of the torque as can be made in its direction.
 """
 
 from typing import NamedTuple
@@ -13,116 +14,119 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.core.smooth import within
+from jaxsat.spacecraft.least_propellant import inverse_of_columns, part_up_to
 
-RealScalar = Float[Array, ""]
 OfEach = Float[Array, " m"]
 
-ROUNDS_A_WHEEL = 8
-"""The method ends after so many rounds for each wheel; it needs one or two. None comes twice."""
+ROUNDS_A_DEVICE = 8
+"""The method ends after so many rounds for each device; it needs one or two. None comes twice."""
 
 FLAT = 1e-9
-"""Of unit axes: what of one is across others is none."""
+"""Of unit columns: what of one is across others is none."""
 
 NONE = 1e-11
 """Of a torque: what is below counts as zero."""
 
 
-class Shared(NamedTuple):
-    """Torques (N m) of wheels, what they are bounded by, and which of them are at a bound.
+class Bounded(NamedTuple):
+    """Devices along `units`, with torques from `low` to `high` and a `weight` in the squares."""
 
-    The solution is s `wanted` + W Aᵀμ within `limit`, A the `axes`, W the `weight`, s the `part`
-    of the torque that is made so far, `multiplier` μ. `side` is 1 or -1 for a wheel at its limit,
-    0 for others. It `goes` on until all is made or, where it is `short`, no more can be.
+    units: Float[Array, "3 m"]
+    low: OfEach
+    high: OfEach
+    weight: OfEach
+
+
+class Active(NamedTuple):
+    """Which devices are at a bound: those with a `side` of 1 at the upper one, -1 at the lower one.
+
+    The torques of all others are W Aᵀμ, with A the `units`, W the `weight`, and μ the `multiplier`.
+    `ahead` is still to be made by way of this `leg`: 0 comes first, 1 is the torque itself. A leg
+    that was not made in full has in its row of `facets` the normal of what ended it.
     """
 
-    part: RealScalar
     multiplier: Float[Array, "3"]
     side: OfEach
-    short: Bool[Array, ""]
-    goes: Bool[Array, ""]
+    ahead: Float[Array, "3"]
+    facets: Float[Array, "2 3"]
+    leg: Int[Array, ""]
     rounds: Int[Array, ""]
+    goes: Bool[Array, ""]
 
 
-class Wheeling(NamedTuple):
-    """What is shared: see `Shared`."""
+def least_squares_within(
+    units: Float[Array, "3 m"],
+    low: OfEach,
+    high: OfEach,
+    torque: Float[Array, "3"],
+    first: Float[Array, "3"],
+) -> tuple[OfEach, Float[Array, "3"]]:
+    """Torques u along `units`, `low` <= u <= `high`, that make `first` + `torque`, all in N m.
 
-    axes: Float[Array, "3 m"]
-    weight: OfEach
-    limit: OfEach
-    wanted: OfEach
-
-
-def nearest_within(
-    axes: Float[Array, "3 m"], weight: OfEach, limit: OfEach, wanted: OfEach
-) -> tuple[OfEach, RealScalar]:
-    """Torques u within |u| <= `limit` (N m) that make the torque of those `wanted`.
-
-    They minimise Σ (u - s wanted)² / `weight` subject to A u = s A wanted, for the greatest part s
-    up to 1; returned are u and s. A wheel without a limit or a weight makes nothing. `axes` are
-    unit columns.
+    Bounds have zero between them. Where the sum is too much, `first` is made as far as it can be;
+    then, of what the sum lacks, the greatest part in its direction. Of all that make this the one
+    with the least Σ (u / limit)² is given, the limit of each the larger one of its bounds, and what
+    is not made. A device without bounds counts as one with the largest limit of the others.
     """
-    used = (limit > 0) & (weight > 0)
-    size = jnp.max(jnp.where(used, limit, 0.0))
-    size = jax.lax.stop_gradient(jnp.where(size > 0, size, 1.0))
-    heaviest = jax.lax.stop_gradient(jnp.max(jnp.where(used, weight, 0.0)))
-    given = Wheeling(
-        axes,
-        jnp.where(used, weight, 0.0) / jnp.where(heaviest > 0, heaviest, 1.0),
-        jnp.where(used, limit, 0.0) / size,
-        jnp.where(used, wanted, 0.0) / size,
-    )
-    found, part = _solved(given)
-    fits = jnp.all(jnp.abs(given.wanted) <= given.limit)
-    found = within(size * found, -limit, limit)
-    return jnp.where(fits, jnp.where(used, wanted, 0.0), found), jnp.where(fits, 1.0, part)
+    limit = jnp.maximum(high, -low)
+    known = jnp.where(jnp.isfinite(limit), limit, 0.0)
+    largest = jnp.max(known)
+    size = jax.lax.stop_gradient(jnp.where(largest > 0, largest, 1.0))
+    strength = jax.lax.stop_gradient(jnp.where(jnp.isfinite(limit), known / size, 1.0))
+    devices = Bounded(units, low / size, high / size, strength**2)
+    made, unmade = _solved(devices, torque / size, first / size)
+    return within(size * made, low, high), size * unmade
 
 
-def _solved(given: Wheeling) -> tuple[OfEach, RealScalar]:
-    """At the last set of wheels at their limits, where all derivatives are."""
-    fixed = jax.lax.stop_gradient(given)
-    count = given.limit.shape[0]
-    torque = fixed.axes @ fixed.wanted
-    start = Shared(
-        0 * torque[0],
-        0 * torque,
-        0 * fixed.limit,
-        jnp.array(False),
-        jnp.any(jnp.abs(fixed.wanted) > fixed.limit) & jnp.any(jnp.abs(torque) > 0),
-        jnp.array(0),
-    )
+def _solved(
+    devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"]
+) -> tuple[OfEach, Float[Array, "3"]]:
+    """At the last set of devices at their bounds, where all derivatives are."""
+    fixed = jax.lax.stop_gradient((devices, torque, first))
     last = jax.lax.while_loop(
-        lambda at: at.goes & (at.rounds < ROUNDS_A_WHEEL * count),
-        lambda at: _round(fixed, at),
-        start,
+        lambda at: at.goes & (at.rounds < ROUNDS_A_DEVICE * (devices.low.shape[0] + 1)),
+        lambda at: _round(*fixed[:2], at),
+        _beginning(*fixed),
     )
-    free = _free(given, last)
-    span = _span(given, free)
-    torque = given.axes @ given.wanted
-    normal = torque - span @ torque
-    speed = normal @ torque
-    bound = last.side * given.limit
-    farthest = (normal @ given.axes) @ bound
-    part = jnp.where(last.short, farthest / jnp.where(last.short, speed, 1.0), last.part)
-    made = bound + jnp.where(free, part * given.wanted, 0.0)
-    inverse = _inverse(given, free, span)
+    free = _free(devices, last)
+    bounds = (devices.low, devices.high)
+    made = part_up_to(last.facets[0], devices.units, bounds, 0 * first, first)
+    made = made + part_up_to(last.facets[1], devices.units, bounds, made, torque + first - made)
+    each = jnp.where(last.side > 0, devices.high, jnp.where(last.side < 0, devices.low, 0.0))
+    inverse = _inverse(devices, free, _span(devices, free))
     for _ in range(3):  # the second and third take away what rounding has left
-        lacks = part * torque - given.axes @ made
-        made = made + jnp.where(free, given.weight * ((inverse @ lacks) @ given.axes), 0.0)
-    return made, part
+        lacks = made - devices.units @ each
+        each = each + jnp.where(free, devices.weight * ((inverse @ lacks) @ devices.units), 0.0)
+    return each, torque + first - made
 
 
-def _free(given: Wheeling, at: Shared) -> Bool[Array, " m"]:
-    """The wheels that are not at a limit."""
-    return (at.side == 0) & (given.limit > 0)
+def _beginning(devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"]) -> Active:
+    """No torque, and all of it ahead."""
+    comes_first = jnp.any(first != 0)
+    none = jnp.zeros_like(torque)
+    return Active(
+        none,
+        0 * devices.weight,
+        jnp.where(comes_first, first, torque),
+        jnp.stack([none, none]),
+        jnp.where(comes_first, 0, 1),
+        jnp.array(0),
+        comes_first | jnp.any(torque != 0),
+    )
 
 
-def _span(given: Wheeling, free: Bool[Array, " m"]) -> Float[Array, "3 3"]:
-    """The projector on the torques that wheels make together; the identity where they make all."""
-    across = given.axes
+def _free(devices: Bounded, at: Active) -> Bool[Array, " m"]:
+    """The devices that are not at a bound."""
+    return (at.side == 0) & (devices.high > devices.low)
+
+
+def _span(devices: Bounded, free: Bool[Array, " m"]) -> Float[Array, "3 3"]:
+    """The projector on the torques that these make together; the identity where they make all."""
+    across = devices.units
     span = jnp.zeros((3, 3), across.dtype)
     for _ in range(3):
         sizes = jnp.where(free, jnp.sum(across**2, axis=0), 0.0)
-        most = jnp.argmax(jax.lax.stop_gradient(sizes * given.weight))
+        most = jnp.argmax(jax.lax.stop_gradient(sizes * devices.weight))
         there = sizes[most] > FLAT**2
         one = across[:, most] / jnp.sqrt(jnp.where(there, sizes[most], 1.0))
         one = jnp.where(there, one, 0.0)
@@ -133,51 +137,54 @@ def _span(given: Wheeling, free: Bool[Array, " m"]) -> Float[Array, "3 3"]:
 
 
 def _inverse(
-    given: Wheeling, free: Bool[Array, " m"], span: Float[Array, "3 3"]
+    devices: Bounded, free: Bool[Array, " m"], span: Float[Array, "3 3"]
 ) -> Float[Array, "3 3"]:
-    """Of A W Aᵀ on what these wheels span, with any number across it."""
-    gram = (jnp.where(free, given.weight, 0.0)[None] * given.axes) @ given.axes.T
+    """Of A W Aᵀ on what these devices span, with any number across it."""
+    gram = (jnp.where(free, devices.weight, 0.0)[None] * devices.units) @ devices.units.T
     size = jax.lax.stop_gradient(jnp.trace(gram))
     size = jnp.where(size > 0, size, 1.0)
-    a, b, c = gram / size + jnp.eye(3, dtype=gram.dtype) - span
-    across = jnp.cross(b, c)
-    adjugate = jnp.stack([across, jnp.cross(c, a), jnp.cross(a, b)])
-    return adjugate / (jnp.sum(a * across) * size)
+    return inverse_of_columns(gram / size + jnp.eye(3, dtype=gram.dtype) - span) / size
 
 
-def _round(given: Wheeling, at: Shared) -> Shared:
-    """On to where a wheel comes to its limit or leaves it, or all is made.
+def _round(devices: Bounded, torque: Float[Array, "3"], at: Active) -> Active:
+    """On to where a device comes to a bound or leaves it, or the leg ends.
 
-    Where the free wheels do not make what those at their limits leave, the multiplier alone
-    changes, across all that they make, until one leaves its limit; if none does, all others push
-    as far as they can, and no more can be made.
+    Where the free devices do not make what is ahead, the multiplier alone changes, across all that
+    they make, until one at a bound leaves it; if none does, no more can be made.
     """
-    free = _free(given, at)
-    torque = given.axes @ given.wanted
-    lacks = given.axes @ jnp.where(free, 0.0, given.wanted)
-    span = _span(given, free)
-    across = lacks - span @ lacks
-    stands = jnp.sum(across**2) > NONE**2 * jnp.sum(torque**2)
-    way = jnp.where(stands, across, _inverse(given, free, span) @ lacks)
-    rate = given.weight * (way @ given.axes) + jnp.where(stands, 0.0, given.wanted)
-    now = given.weight * (at.multiplier @ given.axes) + at.part * given.wanted
-    speed, side = jnp.abs(rate), jnp.where(rate < 0, -1.0, 1.0)
-    moves = speed > NONE * jnp.max(speed)
+    free = _free(devices, at)
+    span = _span(devices, free)
+    across = at.ahead - span @ at.ahead
+    square = jnp.sum(across**2)
+    stands = square > NONE**2 * jnp.sum(at.ahead**2)
+    across = across / jnp.sqrt(jnp.where(stands, square, 1.0))
+    way = jnp.where(stands, across, _inverse(devices, free, span) @ at.ahead)
+    along = way @ devices.units
+    rate = devices.weight * along
+    now = devices.weight * (at.multiplier @ devices.units)
+    pace = jnp.sqrt(devices.weight) * jnp.abs(along)
+    moves = pace > NONE * jnp.max(pace)
+    side = jnp.where(rate < 0, -1.0, 1.0)
     comes = free & moves & ~stands
     leaves = (at.side * side < 0) & moves
-    room = jnp.where(free, given.limit - side * now, jnp.abs(now) - given.limit)
-    until = jnp.maximum(room, 0.0) / jnp.where(moves, speed, 1.0)
+    ahead_of_bound = jnp.where(rate < 0, now - devices.low, devices.high - now)
+    beyond = jnp.where(at.side < 0, devices.low - now, now - devices.high)
+    room = jnp.maximum(jnp.where(free, ahead_of_bound, beyond), 0.0)
+    until = room / jnp.where(moves, jnp.abs(rate), 1.0)
     until = jnp.where(comes | leaves, until, jnp.inf)
     step, hit = jnp.min(until), jnp.argmin(until)
     short = stands & ~jnp.isfinite(step)
-    ends = short | (~stands & (at.part + step >= 1))
-    step = jnp.where(stands, jnp.where(short, 0.0, step), jnp.minimum(step, 1 - at.part))
-    turned = (jnp.arange(free.shape[0]) == hit) & ~ends
-    return Shared(
-        jnp.where(ends & ~short, 1.0, at.part + jnp.where(stands, 0.0, step)),
+    ended = short | (~stands & (step >= 1 - NONE))
+    step = jnp.where(stands, jnp.where(short, 0.0, step), jnp.minimum(step, 1.0))
+    turned = (jnp.arange(free.shape[0]) == hit) & ~ended
+    left = jnp.where(stands, at.ahead, (1 - step) * at.ahead)
+    this = ended & (jnp.arange(2) == at.leg)
+    return Active(
         at.multiplier + step * way,
         jnp.where(turned, jnp.where(free, side, 0.0), at.side),
-        short,
-        ~ends,
+        jnp.where(ended, torque + left, left),
+        jnp.where(this[:, None], jnp.where(short, across, 0.0)[None], at.facets),
+        jnp.where(ended, at.leg + 1, at.leg),
         at.rounds + 1,
+        ~ended | (at.leg == 0),
     )

@@ -57,25 +57,19 @@ class Reach(NamedTuple):
 
     The use of a device is the number that commands it, of a reaction wheel a torque (N m), of a
     gimbal a rate (rad/s); its column is the torque on the body for one unit of it. `price` is what
-    a unit costs, in kg/s of propellant. A device that does not obey has `low` equal to `high`.
+    a unit costs, in kg/s of propellant, None for nothing. A device that does not obey has `low`
+    equal to `high`.
     """
 
     columns: Float[Array, "3 n"]
     low: Float[Array, " n"]
     high: Float[Array, " n"]
-    price: Float[Array, " n"]
-
-    @staticmethod
-    def free(
-        columns: Float[Array, "3 n"], low: Float[Array, " n"], high: Float[Array, " n"]
-    ) -> "Reach":
-        """That of devices whose use costs no propellant."""
-        return Reach(columns, low, high, jnp.zeros_like(low))
+    price: Float[Array, " n"] | None = None
 
     @staticmethod
     def none() -> "Reach":
         """That of nothing."""
-        return Reach.free(jnp.zeros((3, 0)), jnp.zeros(0), jnp.zeros(0))
+        return Reach(jnp.zeros((3, 0)), jnp.zeros(0), jnp.zeros(0))
 
 
 class AbstractEffector(eqx.Module):

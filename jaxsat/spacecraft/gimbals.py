@@ -221,4 +221,4 @@ class ControlMomentGyros(AbstractEffector):
         del t, plant, span
         _, change = self.directions(state.angle)
         rate = jnp.where(self._condition(struck)[0], 0.0, self.rate_limit)
-        return Reach.free(-change * state.momentum[None], -rate, rate)
+        return Reach(-change * state.momentum[None], -rate, rate)

@@ -108,7 +108,7 @@ class Magnetorquers(AbstractEffector):
         if self.failures is not None:
             gain, level = self.failures.two_signed(struck, self.count)
         most = self.dipole_limit
-        return Reach.free(columns, (level - jnp.abs(gain)) * most, (level + jnp.abs(gain)) * most)
+        return Reach(columns, (level - jnp.abs(gain)) * most, (level + jnp.abs(gain)) * most)
 
     def _dipoles(self, command: Float[Array, " k"]) -> Float[Array, " k"]:
         return jnp.clip(command, -self.dipole_limit, self.dipole_limit)

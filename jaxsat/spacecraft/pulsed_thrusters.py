@@ -7,10 +7,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.smooth import at_least, within
-from jaxsat.spacecraft.allocation import LeastPropellant
 from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.failures import Condition, FailureEvents
 from jaxsat.spacecraft.holds import AbstractPulsedActuators, Consumption, Hold, Usage
+from jaxsat.spacecraft.least_propellant import LeastPropellant
 from jaxsat.spacecraft.modulation import AbstractModulation, Pulses
 from jaxsat.spacecraft.thrusters import ThrusterSet
 

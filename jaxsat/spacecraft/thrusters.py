@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxsat.core.allocation import NORMALISER_FLOOR, allocation_matrix, unit_columns
+from jaxsat.core.allocation import NORMALISER_FLOOR, unit_columns
 from jaxsat.core.checks import (
     as_array,
     as_float,
@@ -92,11 +92,6 @@ def one_thruster_coupling(thrusters: Thrusters) -> Float[Array, "2"]:
     axis = thrusters.torque_axes[:, 0]
     _require_normaliser(axis[0], "c1, c2 of (8) must have cosα1 away from zero")
     return axis[1:] / axis[0]
-
-
-def allocation(thrusters: Thrusters, torques: int = 2) -> Float[Array, "m torques"]:
-    """`jaxsat.core.allocation.allocation_matrix` of these thrusters."""
-    return as_array(allocation_matrix(np.asarray(thrusters.torque_axes), torques))
 
 
 def _require_normaliser(value: Float[Array, ""], rule: str) -> None:

@@ -8,14 +8,13 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 
 from jaxsat.core.allocation import (
-    NORMALISER_FLOOR,
     least_squares_map,
     unit_columns,
     what_is_left,
 )
 from jaxsat.core.checks import as_array, as_float, as_optional_float, require_positive
 from jaxsat.spacecraft.actuators import AbstractActuators, AbstractSmoothActuators
-from jaxsat.spacecraft.bounded_least_squares import nearest_within
+from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.holds import AbstractPulsedActuators
 from jaxsat.spacecraft.wheels import Wheels
@@ -26,13 +25,14 @@ class ActuatorsWithWheels(AbstractActuators):
 
     `wheel_map` (wheels, torques) shares the command, two torques or three, among the wheels, of
     which those that have failed have rows of zeros. Where that exceeds the `wheel_limit` (N m, None
-    for no limit) of one, others make up for it. Of a torque that they cannot make, the greatest
-    part is, in its direction. `axes` (3, wheels) has zeros for those that have failed; it is None
-    where wheels make every torque in one way only, and are then scaled down together. `rest`
-    (torques, torques) gives the part of the command that is left to the `thrusters`; both are None
-    where nothing is. `limiting` holds which wheel is at its limit, see `smooth_piece`.
+    for no limit) of one, `allocate` shares it: others make up for it and, of a torque that they
+    cannot make, the greatest part is made, in its direction. `axes` (3, wheels) has zeros for those
+    that have failed. `rest` (torques, torques) gives the part of the command that is left to the
+    `thrusters`; both are None where nothing is. `limiting` holds which wheel is at its limit, see
+    `smooth_piece`.
     """
 
+    axes: Float[Array, "3 wheels"] = eqx.field(converter=as_float)
     wheel_map: Float[Array, "wheels torques"] = eqx.field(converter=as_float)
     wheel_limit: Float[Array, " wheels"] | None = eqx.field(
         converter=as_optional_float, default=None
@@ -42,7 +42,6 @@ class ActuatorsWithWheels(AbstractActuators):
         converter=as_optional_float, default=None
     )
     limiting: Bool[Array, " wheels"] | None = None
-    axes: Float[Array, "3 wheels"] | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
         if self.wheel_limit is not None:
@@ -69,18 +68,16 @@ class ActuatorsWithWheels(AbstractActuators):
         shares[working] = least_squares_map(known[:, working], torques)
         rest = what_is_left(known, shares)
         left = known * np.array(working)
-        spare = sum(working) > np.linalg.matrix_rank(left, tol=NORMALISER_FLOOR)
-        left = left if spare else None
         limit = None if wheel_limit is None else as_float(wheel_limit) * jnp.ones(known.shape[1])
         if not rest.any():
-            return ActuatorsWithWheels(as_array(shares), limit, axes=left)
+            return ActuatorsWithWheels(left, as_array(shares), limit)
         if thrusters is None:
             which = "x and y" if torques == 2 else "x, y and z"
             raise ValueError(
                 f"The wheels left must make independent torques about body axes {which}, "
                 f"but their axes are the columns of {known[:, working].round(6).tolist()}."
             )
-        return ActuatorsWithWheels(as_array(shares), limit, thrusters, as_array(rest), axes=left)
+        return ActuatorsWithWheels(left, as_array(shares), limit, thrusters, as_array(rest))
 
     def commands(self, command: Float[Array, " torques"]) -> dict[str, Array]:
         """The torque that each wheel is to put on the body, N m."""
@@ -89,16 +86,13 @@ class ActuatorsWithWheels(AbstractActuators):
     def _scaled(self, shares: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
         if self.wheel_limit is None:
             return shares
-        if self.axes is not None:
-            weight = jnp.sum(self.axes**2, axis=0)
-            made, _ = nearest_within(self.axes, weight, self.wheel_limit, shares)
-            any_limit = True if self.limiting is None else jnp.any(self.limiting)
-            return jnp.where(any_limit, made, shares)
-        ratios = jnp.abs(shares) / self.wheel_limit
         if self.limiting is None:
-            return shares / jnp.maximum(jnp.max(ratios), 1.0)
-        largest = jnp.max(jnp.where(self.limiting, ratios, 0.0))
-        return shares / jnp.where(jnp.any(self.limiting), largest, 1.0)
+            bound = jnp.any(jnp.abs(shares) > self.wheel_limit)
+        else:
+            bound = jnp.any(self.limiting)
+        torque = self.axes @ jnp.where(bound, shares, 0.0)
+        reach = Reach(self.axes, -self.wheel_limit, self.wheel_limit)
+        return jnp.where(bound, allocate(reach, torque).use, shares)
 
     def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
         """The torque of the thrusters on the body, N m."""

@@ -322,7 +322,7 @@ class Wheels(AbstractEffector):
             down = _for_span(self.momentum_limit - momentum, span)
             up = _for_span(self.momentum_limit + momentum, span)
             low, high = jnp.clip(low, -down, up), jnp.clip(high, -down, up)
-        return Reach.free(self.axes, low, high)
+        return Reach(self.axes, low, high)
 
     def without_corners(self) -> "Wheels":
         """The same without Coulomb friction and failures in flight."""

@@ -12,7 +12,6 @@ from jaxsat.spacecraft import (
     Actuators,
     Spacecraft,
     Thrusters,
-    allocation,
     one_thruster_coupling,
     two_thruster_coupling,
 )
@@ -102,9 +101,9 @@ def test_couplings_that_do_not_exist_are_said_to_be_missing():
     with pytest.raises(ValueError, match="one thruster"):
         one_thruster_coupling(Thrusters(jnp.eye(3)))
     with pytest.raises(ValueError, match="body axes x and y"):
-        allocation(sound_but_unnormalisable)
+        Actuators.of(sound_but_unnormalisable)
     with pytest.raises(ValueError, match="body axes x and y"):
-        allocation(Thrusters(axes_of([1, 0, 0])))
+        Actuators.of(Thrusters(axes_of([1, 0, 0])))
 
 
 def test_failures_select_columns():

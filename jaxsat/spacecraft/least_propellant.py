@@ -1,0 +1,303 @@
+"""Torques within their bounds that make a torque at the least price: a small simplex method.
+
+The parametric dual simplex method with bounds (Dantzig, Linear Programming and Extensions, 1963,
+chapters 11 and 18) for a linear programme of three equations, in plain `jax.numpy`. The torque
+grows from zero, and the solution is optimal all the way. Where no pivot is left, that is as much
+of the torque as can be made in its direction: there is no first phase, and no penalty.
+"""
+
+import math
+from functools import reduce
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.core.allocation import least_propellant, unit_columns
+from jaxsat.core.checks import as_float, as_optional_float
+from jaxsat.core.smooth import positive_part, within
+
+RealScalar = Float[Array, ""]
+
+PIVOTS_A_THRUSTER = 4
+"""The method ends after so many pivots for each thruster; it needs one or two."""
+
+ZERO = 0.6
+"""The power of the machine's precision that counts as zero, of unit columns and of a torque. By so
+much prices differ at least: else a pivot may change nothing, and such pivots go round in a circle.
+"""
+
+GOLDEN = (math.sqrt(5) - 1) / 2
+"""Parts of its multiples are spread evenly between 0 and 1, and none comes twice."""
+
+ANY_WAY = (0.62, -0.31, 0.72)
+"""A direction in which no layout is likely to make less than three torques."""
+
+
+class Vertex(NamedTuple):
+    """Three thrusters with duties between their bounds, and the others at one of theirs.
+
+    `members` are their numbers; from m on they are unit torques that are not to be had, with which
+    the method begins. `columns` has a row for each, with its torque over its size, `price`, `upper`
+    and `thrust` (N m) are theirs too. `side` is 1 for a thruster at zero, -1 for one at its upper
+    bound, and 0 for one that is a member or has no duty at all. `ahead` (N m) is still to be made
+    by way of this `leg`, see `_next_leg`. `facets` has a row for each of the first two legs: the
+    normal of the facet of all torques that ended it, zero where nothing did.
+    """
+
+    members: Int[Array, "3"]
+    columns: Float[Array, "3 3"]
+    price: Float[Array, "3"]
+    upper: Float[Array, "3"]
+    thrust: Float[Array, "3"]
+    side: Float[Array, " m"]
+    ahead: Float[Array, "3"]
+    facets: Float[Array, "2 3"]
+    leg: Int[Array, ""]
+    pivots: Int[Array, ""]
+    goes: Bool[Array, ""]
+
+
+class Programme(NamedTuple):
+    """Unit columns of the thrusters' torques, their greatest sizes (N m) and their prices."""
+
+    units: Float[Array, "3 m"]
+    upper: Float[Array, " m"]
+    price: Float[Array, " m"]
+
+
+class LeastPropellant(eqx.Module):
+    """Duties d, 0 <= d <= limit, that make a torque with least propellant.
+
+    `units` (3, m) are the torques at full thrust over their `size` (N m), `price` the cost of a
+    torque by each, and `command_map` (3, torques) makes the torque on the body of a command. Any
+    layout will do, also one whose torques are in a plane. Of a torque that cannot be made in full
+    the greatest part is, in the same direction. At most `between` duties are neither zero nor at
+    their limit. `table` (bases, m, torques) has the duties of
+    `jaxsat.core.allocation.least_propellant`: while none is beyond 1, the one without a negative
+    duty is the solution, and no loop is run.
+    """
+
+    units: Float[Array, "3 m"] = eqx.field(converter=as_float)
+    size: Float[Array, " m"] = eqx.field(converter=as_float)
+    price: Float[Array, " m"] = eqx.field(converter=as_float)
+    command_map: Float[Array, "3 torques"] = eqx.field(converter=as_float)
+    table: Float[Array, "bases m torques"] | None = eqx.field(
+        converter=as_optional_float, default=None
+    )
+    between: int = eqx.field(static=True, default=3)
+
+    @staticmethod
+    def of(
+        torque: Float[np.ndarray, "3 m"],
+        cost: Float[np.ndarray, " m"],
+        command_map: Float[np.ndarray, "3 torques"] | None = None,
+        tabled: bool = False,
+    ) -> "LeastPropellant":
+        """For thrusters with these torques (N m) at full thrust, and what that costs.
+
+        A command is a torque (N m) about the body axes unless `command_map` makes it one. Raises
+        `ValueError` where they are `tabled` and make no torque of either sign for some command.
+        """
+        size = np.sqrt(np.sum(torque**2, axis=0))
+        price = cost / size
+        given = np.eye(3) if command_map is None else command_map
+        table = least_propellant(torque, cost, given) if tabled else None
+        return LeastPropellant(unit_columns(torque), size, price / price.max(), given, table)
+
+    def __call__(
+        self,
+        command: Float[Array, " torques"],
+        limit: Float[Array, " m"] | None = None,
+        first: Float[Array, "3"] | None = None,
+    ) -> tuple[Float[Array, " m"], Float[Array, "3"]]:
+        """The duties for a `command`, and the torque (N m) that they do not make of it.
+
+        They are parts of full thrust on average over a period, up to a `limit` (1 if None), and
+        make a torque `first` (N m) besides. Where that is too much, `first` is made as far as it
+        can be; then, of what the sum lacks, the greatest part in its direction.
+        """
+        torque = jnp.sum(self.command_map * command[None], axis=1)
+        if self.table is None or limit is not None or first is not None:
+            most = jnp.ones_like(self.size) if limit is None else limit
+            rest = jnp.zeros_like(torque) if first is None else first
+            return self._bounded(most, torque, rest, jnp.array(True))
+        candidates = jnp.sum(self.table * command[None, None, :], axis=-1)
+        best = jnp.argmax(reduce(_smaller, candidates.T))
+        duty = positive_part(candidates[best])
+        within_bounds = jnp.max(duty) <= 1
+        most, rest = jnp.ones_like(duty), jnp.zeros_like(torque)
+        bounded, missed = self._bounded(most, torque, rest, ~within_bounds)
+        return (
+            jnp.where(within_bounds, duty, bounded),
+            jnp.where(within_bounds, 0.0, missed),
+        )
+
+    def _bounded(self, limit, torque, first, wanted):
+        upper = limit * self.size
+        thrust, missed = least_price(self.units, upper, self.price, torque, first, wanted)
+        return within(thrust / self.size, 0 * limit, limit), missed
+
+
+def _smaller(x: Float[Array, " bases"], y: Float[Array, " bases"]) -> Float[Array, " bases"]:
+    """The smaller one, for numbers; which basis is chosen for NaN does not matter."""
+    return jnp.where(x < y, x, y)
+
+
+@jax.jit
+def least_price(
+    units: Float[Array, "3 m"],
+    upper: Float[Array, " m"],
+    price: Float[Array, " m"],
+    torque: Float[Array, "3"],
+    first: Float[Array, "3"],
+    wanted: Bool[Array, ""],
+) -> tuple[Float[Array, " m"], Float[Array, "3"]]:
+    """Torques u (N m) along `units`, 0 <= u <= `upper`, that make `first` + `torque` (N m).
+
+    They have the least Σ `price` u, the prices 1 at most. Where the sum is too much, `first` is
+    made as far as it can be; then, of what the sum lacks, the greatest part in its direction. Given
+    are u and what is not made. Derivatives are those at the last vertex. Compiled once, however
+    often it is called; the loop is not run where the torques are not `wanted`.
+    """
+    count = upper.shape[0]
+    spread = GOLDEN * jnp.arange(count, dtype=upper.dtype) % 1
+    price = price * (1 + _zero(upper) * spread)
+    fixed = jax.lax.stop_gradient((Programme(units, upper, price), torque))
+    last = jax.lax.while_loop(
+        lambda at: at.goes & (at.pivots < PIVOTS_A_THRUSTER * (count + 2)),
+        lambda at: _pivot(*fixed, at),
+        jax.lax.stop_gradient(_beginning(upper, torque, first)._replace(goes=wanted)),
+    )
+    bounds = (None, upper)
+    made = part_up_to(last.facets[0], units, bounds, 0 * first, first)
+    made = made + part_up_to(last.facets[1], units, bounds, made, torque + first - made)
+    full = jnp.where(last.side < 0, upper, 0.0)
+    rest = made - jnp.sum(units * full[None], axis=1)
+    thrust = jnp.sum(inverse_of_columns(last.columns) * rest[None], axis=1)
+    used = jnp.arange(count)[:, None] == last.members[None]
+    thrust = full + jnp.sum(jnp.where(used, thrust[None], 0.0), axis=1)
+    return thrust, torque + first - made
+
+
+def _zero(x: Array) -> float:
+    """What counts as zero beside 1."""
+    return float(jnp.finfo(x.dtype).eps) ** ZERO
+
+
+def part_up_to(
+    facet: Float[Array, "3"],
+    units: Float[Array, "3 m"],
+    bounds: tuple[Float[Array, " m"] | None, Float[Array, " m"]],
+    made: Float[Array, "3"],
+    wanted: Float[Array, "3"],
+) -> Float[Array, "3"]:
+    """The part of a `wanted` torque up to a `facet` of all torques, beside what is `made` (N m).
+
+    The torques along `units` are between two `bounds` (N m), of which None is zero. A facet of
+    zero is none.
+    """
+    low, high = bounds
+    along = jnp.sum(facet[:, None] * units, axis=0)
+    farthest = jnp.sum(jnp.where(along > _zero(high), along, 0.0) * high)
+    if low is not None:
+        farthest = farthest + jnp.sum(jnp.where(along < -_zero(high), along, 0.0) * low)
+    speed = jnp.sum(facet * wanted)
+    ends = speed > 0
+    part = (farthest - jnp.sum(facet * made)) / jnp.where(ends, speed, 1.0)
+    return jnp.where(ends, part, 1.0) * wanted
+
+
+def _beginning(
+    upper: Float[Array, " m"], torque: Float[Array, "3"], first: Float[Array, "3"]
+) -> Vertex:
+    """No thrust, and all of the torque ahead."""
+    comes_first = jnp.any(first != 0)
+    none = jnp.zeros_like(torque)
+    return Vertex(
+        upper.shape[0] + jnp.arange(3),
+        jnp.eye(3, dtype=torque.dtype),
+        none,
+        none,
+        none,
+        jnp.where(upper > 0, 1.0, 0.0).astype(torque.dtype),
+        jnp.where(comes_first, first, torque),
+        jnp.stack([none, none]),
+        jnp.where(comes_first, 0, 1),
+        jnp.array(0),
+        jnp.array(True),
+    )
+
+
+def inverse_of_columns(columns: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+    """Of the matrix with these columns, one a row."""
+    a, b, c = columns
+    across = jnp.cross(b, c)
+    adjugate = jnp.stack([across, jnp.cross(c, a), jnp.cross(a, b)])
+    return adjugate / jnp.sum(a * across)
+
+
+def _pivot(programme: Programme, torque: Float[Array, "3"], at: Vertex) -> Vertex:
+    """As far as no member meets a bound; then the cheapest other takes the place of that one."""
+    units, upper, price = programme
+    zero = _zero(upper)
+    inverse = inverse_of_columns(at.columns)
+    rates = jnp.sum(inverse * at.ahead[None], axis=1)
+    speed = jnp.abs(rates)
+    moves = speed > zero * jnp.sum(jnp.abs(at.ahead))
+    way = jnp.where(rates > 0, 1.0, -1.0)
+    room = jnp.where(way > 0, at.upper - at.thrust, at.thrust)
+    until = jnp.where(moves, room / jnp.where(moves, speed, 1.0), jnp.inf)
+    nearest = jnp.maximum(jnp.min(until), 0.0)
+    leaves = jnp.argmax(jnp.where(until <= nearest, speed, -1.0))
+    normal = way[leaves] * inverse[leaves]
+    dual = jnp.sum(at.price[:, None] * inverse, axis=0)
+    dearer = at.side * (price - jnp.sum(units * dual[:, None], axis=0))
+    helps = at.side * jnp.sum(units * normal[:, None], axis=0)
+    usable = helps > zero
+    each = jnp.where(usable, jnp.maximum(dearer, 0.0) / jnp.where(usable, helps, 1.0), jnp.inf)
+    enters = jnp.argmin(each)
+    turns = (nearest < 1) & jnp.any(usable)
+    step = jnp.minimum(nearest, 1.0)
+    hit = (jnp.arange(3) == leaves) & turns
+    place = jnp.arange(upper.shape[0])
+    side = jnp.where(place == at.members[leaves], -way[leaves], at.side)
+    begins = jnp.where(at.side[enters] < 0, upper[enters], 0.0)
+    moved = at._replace(
+        members=jnp.where(hit, enters, at.members),
+        columns=jnp.where(hit[:, None], units[:, enters][None], at.columns),
+        price=jnp.where(hit, price[enters], at.price),
+        upper=jnp.where(hit, upper[enters], at.upper),
+        thrust=jnp.where(hit, begins, at.thrust + step * rates),
+        side=jnp.where(turns, jnp.where(place == enters, 0.0, side), at.side),
+        ahead=(1 - step) * at.ahead,
+        pivots=at.pivots + 1,
+    )
+    return _next_leg(upper, torque, moved, turns, jnp.where(nearest < 1, normal, 0.0))
+
+
+def _next_leg(
+    upper: Float[Array, " m"],
+    torque: Float[Array, "3"],
+    at: Vertex,
+    turns: Bool[Array, ""],
+    facet: Float[Array, "3"],
+) -> Vertex:
+    """This leg, unless it has ended: 0 comes first, 1 is the torque (N m) itself.
+
+    Where members are torques that are not to be had, the last leg exchanges them for thrusters as
+    far as possible: it goes as good as no way. A change of the torque is then made by thrusters.
+    """
+    ended = ~turns & (jnp.arange(2) == at.leg)
+    ways = jnp.asarray(ANY_WAY, upper.dtype) * (_zero(upper) ** 2 * jnp.max(upper))
+    ahead = jnp.where(at.leg == 0, torque + at.ahead, ways)
+    more = (at.leg == 0) | ((at.leg == 1) & jnp.any(at.members >= upper.shape[0]))
+    return at._replace(
+        ahead=jnp.where(turns, at.ahead, ahead),
+        facets=jnp.where(ended[:, None], facet[None], at.facets),
+        leg=jnp.where(turns, at.leg, at.leg + 1),
+        goes=turns | more,
+    )

@@ -1,0 +1,185 @@
+"""One allocation for wheels, thrusters and rods, against SciPy's programmes."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from jaxsat.compiler import Mapped
+from jaxsat.spacecraft import ActuatorsWithWheels, Reach, allocate
+
+AMOUNTS = (0.3, 0.9, 1.0, 1.5, 10.0)
+"""Of the greatest torque in a direction: within, at and beyond what can be made."""
+
+
+def mixed(rng, wheels, thrusters, rods):
+    """Columns, bounds and prices: wheels of either sign, thrusters that push, rods across a field.
+
+    Some have failed, some are stuck, and some do less one way than the other.
+    """
+    axes = rng.normal(size=(3, wheels))
+    push = rng.normal(size=(3, (thrusters + 1) // 2)) * rng.uniform(0.3, 3)
+    push = np.hstack([push, -push])[:, :thrusters] if rng.random() < 0.5 else push
+    push = np.hstack([push, rng.normal(size=(3, thrusters - push.shape[1]))])
+    across = np.cross(np.eye(3)[:rods], rng.normal(size=3)).T.reshape(3, rods)
+    count = wheels + thrusters + rods
+    two_sided = np.r_[np.ones(wheels), np.zeros(thrusters), np.ones(rods)]
+    high = rng.choice([1.0, 1.0, 0.2, 3.0], size=count)
+    low = -high * two_sided * rng.choice([1.0, 1.0, 0.3], size=count)
+    dead, stuck = rng.random((2, count)) < 0.1
+    high, low = np.where(dead, 0.0, high), np.where(dead, 0.0, low)
+    level = low + (high - low) * rng.random(count)
+    low, high = np.where(stuck, level, low), np.where(stuck, level, high)
+    price = np.r_[np.zeros(wheels), rng.choice([1.0, 1.3, 2.0], size=thrusters), np.zeros(rods)]
+    return np.hstack([axes, push, across]) / np.sqrt(3), low, high, price
+
+
+def programme(columns, low, high, aim, torque, others=None):
+    """The uses with the least `aim` that make a torque, with a fraction of `others` if given."""
+    count = len(low)
+    more = np.zeros((3, 1)) if others is None else -others[:, None]
+    found = linprog(
+        aim,
+        A_eq=np.hstack([columns, more]),
+        b_eq=torque,
+        bounds=[*zip(low, high, strict=True), (0, 1 if others is not None else 0)],
+        options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+    )
+    assert found.status == 0, (found.message, count)
+    return found
+
+
+def part(columns, low, high, given, wanted):
+    """The greatest part of a torque beside what is given, 1 at most."""
+    aim = np.r_[np.zeros(len(low)), -1.0]
+    return programme(columns, low, high, aim, given, wanted).x[-1]
+
+
+def expected(columns, low, high, price, torque):
+    """The torque that can be made, the least price of it, and uses of least squares."""
+    idle = np.clip(0.0, low, high)
+    stuck = columns @ idle
+    opposed = -part(columns, low, high, stuck, -stuck) * stuck if stuck.any() else 0 * stuck
+    rest = torque - stuck - opposed
+    given = stuck + opposed
+    made = given + part(columns, low, high, given, rest) * rest
+    split = np.hstack([columns, -columns])
+    bounds = (np.zeros(2 * len(low)), np.r_[high - idle, idle - low])
+    aim = np.r_[price, price, 0.0]
+    cost = programme(split, *bounds, aim, (made - stuck) * (1 - 1e-12)).fun
+    return made, cost
+
+
+def cases(rng, mix, number):
+    while number:
+        columns, low, high, price = mixed(rng, *mix)
+        way = rng.normal(size=3)
+        if rng.random() < 0.3:  # in reach of few devices
+            way = columns @ rng.choice([0, 0, 0, 1, -1], size=len(low))
+        reachable = linprog(
+            np.r_[np.zeros(len(low)), -1.0],
+            A_eq=np.hstack([columns, -way[:, None]]),
+            b_eq=np.zeros(3),
+            bounds=[*zip(low, high, strict=True), (0, 10)],
+        )
+        most = reachable.x[-1] if reachable.status == 0 else 0.0
+        number -= 1
+        yield columns, low, high, price, way * (most or 1.0) * rng.choice(AMOUNTS)
+
+
+MIXES = [(4, 0, 0), (3, 4, 0), (4, 8, 0), (2, 6, 0), (0, 8, 0), (3, 0, 3), (2, 4, 3)]
+
+
+def check_uses(mix, number, seed):
+    rng = np.random.default_rng([seed, *mix])
+    given = list(cases(rng, mix, number))
+    arrays = tuple(map(np.stack, zip(*given, strict=True)))
+    by_xla = jax.jit(jax.vmap(lambda *x: allocate(Reach(*x[:4]), x[4])))(*arrays)
+    first = jax.tree.map(lambda x: x[0], arrays)
+    by_ours = Mapped(lambda x, _: allocate(Reach(*x[:4]), x[4]).use, first)(arrays)
+    np.testing.assert_allclose(by_ours, by_xla.use, rtol=0, atol=1e-7)
+    lacking = 0
+    for k, (columns, low, high, price, torque) in enumerate(given):
+        use, made, unmade = (np.asarray(x)[k] for x in by_xla)
+        assert np.all((use >= low) & (use <= high))
+        size = max(np.abs(torque).max(), np.abs(columns @ high).max())
+        np.testing.assert_allclose(made + unmade, torque, rtol=0, atol=1e-14 * size)
+        np.testing.assert_allclose(columns @ use, made, rtol=0, atol=1e-8 * size)
+        best, cost = expected(columns, low, high, price, torque)
+        np.testing.assert_allclose(made, best, rtol=0, atol=1e-6 * size)
+        spent = price @ np.abs(use - np.clip(0.0, low, high))
+        assert spent == pytest.approx(cost, rel=1e-5, abs=1e-6)
+        lacking += np.abs(unmade).max() > 1e-9
+        check_shares(columns, low, high, price, use)
+    assert 0 < lacking < number
+
+
+def check_shares(columns, low, high, price, use):
+    """Devices without a price make their torque with the least squares of use over limit.
+
+    So say the conditions of Karush, Kuhn and Tucker: for some μ, with C the columns at the limits,
+    the part of each limit is (Cᵀμ) of those between their bounds, and at a bound beyond that.
+    """
+    idle = np.clip(0.0, low, high)
+    free = (price == 0) & (high > low)
+    if not free.any():
+        return
+    limit = np.maximum(high - idle, idle - low)[free]
+    part, rounding = (use - idle)[free] / limit, 1e-7
+    rows = (columns[:, free] * limit).T
+    upper = part < (high - idle)[free] / limit - rounding
+    lower = part > (low - idle)[free] / limit + rounding
+    found = linprog(
+        np.zeros(3),
+        A_ub=np.vstack([rows[upper], -rows[lower]]),
+        b_ub=np.r_[part[upper], -part[lower]] + rounding,
+        bounds=(None, None),
+    )
+    assert found.status == 0
+
+
+@pytest.mark.parametrize("mix", [(4, 0, 0), (3, 4, 0)])
+def test_uses_are_those_of_the_programmes(mix):
+    check_uses(mix, 40, 7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mix", MIXES)
+def test_uses_of_many_layouts_are_those_of_the_programmes(mix):
+    check_uses(mix, 200, 8)
+
+
+@pytest.mark.parametrize("price", [None, [0.0, 0.0, 1.0, 0.0, 1.5, 0.0]])
+def test_derivatives_are_those_of_differences_within_at_and_beyond_the_limits(price):
+    rng = np.random.default_rng(44)
+    columns = rng.normal(size=(3, 6))
+    high = jnp.array([1.0, 0.5, 1.0, 0.2, 1.0, 0.0])
+    reach = Reach(columns, -high, high, None if price is None else jnp.array(price))
+    uses = jax.jit(lambda torque: allocate(reach, torque).use)
+    slopes = [jax.jit(way(uses)) for way in (jax.jacfwd, jax.jacrev)]
+    for amount in (1e-6, 0.1, 0.9, 1.1, 5.0):
+        command, step = amount * np.array([0.5, -0.6, 0.4]), 1e-7
+        sides = [np.asarray(uses(command + step * way)) for way in (*np.eye(3), *-np.eye(3))]
+        differences = (np.stack(sides[:3], axis=1) - np.stack(sides[3:], axis=1)) / (2 * step)
+        for slope in slopes:
+            np.testing.assert_allclose(slope(command), differences, rtol=1e-6, atol=1e-6)
+
+
+def test_devices_without_bounds_share_what_is_left_at_a_bound():
+    reach = Reach(np.eye(3)[:, [0, 0, 1, 2]], *jnp.array([[-0.1, *[-jnp.inf] * 3], [0.1] * 4]))
+    reach = reach._replace(high=-reach.low)
+    use, made, unmade = jax.jit(allocate)(reach, jnp.array([0.5, 0.3, -0.2]))
+    np.testing.assert_allclose(use, [0.1, 0.4, 0.3, -0.2], atol=1e-15)
+    np.testing.assert_allclose(made, [0.5, 0.3, -0.2], atol=1e-15)
+    assert not np.any(unmade)
+    priced = reach._replace(price=jnp.array([0.0, 1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(allocate(priced, made).use, use, atol=1e-9)
+
+
+def test_a_command_that_fits_is_shared_to_the_bit_as_without_limits():
+    axes = np.array([[1, -1, -1, 1], [1, 1, -1, -1], [1, 1, 1, 1]]) / np.sqrt(3)
+    command = jnp.array([0.03, -0.02, 0.01])
+    free = ActuatorsWithWheels.of(axes, 3).commands(command)["wheel"]
+    bound = ActuatorsWithWheels.of(axes, 3, 0.1).commands(command)["wheel"]
+    np.testing.assert_array_equal(free, bound)
