@@ -150,7 +150,7 @@ def test_wheels_beside_pulses_move_as_beside_held_torques(delay):
     throttle = PulsedThrusters(
         thruster_set(torque, 0.0), allocated(torque), IdealThrottle(), late=delay is not None
     )
-    alone = ActuatorsWithWheels(held.wheel_map, held.wheel_limit)
+    alone = ActuatorsWithWheels(held.axes, held.wheel_map, held.wheel_limit)
     pulsed = PulsedActuatorsWithWheels(alone, throttle, held.rest)
     begin = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, (WheelMomenta([0.05]),))
     method, times = fixed(PERIOD, diffrax.Dopri8()), np.arange(13) * PERIOD

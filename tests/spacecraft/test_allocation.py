@@ -18,7 +18,7 @@ def mixed(rng, wheels, thrusters, rods):
 
     Some have failed, some are stuck, and some do less one way than the other.
     """
-    axes = rng.normal(size=(3, wheels))
+    axes = rng.normal(size=(3, wheels)) * [[1.0], [1.0], [rng.choice([1.0, 1.0, 1e-3, 0.0])]]
     push = rng.normal(size=(3, (thrusters + 1) // 2)) * rng.uniform(0.3, 3)
     push = np.hstack([push, -push])[:, :thrusters] if rng.random() < 0.5 else push
     push = np.hstack([push, rng.normal(size=(3, thrusters - push.shape[1]))])
@@ -95,6 +95,8 @@ def check_uses(mix, number, seed):
     rng = np.random.default_rng([seed, *mix])
     given = list(cases(rng, mix, number))
     arrays = tuple(map(np.stack, zip(*given, strict=True)))
+    scale = 10.0 ** rng.integers(-6, 7, size=number)
+    arrays[0][:], arrays[4][:] = (np.einsum("k,k...->k...", scale, arrays[i]) for i in (0, 4))
     by_xla = jax.jit(jax.vmap(lambda *x: allocate(Reach(*x[:4]), x[4])))(*arrays)
     first = jax.tree.map(lambda x: x[0], arrays)
     by_ours = Mapped(lambda x, _: allocate(Reach(*x[:4]), x[4]).use, first)(arrays)
@@ -102,6 +104,7 @@ def check_uses(mix, number, seed):
     lacking = 0
     for k, (columns, low, high, price, torque) in enumerate(given):
         use, made, unmade = (np.asarray(x)[k] for x in by_xla)
+        made, unmade = made / scale[k], unmade / scale[k]
         assert np.all((use >= low) & (use <= high))
         size = max(np.abs(torque).max(), np.abs(columns @ high).max())
         np.testing.assert_allclose(made + unmade, torque, rtol=0, atol=1e-14 * size)

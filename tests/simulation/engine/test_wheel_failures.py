@@ -63,7 +63,9 @@ def factory():
     thrusters = PulsedThrusters(thruster_set(TORQUE, 0.01), allocated(TORQUE), PulseWidth(), events)
     rest = np.diag([0.0, 0.0, 1.0])
     shared = ActuatorsWithWheels.of(AXES, 2, 0.25)
-    alone = ActuatorsWithWheels(np.pad(shared.wheel_map, ((0, 0), (0, 1))), shared.wheel_limit)
+    alone = ActuatorsWithWheels(
+        shared.axes, np.pad(shared.wheel_map, ((0, 0), (0, 1))), shared.wheel_limit
+    )
     mixed = PulsedActuatorsWithWheels(alone, thrusters, rest)
     start = PlantState(
         Quaternion([1.0, 0.0, 0.0, 0.0]), [0.05, -0.03, 0.1], (WheelMomenta([0.1, -0.2]),)
