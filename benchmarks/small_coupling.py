@@ -79,7 +79,7 @@ def drawn(copies: Dispersed, cases: StudyCase) -> tuple[jax.Array, jax.Array]:
     def one(case):
         loop = cast(SampledLoop, copies(case).loop)
         actuators = cast(Actuators, loop.actuators)
-        return loop.plant.free_inertia(), actuators.torque_axes
+        return loop.plant.spacecraft.inertia, actuators.torque_axes
 
     return jax.vmap(one)(cases)
 

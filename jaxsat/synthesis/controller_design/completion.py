@@ -7,8 +7,10 @@ from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.declaration.settling import equivalent_limit
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.dispersion_trial import dispersion_issues
+from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.dispersion_tables import DispersionTable
+from jaxsat.scenario.domain import dimensionless_numbers
 from jaxsat.scenario.parts.sensors import SamplingTable
 from jaxsat.scenario.parts.wheels import wheels_make_all
 from jaxsat.synthesis.comparison.acceptance import horizon
@@ -30,6 +32,10 @@ SMALL_TURN = 1.0
 """Rotation about each axis (rad) from which two wheels alone start; they have no momentum left."""
 
 
+REFERENCE_COUPLING, LEAST_COUPLING = 0.4, 0.02
+"""c from which on a case gets what the acceptance set gives; and below which it gets no more."""
+
+
 class Completed(NamedTuple):
     """A scenario that has all a study needs, and what was assumed, a sentence each."""
 
@@ -37,9 +43,18 @@ class Completed(NamedTuple):
     assumed: tuple[str, ...]
 
 
-def default_duration(scale: Scale) -> float:
-    """Seconds that a case gets, as on the acceptance set at the torque that turns a body alike."""
-    return horizon(equivalent_limit(scale.moments, scale.torque))
+def default_duration(scenario: Scenario, verdict: VehicleVerdict, scale: Scale) -> float:
+    """Seconds that a case gets, as on the acceptance set at the torque that turns a body alike.
+
+    Two torques turn the third axis by c ω1 ω2, so in inertial pointing a smaller c takes longer, as
+    1/c. In orbit it does not help: the balance that is held is lost again in a long time.
+    """
+    alike = horizon(equivalent_limit(scale.moments, scale.torque))
+    two = verdict.judgement.laws == "two torques" and not scenario.wheel
+    if not two or orbit_rate(scenario) > 0:
+        return alike
+    c = dimensionless_numbers(scenario)["coupling"]
+    return alike * max(1.0, REFERENCE_COUPLING / max(c, LEAST_COUPLING))
 
 
 def completed(
@@ -53,7 +68,7 @@ def completed(
     """
     data, assumed = scenario.model_dump(exclude_none=True), []
     dispersed = scenario.dispersion is not None
-    default = default_duration(scale)
+    default = default_duration(scenario, verdict, scale)
     if not timed or (not dispersed and scenario.simulation.duration_s < default):
         table = data["simulation"]
         table["duration_s"] = math.ceil(default / table["save_every_s"]) * table["save_every_s"]

@@ -6,7 +6,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.domain import domain_cautions
+from jaxsat.scenario.build.plant import orbit_rate
+from jaxsat.scenario.domain import dimensionless_numbers, domain_cautions
 from jaxsat.studies import Interval, Summary, fraction_text
 from jaxsat.synthesis.comparison.verdict import ComparisonRow, ComparisonVerdict
 from jaxsat.synthesis.controller_design.candidates import Candidate
@@ -17,6 +18,9 @@ from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict
 from jaxsat.synthesis.plain_data import plain_data
 
 DesignOutcome = Literal["reached", "not reached", "nothing to design"]
+
+HELD_COUPLING = 0.2
+"""c below which the balance about the third axis in orbit is seldom held by 99 % of the cases."""
 
 
 class Step(NamedTuple):
@@ -110,10 +114,29 @@ class ControllerDesign:
     @property
     def cautions(self) -> tuple[str, ...]:
         """Where the vehicle lies beyond what the laws are verified on."""
-        return tuple(
+        beyond = (
             f"{'.'.join(map(str, issue.location))} {issue.message}"
             for one in self.candidates
             for issue in domain_cautions(one.scenario)
+        )
+        return (*self._lost_holds, *beyond)
+
+    @property
+    def _lost_holds(self) -> tuple[str, ...]:
+        """Why a small c in orbit leaves cases that no law here settles."""
+        judgement = self.verdict.judgement
+        if judgement.laws != "two torques" or self.original.wheel or not self.candidates:
+            return ()
+        scenario = self.candidates[0].scenario
+        c = dimensionless_numbers(scenario)["coupling"]
+        if orbit_rate(scenario) == 0 or c >= HELD_COUPLING:
+            return ()
+        return (
+            f"In orbit a c of {c:.2g}, below {HELD_COUPLING:g}, seldom lets 99 % of the cases "
+            "settle, in any time: the errors of the inertia leave a drift about the axis without "
+            "torque, only a small part of which so little c can balance, and the noise of the "
+            "sensors moves the estimated balance until the hold is lost. A better known inertia "
+            "helps.",
         )
 
     @property

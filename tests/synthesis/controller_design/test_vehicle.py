@@ -25,7 +25,8 @@ from jaxsat.synthesis.controller_design.candidates import (
 )
 from jaxsat.synthesis.controller_design.completion import completed
 from jaxsat.synthesis.controller_design.explanation import stronger
-from jaxsat.synthesis.controller_design.request import ALL, QUICK, read_vehicle
+from jaxsat.synthesis.controller_design.request import ALL, QUICK, DesignSettings, read_vehicle
+from jaxsat.synthesis.controller_design.result import ControllerDesign
 from jaxsat.synthesis.controller_design.tuning import tuning_table
 from jaxsat.synthesis.controller_design.vehicle import scale_of, turned, vehicle_verdict
 
@@ -131,6 +132,31 @@ def test_what_is_filled_in_has_no_dimension(bare):
     assert strong.sampling.rate_noise_rad_s == pytest.approx(
         2 * one.sampling.rate_noise_rad_s, rel=0.05
     )
+
+
+def test_a_small_coupling_takes_longer_as_physics_does(bare):
+    """Twice the time for half the c and the same moments about the axes with torques; in orbit,
+    where more time does not help, none more, but the reason is told."""
+
+    def filled(third, *more):
+        inertia = f"spacecraft.inertia_kg_m2=[0.27, 0.26, {third}]"
+        vehicle = read_vehicle(bare, [inertia, *more])
+        candidates = complete(vehicle).candidates
+        verdict = vehicle_verdict(vehicle.scenario)
+        designed = ControllerDesign(
+            vehicle.scenario, DesignSettings(ALL), verdict, (), candidates, ()
+        )
+        return candidates[0].scenario.simulation.duration_s, designed.cautions
+
+    usual = complete(read_vehicle(bare)).candidates[0].scenario.simulation.duration_s
+    small, told = filled(0.2)
+    smaller, _ = filled(0.4)
+    assert smaller == pytest.approx(2 * small, rel=1e-3)
+    assert small == pytest.approx(usual * 0.4 / 0.05, rel=0.2)
+    assert not any("hold is lost" in line for line in told)
+    in_orbit, told = filled(0.2, "orbit.rate_rad_s=1e-3")
+    assert in_orbit == pytest.approx(usual, rel=0.2)
+    assert "In orbit a c of 0.05, below 0.2," in told[0]
 
 
 def test_dispersions_that_are_given_are_kept_with_their_duration():
