@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.integration_error import excessive_error
 from jaxsat.cli.listening import progress_text
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import (
@@ -137,9 +136,10 @@ def montecarlo(
     planned = _planned(target, saved, results, store=case is None)
     chosen = load_or_explain(scenario, overrides, "study")
     rule = None if until_ci is None else _stop_rule(until_ci)
-    study = _built(
+    chosen, study = _built(
         chosen,
         count,
+        results.quiet,
         seed=seed,
         engine=results.engine,
         batch_size=sharing.batch_size,
@@ -192,14 +192,17 @@ def _planned(
     return planned_report(results, target, store=store)
 
 
-def _built(scenario: "Scenario", count: int, **keys: Any) -> "Study":
-    """The study that `build_study` makes of this; raises `UserMistake`."""
+def _built(
+    scenario: "Scenario", count: int, quiet: bool, **keys: Any
+) -> tuple["Scenario", "Study"]:
+    """What `refined_study` makes of this; raises `UserMistake`."""
     use_double_precision()
-    from jaxsat.scenario.build.study import build_study
+    from jaxsat.scenario.build.study import refined_study
 
     show_progress("compiling")
+    tell = (lambda text: None) if quiet else (lambda text: print_stderr(text, ""))
     try:
-        return interruptibly(lambda: build_study(scenario, count, **keys))
+        return interruptibly(lambda: refined_study(scenario, count, tell, **keys))
     except LibraryError as error:
         raise UserMistake(f"--controller: {error}") from None
     except ValueError as error:
@@ -216,6 +219,7 @@ def _write_study(
     results: Resumable,
 ) -> None:
     """Run the study into its store; write and print what is asked for of it."""
+    from jaxsat.scenario.resolution import excessive_error
     from jaxsat.studies import study_work
 
     executor = chosen_executor(

@@ -6,12 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jaxsat.cli.computing import dask_unseen, in_background, interruptibly
-from jaxsat.cli.integration_error import (
-    REFINEMENTS,
-    errors_of,
-    excessive_error,
-    with_finer_steps,
-)
 from jaxsat.cli.loading import load_or_explain
 from jaxsat.cli.options import Overrides, Results
 from jaxsat.cli.progress import show_progress
@@ -65,6 +59,7 @@ def simulate(
     target = results.out or Path(f"jaxsat-{Path(scenario).stem}")
     planned = planned_report(results, target)
 
+    from jaxsat.scenario.resolution import excessive_error, refined
     from jaxsat.store import OutputError, OutputFolder
 
     try:
@@ -73,13 +68,20 @@ def simulate(
             show_progress(f"simulating {scenario}")
             in_background("jaxsat.report.figures")
             remarks: list[str] = []
-            chosen, dataset, seconds = interruptibly(lambda: _refined(chosen, remarks.append))
+            chosen, (dataset, seconds) = interruptibly(
+                lambda: refined(
+                    chosen,
+                    lambda scenario: _run(scenario, remarks.append),
+                    _errors,
+                    remarks.append,
+                )
+            )
             show_progress("drawing figures")
             interruptibly(lambda: _write(folder, chosen, dataset))
             files = folder.names
     except OutputError as error:
         raise output_problem(error) from None
-    from jaxsat.store.dataset import coarseness
+    from jaxsat.store.dataset import coarseness, errors_of
 
     for told in (coarseness(dataset), excessive_error(errors_of(dataset), chosen)):
         if told:
@@ -98,27 +100,11 @@ def simulate(
     return FAILED_RUN
 
 
-def _refined(
-    scenario: "Scenario", tell: "Callable[[str], None]"
-) -> tuple["Scenario", "xr.Dataset", float]:
-    """A run whose steps leave no larger error than the scenario allows, where they are jaxsat's.
+def _errors(run: tuple["xr.Dataset", float]) -> tuple[float | None, float | None]:
+    """The error estimates of what `_run` gives."""
+    from jaxsat.store.dataset import errors_of
 
-    Substeps that the scenario names stay. `tell` is told what was changed.
-    """
-    named = scenario.simulation.solver.substeps is not None
-    dataset, seconds = _run(scenario, tell)
-    for _ in range(0 if named else REFINEMENTS):
-        finer = with_finer_steps(scenario, errors_of(dataset))
-        if finer is None:
-            break
-        count = finer.simulation.solver.substeps
-        tell(
-            f"flown again with simulation.solver.substeps = {count}, as fewer left too large an "
-            f"error of the steps"
-        )
-        (dataset, more), scenario = _run(finer, tell), finer
-        seconds += more
-    return scenario, dataset, seconds
+    return errors_of(run[0])
 
 
 def _run(scenario: "Scenario", tell: "Callable[[str], None]") -> tuple["xr.Dataset", float]:

@@ -14,6 +14,7 @@ from jaxsat.report.document import Document, Facts, Verdict
 from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude
 from jaxsat.report.timeline import failures_of
 from jaxsat.store import time_at_rest, time_to_settle
+from jaxsat.store.dataset import errors_of
 
 
 def run_document(dataset: xr.Dataset, name: str = "") -> Document:
@@ -101,8 +102,7 @@ def _actuation(dataset: xr.Dataset) -> dict[str, str]:
             f"held by an ideal torque: {effort} N m s, at most "
             f"{number_text(peak, 3)} N m at the saved times"
         )
-    errors = (dataset.get(f"{part}_error_estimate") for part in ("rate", "attitude"))
-    error = step_error(*(None if one is None else float(one) for one in errors))
+    error = step_error(*errors_of(dataset))
     found["steps"] = f"{dataset.attrs.get('steps', '')}{f'; errors of {error}' if error else ''}"
     return {label: text for label, text in found.items() if text}
 

@@ -52,13 +52,13 @@ def study_document(summary: Summary, scenario: Mapping[str, Any], again: str = "
         *recovery_tables(summary.recovery),
         *rankings(summary),
     ]
-    meaning = settled_meaning(scenario, of_study=True)
-    return Document(title, study_verdict(summary, meaning, again), blocks)
+    return Document(title, study_verdict(summary, scenario, again), blocks)
 
 
-def study_verdict(summary: Summary, settled: str, again: str = "") -> Verdict:
-    """The settled fraction with its interval, what `settled` means, how the others ended, the worst
-    cases."""
+def study_verdict(summary: Summary, scenario: Mapping[str, Any], again: str = "") -> Verdict:
+    """The settled fraction with its interval, what settled means, how the others ended, what the
+    steps leave, the worst cases."""
+    settled = settled_meaning(scenario, of_study=True)
     fraction, low, high = percent_texts(summary.settled)
     interval = f"95 % interval {low} to {high}"
     text = f"{fraction} of {summary.cases:,} cases settle ({interval})."
@@ -66,11 +66,24 @@ def study_verdict(summary: Summary, settled: str, again: str = "") -> Verdict:
     more = [f"Settled means {settled}.", f"Outcomes: {outcomes}."]
     if summary.recovery is not None:
         more.append(recovery_line(summary.recovery))
-    error = step_error(summary.rate_error, summary.attitude_error)
-    more += [f"The steps leave errors of {error}."] if error else []
+    more += _steps(summary, scenario)
     listed = ", ".join(map(str, summary.worst[:SHOWN]))
     more.append(f"Worst cases: {listed}. {again}".rstrip())
     return Verdict(None, text, more)
+
+
+def _steps(summary: Summary, scenario: Mapping[str, Any]) -> list[str]:
+    """What the steps leave, and whether the scenario allows that; nothing without estimates."""
+    errors = (summary.rate_error, summary.attitude_error)
+    text = step_error(*errors)
+    if not text:
+        return []
+    solver = scenario.get("simulation", {}).get("solver", {})
+    allowed = [solver.get(key, np.inf) for key in ("rate_error_rad_s", "attitude_error_rad")]
+    if all(error <= most for error, most in zip(errors, allowed, strict=True) if error is not None):
+        return [f"The steps leave errors of {text}."]
+    most = f"{number_text(allowed[0], 2)} rad/s and {number_text(allowed[1], 2)} rad"
+    return [f"The steps leave errors of {text}: more than the scenario allows, {most}."]
 
 
 def percentile_table(

@@ -1,8 +1,9 @@
-"""What of a scenario is fast, and steps that resolve it."""
+"""What of a scenario is fast, steps that resolve it, and finer ones where a run shows too large
+an error."""
 
 import math
-from collections.abc import Iterator
-from typing import NamedTuple, cast
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 
@@ -37,6 +38,14 @@ FASTEST = 1e12
 
 SPREAD = 3.0
 """Standard deviations of a normal distribution that count as possible."""
+
+REFINEMENTS = 4
+"""How often the substeps are doubled at most: the error falls by 2^p, order p, each time."""
+
+Errors = tuple[float | None, float | None]
+"""The estimates of the rate (rad/s) and of the attitude (rad), None where there are none."""
+
+Flown = TypeVar("Flown")
 
 
 class Fast(NamedTuple):
@@ -98,6 +107,69 @@ def fastest(scenario: Scenario) -> Fast | None:
         motions = [*_periodic(scenario), *_spin(scenario), *_friction(scenario)]
     fast = max((one for one in motions if one.rate > 0), key=lambda one: one.rate, default=None)
     return None if fast is None else fast._replace(rate=min(fast.rate, FASTEST))
+
+
+def refined(
+    scenario: Scenario,
+    fly: Callable[[Scenario], Flown],
+    errors: Callable[[Flown], Errors],
+    tell: Callable[[str], None],
+) -> tuple[Scenario, Flown]:
+    """What `fly` makes of a scenario whose substeps leave no larger `errors` than it allows.
+
+    The scenario has the number of these substeps. Substeps that it names stay. `tell` is told what
+    was changed.
+    """
+    named, flown = scenario.simulation.solver.substeps is not None, fly(scenario)
+    for _ in range(0 if named else REFINEMENTS):
+        finer = with_finer_steps(scenario, errors(flown))
+        if finer is None:
+            break
+        count = finer.simulation.solver.substeps
+        tell(
+            f"flown with simulation.solver.substeps = {count}, as fewer leave too large an error "
+            "of the steps"
+        )
+        scenario, flown = finer, fly(finer)
+    return scenario, flown
+
+
+def with_finer_steps(scenario: Scenario, errors: Errors) -> Scenario | None:
+    """With twice the substeps, where these leave too large an error; None where they do not, the
+    loop has none, or there would be more than a run may have."""
+    sampled = scenario.law.declaration.sampled
+    if not sampled or not excessive_error(errors, scenario):
+        return None
+    simulation, count = scenario.simulation, 2 * substeps_of(scenario)
+    periods = simulation.duration_s / min(_period(scenario), simulation.duration_s)
+    if count > MOST_SUBSTEPS or count * periods > MOST_STEPS:
+        return None
+    solver = simulation.solver.model_copy(update={"substeps": count})
+    changed = simulation.model_copy(update={"solver": solver})
+    return scenario.model_copy(update={"simulation": changed})
+
+
+def excessive_error(errors: Errors, scenario: Scenario) -> str:
+    """What to say where an estimate is larger than the scenario allows; nothing where none is."""
+    solver = scenario.simulation.solver
+    allowed = {
+        "rate_error_rad_s": ("rate", errors[0], solver.rate_error_rad_s, "rad/s"),
+        "attitude_error_rad": ("attitude", errors[1], solver.attitude_error_rad, "rad"),
+    }
+    parts = [
+        f"the {of} of about {value:.2g} {unit} (simulation.solver.{key} = {most:g})"
+        for key, (of, value, most, unit) in allowed.items()
+        if value is not None and value > most
+    ]
+    if not parts:
+        return ""
+    finer = "make simulation.solver.step_s smaller, or use adaptive steps"
+    if scenario.law.declaration.sampled:
+        finer = (
+            f"raise simulation.solver.substeps, now {substeps_of(scenario)}, or name a solver of "
+            "higher order"
+        )
+    return f"the steps leave an error of {' and of '.join(parts)}, against halved ones; {finer}"
 
 
 def _period(scenario: Scenario) -> float:

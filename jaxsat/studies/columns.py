@@ -8,7 +8,7 @@ from jaxtyping import Array
 
 from jaxsat.simulation import AbstractLoop, SampledLoop, Signals
 from jaxsat.spacecraft import AbstractPulsedActuators, Wheels
-from jaxsat.store import Column
+from jaxsat.store import Column, labels
 
 DRAWN = "drawn_"
 """Prefix of the columns that hold what was drawn for a case."""
@@ -54,14 +54,8 @@ PEAK_MOMENTUM = {
 """Of loops with wheels; as many as there are."""
 
 ERRORS = {
-    "rate_error_estimate": (
-        "rate",
-        Column((), "float64", "rad s-1", "error of the rate that the length of the steps leaves"),
-    ),
-    "attitude_error_estimate": (
-        "attitude",
-        Column((), "float64", "rad", "error of the attitude that the length of the steps leaves"),
-    ),
+    name: (part, Column((), "float64", label.units, label.long_name))
+    for name, (part, label) in labels.ERRORS.items()
 }
 """Of programs that estimate it, see `jaxsat.simulation.IntegrationError`."""
 

@@ -1,10 +1,17 @@
 """Runs of sampled laws whose steps are halved until their error is as small as is asked for."""
 
+import json
+from pathlib import Path
+
+import numpy as np
 import pytest
 
-from jaxsat.cli.integration_error import with_finer_steps
+from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
-from jaxsat.store import open_trajectory
+from jaxsat.scenario.build.study import refined_study
+from jaxsat.scenario.dump import dump
+from jaxsat.scenario.resolution import with_finer_steps
+from jaxsat.store import open_study, open_trajectory
 
 SHORT = ("simulation.duration_s=4", "simulation.save_every_s=1")
 
@@ -35,7 +42,7 @@ def test_a_run_is_flown_again_and_tells_its_steps(command_line):
     tight += ["--set", f"simulation.solver.rate_error_rad_s={before / 100!r}"]
     status, _, err = command_line("simulate", "two-torque-free", *tight, "--out", "fine")
     assert status == 0, err
-    assert "flown again with simulation.solver.substeps = " in err
+    assert "flown with simulation.solver.substeps = " in err
     assert "warning: the steps leave an error" not in err
     found = open_trajectory("fine")
     assert 1e-15 < float(found["rate_error_estimate"]) <= before / 100
@@ -45,3 +52,29 @@ def test_a_run_is_flown_again_and_tells_its_steps(command_line):
     assert status == 0, err
     assert "flown again" not in err
     assert "warning: the steps leave an error" in err
+
+
+@pytest.mark.slow
+def test_a_study_has_the_steps_that_its_first_and_its_fastest_case_need(command_line):
+    """Decided before it flies, the same for more cases and for one case alone."""
+    data = of(name="oscillatory-dispersed").model_dump(exclude_none=True)
+    data["simulation"]["solver"] = {"name": "bosh3"}
+    usual = Scenario.model_validate(data)
+    _, study = refined_study(usual, 6, pytest.fail, batch_size=6)
+    before = study.evaluate(np.arange(6)).integration_error.rate
+    data["simulation"]["solver"]["rate_error_rad_s"] = float(before.max()) / 4
+    Path("tight.toml").write_text(dump(Scenario.model_validate(data)))
+    command = ("montecarlo", "tight.toml", "--batch-size", "6")
+    for count in ("6", "12"):
+        status, _, err = command_line(*command, "-n", count, "--out", "s.zarr")
+        assert status == 0, err
+        assert "flown with simulation.solver.substeps = " in err
+        assert "warning: the steps leave an error" not in err
+    found = open_study("s.zarr")
+    assert found.sizes["case"] == 12
+    assert 1e-15 < float(found["rate_error_estimate"].max()) <= before.max() / 4
+    assert json.loads(found.attrs["identity"])["scenario"]["simulation"]["solver"]["substeps"] > 4
+    status, _, err = command_line(*command, "-n", "12", "--case", "7", "--out", "seven")
+    assert status == 0, err
+    case = open_trajectory("seven")
+    assert float(case["rate_error_estimate"]) == float(found["rate_error_estimate"][7])

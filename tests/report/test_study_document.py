@@ -7,7 +7,7 @@ from jaxsat.report.study_document import study_document
 from jaxsat.studies import summarise
 
 
-def document(cost, more=None, **drawn):
+def document(cost, more=None, scenario=None, **drawn):
     count = len(cost)
     columns = {
         "code": np.zeros(count, np.int8),
@@ -17,7 +17,7 @@ def document(cost, more=None, **drawn):
         **(more or {}),
         **{f"drawn_{name}": values for name, values in drawn.items()},
     }
-    return study_document(summarise(columns), {"control": {"law": "rate"}})
+    return study_document(summarise(columns), {"control": {"law": "rate"}, **(scenario or {})})
 
 
 def percentiles(found):
@@ -35,6 +35,10 @@ def test_the_verdict_tells_all_cases_and_what_settled_means():
     errors = {"rate_error_estimate": np.full(25, 1e-5), "attitude_error_estimate": np.ones(25)}
     told = " ".join(document(np.ones(25), errors).verdict.more)
     assert "errors of up to 1e-05 rad/s and 1 rad" in told
+    assert "more than the scenario allows" not in told
+    solver = {"rate_error_rad_s": 1e-4, "attitude_error_rad": 0.01}
+    told = document(np.ones(25), errors, {"simulation": {"solver": solver}}).verdict.more
+    assert "half the length: more than the scenario allows, 0.0001 rad/s and 0.01 rad." in told[2]
 
 
 def test_percentiles_that_need_more_cases_have_an_open_end():

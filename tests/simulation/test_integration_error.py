@@ -18,7 +18,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation import SampledLoop, fixed, simulate
 from jaxsat.simulation.assessment import IntegrationError
-from jaxsat.simulation.engine import ScanEngine
+from jaxsat.simulation.engine import ReferenceEngine, ScanEngine
 from jaxsat.simulation.engine.fixed import SampledStepper
 from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, Program
 from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters, WheelMomenta
@@ -131,6 +131,19 @@ def test_an_engine_that_looks_at_some_intervals_finds_much_the_same():
     np.testing.assert_array_equal(told.omega, plain.omega)
     np.testing.assert_allclose(some.omega, plain.omega, rtol=0, atol=1e-15)
     assert told.integration_error.rate[0] > 4 * told.integration_error.rate[1]
+
+
+@pytest.mark.slow
+def test_the_reference_engine_estimates_what_the_others_do():
+    spins = jnp.array([[0.05, 0.1, -0.08], [0.01, 0.02, 0.03]])
+    program = Program(Spun(free(2)), 1.0, 40, error_every=8)
+    heun = ReferenceEngine(fixed(1.0, NamedSolver("heun")), 2)
+    one, other = (
+        engine.evaluate(program, spins).integration_error
+        for engine in (heun, ScanEngine(SampledStepper(NamedSolver("heun")), 2))
+    )
+    np.testing.assert_allclose(one.rate, other.rate, rtol=1e-6)
+    np.testing.assert_allclose(one.attitude, other.attitude, rtol=1e-6)
 
 
 def test_momenta_of_wheels_count_and_a_rate_that_is_off_turns_the_attitude():

@@ -1,11 +1,14 @@
 """From a scenario with a `[dispersion]` table to a Monte-Carlo study."""
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast
 
+import equinox as eqx
 import jax
 import numpy as np
+from jaxtyping import Array, Float
 
 from jaxsat.core.checks import as_array, as_float, require_counts
 from jaxsat.core.solvers import NamedSolver
@@ -17,9 +20,16 @@ from jaxsat.scenario.dump import dump
 from jaxsat.scenario.parts.actuator import names_of
 from jaxsat.scenario.parts.registry import EFFECTORS
 from jaxsat.scenario.parts.thrusters import signs
+from jaxsat.scenario.resolution import Errors, refined
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import SolverTable
-from jaxsat.simulation import Assessment, ContinuousLoop, SampledLoop, Trajectory
+from jaxsat.simulation import (
+    Assessment,
+    ContinuousLoop,
+    IntegrationError,
+    SampledLoop,
+    Trajectory,
+)
 from jaxsat.simulation.engine import (
     AbstractEngine,
     AdaptiveStepper,
@@ -65,6 +75,9 @@ CHUNK, NATIVE_CHUNKS = 256, (1024, 4096)
 
 ACCELERATOR_BATCH = 4096
 """Cases that a GPU needs at once to be busy; it takes hardly longer for them than for one."""
+
+PILOTS = 256
+"""Cases, of which the one that starts fastest shows whether the steps are fine enough."""
 
 ERROR_EVERY = 64
 """Intervals, in one of which the error of equal steps is estimated: a few percent of the time."""
@@ -112,7 +125,7 @@ def build_study(
         engine = "scan" if engine == "auto" else engine  # machine code calls nothing back
     seed = scenario.simulation.seed if seed is None else seed
     copies, program = study_program(scenario, run, seed)
-    if engine != "diffrax" and not _adaptive(scenario, run):
+    if isinstance(run.loop, SampledLoop) or (engine != "diffrax" and not _adaptive(scenario, run)):
         program = dataclasses.replace(program, error_every=ERROR_EVERY)
     design = _design(scenario.dispersion, seed, count)
     example = StudyCase(np.zeros(1, np.uint32), np.zeros((1, sum(copies.dimensions().values()))))
@@ -130,6 +143,38 @@ def build_study(
         history=history,
         names=_names(scenario),
     )
+
+
+def refined_study(
+    scenario: Scenario, count: int, tell: Callable[[str], None], **keys: Any
+) -> tuple[Scenario, Study]:
+    """`build_study` with `keys`, of a scenario whose substeps leave no larger errors than it allows
+    in the first case and in the one that starts fastest, and that scenario.
+
+    The substeps stay where the scenario names them or a controller's library is flown. Which they
+    are depends on scenario, seed and design alone, so a study that is resumed or larger has the
+    same. `tell` is told what was changed.
+    """
+    if keys.get("controller") is not None:
+        return scenario, build_study(scenario, count, **keys)
+    study = lambda finer: build_study(finer, count, **keys)  # noqa: E731
+    return refined(scenario, study, pilot_errors, tell)
+
+
+def pilot_errors(study: Study) -> Errors:
+    """The largest estimates of the first case and of the fastest of the first `PILOTS`."""
+    if not study.program.error_every:
+        return None, None
+    cases = study.cases(np.arange(min(PILOTS, study.count) if study.has_fixed_size else PILOTS))
+    rates = np.linalg.norm(_start_rates(study.case_factory, cases), axis=1)
+    numbers = np.unique([0, int(np.argmax(rates))])
+    found = cast(IntegrationError, study.evaluate(numbers).integration_error)
+    return float(np.max(found.rate)), float(np.max(found.attitude))
+
+
+@eqx.filter_jit
+def _start_rates(copies: Dispersed, cases: StudyCase) -> Float[Array, "cases 3"]:
+    return jax.vmap(lambda case: copies(case).start.omega)(cases)
 
 
 def _names(scenario: Scenario) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ What is run by diffrax imports it there.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple, cast
 
 import equinox as eqx
@@ -16,6 +17,7 @@ from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.simulation import Method, Outcome, SampledLoop, Signals, step_size_for
 from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gradient
 from jaxsat.simulation.engine.details import details_of, effort_rates, with_details
+from jaxsat.simulation.engine.error_estimate import HalvedSteps, Span
 from jaxsat.simulation.engine.failure_record import FailureRecord, initial_record, record_of_history
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import (
@@ -172,12 +174,10 @@ def _sampled(program: Program, case: Case, times, solver: AbstractSolver) -> Int
     loop, zero = cast(SampledLoop, case.loop), jnp.zeros((), times.dtype)
     begun, none = _begun(program, case), HeldTorque.none(case.start.omega)
 
-    def integrate(t, hold, plant, record):
-        return _over_hold(program, loop, solver, t, hold, plant, record)
-
     def period(running, sample):
         (number, t), (state, record, code) = sample, running
-        following, carried, signals = loop.period(number, t, state, integrate, record)
+        through = partial(_over_hold, program, loop, solver, number)
+        following, carried, signals = loop.period(number, t, state, through, record)
         kept_finite = loop.controller.judged(following.memory)
         good = within_limit(following.plant, program.state_limit, kept_finite)
         seen = (signals, carried.held)
@@ -213,26 +213,26 @@ def _sampled(program: Program, case: Case, times, solver: AbstractSolver) -> Int
     return Integrated(_outputs(program, case, progress, times, signals), signals, held)
 
 
-def _over_hold(program: Program, loop: SampledLoop, solver, t, hold, plant, record):
-    """The plant and the record at the end of a hold that begins at time `t` (s)."""
+def _over_hold(program: Program, loop: SampledLoop, solver, number, t, hold, plant, record):
+    """The plant and the record at the end of a hold of a period that begins at time `t` (s)."""
 
     def observe(record, now, both):
         return record.at(now, both[0], program, loop)
 
+    def alone(rate, begin, length, count: int, state):
+        return _equal_steps(solver, rate, begin, length, count, state, lambda none, *_: none, ())[0]
+
     both, rate = (plant, record.integrals), held_rate(program, loop, hold, t)
     length, steps = hold.length, loop.substeps
     (after, integrals), record = _equal_steps(solver, rate, t, length, steps, both, observe, record)
-    error = record.error
-    if error is not None:
-        same, held, begin, start = stop_gradient((loop, hold, t, plant))
-
-        def same_rate(now, plant):
-            return same.plant_rate(now, plant, held, now - begin)
-
-        halved, _ = _equal_steps(
-            solver, same_rate, begin, held.length, 2 * steps, start, lambda none, *_: none, ()
-        )
-        error = error.after(loop.plant, length, after, halved)
+    same, still = stop_gradient((loop, hold))
+    estimate = HalvedSteps(program, alone, steps, loop.plant, lambda now, plant: plant)
+    error = estimate.after(
+        record.error,
+        number,
+        lambda now, plant: same.plant_rate(now, plant, still, now - t),
+        Span(t, length, plant, after),
+    )
     first = loop.torque(t, plant, hold, jnp.zeros_like(length))
     last = loop.torque(t + length, after, hold, length)
     held = record.held.with_hold(*stop_gradient((length, first, last)))

@@ -8,7 +8,6 @@ from jaxtyping import Array, Float, PyTree
 
 from jaxsat.simulation.assessment import IntegrationError, stop_gradient
 from jaxsat.simulation.engine.program import Program
-from jaxsat.simulation.engine.runge_kutta import Tableau, explicit_step
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
@@ -21,15 +20,20 @@ class Span(NamedTuple):
     last: PyTree
 
 
+Rate = Callable[[Float[Array, ""], PyTree], PyTree]
+"""That of a state at a time (s)."""
+
+
 class HalvedSteps(NamedTuple):
     """Integrates a span once more in twice as many steps, see `IntegrationError`.
 
-    The span has been integrated in `substeps` steps. `plant_at` gives the plant of a state at a
-    time.
+    The span has been integrated in `substeps` steps. `integrate` gives the state after equal steps:
+    of a rate, from a time (s) on, over a length (s), so many, from a state. `plant_at` gives the
+    plant of a state at a time.
     """
 
     program: Program
-    tableau: Tableau
+    integrate: Callable[[Rate, Float[Array, ""], Float[Array, ""], int, PyTree], PyTree]
     substeps: int
     body: RigidBody
     plant_at: Callable[[Float[Array, ""], PyTree], PlantState]
@@ -38,7 +42,7 @@ class HalvedSteps(NamedTuple):
         self,
         error: IntegrationError | None,
         number: Array,
-        rate: Callable[[Float[Array, ""], PyTree], PyTree],
+        rate: Rate,
         span: Span,
     ) -> IntegrationError | None:
         """The estimate with a span of interval `number`, along which `rate` is the state's.
@@ -49,14 +53,11 @@ class HalvedSteps(NamedTuple):
         if error is None:
             return None
         begin, length, first, last = stop_gradient(span)
-        steps, end = 2 * self.substeps, begin + length
-
-        def one(number, state):
-            step = length / steps
-            return explicit_step(self.tableau, rate, begin + number * step, step, state)
+        end = begin + length
 
         def estimated():
-            halved = self.plant_at(end, jax.lax.fori_loop(0, steps, one, first))
+            halved = self.integrate(rate, begin, length, 2 * self.substeps, first)
+            halved = self.plant_at(end, halved)
             return error.after(self.body, length, self.plant_at(end, last), halved, float(every))
 
         def carried():

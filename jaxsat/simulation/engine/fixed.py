@@ -67,7 +67,9 @@ class FixedStepper(AbstractStepper):
         loop = continuous_loop(case)
         rate, judged = augmented_rate(program, loop), _judge(program, loop)
         tableau, plant_at = tableau_of(self.solver), stop_gradient(loop).plant_state
-        estimate = HalvedSteps(program, tableau, self.substeps, loop.plant, plant_at)
+        estimate = HalvedSteps(
+            program, partial(_steps_alone, tableau), self.substeps, loop.plant, plant_at
+        )
 
         def interval(i, progress):
             t = program.time_of(first + i)
@@ -133,8 +135,8 @@ class SampledStepper(AbstractStepper):
 
     def _periods(self, program: Program, loop: SampledLoop, progress, first, count) -> Progress:
         tableau, judged = tableau_of(self.solver), _judge(program, loop)
-
-        estimate = HalvedSteps(program, tableau, loop.substeps, loop.plant, lambda t, plant: plant)
+        alone = partial(_steps_alone, tableau)
+        estimate = HalvedSteps(program, alone, loop.substeps, loop.plant, lambda t, plant: plant)
 
         def integrate(number, t, hold, plant, carry):
             integrals, since, held, error = carry
@@ -225,6 +227,11 @@ def _equal_steps(tableau, rate, t, length, count: int, carry, judged):
         return after, judged(since, begin, state)
 
     return one(0, carry) if count == 1 else jax.lax.fori_loop(0, count, one, carry)
+
+
+def _steps_alone(tableau, rate, t, length, count: int, state):
+    """The state after equal steps, nothing judged."""
+    return _equal_steps(tableau, rate, t, length, count, (state, None), lambda since, *_: since)[0]
 
 
 def _unless_ended(program, before, seen, state, checked, carry, t) -> Progress:
