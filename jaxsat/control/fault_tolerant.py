@@ -1,113 +1,47 @@
-"""A law that diagnoses its thrusters and flies by what is left of them."""
+"""A law that diagnoses its actuators and flies by what is left of them."""
 
 import enum
-from typing import ClassVar, NamedTuple, cast
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.diagnosis import (
-    Diagnosis,
-    DiagnosisMemory,
-    Reading,
-    Stage,
-    ThrusterFilter,
-    ThrusterModel,
-)
-from jaxsat.control.leaks import LeakMemory, Leaks
-from jaxsat.control.least_squares import Fit
-from jaxsat.control.pulse_rounding import PulseRounding
+from jaxsat.control.diagnosis import Diagnosis, DiagnosisMemory, Reading, false_alarm_rate
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
-from jaxsat.control.reconfiguration import Ability, Left, Reconfiguration
+from jaxsat.control.reconfiguration import Left
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
+from jaxsat.control.tolerant_actuators import (
+    AbstractTolerantActuators,
+    Demand,
+    TolerantMemory,
+    TolerantMode,
+)
+from jaxsat.control.tolerant_wheels import TolerantWheels
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.three_torques import FAULT_TOLERANT
-from jaxsat.core.trees import choose
+from jaxsat.spacecraft import wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 
-PROBE_INTERVAL = 2.0
-"""Over the natural frequency: a failed thruster is given a test pulse so often, whose effect would
-show that it works."""
 
-TEST_PERIODS = 3
-"""Control periods from the test pulse of one thruster to that of the next, during an alarm."""
+class FaultTolerantMemory(NamedTuple):
+    """The memory of the law of three axes, that of each kind of actuator, and the mode."""
 
-QUIET_SIGMAS = 4.0
-"""A rate about a thruster's torque within so many sigmas of the noise is not damped."""
-
-
-class TolerantMode(enum.IntEnum):
-    """What the law does; the last four but one are the phases of the law of two torques."""
-
-    THREE_AXES = 0
-    ALARM = 1
-    REALLOCATED = 2
-    STOPPING = 3
-    SLEWING = 4
-    OSCILLATING = 5
-    HOLDING = 6
-    DAMPING = 7
-
-
-FIRST_PHASE = TolerantMode.STOPPING - Phase.STOPPING
-
-
-class TolerantMemory(NamedTuple):
-    """Memories of all parts, what is left, and the `TolerantMode`.
-
-    `on_time` (s) is what was commanded of each thruster since the last sample, `spill` (s) what of
-    that reaches into the next period, `probe` (s) the time since the last test pulse. `owed`
-    (N m s) is what whole pulses have left out so far.
-    """
-
-    diagnosis: DiagnosisMemory
     healthy: QuaternionFeedbackMemory
-    settling: SettlingMemory | None
-    leaking: LeakMemory
-    modulation: PyTree
-    on_time: Float[Array, " m"]
-    spill: Float[Array, " m"]
-    probe: RealScalar
-    owed: Float[Array, "3"]
-    ability: Ability
+    actuators: tuple[TolerantMemory, ...]
     mode: Int[Array, ""]
 
 
-class SettlingLaws(eqx.Module):
-    """Laws of two torques, one for each plane that failures leave.
-
-    The arrays of `laws` have a leading axis. `of_set` (sets,) is the number of the law of each
-    failed set, `directions` (laws, 3, 2) are the axes about which the laws command.
-    """
-
-    laws: ThreeSlewSettling
-    of_set: Int[Array, " sets"]
-    directions: Float[Array, "laws 3 2"] = eqx.field(converter=as_float)
-    leaks: Leaks
-
-    def at(self, number: Int[Array, ""]) -> tuple[ThreeSlewSettling, Float[Array, "3 2"], Leaks]:
-        """The law of a failed set, and its directions."""
-        place = self.of_set[number]
-        law, leaks = jax.tree.map(lambda x: x[place], (self.laws, self.leaks))
-        return law, self.directions[place], leaks
-
-
 class FaultTolerant(AbstractSampledController):
-    """Quaternion feedback, diagnosis of the thrusters, and the best law for those that are left.
+    """Quaternion feedback, diagnosis of the actuators, and the best law for those that are left.
 
-    The command is the duty of each thruster. The law sees estimates of attitude and rate and its
-    own commands, nothing else. Isolated thrusters are left out, and what they make all the time is
-    fed forward. What is left decides: three axes go on under quaternion feedback; where torques of
-    either sign are left in a plane, `settling` has the law of three slews in the normal form of
-    that plane; else rates are damped by whatever thruster takes energy out. During an alarm the
-    suspect and its rivals in turn give test pulses. Thrusters that have failed do every
-    `PROBE_INTERVAL`, so that one that works again is found.
+    The command is that of each actuator: duties of thrusters, torques (N m) of wheels on the body.
+    The law sees estimates of attitude and rate, tachometers of wheels and its own commands, nothing
+    else. What is left decides: three axes go on under quaternion feedback; what leaves torques in a
+    plane settles by a law of its own, see `AbstractTolerantActuators`; else rates are damped.
     """
 
     declaration: ClassVar[LawDeclaration] = FAULT_TOLERANT
@@ -115,155 +49,97 @@ class FaultTolerant(AbstractSampledController):
 
     healthy: QuaternionFeedback
     diagnosis: Diagnosis
-    reconfiguration: Reconfiguration
-    rounding: PulseRounding
-    settling: SettlingLaws | None
+    actuators: tuple[AbstractTolerantActuators, ...]
     period: RealScalar = eqx.field(converter=as_float)
 
     def __check_init__(self):
         require_positive("period", self.period)
+        if not self.actuators:
+            raise ValueError("Argument `actuators` must have at least one kind, but has none.")
 
-    @property
-    def thrusters(self) -> ThrusterModel:
-        """What the law believes of its thrusters."""
-        return cast(ThrusterFilter, self.diagnosis.filter).thrusters
-
-    def init(self, state: PlantState) -> TolerantMemory:
-        """All thrusters work."""
-        thrusters = self.thrusters
-        zero = jnp.zeros(thrusters.count, state.omega.dtype)
-        return TolerantMemory(
-            self.diagnosis.init(Reading(state.omega)),
-            self.healthy.init(state),
-            None if self.settling is None else self.settling.at(jnp.array(0))[0].init(state),
-            LeakMemory.none(thrusters.count),
-            thrusters.modulation.init(thrusters.count),
-            zero,
-            zero,
-            zero[0],
-            jnp.zeros(3, state.omega.dtype),
-            Ability.whole(thrusters.count),
-            jnp.array(TolerantMode.THREE_AXES),
+    def init(self, state: PlantState) -> FaultTolerantMemory:
+        """All actuators work but those that are known to have failed."""
+        reading = _reading(state)
+        memories = tuple(
+            one.init(state, reading, self.diagnosis.init(one.filter, reading))
+            for one in self.actuators
         )
+        mode = jnp.array(int(TolerantMode.THREE_AXES))
+        return FaultTolerantMemory(self.healthy.init(state), memories, mode)
 
     def step(
-        self, t: RealScalar, state: PlantState, memory: TolerantMemory
-    ) -> tuple[Float[Array, " m"], TolerantMemory]:
-        """The duty of each thruster."""
-        thrusters, period = self.thrusters, self.period
-        needed = self.reconfiguration.needed(memory.diagnosis.condition.failed)
-        diagnosis = self.diagnosis.step(
-            Reading(state.omega), memory.on_time, period, memory.diagnosis, needed
-        )
-        condition = diagnosis.condition
-        ability = self.reconfiguration.find(condition, memory.ability)
-        number, left, limit = ability
-        besides = cast(ThrusterFilter, self.diagnosis.filter).believed(condition, period)
-        steady = -(thrusters.torque @ condition.flow + besides)
-        torque, healthy = self.healthy.step(t, state, memory.healthy)
-        settling, leaking = memory.settling, memory.leaking
-        if self.settling is not None:
-            changed = (number != memory.ability.number) | (left != memory.ability.left)
-            begins = (left == Left.PLANE) & changed
-            settling = cast(SettlingMemory, settling)
-            law, directions, leaks = self.settling.at(number)
-            begun = law.init(state)
-            settling = choose(begins, begun, settling)
-            leaking = choose(begins, LeakMemory.none(thrusters.count), leaking)
-            aid = leaks.aid(leaking, condition.part * memory.on_time, settling.fine.late)
-            given = jnp.zeros_like(settling.phase)
-            command, settling = law.in_phase(state, settling, given, aid)
-            fit = cast(Fit, settling.estimator.fit)
-            leaking = jax.lax.cond(
-                (left == Left.PLANE) & (fit.samples == 0),
-                lambda: leaks.found(fit, limit, leaking),
-                lambda: leaking,
-            )
-            torque = jnp.where(left == Left.PLANE, directions @ command, torque)
-            to_oppose = self.reconfiguration.beside_plane(limit, steady, directions)
-            steady = jnp.where(left == Left.PLANE, to_oppose, steady)
-        three = left == Left.THREE_AXES
-        owed = jnp.where(three, memory.owed, 0.0)
-        thrust = self.reconfiguration.allocate(limit, torque + owed / period, steady)
-        duty = thrust / jnp.where(limit > 0, limit, 1.0)
-        whole = self.rounding(limit, duty, period)
-        owed = period * (thrusters.torque @ (limit * (duty - whole)))
-        duty = jnp.where(three, whole, duty)
-        if self.settling is not None and settling is not None:
-            leaks, fit = self.settling.at(number)[2], cast(Fit, settling.estimator.fit)
-            wanted = cast(RealScalar, settling.push)
-            pushed, leaking = leaks.push(fit, wanted, duty, limit, period, leaking)
-            duty = jnp.where(left == Left.PLANE, pushed, duty)
-        damping = jnp.where(condition.failed, 0.0, self._damping(state))
-        duty = jnp.where(left == Left.LESS, damping, duty)
-        probe = memory.probe + period
-        interval = PROBE_INTERVAL / self.healthy.natural_frequency
-        due = (probe >= interval) & (diagnosis.stage == Stage.QUIET)
-        tested = (self.diagnosis.may_return(diagnosis) & due) | self._in_turn(diagnosis)
-        duty = jnp.where(
-            tested, jnp.maximum(duty, self.diagnosis.test_command(period, diagnosis)), duty
-        )
-        on_time, spill, modulation = thrusters.on_times(duty, memory.modulation, period)
-        return duty, TolerantMemory(
-            diagnosis,
-            healthy,
-            settling,
-            leaking,
-            modulation,
-            memory.spill + on_time,
-            spill,
-            jnp.where(due, 0.0, probe),
-            owed,
-            ability,
-            self._mode(diagnosis, left, settling),
+        self, t: RealScalar, state: PlantState, memory: FaultTolerantMemory
+    ) -> tuple[Float[Array, " m"], FaultTolerantMemory]:
+        """The command of each actuator, those of one kind after those of the other."""
+        reading = _reading(state)
+        law = self.healthy
+        pairs = list(zip(self.actuators, memory.actuators, strict=True))
+        able = [
+            one.able(state, reading, law, self._diagnosed(one, reading, before), before)
+            for one, before in pairs
+        ]
+        for one, now in zip(self.actuators, able, strict=True):
+            law = one.slowed(state, reading, law, now)
+        torque, healthy = law.step(t, state, memory.healthy)
+        for one in self.actuators:
+            stored = one.stored(reading)
+            torque = torque if stored is None else torque + jnp.cross(state.omega, stored)
+        (one,) = self.actuators
+        three = able[0].ability.left == Left.THREE_AXES
+        demands = [Demand(torque, one.steady(able[0], self.period), three)]
+        commands, memories = [], []
+        for (one, before), now, demand in zip(pairs, able, demands, strict=True):
+            command, after = one.act(state, reading, law, demand, before, now)
+            commands.append(command)
+            memories.append(after)
+        mode = self._mode(three, memories)
+        return jnp.concatenate(commands), FaultTolerantMemory(healthy, tuple(memories), mode)
+
+    def _diagnosed(
+        self, one: AbstractTolerantActuators, reading: Reading, memory: TolerantMemory
+    ) -> DiagnosisMemory:
+        """The diagnosis of actuators of one kind with one more sample."""
+        return self.diagnosis.step(
+            one.filter, reading, memory.commanded, self.period, memory.diagnosis, one.needed(memory)
         )
 
-    def _in_turn(self, diagnosis: DiagnosisMemory) -> Bool[Array, " m"]:
-        """During an alarm the suspect and each of its rivals in turn are tested, one by one."""
-        rivals = jnp.arange(diagnosis.rival.shape[0]) != diagnosis.suspect
-        rivals = rivals & diagnosis.rival
-        place = jnp.cumsum(rivals) - 1
-        sample = jnp.round(diagnosis.age / self.period).astype(int)
-        test = sample // TEST_PERIODS
-        turn = place == test // 2 % jnp.maximum(jnp.sum(rivals), 1)
-        suspected = ~rivals & diagnosis.rival
-        alone = ~jnp.any(rivals)
-        tested = jnp.where((test % 2 == 0) | alone, suspected, rivals & turn)
-        now = (diagnosis.stage == Stage.ALARM) & (sample % TEST_PERIODS == 0) & (test > 0)
-        return now & tested
+    def _mode(self, three: Bool[Array, ""], memories: list[TolerantMemory]) -> Int[Array, ""]:
+        changed, alarmed = jnp.array(False), jnp.array(False)
+        mode = jnp.array(int(TolerantMode.DAMPING))
+        for one, memory in zip(self.actuators, memories, strict=True):
+            alone, own = one.alone(memory)
+            mode = jnp.where(alone, own, mode)
+            changed = changed | one.changed(memory)
+            alarmed = alarmed | memory.diagnosis.alarmed
+        whole = jnp.where(changed, int(TolerantMode.REALLOCATED), int(TolerantMode.THREE_AXES))
+        mode = jnp.where(three, whole, mode)
+        return jnp.where(alarmed, int(TolerantMode.ALARM), mode)
 
-    def _damping(self, state: PlantState) -> Float[Array, " m"]:
-        """Each thruster against the rate about its own torque: none puts energy in."""
-        torque = self.reconfiguration.torque
-        size = jnp.sqrt(jnp.sum(torque**2, axis=0))
-        units = torque / size[None]
-        inverse = self.healthy.model.spacecraft.inverse_inertia
-        inertia = 1 / jnp.sum(units * (inverse @ units), axis=0)
-        rate = -jnp.sum(units * state.omega[:, None], axis=0)
-        above = jnp.maximum(rate - QUIET_SIGMAS * self.diagnosis.filter.noise[0], 0.0)
-        pull = 2 * self.healthy.damping * self.healthy.natural_frequency
-        return jnp.minimum(pull * inertia * above / size, 1.0)
+    @property
+    def known(self) -> Bool[Array, " wheels"] | None:
+        """Which wheels it knows to have failed before the start; None without wheels."""
+        return next((one.known for one in self.actuators if isinstance(one, TolerantWheels)), None)
 
-    def _mode(self, diagnosis: DiagnosisMemory, left, settling) -> Int[Array, ""]:
-        failed = jnp.any(diagnosis.condition.failed)
-        mode = jnp.where(failed, TolerantMode.REALLOCATED, TolerantMode.THREE_AXES)
-        if self.settling is not None:
-            phase = self.settling.laws.mode(settling)
-            mode = jnp.where(left == Left.PLANE, FIRST_PHASE + phase, mode)
-        mode = jnp.where(left == Left.LESS, TolerantMode.DAMPING, mode)
-        return jnp.where(diagnosis.stage == Stage.ALARM, TolerantMode.ALARM, mode)
+    def false_alarm_rate(self, reference: float, threshold: float) -> float:
+        """False alarms in a sample at most, of all tests of all actuators; both in sigmas."""
+        return sum(false_alarm_rate(one.filter, reference, threshold) for one in self.actuators)
 
-    def telemetry(self, memory: TolerantMemory) -> dict[str, Array]:
-        """The verdict on each thruster, how near an alarm it is, and whether there is one."""
-        diagnosis = memory.diagnosis
-        statistic = jnp.max(diagnosis.statistic, axis=0) / self.diagnosis.threshold
-        alarm = jnp.where(diagnosis.stage == Stage.ALARM, 1.0, 0.0)
+    def telemetry(self, memory: FaultTolerantMemory) -> dict[str, Array]:
+        """The verdict on each actuator, how near an alarm it is, and whether there is one."""
+        diagnoses = [one.diagnosis for one in memory.actuators]
+        nearest = jnp.concatenate([jnp.max(one.statistic, axis=0) for one in diagnoses])
+        alarmed = jnp.any(jnp.stack([one.alarmed for one in diagnoses]))
         return {
-            "diagnosed_kind": diagnosis.kind,
-            "detection_statistic": statistic,
-            "alarm": alarm,
+            "diagnosed_kind": jnp.concatenate([one.kind for one in diagnoses]),
+            "detection_statistic": nearest / self.diagnosis.threshold,
+            "alarm": jnp.where(alarmed, 1.0, 0.0),
         }
 
-    def mode(self, memory: TolerantMemory) -> Int[Array, ""]:
+    def mode(self, memory: FaultTolerantMemory) -> Int[Array, ""]:
         """The `TolerantMode` at work."""
         return memory.mode
+
+
+def _reading(state: PlantState) -> Reading:
+    """What is read of the body and its wheels."""
+    return Reading(state.omega, wheel_momentum(state))

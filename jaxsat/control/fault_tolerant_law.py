@@ -1,4 +1,4 @@
-"""How the laws that settle, and the one that diagnoses its thrusters, are built of a table."""
+"""How the laws that settle, and the one that diagnoses its actuators, are built of a table."""
 
 from collections.abc import Callable, Iterable, Mapping
 from operator import attrgetter
@@ -9,9 +9,14 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.controller import LawContext, ThrusterContext, UnsuitableModel
-from jaxsat.control.diagnosis import Diagnosis, ThrusterFilter
-from jaxsat.control.fault_tolerant import FaultTolerant, SettlingLaws
+from jaxsat.control.controller import (
+    LawContext,
+    ThrusterContext,
+    UnsuitableModel,
+    WheelContext,
+)
+from jaxsat.control.diagnosis import Diagnosis, ThrusterFilter, WheelFilter
+from jaxsat.control.fault_tolerant import FaultTolerant
 from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.leaks import Leaks
 from jaxsat.control.normal_form import NormalForm
@@ -32,6 +37,10 @@ from jaxsat.control.reconfiguration import (
     limit_about,
 )
 from jaxsat.control.supervisor import ThreeSlewSettling
+from jaxsat.control.tolerant_actuators import AbstractTolerantActuators
+from jaxsat.control.tolerant_thrusters import SettlingLaws, TolerantThrusters
+from jaxsat.control.tolerant_wheels import TolerantWheels
+from jaxsat.control.two_wheels import TwoWheels
 from jaxsat.core.allocation import torque_directions, usable_share
 from jaxsat.core.checks import as_array, as_float
 from jaxsat.core.declaration.law import LawDeclaration
@@ -112,7 +121,8 @@ def _built(make: Callable[..., Made], values: Mapping[str, Any], context: LawCon
 
 
 LEAST_NOISE = 1e-3
-"""Of the rate that the strongest thruster changes in a period: of rates told without noise."""
+"""Of what the strongest thruster, or a motor at full torque, changes in a period: of what is told
+without noise."""
 
 DIGITS = 9
 """Of planes and limits that count as the same."""
@@ -129,11 +139,32 @@ class Steps(NamedTuple):
 
 
 def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> FaultTolerant:
-    """The law of a table, with the tables of all that may fail.
+    """The law of a table, with what it knows of each kind of actuator."""
+    actuators: list[AbstractTolerantActuators] = []
+    if context.thrusters is not None:
+        actuators.append(_tolerant_thrusters(values, context, context.thrusters))
+    if context.wheels is not None:
+        actuators.append(_tolerant_wheels(values, context, context.wheels))
+    return FaultTolerant(
+        healthy=QuaternionFeedback.from_table(values, context),
+        diagnosis=Diagnosis(
+            values["cusum_reference"],
+            values["cusum_threshold"],
+            values["isolation_margin"],
+            uncertainty=values["torque_uncertainty"],
+        ),
+        actuators=tuple(actuators),
+        period=values["period_s"],
+    )
+
+
+def _tolerant_thrusters(
+    values: Mapping[str, Any], context: LawContext, thrusters: ThrusterContext
+) -> TolerantThrusters:
+    """With the tables of all that may fail.
 
     A plane in which the two torques cannot steer the third axis counts as less than a plane.
     """
-    thrusters = cast(ThrusterContext, context.thrusters)
     torque = np.asarray(thrusters.model.torque)
     effect = np.asarray(context.model.spacecraft.inverse_inertia) @ torque
     sizes = np.sqrt(np.sum(effect**2, axis=0))
@@ -141,26 +172,29 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
     given = values["rate_noise_rad_s"]
     noise = max(thrusters.rate_noise, least) if given is None else given
     pulse = float(np.max(sizes * thrusters.pulse))
-    sets = failed_sets(torque)
-    sets, settling = _settling(values, context, torque, sets, Steps(pulse, noise))
-    residual = ThrusterFilter(
-        model=context.model,
-        thrusters=thrusters.model,
-        rate_noise=noise,
-        uncertainty=values["torque_uncertainty"],
-    )
-    return FaultTolerant(
-        healthy=QuaternionFeedback.from_table(values, context),
-        diagnosis=Diagnosis(
-            residual,
-            values["cusum_reference"],
-            values["cusum_threshold"],
-            values["isolation_margin"],
-        ),
+    sets, settling = _settling(values, context, torque, failed_sets(torque), Steps(pulse, noise))
+    return TolerantThrusters(
+        filter=ThrusterFilter(context.model, thrusters.model, noise),
         reconfiguration=Reconfiguration.of(torque, thrusters.cost, sets),
         rounding=PulseRounding(effect, thrusters.pulse),
         settling=settling,
-        period=values["period_s"],
+    )
+
+
+def _tolerant_wheels(
+    values: Mapping[str, Any], context: LawContext, known: WheelContext
+) -> TolerantWheels:
+    """With the noise of their tachometers, and that of the rates which rotors have part in."""
+    wheels = known.wheels
+    least = LEAST_NOISE * values["period_s"] * np.asarray(wheels.torque_limit)
+    noise = np.maximum(known.momentum_noise, least)
+    if wheels.rotor_inertia is not None:  # of the part J_w a·ω of two samples
+        noise = np.hypot(noise, np.sqrt(2) * np.asarray(wheels.rotor_inertia) * known.rate_noise)
+    return TolerantWheels(
+        filter=WheelFilter(wheels, as_array(noise)),
+        two_wheels=TwoWheels(context.model),
+        known=as_array(np.asarray(known.failed)),
+        delay=known.delay,
     )
 
 

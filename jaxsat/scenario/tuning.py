@@ -313,7 +313,7 @@ def _some_laws_have_no_derivatives(name, law):
             "tuning.optimiser",
             f'must be "cma-es" under the law "{law}", which searches in flight, got {shown(name)}',
         )
-    if declaration.allocates:
+    if declaration.commands_actuators:
         yield at(
             "tuning.optimiser",
             f'must be "cma-es" under the law "{law}", whose alarms and pulses have no derivatives, '

@@ -71,7 +71,7 @@ def _all_laws():
     """Those that no gradient is taken of take longest."""
     for name, law in LAWS.items():
         if name != PLANNED:
-            long = law.declaration.allocates or name == "three-slew"
+            long = law.declaration.commands_actuators or name == "three-slew"
             slow = [pytest.mark.slow] if long else []
             yield pytest.param(name, marks=slow)
 
@@ -105,7 +105,7 @@ def test_derivatives_are_finite_and_equal_to_differences(law, place):
 def test_laws_without_derivatives_are_refused_with_the_reason():
     assert LAWS[PLANNED].declaration.searched
     refused = [law.name for law in LAWS.values() if law.declaration.searched]
-    refused += [law.name for law in LAWS.values() if law.declaration.allocates]
+    refused += [law.name for law in LAWS.values() if law.declaration.commands_actuators]
     for name in refused:
         gain = next(iter(LAWS[name].declaration.tunable))
         tuning = {"parameters": {gain: {"low": 0.01, "high": 0.2}}}

@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 from jaxsat.control.diagnosis import DiagnosedKind
-from jaxsat.control.fault_tolerant import TolerantMode
+from jaxsat.control.tolerant_actuators import TolerantMode
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -58,9 +58,8 @@ def test_law_and_detector_see_estimates_and_commands_alone():
         jax.tree.leaves(first.final.memory), jax.tree.leaves(second.final.memory), strict=True
     ):
         np.testing.assert_array_equal(x, y)
-    assert float(first.final.memory.diagnosis.statistic.max()) > 0 or bool(
-        first.final.memory.diagnosis.condition.failed.any()
-    )
+    diagnosis = first.final.memory.actuators[0].diagnosis
+    assert float(diagnosis.statistic.max()) > 0 or bool(diagnosis.condition.failed.any())
 
 
 @pytest.mark.slow
@@ -162,10 +161,12 @@ def test_the_law_needs_thrusters_and_no_wheels(change, key):
 def test_damping_takes_energy_out_whatever_is_left():
     run = build(load("failures-12u"))
     law, start = run.loop.controller, run.start
+    (thrusters,) = law.actuators
+    memory = law.init(run.loop.plant.complete(start)).actuators[0]
     rng = np.random.default_rng(6)
-    torque = np.asarray(law.reconfiguration.torque)
+    torque = np.asarray(thrusters.reconfiguration.torque)
     for omega in rng.normal(size=(20, 3)) * 0.1:
-        duty = np.asarray(law._damping(PlantState(start.attitude, omega)))
+        duty = np.asarray(thrusters.damping(PlantState(start.attitude, omega), law.healthy, memory))
         assert np.all(duty * (omega @ torque) <= 0)
         assert duty.max() > 0
 
@@ -209,7 +210,7 @@ def eight_thrusters():
 def test_a_valve_stuck_on_is_opposed_where_seven_others_can():
     """By 71 % of their thrust, as a linear programme finds; then three axes settle."""
     scenario = eight_thrusters()
-    reconfiguration = build(scenario).loop.controller.reconfiguration
+    reconfiguration = build(scenario).loop.controller.actuators[0].reconfiguration
     torque = np.asarray(reconfiguration.torque) / np.abs(reconfiguration.torque).max()
     sound = 1.0 * (np.arange(8) != STUCK)
     least = linprog(

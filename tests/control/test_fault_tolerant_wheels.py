@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from jaxsat.control.diagnosis import DiagnosedKind
-from jaxsat.control.fault_tolerant_wheels import WheelMode
+from jaxsat.control.tolerant_actuators import TolerantMode
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -74,14 +74,14 @@ def test_two_of_four_wheels_fail_and_two_settle():
     trajectory = run.simulate()
     signals, times = trajectory.signals, np.asarray(trajectory.times)
     mode, kind = np.asarray(signals.mode), np.asarray(signals.diagnosed_kind)
-    assert np.all(mode[times < 120] == WheelMode.THREE_AXES)
+    assert np.all(mode[times < 120] == TolerantMode.THREE_AXES)
     assert kind[-1].tolist() == [DiagnosedKind.DEAD, DiagnosedKind.STOPPED, -1, -1]
     assert np.all(kind[times < 120] < 0)
     assert np.all(kind[times < 360, 1] < 0)
     assert 360 < times[np.argmax(kind[:, 1] >= 0)] < 365
-    assert np.all(mode[(times > 200) & (times < 360)] == WheelMode.REALLOCATED)
-    assert mode[-1] == WheelMode.TWO_WHEELS
-    assert np.count_nonzero(np.diff(mode[mode != WheelMode.ALARM])) < 6  # no chatter
+    assert np.all(mode[(times > 200) & (times < 360)] == TolerantMode.REALLOCATED)
+    assert mode[-1] == TolerantMode.TWO_WHEELS
+    assert np.count_nonzero(np.diff(mode[mode != TolerantMode.ALARM])) < 6  # no chatter
     assert float(trajectory.assessment.settled_from) < 800
     momentum = np.asarray(signals.wheel_momentum)
     assert np.abs(momentum).max() < 0.5 * 20.0
@@ -104,12 +104,13 @@ def test_every_kind_that_leaves_enough_settles():
 def test_damping_takes_energy_out_whatever_is_left():
     run = build(load("failures-telescope"))
     law = run.loop.controller
-    axes = np.asarray(law.allocation.wheels.axes)
+    (wheels,) = law.actuators
+    axes = np.asarray(wheels.filter.wheels.axes)
     rng = np.random.default_rng(6)
     memory = law.init(run.loop.plant.complete(run.start))
     for omega in rng.normal(size=(10, 3)) * 1e-3:
         state = PlantState(run.start.attitude, omega, (WheelMomenta(np.zeros(4)),))
-        torque = np.asarray(law._damping(state, memory.wheeled))
+        torque = np.asarray(wheels.damping(state, law.healthy, memory.actuators[0]))
         assert torque[0] == 0  # it had failed before the start
         assert np.all(torque[1:] * (omega @ axes[:, 1:]) < 0)
 
@@ -121,8 +122,8 @@ def test_momentum_about_the_axis_without_a_wheel_is_damped_and_not_chased():
     run = build(load("wheels-fail", changes))
     trajectory = run.simulate()
     mode = np.asarray(trajectory.signals.mode)
-    assert mode[-1] == WheelMode.DAMPING
-    assert np.all(mode[-400:] == WheelMode.DAMPING)
+    assert mode[-1] == TolerantMode.DAMPING
+    assert np.all(mode[-400:] == TolerantMode.DAMPING)
     rates = np.asarray(trajectory.signals.omega)
     energy = np.sum(rates**2 * [420, 380, 250], axis=1)
     assert energy[-1] < energy[-200] < energy[-400]
@@ -179,7 +180,6 @@ def test_a_failure_at_another_scale_goes_the_same_way(tmp_path):
 @pytest.mark.parametrize(
     ("change", "key"),
     [
-        ("wheel=[]", "wheel"),
         ("wheel=[{axis=[0, 0, 1], torque_limit_N_m=1.0}]", "wheel"),
         ("spacecraft.thruster_torque_axes=[[1.0, 0.0, 0.0]]", "spacecraft.thruster_torque_axes"),
         ("magnetorquer=[{axis=[0, 0, 1], dipole_limit_A_m2=1.0}]", "magnetorquer"),
@@ -193,7 +193,7 @@ def test_the_law_needs_wheels_about_three_axes_with_limits_and_nothing_else(chan
     with pytest.raises(ScenarioError) as caught:
         load("wheels-fail", [change, "failure=[]"])
     assert any(
-        problem.key == key and "fault-tolerant-wheels" in problem.message
+        problem.key == key and "fault-tolerant" in problem.message
         for problem in caught.value.problems
     ), [(problem.key, problem.message) for problem in caught.value.problems]
 

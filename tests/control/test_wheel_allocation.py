@@ -16,7 +16,7 @@ PYRAMID = np.array([[1, 0, -1, 0], [0, 1, 0, -1], [1, 1, 1, 1]]) / np.sqrt(2)
 
 def allocation(axes=PYRAMID, full=0.4, most=20.0, **options):
     wheels = Wheels(axes, full, most, **options)
-    return WheelAllocation(WheelFilter(wheels, np.full(wheels.count, 1e-3), 0.1))
+    return WheelAllocation(WheelFilter(wheels, np.full(wheels.count, 1e-3)))
 
 
 def condition(count, failed=(), part=None, flow=None):

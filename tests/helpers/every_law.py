@@ -18,12 +18,11 @@ KEYS = {
     "three-axis": IN_WZ,
     "quaternion-feedback": {"natural_frequency_rad_s": 0.1},
     "fault-tolerant": {"natural_frequency_rad_s": 0.06},
-    "fault-tolerant-wheels": {"natural_frequency_rad_s": 0.06, "period_s": 0.1},
     "switching": {**RATES, **IN_WZ, **THRESHOLDS},
 }
 """Of `[control]`: those without a default."""
 
-BODIES = {"fault-tolerant": "failures-12u", "fault-tolerant-wheels": "wheels-fail"}
+BODIES = {"fault-tolerant": "failures-12u"}
 """Scenarios of the library whose actuators a law commands itself."""
 
 LEFT = {

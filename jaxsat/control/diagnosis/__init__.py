@@ -8,6 +8,7 @@ from jaxsat.control.diagnosis.diagnosis import (
     Stage,
     average_run_length,
     cusum_threshold,
+    false_alarm_rate,
 )
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.diagnosis.residual import AbstractResidualFilter, ActuatorCondition, Reading
@@ -29,4 +30,5 @@ __all__ = [
     "WheelFilter",
     "average_run_length",
     "cusum_threshold",
+    "false_alarm_rate",
 ]

@@ -18,6 +18,7 @@ from jaxsat.control.diagnosis.isolation import (
     PENALTY,
     DiagnosedKind,
     Evidence,
+    Hypotheses,
     Residual,
     explanation,
 )
@@ -65,6 +66,18 @@ def cusum_threshold(reference: float, run_length: float) -> float:
         short = average_run_length(reference, middle) < run_length
         low, high = (middle, high) if short else (low, middle)
     return high
+
+
+def false_alarm_rate(watch: AbstractResidualFilter, reference: float, threshold: float) -> float:
+    """False alarms in a sample at most, of all tests, where the model is true; both in sigmas.
+
+    A likelihood ratio exceeds e^x once in e^x samples at most (Lorden, Ann. Math. Stat. 42(6),
+    1971).
+    """
+    hypotheses = watch.hypotheses
+    rate = (1 + len(hypotheses.tests)) / average_run_length(reference, threshold)
+    rate += hypotheses.weak_losses * math.exp(-2 * reference * threshold)
+    return watch.count * rate
 
 
 RealScalar = Float[Array, ""]
@@ -119,59 +132,63 @@ class DiagnosisMemory(NamedTuple):
     kind: Float[Array, " m"]
     returns: Float[Array, " m"]
 
+    @property
+    def alarmed(self) -> Bool[Array, ""]:
+        """Whether the cause of an alarm is being isolated."""
+        return self.stage == Stage.ALARM
+
+    @property
+    def may_return(self) -> Bool[Array, " m"]:
+        """Which actuators have failed and count as working again once their torque is there."""
+        return self.condition.failed & (self.returns < MOST_RETURNS)
+
+    def test_command(self, watch: AbstractResidualFilter, period: RealScalar) -> Float[Array, " m"]:
+        """Commands, in a period (s), of test pulses that stand out of the noise if they come.
+
+        During an alarm they stand out of all that is in doubt: what a stuck actuator makes hides
+        pulses that would be seen without it.
+        """
+        sigma = jnp.where(self.alarmed, self.doubt, watch.noise)
+        return watch.test_command(period, sigma)
+
 
 class Diagnosis(eqx.Module):
-    """Detects and isolates failed thrusters or wheels, and finds those that work again.
+    """Detects and isolates failed actuators of a kind, and finds those that work again.
 
-    Each thruster has three CUSUM tests, that thrust is missing, that there is some which was not
-    commanded, and that all is missing; a wheel has no third one, and one for each sign of the
-    second. The scores of the first two are standard normal where nothing has failed and the model
-    is true, so that `average_run_length` of `reference` and `threshold` (both in sigmas) is the
-    mean number of samples to a false alarm of each; that of the third is e^(2 reference threshold)
-    at least. From the alarm on the evidence is gathered anew. The best explanation is the verdict
-    once its log-likelihood exceeds that of no failure, that of any other actuator, and that of a
-    constant torque from outside, by `margin`; if such a torque is the best, it is counted with from
-    then on. After `patience` samples the more likely of two actuators is taken, a torque from
-    outside rather than an actuator that is hardly more likely, and an alarm that nothing explains
-    is dismissed. A failed actuator whose commanded torque is there again works again, at most
-    `MOST_RETURNS` times.
+    What is read of them, and what may have happened to one, a filter knows, the `watch`. Torques
+    are believed to be wrong by the part `uncertainty` of themselves. Each thruster has three CUSUM
+    tests, that thrust is missing, that there is some which was not commanded, and that all is
+    missing; a wheel has no third one, and one for each sign of the second. The scores of the first
+    two are standard normal where nothing has failed and the model is true, so that
+    `average_run_length` of `reference` and `threshold` (both in sigmas) is the mean number of
+    samples to a false alarm of each; that of the third is e^(2 reference threshold) at least. From
+    the alarm on the evidence is gathered anew. The best explanation is the verdict once its
+    log-likelihood exceeds that of no failure, that of any other actuator, and that of a constant
+    torque from outside, by `margin`; if such a torque is the best, it is counted with from then on.
+    After `patience` samples the more likely of two actuators is taken, a torque from outside rather
+    than an actuator that is hardly more likely, and an alarm that nothing explains is dismissed. A
+    failed actuator whose commanded torque is there again works again, at most `MOST_RETURNS` times.
     """
 
-    filter: AbstractResidualFilter
     reference: RealScalar = eqx.field(converter=as_float, default=1.0)
     threshold: RealScalar = eqx.field(converter=as_float, default=12.0)
     margin: RealScalar = eqx.field(converter=as_float, default=8.0)
     patience: RealScalar = eqx.field(converter=as_float, default=300.0)
+    uncertainty: RealScalar = eqx.field(converter=as_float, default=0.1)
 
     def __check_init__(self):
-        for name in ("reference", "threshold", "margin", "patience"):
+        for name in ("reference", "threshold", "margin", "patience", "uncertainty"):
             require_positive(name, getattr(self, name))
 
-    @property
-    def tests_of_each(self) -> int:
-        """How many CUSUM tests an actuator has."""
-        hypotheses = self.filter.hypotheses
-        return 1 + len(hypotheses.tests) + hypotheses.weak_losses
-
-    def false_alarm_rate(self, reference: float, threshold: float) -> float:
-        """False alarms in a sample at most, of all tests, where the model is true; both in sigmas.
-
-        A likelihood ratio exceeds e^x once in e^x samples at most (Lorden, Ann. Math. Stat. 42(6),
-        1971).
-        """
-        hypotheses = self.filter.hypotheses
-        rate = (1 + len(hypotheses.tests)) / average_run_length(reference, threshold)
-        rate += hypotheses.weak_losses * math.exp(-2 * reference * threshold)
-        return self.filter.count * rate
-
-    def init(self, reading: Reading) -> DiagnosisMemory:
+    def init(self, watch: AbstractResidualFilter, reading: Reading) -> DiagnosisMemory:
         """All actuators work."""
-        count = self.filter.count
+        count, hypotheses = watch.count, watch.hypotheses
+        tests = 1 + len(hypotheses.tests) + hypotheses.weak_losses
         zero = jnp.zeros(count, reading.rate.dtype)
         return DiagnosisMemory(
-            self.filter.init(reading),
-            self.filter.noise,
-            jnp.zeros((self.tests_of_each, count), zero.dtype),
+            watch.init(reading),
+            watch.noise,
+            jnp.zeros((tests, count), zero.dtype),
             jnp.array(int(Stage.QUIET)),
             zero[0],
             Evidence.none(count),
@@ -182,43 +199,31 @@ class Diagnosis(eqx.Module):
             zero,
         )
 
-    def test_command(self, period: RealScalar, memory: DiagnosisMemory) -> Float[Array, " m"]:
-        """Commands, in a period (s), of test pulses that stand out of the noise if they come.
-
-        During an alarm they stand out of all that is in doubt: what a stuck actuator makes hides
-        pulses that would be seen without it.
-        """
-        sigma = jnp.where(memory.stage == Stage.ALARM, memory.doubt, self.filter.noise)
-        return self.filter.test_command(period, sigma)
-
-    def may_return(self, memory: DiagnosisMemory) -> Bool[Array, " m"]:
-        """Which actuators have failed and count as working again once their torque is there."""
-        return memory.condition.failed & (memory.returns < MOST_RETURNS)
-
     def step(
         self,
+        watch: AbstractResidualFilter,
         reading: Reading,
         commanded: Float[Array, " m"],
         period: RealScalar,
         memory: DiagnosisMemory,
         needed: Bool[Array, " m"] | None = None,
     ) -> DiagnosisMemory:
-        """One sample: what is read, and what was `commanded` since the last, as the filter has it.
+        """One sample: what is read, and what was `commanded` since the last, as the `watch` has it.
 
         Of those that are `needed` a dead one is told from a `WEAK` one before it is given up.
         """
         needed = jnp.zeros_like(memory.condition.failed) if needed is None else needed
         condition = memory.condition
-        hypotheses = self.filter.hypotheses
-        residual, filtered = self.filter.step(
-            reading, commanded, condition, period, memory.residual
+        hypotheses = watch.hypotheses
+        residual, filtered = watch.step(
+            reading, commanded, condition, period, memory.residual, self.uncertainty
         )
-        statistic = self._statistic(residual, memory)
-        alarmed = memory.stage == Stage.ALARM
-        evidence = memory.evidence.after(residual, self.filter.uncertainty)
+        statistic = self._statistic(watch.hypotheses, residual, memory)
+        alarmed = memory.alarmed
+        evidence = memory.evidence.after(residual, self.uncertainty)
         evidence = jax.tree.map(lambda x: jnp.where(alarmed, x, 0.0), evidence)
-        lasting = condition.failed & ~self.may_return(memory)
-        best = explanation(evidence, condition.failed, lasting, self.filter.uncertainty, hypotheses)
+        lasting = condition.failed & ~memory.may_return
+        best = explanation(evidence, condition.failed, lasting, self.uncertainty, hypotheses)
         age = memory.age + period
         late = age > self.patience * period
         tested = (best.tested > LEAST_INFORMATION) | (age > MOST_PERIODS * period)
@@ -234,7 +239,7 @@ class Diagnosis(eqx.Module):
         hit = verdict & (jnp.arange(lasting.shape[0]) == best.actuator)
         fails = hit & ~condition.failed
         comes_back = hit & condition.failed & (best.kind == DiagnosedKind.DEAD)
-        tracked = self.filter.tracked(residual, condition, period, ~alarmed & ~alarm)
+        tracked = watch.tracked(residual, condition, period, ~alarmed & ~alarm)
         serves = jnp.isin(best.kind, jnp.array(hypotheses.in_service, int))
         back = condition.part + best.loss * (1 - condition.part)
         left = jnp.where(fails, condition.part * (1 - best.loss), back)
@@ -243,13 +248,13 @@ class Diagnosis(eqx.Module):
             (condition.failed | (fails & ~serves)) & ~comes_back,
             jnp.where(hit, left, condition.part),
             jnp.where(fails, condition.flow + best.flow, flow),
-            tracked.torque + jnp.where(disturbed, self.filter.torque_of(best.acceleration), 0.0),
+            tracked.torque + jnp.where(disturbed, watch.torque_of(best.acceleration), 0.0),
             jnp.where(disturbed, 0.0, tracked.samples),
         )
-        named = self.filter.named(best.kind, best.actuator, filtered).astype(memory.kind.dtype)
+        named = watch.named(best.kind, best.actuator, filtered).astype(memory.kind.dtype)
         return DiagnosisMemory(
-            self.filter.restarted(filtered, verdict | disturbed, alarm),
-            residual.doubt(self.filter.uncertainty),
+            watch.restarted(filtered, verdict | disturbed, alarm),
+            residual.doubt(self.uncertainty),
             jnp.where(over | alarm, 0.0, statistic),
             jnp.where(over, int(Stage.QUIET), jnp.where(alarm, int(Stage.ALARM), memory.stage)),
             jnp.where(over | alarm, 0.0, age),
@@ -261,13 +266,15 @@ class Diagnosis(eqx.Module):
             memory.returns + comes_back.astype(memory.returns.dtype),
         )
 
-    def _statistic(self, residual: Residual, memory: DiagnosisMemory) -> Float[Array, "tests m"]:
+    def _statistic(
+        self, hypotheses: Hypotheses, residual: Residual, memory: DiagnosisMemory
+    ) -> Float[Array, "tests m"]:
         """The CUSUMs, which stand where a signature is too small, and during an alarm.
 
         With `weak_losses` the last is the likelihood ratio of a full loss, for which no signature
         is too small, over twice the reference: the first one where the signature has that size.
         """
-        signs, weak_losses = self.filter.hypotheses.tests, self.filter.hypotheses.weak_losses
+        signs, weak_losses = hypotheses.tests, hypotheses.weak_losses
         signatures = jnp.stack([residual.loss, *(sign * residual.flow for sign in signs)])
         squares = jnp.sum(signatures**2, axis=1)
         size = jnp.sqrt(squares)

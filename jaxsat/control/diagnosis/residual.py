@@ -76,18 +76,20 @@ class FilterMemory(NamedTuple):
 class Prediction(NamedTuple):
     """How an estimate changes in a period, and what a failure would have left in it.
 
-    `doubt` is the variance of the change by errors of the model, and `passing` one that is in the
+    `squares` is the sum of squares of what torques are believed to have changed. Variances are
+    `doubt`, of the change besides errors of these torques, and `passing`, one that is in the
     innovation and does not stay in the estimate. `loss`, `flow` and `steady` are what a period adds
     to the signatures, and `driven` is as in `Residual`. `own` makes of the residual, of which a
     part stays, what the filter remembers of its own.
     """
 
     change: Float[Array, "n k"]
-    doubt: RealScalar | Float[Array, " k"]
+    squares: RealScalar | Float[Array, " k"]
     loss: Float[Array, "n m"]
     flow: Float[Array, "n m"]
     own: Callable[[Residual, Float[Array, " k"]], PyTree]
     steady: RealScalar | None = None
+    doubt: RealScalar | Float[Array, " k"] | float = 0.0
     passing: RealScalar | float = 0.0
     driven: Float[Array, " m"] | None = None
 
@@ -96,7 +98,7 @@ class AbstractResidualFilter(eqx.Module):
     """A Kalman filter of what is read, which knows what a failure of an actuator leaves in it.
 
     The filters of all columns that are read have variances of their own, and noise of one standard
-    deviation each. Torques are believed to be wrong by the part `uncertainty` of themselves.
+    deviation each.
     """
 
     hypotheses: ClassVar[Hypotheses]
@@ -104,8 +106,6 @@ class AbstractResidualFilter(eqx.Module):
 
     restarts_at_alarm: ClassVar[bool]
     """Whether the filter starts anew at an alarm, too, and not at a verdict alone."""
-
-    uncertainty: eqx.AbstractVar[RealScalar]
 
     @property
     @abc.abstractmethod
@@ -150,14 +150,17 @@ class AbstractResidualFilter(eqx.Module):
         condition: ActuatorCondition,
         period: RealScalar,
         memory: FilterMemory,
+        uncertainty: RealScalar,
     ) -> tuple[Residual, FilterMemory]:
         """The residual of the period (s) that ends with a reading, and the next memory.
 
-        `commanded` is what actuators were to do in that period.
+        `commanded` is what actuators were to do in that period. Torques are believed to be wrong by
+        the part `uncertainty` of themselves.
         """
         seen, started, noise = self.read(reading), memory.started, self.noise**2
         ahead = self.predicted(reading, commanded, condition, period, memory)
-        predicted = memory.variance + RESTLESSNESS * noise + ahead.doubt
+        doubt = uncertainty**2 * ahead.squares + ahead.doubt
+        predicted = memory.variance + RESTLESSNESS * noise + doubt
         variance = predicted + noise
         gain = jnp.where(started, predicted / variance, 1.0)
         left = 1 - gain

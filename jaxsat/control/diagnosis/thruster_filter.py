@@ -114,8 +114,7 @@ class ThrusterFilter(AbstractResidualFilter):
     """A Kalman filter of the rate about three axes alike, with a scalar variance.
 
     `model` is the plant as the law believes it, `rate_noise` (rad/s) the standard deviation of an
-    estimated rate. Torques of thrusters, and gyroscopic ones, are believed to be wrong by the part
-    `uncertainty` of themselves. What a failed thruster does not make when it is commanded may come
+    estimated rate. What a failed thruster does not make when it is commanded may come
     late. For some samples its effect is in doubt, and is not taken for a failure of another. The
     memory of its own is the on-time (s) of each failed thruster that was missing and may come late.
     What is commanded are on-times, s.
@@ -133,11 +132,9 @@ class ThrusterFilter(AbstractResidualFilter):
     model: RigidBody
     thrusters: ThrusterModel
     rate_noise: RealScalar = eqx.field(converter=as_float)
-    uncertainty: RealScalar = eqx.field(converter=as_float)
 
     def __check_init__(self):
-        for name in ("rate_noise", "uncertainty"):
-            require_positive(name, getattr(self, name))
+        require_positive("rate_noise", self.rate_noise)
 
     @property
     def count(self) -> int:
@@ -177,16 +174,16 @@ class ThrusterFilter(AbstractResidualFilter):
         expected = condition.part * on_time + condition.flow * period
         besides = self.believed(condition, period)
         change = effect @ expected + gyroscopic + period * (inverse @ besides)
-        doubt = jnp.sum((effect * expected[None]) ** 2) + jnp.sum(gyroscopic**2)
+        squares = jnp.sum((effect * expected[None]) ** 2) + jnp.sum(gyroscopic**2)
         missing = jnp.where(condition.failed, 1 - condition.part, -condition.part) * on_time
         return Prediction(
             change[:, None],
-            self.uncertainty**2 * doubt,
+            squares,
             effect * missing[None],
             effect * period,
             lambda _, left: jnp.where(condition.failed, left * memory.own + missing, 0.0),
             period,
-            jnp.sum((effect * memory.own[None]) ** 2),
+            passing=jnp.sum((effect * memory.own[None]) ** 2),
         )
 
     def tracked(

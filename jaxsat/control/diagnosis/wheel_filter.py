@@ -46,9 +46,6 @@ STILL = 4.0
 JUMP = 3.0
 """Times what a motor at full torque changes in a period: no motor does that."""
 
-LEAST_NOISE = 1e-3
-"""Of what a motor at full torque changes in a period: of momenta told without noise."""
-
 NEAR_LIMIT = 0.98
 """Of the largest momentum: from there on a motor may make less than it is commanded."""
 
@@ -82,8 +79,7 @@ class WheelFilter(AbstractResidualFilter):
     """A Kalman filter of each wheel's momentum.
 
     `wheels` are those that the law believes in, with a torque limit each. `momentum_noise` (N m s)
-    is the standard deviation of each tachometer. Commanded and friction torques are believed to be
-    wrong by the part `uncertainty` of themselves; friction of unknown sign, near rest, is in doubt
+    is the standard deviation of each tachometer. Friction of unknown sign, near rest, is in doubt
     as a whole. What is commanded is an impulse (N m s) on the body. The memory of its own are
     `Rotors`.
     """
@@ -107,11 +103,9 @@ class WheelFilter(AbstractResidualFilter):
 
     wheels: Wheels
     momentum_noise: OfEach = eqx.field(converter=as_float)
-    uncertainty: RealScalar = eqx.field(converter=as_float)
 
     def __check_init__(self):
-        for name in ("momentum_noise", "uncertainty"):
-            require_positive(name, getattr(self, name))
+        require_positive("momentum_noise", self.momentum_noise)
         if self.wheels.torque_limit is None:
             raise ValueError("Argument `wheels` must have a torque limit each.")
 
@@ -195,9 +189,9 @@ class WheelFilter(AbstractResidualFilter):
         braked = friction * side
         change = held - driving - braked
         limit = self.wheels.momentum_limit
-        doubt = self.uncertainty**2 * (motor**2 + left_behind**2 + braked**2)
+        squares = motor**2 + left_behind**2 + braked**2
         rests = jnp.abs(before) < jnp.abs(motor) + jnp.abs(friction) + STILL * self.momentum_noise
-        doubt = doubt + jnp.where(rests, friction**2, 0.0)
+        doubt = jnp.where(rests, friction**2, 0.0)
         if limit is not None:
             near = jnp.abs(before) > NEAR_LIMIT * limit - jnp.abs(motor)
             doubt = doubt + jnp.where(near, motor**2, 0.0)
@@ -215,10 +209,11 @@ class WheelFilter(AbstractResidualFilter):
 
         return Prediction(
             change[None],
-            doubt,
+            squares,
             missing[None],
             -(full * side)[None],
             rotors,
+            doubt=doubt,
             driven=driven,
         )
 

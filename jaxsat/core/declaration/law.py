@@ -22,9 +22,8 @@ class LawDeclaration:
       a torque about the one axis that is left, `jaxsat.core.allocation.torque_axis`, 0 for none.
     - `any_plane`: the two torques are about `jaxsat.core.allocation.torque_directions` of the
       thrusters left, in whatever plane these are, instead of body x and y.
-    - `commands_duties`: the law allocates its torques itself and commands the duty of each
-      `[[thruster]]`.
-    - `commands_wheels`: the same of the torque of each `[[wheel]]`.
+    - `commands_actuators`: the law allocates its torques itself and commands the duty of each
+      `[[thruster]]`, or the torque of each `[[wheel]]`.
     - `has_model`: whether the table `[control.model]` may say what the controller believes.
     - `measures_disturbance`: whether the key `measured_disturbance` may add the periodic
       disturbance to the model.
@@ -47,8 +46,7 @@ class LawDeclaration:
     keys: tuple[Key, ...] = ()
     torques: Literal[0, 1, 2, 3] = 2
     any_plane: bool = False
-    commands_duties: bool = False
-    commands_wheels: bool = False
+    commands_actuators: bool = False
     has_model: bool = True
     measures_disturbance: bool = False
     ordered: tuple[tuple[str, str], ...] = ()
@@ -69,11 +67,6 @@ class LawDeclaration:
     def sampled(self) -> bool:
         """Whether the law runs once a period and its torque is held in between."""
         return any(key.name == "period_s" for key in self.keys)
-
-    @property
-    def allocates(self) -> bool:
-        """Whether the law commands each actuator itself."""
-        return self.commands_duties or self.commands_wheels
 
     @property
     def tunable(self) -> dict[str, str]:

@@ -12,7 +12,6 @@ from jaxsat.core.declaration.paper import RATE, SWITCHING, THREE_AXIS
 from jaxsat.core.declaration.settling import OSCILLATORY, PLANNED, THREE_SLEW
 from jaxsat.core.declaration.three_torques import (
     FAULT_TOLERANT,
-    FAULT_TOLERANT_WHEELS,
     QUATERNION_FEEDBACK,
 )
 
@@ -66,11 +65,6 @@ LAWS: Mapping[str, Law] = MappingProxyType(
                 FAULT_TOLERANT,
                 "jaxsat.control.fault_tolerant:FaultTolerant",
                 "jaxsat.control.fault_tolerant_law:build_fault_tolerant",
-            ),
-            Law(
-                "fault-tolerant-wheels",
-                FAULT_TOLERANT_WHEELS,
-                "jaxsat.control.fault_tolerant_wheels:FaultTolerantWheels",
             ),
             Law("switching", SWITCHING, "jaxsat.control.switching:SwitchingLaw"),
             Law(

@@ -1,4 +1,4 @@
-"""What the laws of three torques declare: quaternion feedback, and the fault-tolerant ones."""
+"""What the laws of three torques declare: quaternion feedback, and the fault-tolerant one."""
 
 import dataclasses
 
@@ -29,72 +29,61 @@ QUATERNION_FEEDBACK = LawDeclaration(
 )
 
 
-_DIAGNOSIS = (
-    *(
-        dataclasses.replace(key, tunable=key.tunable and f"healthy.{key.tunable}")
-        for key in QUATERNION_FEEDBACK.keys
-    ),
-    number(
-        "cusum_reference",
-        "Shift that each CUSUM test leaves out, half of what it detects best, in sigmas",
-        "1",
-        above=0,
-        at_most=10,
-        default=1.0,
-        tunable="diagnosis.reference",
-    ),
-    number(
-        "cusum_threshold",
-        "Threshold of each CUSUM test, in sigmas; at 12 and a reference of 1 false alarms are "
-        "1.4e11 scores apart",
-        "1",
-        above=0,
-        at_most=1e3,
-        default=12.0,
-        tunable="diagnosis.threshold",
-    ),
-    number(
-        "isolation_margin",
-        "Log-likelihood by which an actuator and its failure must explain the residuals better "
-        "than any other",
-        "1",
-        above=0,
-        at_most=1e3,
-        default=8.0,
-        tunable="diagnosis.margin",
-    ),
-    number(
-        "torque_uncertainty",
-        "Error that the law expects of torques, relative to themselves",
-        "1",
-        above=0,
-        at_most=1,
-        default=0.1,
-        tunable="diagnosis.filter.uncertainty",
-    ),
-)
-"""Keys of the law of three axes, and of detection and isolation."""
-
-_RATE_NOISE = number(
-    "rate_noise_rad_s",
-    "Standard deviation of the rates that the law receives; by default that of the sensors",
-    "rad/s",
-    above=0,
-    at_most=1,
-    default=None,
-)
-
 FAULT_TOLERANT = LawDeclaration(
-    summary="quaternion feedback that detects and isolates failed thrusters and flies by what is "
-    "left",
-    keys=(*_DIAGNOSIS, _RATE_NOISE),
+    summary="quaternion feedback that detects and isolates failed thrusters or wheels and flies by "
+    "what is left",
+    keys=(
+        *(
+            dataclasses.replace(key, tunable=key.tunable and f"healthy.{key.tunable}")
+            for key in QUATERNION_FEEDBACK.keys
+        ),
+        number(
+            "cusum_reference",
+            "Shift that each CUSUM test leaves out, half of what it detects best, in sigmas",
+            "1",
+            above=0,
+            at_most=10,
+            default=1.0,
+            tunable="diagnosis.reference",
+        ),
+        number(
+            "cusum_threshold",
+            "Threshold of each CUSUM test, in sigmas; at 12 and a reference of 1 false alarms are "
+            "1.4e11 scores apart",
+            "1",
+            above=0,
+            at_most=1e3,
+            default=12.0,
+            tunable="diagnosis.threshold",
+        ),
+        number(
+            "isolation_margin",
+            "Log-likelihood by which an actuator and its failure must explain the residuals better "
+            "than any other",
+            "1",
+            above=0,
+            at_most=1e3,
+            default=8.0,
+            tunable="diagnosis.margin",
+        ),
+        number(
+            "torque_uncertainty",
+            "Error that the law expects of torques, relative to themselves",
+            "1",
+            above=0,
+            at_most=1,
+            default=0.1,
+            tunable="diagnosis.uncertainty",
+        ),
+        number(
+            "rate_noise_rad_s",
+            "Standard deviation of the rates that the law receives; by default that of the sensors",
+            "rad/s",
+            above=0,
+            at_most=1,
+            default=None,
+        ),
+    ),
     torques=3,
-    commands_duties=True,
-)
-
-FAULT_TOLERANT_WHEELS = LawDeclaration(
-    summary="quaternion feedback that detects and isolates failed wheels and flies by what is left",
-    keys=_DIAGNOSIS,
-    torques=3,
-    commands_wheels=True,
+    commands_actuators=True,
 )

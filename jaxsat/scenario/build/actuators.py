@@ -51,7 +51,7 @@ def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedAct
     """
     declaration = scenario.law.declaration
     torques = declaration.torques
-    if declaration.commands_wheels:
+    if scenario.wheel and declaration.commands_actuators:
         return WheelDrives()
     if scenario.wheel and torques:
         return _with_wheels(scenario, torques)
@@ -113,7 +113,7 @@ def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
 
 def wheel_context(scenario: Scenario) -> WheelContext | None:
     """What a law that commands each wheel is told of them; None for others."""
-    if not scenario.law.declaration.commands_wheels:
+    if not scenario.law.declaration.commands_actuators or not scenario.wheel:
         return None
     wheels, _ = Wheels.from_tables(scenario.wheel, EffectorContext(place_of(scenario.orbit), ()))
     delay = 0.0 if scenario.sampling is None else scenario.sampling.delay_s

@@ -44,7 +44,7 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     thrusters = _thruster_set(working)
     drawn = getattr(scenario.dispersion, "failure_kind", None) is not None
     late = delay or drawn or any(one.kind == "delayed" for one in scenario.failure)
-    as_commanded = scenario.law.declaration.commands_duties
+    as_commanded = scenario.law.declaration.commands_actuators
     commanded = command_torques(scenario, torques or 3)
     return PulsedThrusters(
         thrusters,
@@ -56,8 +56,8 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
 
 
 def thruster_context(scenario: Scenario) -> ThrusterContext | None:
-    """What a law that commands duties is told of the thrusters that work; None for others."""
-    if not scenario.law.declaration.commands_duties:
+    """What a law that commands each thruster is told of those that work; None for others."""
+    if not scenario.law.declaration.commands_actuators or not scenario.thruster:
         return None
     working = [one for one in scenario.thruster if not one.failed]
     thrusters = _thruster_set(working)

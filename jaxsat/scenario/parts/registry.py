@@ -55,7 +55,7 @@ def _declare_rules(actuator: ActuatorDeclaration) -> None:
 
 def _suits(declaration) -> bool:
     """Whether a law commands three torques once a period, of whatever actuators."""
-    return declaration.sampled and declaration.torques == 3 and not declaration.allocates
+    return declaration.sampled and declaration.torques == 3 and not declaration.commands_actuators
 
 
 for _one in ACTUATORS:

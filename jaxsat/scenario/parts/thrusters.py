@@ -214,15 +214,10 @@ def _thrusters_need_a_sampled_law(thrusters, law):
 
 
 @rule("thruster", "wheel", "control.law")
-def _a_law_that_commands_duties_has_thrusters_alone(thrusters, wheels, law):
-    if not law.declaration.commands_duties:
-        return
-    if not thrusters:
-        message = f'must be given under the law "{law}", which diagnoses them, got none'
-        yield at("thruster", message, True)
-    if wheels:
-        message = f'must not be given under the law "{law}", which knows of thrusters alone'
-        yield at("wheel", f"{message}, got {len(wheels)}")
+def _a_law_that_commands_actuators_has_some(thrusters, wheels, law):
+    if law.declaration.commands_actuators and not (thrusters or wheels):
+        message = f'must be given under the law "{law}", which diagnoses them, or [[wheel]]'
+        yield at("thruster", f"{message}, got none", True)
 
 
 def _whole(thrusters) -> bool:

@@ -186,8 +186,9 @@ def _wheels_and_thrusters_make_what_the_law_commands(
 ):
     declaration = law.declaration
     torques = declaration.torques
-    if declaration.commands_wheels:
-        yield from _wheels_alone(law, wheels, thrusters or axes)
+    if declaration.commands_actuators:
+        if wheels:
+            yield from _wheels_alone(law, wheels, thrusters or axes)
         return
     if wheels and torques == 1:
         yield at("wheel", f'must be left out under the law "{law}", which knows thrusters alone')
@@ -212,10 +213,10 @@ def _wheels_alone(law, wheels, thrusters):
     if thrusters:
         key = "spacecraft.thruster_torque_axes" if isinstance(thrusters[0], tuple) else "thruster"
         yield at(key, f"must not be given {what}, got {len(thrusters)}")
-    if not wheels or left_by_wheels(wheels, 3).any():
+    if left_by_wheels(wheels, 3).any():
         left = sum(not one.failed for one in wheels)
         message = f"must leave independent torques about body axes x, y and z {what}"
-        yield at("wheel", f"{message}, got {left} of {len(wheels)}", not wheels)
+        yield at("wheel", f"{message}, got {left} of {len(wheels)}")
     for number, one in enumerate(wheels):
         if one.torque_limit_N_m is None:
             message = f"must be given in N m {what} by their full torque, got nothing"

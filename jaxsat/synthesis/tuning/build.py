@@ -11,7 +11,6 @@ import numpy as np
 
 from jaxsat.compiler import CannotLower
 from jaxsat.control.fault_tolerant import FaultTolerant
-from jaxsat.control.fault_tolerant_wheels import FaultTolerantWheels
 from jaxsat.core.checks import as_float
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.errors import BuildError, at_key
@@ -239,7 +238,7 @@ def _false_alarm_penalty(
     ever lower. None for a law without these tests.
     """
     controller = controller_of(build_loop(scenario))
-    if not isinstance(controller, FaultTolerant | FaultTolerantWheels):
+    if not isinstance(controller, FaultTolerant):
         return None
     diagnosis, period = controller.diagnosis, float(np.asarray(controller.period))
     samples = math.log(table.false_alarm_interval_s / period)
@@ -252,7 +251,7 @@ def _false_alarm_penalty(
             gains.get("diagnosis.threshold", usual * float(np.asarray(diagnosis.threshold))),
             strict=True,
         )
-        rates = np.array([diagnosis.false_alarm_rate(float(k), float(h)) for k, h in pairs])
+        rates = np.array([controller.false_alarm_rate(float(k), float(h)) for k, h in pairs])
         return np.maximum(samples + np.log(rates), 0.0)
 
     return penalty

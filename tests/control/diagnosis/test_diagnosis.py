@@ -26,11 +26,11 @@ TORQUE = canted()[0]
 COUNT = TORQUE.shape[1]
 
 
-def diagnosis(noise=NOISE, **options):
+def watching(noise=NOISE):
     model = RigidBody(Spacecraft(MOMENTS), SmallAngleOrbit(0.0))
     late = np.zeros(COUNT)
     thrusters = ThrusterModel(TORQUE, np.full(COUNT, SHORTEST), late, late, DeltaSigma())
-    return Diagnosis(ThrusterFilter(model, thrusters, noise, 0.1), **options)
+    return ThrusterFilter(model, thrusters, noise)
 
 
 def commanded(rng, samples, rate=0.2):
@@ -43,7 +43,7 @@ def followed(watch, on_time, made, noise, outside=None):
 
     Besides, torques act from `outside` (N m), and what is believed of them is told.
     """
-    body = watch.filter.model
+    body, diagnosis = watch.model, Diagnosis()
 
     def sample(carry, now):
         omega, memory = carry
@@ -51,13 +51,15 @@ def followed(watch, on_time, made, noise, outside=None):
         omega = omega + body.spacecraft.inverse_inertia @ (
             jnp.asarray(TORQUE) @ real + PERIOD * (beside - jnp.cross(omega, MOMENTS * omega))
         )
-        memory = watch.step(Reading(omega + NOISE * error), commanded, jnp.array(PERIOD), memory)
+        memory = diagnosis.step(
+            watch, Reading(omega + NOISE * error), commanded, jnp.array(PERIOD), memory
+        )
         condition = memory.condition
-        believed = watch.filter.believed(condition, jnp.array(PERIOD))
+        believed = watch.believed(condition, jnp.array(PERIOD))
         seen = (memory.stage, condition.failed, memory.kind, condition.flow, believed)
         return (omega, memory), seen
 
-    start = (jnp.zeros(3), watch.init(Reading(jnp.zeros(3))))
+    start = (jnp.zeros(3), diagnosis.init(watch, Reading(jnp.zeros(3))))
     outside = jnp.zeros_like(noise) if outside is None else outside
     return jax.lax.scan(sample, start, (on_time, made, noise, outside))[1]
 
@@ -84,7 +86,7 @@ def test_every_thruster_and_kind_is_isolated():
         after = (1 - missing) * on_time[begin:, thruster] + always * PERIOD
         case[begin:, thruster] = after
     noise = rng.standard_normal((len(cases), samples, 3))
-    each = jax.jit(jax.vmap(lambda real, error: followed(diagnosis(), on_time, real, error)))
+    each = jax.jit(jax.vmap(lambda real, error: followed(watching(), on_time, real, error)))
     stage, failed, kinds, flow, _ = map(np.asarray, each(made, noise))
     assert not failed[:, :begin].any()
     assert not stage[:, :begin].any()
@@ -109,7 +111,7 @@ def test_a_thruster_that_returns_is_used_again_twice_and_no_more():
     made = on_time.copy()
     made[dead, 2] = 0.0
     noise = rng.standard_normal((len(on_time), 3))
-    failed = np.asarray(jax.jit(lambda: followed(diagnosis(), on_time, made, noise))()[1])
+    failed = np.asarray(jax.jit(lambda: followed(watching(), on_time, made, noise))()[1])
     assert not np.delete(failed, 2, axis=1).any()
     at_end = failed[stretch - 1 :: stretch, 2]  # of each stretch
     assert at_end.tolist() == [False, True, False, True, False, True, True]
@@ -125,7 +127,7 @@ def test_two_thrusters_that_fail_one_after_the_other_are_both_isolated():
     made[second:, 6] *= 0.4  # degraded
     noise = rng.standard_normal((samples, 3))
     _, failed, kind, flow, _ = map(
-        np.asarray, jax.jit(lambda: followed(diagnosis(), on_time, made, noise))()
+        np.asarray, jax.jit(lambda: followed(watching(), on_time, made, noise))()
     )
     assert not failed[:first].any()
     assert failed[second].tolist() == [k == 1 for k in range(COUNT)]
@@ -149,7 +151,7 @@ def test_a_torque_from_outside_is_learned_and_no_thruster_is_isolated():
     outside = sizes[:, None] * np.tile(units, (5, 1))
     opposed = PERIOD * np.array([nnls(TORQUE, -torque)[0] for torque in outside])
     noise = rng.standard_normal((len(sizes), samples, 3))
-    each = jax.jit(jax.vmap(lambda on, error, now: followed(diagnosis(), on, on, error, now)))
+    each = jax.jit(jax.vmap(lambda on, error, now: followed(watching(), on, on, error, now)))
     for since in (0, begin):
         acts, opposes = ((np.arange(samples) >= x)[None, :, None] for x in (since, since + lag))
         on_time = commanded(rng, samples)[None] + opposes * opposed[:, None]
@@ -166,7 +168,7 @@ def test_without_a_torque_from_outside_none_is_believed():
     runs, samples = 200, 2000
     none = np.zeros((samples, COUNT))
     noise = rng.standard_normal((runs, samples, 3))
-    each = jax.jit(jax.vmap(lambda error: followed(diagnosis(), none, none, error)))
+    each = jax.jit(jax.vmap(lambda error: followed(watching(), none, none, error)))
     believed = np.asarray(each(noise)[4])
     assert np.count_nonzero(believed.any(axis=2)) < 1e-3 * runs * samples
 
@@ -180,7 +182,7 @@ def test_thrust_that_comes_late_is_not_taken_for_the_failure_of_another_thruster
     made = on_time.copy()
     made[begin:, late] = on_time[begin - 1 : -1, late]
     noise = rng.standard_normal((runs, samples, 3))
-    each = jax.jit(jax.vmap(lambda error: followed(diagnosis(), on_time, made, error)))
+    each = jax.jit(jax.vmap(lambda error: followed(watching(), on_time, made, error)))
     failed = np.asarray(each(noise)[1])
     assert failed[:, -1, late].all()
     assert not np.delete(failed, late, axis=2).any()
@@ -200,7 +202,7 @@ def test_false_alarms_come_as_seldom_as_the_closed_form_says():
 def test_pulses_below_the_noise_tell_of_a_dead_thruster_when_there_are_enough():
     """The mean of the likelihood ratio grows by half the square of a signature, in sigmas."""
     noise, samples, begin, runs, dead = 8e-4, 1800, 600, 100, 3
-    watch = diagnosis(noise)
+    watch, diagnosis = watching(noise), Diagnosis()
     rng = np.random.default_rng(25)
     on_time = SHORTEST * (rng.random((samples, COUNT)) < 0.5)
     made = on_time.copy()
@@ -217,8 +219,8 @@ def test_pulses_below_the_noise_tell_of_a_dead_thruster_when_there_are_enough():
         squares.append(signature**2)
         signature *= 1 - _steady_gain()
     variance = noise**2 / (1 - _steady_gain())
-    assert np.sqrt(max(squares) / variance) < 2 * float(watch.reference)
-    needed = 2 * float(watch.reference * watch.threshold)
+    assert np.sqrt(max(squares) / variance) < 2 * float(diagnosis.reference)
+    needed = 2 * float(diagnosis.reference * diagnosis.threshold)
     expected = np.argmax(np.cumsum(squares) / (2 * variance) > needed)
     alarms = np.where(stage.any(axis=1), stage.argmax(axis=1), samples) - begin
     assert np.median(alarms) == pytest.approx(expected, rel=0.25)
@@ -251,25 +253,31 @@ def _alarms(threshold, samples, runs, leak):
     No thruster is commanded, and the first leaks. Random impulses are those that the filter allows
     for; without them false alarms are rarer.
     """
-    watch, none = diagnosis(), jnp.zeros(COUNT)
-    condition = watch.init(Reading(jnp.zeros(3))).condition
+    watch, none = watching(), jnp.zeros(COUNT)
+    diagnosis = Diagnosis()
+    condition = diagnosis.init(watch, Reading(jnp.zeros(3))).condition
     change = jnp.asarray(leak * PERIOD * TORQUE[:, 0] / MOMENTS)
 
     def sample(carry, draws):
         (omega, memory, statistic), (error, impulse) = carry, draws
         omega = omega + change - PERIOD * jnp.cross(omega, MOMENTS * omega) / MOMENTS
         omega = omega + np.sqrt(RESTLESSNESS) * NOISE * impulse
-        residual, memory = watch.filter.step(
-            Reading(omega + NOISE * error), none, condition, jnp.array(PERIOD), memory
+        residual, memory = watch.step(
+            Reading(omega + NOISE * error),
+            none,
+            condition,
+            jnp.array(PERIOD),
+            memory,
+            diagnosis.uncertainty,
         )
         size = jnp.sqrt(jnp.sum(residual.flow**2, axis=0) * residual.variance)
         along = jnp.sum(residual.flow * residual.innovation, axis=0)
         score = along / jnp.where(size > 0, size, 1.0)
-        statistic = jnp.maximum(0.0, statistic + score - watch.reference)
+        statistic = jnp.maximum(0.0, statistic + score - diagnosis.reference)
         return (omega, memory, statistic), statistic > threshold
 
     def run(key):
-        start = (jnp.zeros(3), watch.filter.init(Reading(jnp.zeros(3))), none)
+        start = (jnp.zeros(3), watch.init(Reading(jnp.zeros(3))), none)
         alarm = jax.lax.scan(sample, start, jax.random.normal(key, (samples + 1, 2, 3)))[1][1:]
         return jnp.where(alarm.any(axis=0), jnp.argmax(alarm, axis=0) + 1, samples)
 

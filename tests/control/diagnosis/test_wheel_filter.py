@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxsat.control.diagnosis import (
+    ActuatorCondition,
     DiagnosedKind,
     Diagnosis,
     Reading,
@@ -17,11 +18,12 @@ from jaxsat.spacecraft import Wheels
 
 PERIOD, NOISE, FULL, COULOMB = 0.1, 2e-3, 0.4, 0.01
 COUNT = 4
+UNCERTAINTY = jnp.array(0.1)
 
 
-def diagnosis(**options):
+def watching():
     wheels = Wheels(np.eye(3)[:, [0, 1, 2, 0]], FULL, 20.0, coulomb_friction=COULOMB)
-    return Diagnosis(WheelFilter(wheels, np.full(COUNT, NOISE), 0.1), **options)
+    return WheelFilter(wheels, np.full(COUNT, NOISE))
 
 
 def read(momentum):
@@ -61,14 +63,15 @@ def rotors(command, begin, wheel, kind, amount, start=0.5):
 
 def followed(watch, command, momentum, noise):
     """Stage, verdicts and kinds at each sample."""
+    diagnosis = Diagnosis()
 
     def sample(memory, now):
         commanded, told = now
-        memory = watch.step(read(told), PERIOD * commanded, jnp.array(PERIOD), memory)
+        memory = diagnosis.step(watch, read(told), PERIOD * commanded, jnp.array(PERIOD), memory)
         return memory, (memory.stage, memory.condition, memory.kind)
 
     told = momentum + NOISE * noise
-    start = watch.init(read(jnp.asarray(told[0])))
+    start = diagnosis.init(watch, read(jnp.asarray(told[0])))
     before = jnp.concatenate([jnp.zeros((1, COUNT)), command])
     return jax.lax.scan(sample, start, (before, told))[1]
 
@@ -84,7 +87,7 @@ CASES = (
 
 @pytest.fixture(scope="module")
 def follow():
-    return jax.jit(lambda command, momentum, noise: followed(diagnosis(), command, momentum, noise))
+    return jax.jit(lambda command, momentum, noise: followed(watching(), command, momentum, noise))
 
 
 def test_every_wheel_and_kind_is_isolated(follow):
@@ -165,17 +168,19 @@ def test_what_a_turning_body_does_to_rotors_is_no_failure():
     """Wheels that nothing drives, by hand: h + J_w a·ω stays, whatever the rate."""
     inertia = np.array([0.2, 0.1, 0.3, 0.2])
     axes = np.eye(3)[:, [0, 1, 2, 0]]
-    watch = WheelFilter(Wheels(axes, FULL, rotor_inertia=inertia), np.full(COUNT, NOISE), 0.1)
+    watch = WheelFilter(Wheels(axes, FULL, rotor_inertia=inertia), np.full(COUNT, NOISE))
     times = PERIOD * np.arange(40)
     rates = np.stack([0.5 * np.sin(times), 0.3 * times, 0.4 * np.cos(2 * times)], axis=1)
     momenta = 3.0 - inertia * (rates @ axes)
     assert np.abs(np.diff(momenta, axis=0)).max() > 5 * NOISE
-    condition = diagnosis().init(read(jnp.zeros(COUNT))).condition
+    condition = ActuatorCondition.sound(COUNT)
     memory = watch.init(Reading(jnp.asarray(rates[0]), jnp.asarray(momenta[0])))
     step = jax.jit(lambda *given: watch.step(*given))
     for momentum, rate in zip(momenta, rates, strict=True):
         reading = Reading(jnp.asarray(rate), jnp.asarray(momentum))
-        residual, memory = step(reading, jnp.zeros(COUNT), condition, jnp.array(PERIOD), memory)
+        residual, memory = step(
+            reading, jnp.zeros(COUNT), condition, jnp.array(PERIOD), memory, UNCERTAINTY
+        )
         np.testing.assert_allclose(residual.innovation, 0, atol=1e-14)
 
 
@@ -184,15 +189,15 @@ def test_false_alarms_come_as_seldom_as_the_closed_form_says():
     """Of the tests of friction, on wheels whose momenta are disturbed as the filter allows for."""
     threshold, samples, runs = 3.0, 400, 400
     wheels = Wheels(np.eye(3)[:, [0, 1, 2, 0]], FULL)
-    watch = WheelFilter(wheels, np.full(COUNT, NOISE), 0.1)
-    condition = diagnosis().init(read(jnp.zeros(COUNT))).condition
+    watch = WheelFilter(wheels, np.full(COUNT, NOISE))
+    condition = ActuatorCondition.sound(COUNT)
     none = jnp.zeros(COUNT)
 
     def sample(carry, draws):
         (momentum, memory, statistic), (error, impulse) = carry, draws
         momentum = momentum + np.sqrt(RESTLESSNESS) * NOISE * impulse
         residual, memory = watch.step(
-            read(momentum + NOISE * error), none, condition, jnp.array(PERIOD), memory
+            read(momentum + NOISE * error), none, condition, jnp.array(PERIOD), memory, UNCERTAINTY
         )
         score = jnp.sign(residual.flow[0]) * residual.innovation[0]
         statistic = jnp.maximum(0.0, statistic + score / jnp.sqrt(residual.variance) - 1.0)

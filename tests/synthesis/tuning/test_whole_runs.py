@@ -22,7 +22,9 @@ LARGEST = {"share": 0.9}
 TUNED = [
     name
     for name, law in LAWS.items()
-    if law.declaration.tunable and not law.declaration.searched and not law.declaration.allocates
+    if law.declaration.tunable
+    and not law.declaration.searched
+    and not law.declaration.commands_actuators
 ]
 
 

@@ -1,0 +1,141 @@
+"""Actuators of one kind under the fault-tolerant law: watched, and used as far as they work."""
+
+import abc
+import enum
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from jaxsat.control.diagnosis import AbstractResidualFilter, DiagnosisMemory, Reading
+from jaxsat.control.quaternion_feedback import QuaternionFeedback
+from jaxsat.spacecraft.dynamics import PlantState
+
+RealScalar = Float[Array, ""]
+
+PROBE_INTERVAL = 2.0
+"""Over the natural frequency: a failed actuator is given a test pulse so often, whose effect would
+show that it works."""
+
+
+class TolerantMode(enum.IntEnum):
+    """What the law does; those from `STOPPING` to `HOLDING` are the phases of three slews."""
+
+    THREE_AXES = 0
+    ALARM = 1
+    REALLOCATED = 2
+    STOPPING = 3
+    SLEWING = 4
+    OSCILLATING = 5
+    HOLDING = 6
+    DAMPING = 7
+    TWO_WHEELS = 8
+
+
+class TolerantMemory(NamedTuple):
+    """Of actuators of one kind: the diagnosis, what they can do, and what was commanded.
+
+    `ability` has an attribute `left`, what they leave together. `commanded` is what they were to do
+    since the last sample, as their filter has it, and `probe` (s) the time since the last test
+    pulse. `own` is what one kind remembers besides.
+    """
+
+    diagnosis: DiagnosisMemory
+    ability: Any
+    commanded: Float[Array, " m"]
+    probe: RealScalar
+    own: PyTree
+
+
+class Demand(NamedTuple):
+    """What actuators of one kind are asked for: a `torque` on the body (N m), and `steady` (N m).
+
+    The latter comes first; it makes up for what acts all the time. Where `three` is false no torque
+    about three axes can be had, and they do what they can do alone.
+    """
+
+    torque: Float[Array, "3"]
+    steady: Float[Array, "3"]
+    three: Bool[Array, ""]
+
+
+class AbstractTolerantActuators(eqx.Module):
+    """What the fault-tolerant law knows of actuators of one kind, and how it uses them.
+
+    The `filter` is what watches them. `law` is the quaternion feedback of the spacecraft without a
+    failure, with its gains, period and model.
+    """
+
+    filter: eqx.AbstractVar[AbstractResidualFilter]
+
+    @abc.abstractmethod
+    def init(
+        self, state: PlantState, reading: Reading, diagnosis: DiagnosisMemory
+    ) -> TolerantMemory:
+        """The memory at the start."""
+
+    @abc.abstractmethod
+    def needed(self, memory: TolerantMemory) -> Bool[Array, " m"]:
+        """Of which actuators a dead one is told from a weak one before it is given up."""
+
+    @abc.abstractmethod
+    def able(
+        self,
+        state: PlantState,
+        reading: Reading,
+        law: QuaternionFeedback,
+        diagnosis: DiagnosisMemory,
+        before: TolerantMemory,
+    ) -> TolerantMemory:
+        """The memory with the verdicts of this sample, and what is left by them."""
+
+    @abc.abstractmethod
+    def steady(self, memory: TolerantMemory, period: RealScalar) -> Float[Array, "3"]:
+        """What makes up for the torque (N m) that acts all the time."""
+
+    @abc.abstractmethod
+    def act(
+        self,
+        state: PlantState,
+        reading: Reading,
+        law: QuaternionFeedback,
+        demand: Demand,
+        before: TolerantMemory,
+        now: TolerantMemory,
+    ) -> tuple[Float[Array, " m"], TolerantMemory]:
+        """The command of each, and the memory of the next sample; `before` is that of the last."""
+
+    @abc.abstractmethod
+    def damping(
+        self, state: PlantState, law: QuaternionFeedback, memory: TolerantMemory
+    ) -> Float[Array, " m"]:
+        """Commands that damp the rate, of which none puts energy in."""
+
+    @abc.abstractmethod
+    def alone(self, memory: TolerantMemory) -> tuple[Bool[Array, ""], Int[Array, ""]]:
+        """Whether they settle with torques in a plane alone, and the `TolerantMode` of that."""
+
+    def changed(self, memory: TolerantMemory) -> Bool[Array, ""]:
+        """Whether something has failed."""
+        return jnp.any(memory.diagnosis.condition.failed)
+
+    def stored(self, reading: Reading) -> Float[Array, "3"] | None:
+        """The momentum (N m s) that they hold relative to the body; None for none ever."""
+        del reading
+
+    def slowed(
+        self, state: PlantState, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory
+    ) -> QuaternionFeedback:
+        """The law with the rate at which a slew gives them no more momentum than they can hold."""
+        del state, reading, memory
+        return law
+
+    def probing(
+        self, law: QuaternionFeedback, memory: TolerantMemory
+    ) -> tuple[Bool[Array, ""], RealScalar]:
+        """Whether test pulses of failed actuators are due, and the time since the last (s)."""
+        probe = memory.probe + law.period
+        interval = PROBE_INTERVAL / law.natural_frequency
+        due = (probe >= interval) & ~memory.diagnosis.alarmed
+        return due, jnp.where(due, 0.0, probe)

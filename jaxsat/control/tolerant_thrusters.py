@@ -1,0 +1,229 @@
+"""Thrusters under the fault-tolerant law: reallocated, and in a plane flown by three slews."""
+
+from typing import NamedTuple, cast
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from jaxsat.control.diagnosis import DiagnosisMemory, Reading, ThrusterFilter
+from jaxsat.control.leaks import LeakMemory, Leaks
+from jaxsat.control.least_squares import Fit
+from jaxsat.control.pulse_rounding import PulseRounding
+from jaxsat.control.quaternion_feedback import QuaternionFeedback
+from jaxsat.control.reconfiguration import Ability, Left, Reconfiguration
+from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
+from jaxsat.control.tolerant_actuators import (
+    AbstractTolerantActuators,
+    Demand,
+    TolerantMemory,
+    TolerantMode,
+)
+from jaxsat.core.checks import as_float
+from jaxsat.core.trees import choose
+from jaxsat.spacecraft.dynamics import PlantState
+
+RealScalar = Float[Array, ""]
+
+TEST_PERIODS = 3
+"""Control periods from the test pulse of one thruster to that of the next, during an alarm."""
+
+QUIET_SIGMAS = 4.0
+"""A rate about a thruster's torque within so many sigmas of the noise is not damped."""
+
+FIRST_PHASE = TolerantMode.STOPPING - Phase.STOPPING
+
+
+class ThrusterLawMemory(NamedTuple):
+    """Of the laws in a plane, of leaks and of the modulator.
+
+    `spill` (s) is what of the commanded on-times reaches into the next period, `owed` (N m s) what
+    whole pulses have left out so far.
+    """
+
+    settling: SettlingMemory | None
+    leaking: LeakMemory
+    modulation: PyTree
+    spill: Float[Array, " m"]
+    owed: Float[Array, "3"]
+
+
+class SettlingLaws(eqx.Module):
+    """Laws of two torques, one for each plane that failures leave.
+
+    The arrays of `laws` have a leading axis. `of_set` (sets,) is the number of the law of each
+    failed set, `directions` (laws, 3, 2) are the axes about which the laws command.
+    """
+
+    laws: ThreeSlewSettling
+    of_set: Int[Array, " sets"]
+    directions: Float[Array, "laws 3 2"] = eqx.field(converter=as_float)
+    leaks: Leaks
+
+    def at(self, number: Int[Array, ""]) -> tuple[ThreeSlewSettling, Float[Array, "3 2"], Leaks]:
+        """The law of a failed set, and its directions."""
+        place = self.of_set[number]
+        law, leaks = jax.tree.map(lambda x: x[place], (self.laws, self.leaks))
+        return law, self.directions[place], leaks
+
+
+class TolerantThrusters(AbstractTolerantActuators):
+    """Thrusters, whose command is the duty of each.
+
+    Isolated thrusters are left out, and what they make all the time is fed forward. Where torques
+    of either sign are left in a plane, `settling` has the law of three slews in the normal form of
+    that plane; else rates are damped by whatever thruster takes energy out. During an alarm the
+    suspect and its rivals in turn give test pulses. Thrusters that have failed do now and then, so
+    that one that works again is seen.
+    """
+
+    filter: ThrusterFilter
+    reconfiguration: Reconfiguration
+    rounding: PulseRounding
+    settling: SettlingLaws | None
+
+    def init(
+        self, state: PlantState, reading: Reading, diagnosis: DiagnosisMemory
+    ) -> TolerantMemory:
+        """All thrusters work."""
+        del reading
+        thrusters = self.filter.thrusters
+        zero = jnp.zeros(thrusters.count, state.omega.dtype)
+        own = ThrusterLawMemory(
+            None if self.settling is None else self.settling.at(jnp.array(0))[0].init(state),
+            LeakMemory.none(thrusters.count),
+            thrusters.modulation.init(thrusters.count),
+            zero,
+            jnp.zeros(3, state.omega.dtype),
+        )
+        return TolerantMemory(diagnosis, Ability.whole(thrusters.count), zero, zero[0], own)
+
+    def needed(self, memory: TolerantMemory) -> Bool[Array, " m"]:
+        """Those without which less than three axes is left, or a set without a table."""
+        return self.reconfiguration.needed(memory.diagnosis.condition.failed)
+
+    def able(
+        self,
+        state: PlantState,
+        reading: Reading,
+        law: QuaternionFeedback,
+        diagnosis: DiagnosisMemory,
+        before: TolerantMemory,
+    ) -> TolerantMemory:
+        """With what the tables of failed sets, weak thrusters and flows leave."""
+        del state, reading, law
+        ability = self.reconfiguration.find(diagnosis.condition, before.ability)
+        return before._replace(diagnosis=diagnosis, ability=ability)
+
+    def steady(self, memory: TolerantMemory, period: RealScalar) -> Float[Array, "3"]:
+        """Against what failed thrusters make all the time, and what acts from outside, N m."""
+        condition = memory.diagnosis.condition
+        besides = self.filter.believed(condition, period)
+        return -(self.filter.thrusters.torque @ condition.flow + besides)
+
+    def act(
+        self,
+        state: PlantState,
+        reading: Reading,
+        law: QuaternionFeedback,
+        demand: Demand,
+        before: TolerantMemory,
+        now: TolerantMemory,
+    ) -> tuple[Float[Array, " m"], TolerantMemory]:
+        """The duty of each thruster."""
+        del reading
+        thrusters, period, three = self.filter.thrusters, law.period, demand.three
+        limit, own = now.ability.limit, before.own
+        plane, _ = self.alone(now)
+        plane = plane & ~three
+        torque, steady, settling, leaking = self._in_plane(state, demand, plane, before, now)
+        owed = jnp.where(three, own.owed, 0.0)
+        thrust = self.reconfiguration.allocate(limit, torque + owed / period, steady)
+        duty = thrust / jnp.where(limit > 0, limit, 1.0)
+        whole = self.rounding(limit, duty, period)
+        owed = period * (thrusters.torque @ (limit * (duty - whole)))
+        duty = jnp.where(three, whole, duty)
+        if self.settling is not None and settling is not None:
+            leaks, fit = self.settling.at(now.ability.number)[2], cast(Fit, settling.estimator.fit)
+            wanted = cast(RealScalar, settling.push)
+            pushed, leaking = leaks.push(fit, wanted, duty, limit, period, leaking)
+            duty = jnp.where(plane, pushed, duty)
+        duty = jnp.where(three | plane, duty, self.damping(state, law, now))
+        due, probe = self.probing(law, now)
+        tested = (now.diagnosis.may_return & due) | in_turn(now.diagnosis, period)
+        test = now.diagnosis.test_command(self.filter, period)
+        duty = jnp.where(tested, jnp.maximum(duty, test), duty)
+        on_time, spill, modulation = thrusters.on_times(duty, own.modulation, period)
+        own = ThrusterLawMemory(settling, leaking, modulation, spill, owed)
+        return duty, now._replace(commanded=before.own.spill + on_time, probe=probe, own=own)
+
+    def _in_plane(
+        self,
+        state: PlantState,
+        demand: Demand,
+        plane: Bool[Array, ""],
+        before: TolerantMemory,
+        now: TolerantMemory,
+    ) -> tuple[Float[Array, "3"], Float[Array, "3"], SettlingMemory | None, LeakMemory]:
+        """Torque and steady torque (N m) with those of the law of a plane, and its memories."""
+        settling, leaking = before.own.settling, before.own.leaking
+        if self.settling is None or settling is None:
+            return demand.torque, demand.steady, settling, leaking
+        number, left, limit = now.ability
+        changed = (number != before.ability.number) | (left != before.ability.left)
+        begins = (left == Left.PLANE) & changed
+        law, directions, leaks = self.settling.at(number)
+        settling = choose(begins, law.init(state), settling)
+        leaking = choose(begins, LeakMemory.none(self.filter.count), leaking)
+        on_time = now.diagnosis.condition.part * before.commanded
+        aid = leaks.aid(leaking, on_time, settling.fine.late)
+        given = jnp.zeros_like(settling.phase)
+        command, settling = law.in_phase(state, settling, given, aid)
+        fit = cast(Fit, settling.estimator.fit)
+        leaking = jax.lax.cond(
+            (left == Left.PLANE) & (fit.samples == 0),
+            lambda: leaks.found(fit, limit, leaking),
+            lambda: leaking,
+        )
+        beside = self.reconfiguration.beside_plane(limit, demand.steady, directions)
+        torque = jnp.where(plane, directions @ command, demand.torque)
+        return torque, jnp.where(plane, beside, demand.steady), settling, leaking
+
+    def damping(
+        self, state: PlantState, law: QuaternionFeedback, memory: TolerantMemory
+    ) -> Float[Array, " m"]:
+        """The duty of each thruster against the rate about its own torque."""
+        torque = self.reconfiguration.torque
+        size = jnp.sqrt(jnp.sum(torque**2, axis=0))
+        units = torque / size[None]
+        inverse = law.model.spacecraft.inverse_inertia
+        inertia = 1 / jnp.sum(units * (inverse @ units), axis=0)
+        rate = -jnp.sum(units * state.omega[:, None], axis=0)
+        above = jnp.maximum(rate - QUIET_SIGMAS * self.filter.rate_noise, 0.0)
+        pull = 2 * law.damping * law.natural_frequency
+        duty = jnp.minimum(pull * inertia * above / size, 1.0)
+        return jnp.where(memory.diagnosis.condition.failed, 0.0, duty)
+
+    def alone(self, memory: TolerantMemory) -> tuple[Bool[Array, ""], Int[Array, ""]]:
+        """By the law of three slews, in its phase."""
+        settling = memory.own.settling
+        if self.settling is None or settling is None:
+            return jnp.array(False), jnp.array(int(TolerantMode.DAMPING))
+        plane = memory.ability.left == Left.PLANE
+        return plane, FIRST_PHASE + self.settling.laws.mode(settling)
+
+
+def in_turn(diagnosis: DiagnosisMemory, period: RealScalar) -> Bool[Array, " m"]:
+    """During an alarm the suspect and each of its rivals in turn are tested, one by one."""
+    rivals = jnp.arange(diagnosis.rival.shape[0]) != diagnosis.suspect
+    rivals = rivals & diagnosis.rival
+    place = jnp.cumsum(rivals) - 1
+    sample = jnp.round(diagnosis.age / period).astype(int)
+    test = sample // TEST_PERIODS
+    turn = place == test // 2 % jnp.maximum(jnp.sum(rivals), 1)
+    suspected = ~rivals & diagnosis.rival
+    alone = ~jnp.any(rivals)
+    tested = jnp.where((test % 2 == 0) | alone, suspected, rivals & turn)
+    now = diagnosis.alarmed & (sample % TEST_PERIODS == 0) & (test > 0)
+    return now & tested

@@ -1,0 +1,239 @@
+"""Reaction wheels under the fault-tolerant law: reallocated, down to two."""
+
+import dataclasses
+from typing import NamedTuple, cast
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.control.diagnosis import MOST_RETURNS, DiagnosisMemory, Reading, WheelFilter
+from jaxsat.control.quaternion_feedback import QuaternionFeedback
+from jaxsat.control.reconfiguration import Left
+from jaxsat.control.tolerant_actuators import (
+    AbstractTolerantActuators,
+    Demand,
+    TolerantMemory,
+    TolerantMode,
+)
+from jaxsat.control.two_wheels import TwoWheels
+from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.spacecraft.dynamics import PlantState
+
+RealScalar = Float[Array, ""]
+OfEach = Float[Array, " m"]
+
+UNLOADING = 0.2
+"""Times the natural frequency: rate at which momentum without effect on the body is taken out."""
+
+TURNING, SLOWLY = 2e-3, 0.5
+"""Times the natural frequency: with two wheels, the rate that momentum about the axis without a
+wheel leaves, above which no attitude is asked for; and below which part of that one is again."""
+
+SMOOTHING = 1.0
+"""Times the natural frequency: how fast the estimate of that rate follows at rest."""
+
+INERTIA_ERROR = 0.1
+"""Of the momentum of a body: how well the law knows it."""
+
+SMALLEST = 1e-30
+"""Keeps a quotient of two zeros finite."""
+
+
+class WheelLawMemory(NamedTuple):
+    """The last `command` (N m) of each wheel, and the rate that two wheels would leave.
+
+    `sign` is that of the next test pulse. `turning` (rad/s) is the rate about the axis without a
+    wheel that two wheels would leave, and `rests` tells whether that counts as none.
+    """
+
+    command: OfEach
+    sign: RealScalar
+    turning: RealScalar
+    rests: Bool[Array, ""]
+
+
+class TolerantWheels(AbstractTolerantActuators):
+    """Reaction wheels, whose command is the torque of each on the body, N m.
+
+    Two of them settle all axes by `two_wheels` where no momentum about the third is left; else
+    rates are damped, which takes energy out whatever is left. `known` tells which had failed before
+    the start. Commands act `delay` (s) late.
+    """
+
+    filter: WheelFilter
+    two_wheels: TwoWheels
+    known: Bool[Array, " m"]
+    delay: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_positive("delay", self.delay, zero_allowed=True)
+
+    @property
+    def allocation(self) -> WheelAllocation:
+        """How a torque is shared among the wheels that are used."""
+        return WheelAllocation(self.filter)
+
+    def init(
+        self, state: PlantState, reading: Reading, diagnosis: DiagnosisMemory
+    ) -> TolerantMemory:
+        """All wheels work but those that are known to have failed."""
+        del state
+        momentum = cast(OfEach, reading.momentum)
+        condition = diagnosis.condition
+        condition = condition._replace(
+            failed=self.known, part=jnp.where(self.known, 0.0, condition.part)
+        )
+        diagnosis = diagnosis._replace(
+            condition=condition, returns=jnp.where(self.known, MOST_RETURNS, diagnosis.returns)
+        )
+        zero = jnp.zeros_like(momentum)
+        ability = self.allocation.find(condition, momentum)
+        own = WheelLawMemory(zero, zero[0] + 1, zero[0], zero[0] == 0)
+        return TolerantMemory(diagnosis, ability, zero, zero[0], own)
+
+    def needed(self, memory: TolerantMemory) -> Bool[Array, " m"]:
+        """All."""
+        return jnp.ones_like(memory.diagnosis.condition.failed)
+
+    def changed(self, memory: TolerantMemory) -> Bool[Array, ""]:
+        """Whether something has failed, also a wheel that stays in service."""
+        return jnp.any((memory.diagnosis.kind >= 0) | self.known)
+
+    def stored(self, reading: Reading) -> Float[Array, "3"]:
+        """The momentum of the wheels with that of rotors which turn with the body, N m s."""
+        return self.filter.wheels.axes @ self._inertial_momentum(reading)
+
+    def able(
+        self,
+        state: PlantState,
+        reading: Reading,
+        law: QuaternionFeedback,
+        diagnosis: DiagnosisMemory,
+        before: TolerantMemory,
+    ) -> TolerantMemory:
+        """With what the wheels in use make together, and whether two of them settle."""
+        momentum = cast(OfEach, reading.momentum)
+        wheeled = self.allocation.find(diagnosis.condition, momentum, before.ability)
+        own = self._turning(state, self._inertial_momentum(reading), wheeled, law, before)
+        return before._replace(diagnosis=diagnosis, ability=wheeled, own=own)
+
+    def steady(self, memory: TolerantMemory, period: RealScalar) -> Float[Array, "3"]:
+        """Nothing: what brakes a wheel is made up for by its own command."""
+        del memory, period
+        return jnp.zeros(3)
+
+    def act(
+        self,
+        state: PlantState,
+        reading: Reading,
+        law: QuaternionFeedback,
+        demand: Demand,
+        before: TolerantMemory,
+        now: TolerantMemory,
+    ) -> tuple[OfEach, TolerantMemory]:
+        """The torque of each wheel on the body, N m."""
+        momentum, wheeled = cast(OfEach, reading.momentum), now.ability
+        by_two, _ = self.alone(now)
+        by_two = by_two & ~demand.three
+        plane = (wheeled.left == Left.PLANE) & ~demand.three
+        torque = jnp.where(plane, self._by_two(state, reading, law, wheeled), demand.torque)
+        unloading = UNLOADING * law.natural_frequency
+        shared = self.allocation.torques(wheeled, torque, momentum, unloading)
+        shared = jnp.where(demand.three | by_two, shared, self.damping(state, law, now))
+        pulse, probe = self._pulses(law, now)
+        shared = shared + jnp.where(jnp.abs(shared) < jnp.abs(pulse), pulse, 0.0)
+        torques = self.allocation.commands(now.diagnosis.condition, momentum, shared)
+        command = jnp.where(wheeled.working, torques, pulse)
+        late = self.delay * before.own.command + (law.period - self.delay) * command
+        own = now.own._replace(command=command, sign=-now.own.sign)
+        return command, now._replace(commanded=late, probe=probe, own=own)
+
+    def _inertial_momentum(self, reading: Reading) -> OfEach:
+        """h + J_w aᵀω (N m s): with the inertia of the body without rotors, which the model has, it
+        makes up the total momentum, and motor and friction alone change it."""
+        wheels, momentum = self.filter.wheels, cast(OfEach, reading.momentum)
+        if wheels.rotor_inertia is None:
+            return momentum
+        return momentum + wheels.rotor_inertia * (wheels.axes.T @ reading.rate)
+
+    def slowed(
+        self, state: PlantState, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory
+    ) -> QuaternionFeedback:
+        """The law with the rate at which the momentum of the body fits into the wheels in use."""
+        wheeled, inertia = memory.ability, law.model.spacecraft.inertia
+        working = jnp.where(wheeled.working, self._inertial_momentum(reading), 0.0)
+        held = inertia @ state.omega + self.filter.wheels.axes @ working
+        free = self.allocation.largest_momentum(wheeled, held)
+        if free is None:
+            return law
+        most = free / jnp.sqrt(jnp.sum(inertia**2))
+        return dataclasses.replace(law, max_rate=jnp.minimum(law.max_rate, most))
+
+    def _by_two(
+        self, state: PlantState, reading: Reading, law: QuaternionFeedback, wheeled: Wheeled
+    ) -> Float[Array, "3"]:
+        """The torque (N m) of two wheels, with the gyroscopic one."""
+        momentum = law.model.spacecraft.inertia @ state.omega + self.stored(reading)
+        torque = self.two_wheels.torque(state, wheeled.normal, law.natural_frequency, law.max_rate)
+        return torque + jnp.cross(state.omega, momentum)
+
+    def _turning(
+        self,
+        state: PlantState,
+        momentum: OfEach,
+        wheeled: Wheeled,
+        law: QuaternionFeedback,
+        before: TolerantMemory,
+    ) -> WheelLawMemory:
+        """The rate (rad/s) about the axis without a wheel that momentum would leave at the target
+        attitude, and whether it is slow enough to settle there.
+
+        With the total momentum H in the target's axes, n·Jω = n·(H - A h) of the wheels not in use.
+        Jω is known to within the uncertainty of the inertia: H is learnt while the body is slow.
+        """
+        model, axes, own = law.model, self.filter.wheels.axes, before.own
+        normal, inertia = wheeled.normal, model.spacecraft.inertia
+        total = inertia @ state.omega + axes @ momentum
+        into_body = state.attitude.as_dcm().matrix
+        coasting = axes @ jnp.where(wheeled.working, 0.0, momentum)
+        unit = model.spacecraft.momentum_unit
+        size = unit * jnp.sqrt(jnp.sum((inertia @ normal / unit) ** 2) + SMALLEST)
+        now = normal @ (into_body.T @ total - coasting) / size
+        limit = TURNING * law.natural_frequency
+        spin = jnp.sqrt(jnp.sum((inertia @ state.omega) ** 2)) / size
+        certain = 1 / (1 + (INERTIA_ERROR * spin / limit) ** 4)
+        follows = jnp.minimum(SMOOTHING * law.natural_frequency * law.period, 1.0)
+        changed = jnp.any(wheeled.working != before.ability.working)
+        follows = jnp.where(changed, 1.0, certain * follows)
+        turning = own.turning + follows * (now - own.turning)
+        limit = limit * jnp.where(own.rests & ~changed, 1.0, SLOWLY)
+        return own._replace(turning=turning, rests=jnp.abs(turning) < limit)
+
+    def damping(self, state: PlantState, law: QuaternionFeedback, memory: TolerantMemory) -> OfEach:
+        """Each wheel against the rate about its own axis (N m)."""
+        axes, usable = self.filter.wheels.axes, memory.ability.usable
+        inverse = law.model.spacecraft.inverse_inertia
+        inertia = 1 / jnp.sum(axes * (inverse @ axes), axis=0)
+        pull = 2 * law.damping * law.natural_frequency
+        return jnp.clip(-pull * inertia * (axes.T @ state.omega), -usable, usable)
+
+    def alone(self, memory: TolerantMemory) -> tuple[Bool[Array, ""], Int[Array, ""]]:
+        """By two wheels, where they leave no rate."""
+        rests = (memory.ability.left == Left.PLANE) & memory.own.rests
+        return rests, jnp.array(int(TolerantMode.TWO_WHEELS))
+
+    def _pulses(self, law: QuaternionFeedback, memory: TolerantMemory) -> tuple[OfEach, RealScalar]:
+        """Test torques (N m), of either sign in turn, and the time since the last one (s).
+
+        During an alarm they are of the wheels that explain the residuals; otherwise, now and then,
+        of those that may work again, and of those that are braked and may not turn any more.
+        """
+        diagnosis = memory.diagnosis
+        due, probe = self.probing(law, memory)
+        braked = ~diagnosis.condition.failed & (diagnosis.condition.flow > 0)
+        now_and_then = diagnosis.may_return | braked
+        tested = (now_and_then & due) | (diagnosis.rival & diagnosis.alarmed)
+        test = memory.own.sign * diagnosis.test_command(self.filter, law.period)
+        return jnp.where(tested, test, 0.0), probe
