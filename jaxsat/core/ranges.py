@@ -52,7 +52,7 @@ DIPOLE_LIMIT = Range(1e-9, 1e6)
 """Residual magnetic dipoles, A m²."""
 
 LENGTH = Range(-1e3, 1e3)
-"""From the centre of mass to a centre of pressure, m."""
+"""From the centre of mass, m."""
 
 TURN = Range(-6.283185307179587, 6.283185307179587)
 """Angles of an orbit, rad."""

@@ -18,10 +18,11 @@ from pydantic import (
 )
 from pydantic.types import Strict
 
+import jaxsat.core.declaration as declaration
 from jaxsat.core.declaration import LARGEST, Choice, Key, Numeric
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.inertia import require_known_inertia
-from jaxsat.core.ranges import MOMENT, PRODUCT, ROTATION, SECONDS, Range
+from jaxsat.core.ranges import LENGTH, MOMENT, PRODUCT, ROTATION, SECONDS, Range
 
 _UNPRINTABLE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufdd0-\ufdef\ufffe\uffff]"
@@ -123,11 +124,8 @@ def _direction(value: tuple) -> tuple:
     return value
 
 
-POSITION = Range(-1e3, 1e3)
-"""From the centre of mass, m."""
-
 Direction = Annotated[Vector3, AfterValidator(_direction)]
-Position3 = Annotated[tuple[Annotated[Number, within(POSITION)], ...], Len(3, 3)]
+Position3 = Annotated[tuple[Annotated[Number, within(LENGTH)], ...], Len(3, 3)]
 Rotation3 = Annotated[tuple[Annotated[Number, within(ROTATION)], ...], Len(3, 3)]
 Time = Annotated[Number, Ge(0), Le(SECONDS.high)]
 
@@ -193,6 +191,8 @@ def _annotation(key: Key) -> Any:
         kind: Any = _numeric(key.kind)
     elif isinstance(key.kind, Choice):
         kind = Literal[key.kind.among]
+    elif isinstance(key.kind, declaration.Direction):
+        kind = Direction
     else:
         kind = Switch
     return kind | None if key.default is None else kind

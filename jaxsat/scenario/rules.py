@@ -103,6 +103,15 @@ def _findings(law: Law, declared: declaration.Rule, values: Values) -> Iterator[
     yield from issues
 
 
+def declared_rule(declared: declaration.Rule) -> ScenarioRule:
+    """What one of jaxsat's parts declares, as a rule of a scenario."""
+
+    def check(values: Values) -> Iterator[Issue]:
+        return (at(*one) for one in declared.check(*(values[key] for key in declared.keys)))
+
+    return ScenarioRule(declared.keys, check)
+
+
 def _in_order(low: str, high: str, values: Values) -> Iterator[Issue]:
     one, other = values[f"control.{low}"], values[f"control.{high}"]
     if None not in (one, other) and one > other:
@@ -138,5 +147,6 @@ def sampled_laws() -> str:
 
 
 def at(key: str, message: str, missing: bool = False) -> Issue:
-    """An issue at a dotted key."""
-    return Issue(tuple(key.split(".")), message, (), missing)
+    """An issue at a dotted key; the tables of an array have numbers from 0."""
+    location = tuple(int(part) if part.isdecimal() else part for part in key.split("."))
+    return Issue(location, message, (), missing)

@@ -13,6 +13,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.laws import Law
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
 from jaxsat.scenario.control import ControlTable
@@ -20,9 +21,8 @@ from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.disturbances import DisturbanceTable, PanelTable
 from jaxsat.scenario.parts.failures import FailureTable
-from jaxsat.scenario.parts.magnetorquers import UnloadingTable
 from jaxsat.scenario.parts.named import ActuatorsOfAKind
-from jaxsat.scenario.parts.registry import ACTUATORS
+from jaxsat.scenario.parts.registry import TABLES
 from jaxsat.scenario.parts.sensors import (
     EstimatorOfAKind,
     GyroTable,
@@ -30,6 +30,7 @@ from jaxsat.scenario.parts.sensors import (
     StarTrackerTable,
 )
 from jaxsat.scenario.parts.thrusters import ModulationTable
+from jaxsat.scenario.parts.unloading import UnloadingTable
 from jaxsat.scenario.quantities import Line, ScenarioTable, Text, choice, table_with
 from jaxsat.scenario.rules import broken_rules
 from jaxsat.scenario.tables import (
@@ -55,7 +56,7 @@ class _Body(ScenarioTable):
 
 
 _ACTUATORS = {
-    one.name: (Annotated[tuple[one.table, ...], Len(0, one.most)], choice(one.meaning, ()))
+    one.name: (Annotated[tuple[TABLES[one.name], ...], Len(0, one.most)], choice(one.meaning, ()))
     for one in ACTUATORS
 }
 

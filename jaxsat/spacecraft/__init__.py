@@ -1,7 +1,9 @@
 """The spacecraft: inertia, thrusters and what is left of them after failures, wheels,
 magnetorquers, sensors."""
 
-from jaxsat.core.declaration.failures import FailureKind, GimbalFailureKind, WheelFailureKind
+from jaxsat.core.declaration.failures import FailureKind
+from jaxsat.core.declaration.gimbals import GimbalFailureKind
+from jaxsat.core.declaration.wheels import WheelFailureKind
 from jaxsat.spacecraft.actuators import (
     AbstractActuators,
     AbstractSmoothActuators,

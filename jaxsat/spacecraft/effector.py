@@ -19,7 +19,8 @@ is what it can do now, which is all that allocation and controllability know of 
 """
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -27,6 +28,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.core.declaration.failures import AbstractFailureKind
+from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.spacecraft.environment.orbit import CircularOrbit
 from jaxsat.spacecraft.spacecraft import PlantState
 
@@ -76,7 +79,7 @@ class AbstractEffector(eqx.Module):
     """A set of `count` devices of one `kind`, each of which has one number as its command.
 
     What a kind does not have, a state, modes, edges, corners, it need not define. One that a
-    scenario can have is declared in `jaxsat.scenario.parts`, and has a class method
+    scenario can have is declared in `jaxsat.core.declaration`, and has a class method
     `from_tables(tables, context)`, which gives the effector and its state at the start, of checked
     tables and an `EffectorContext`.
     """
@@ -86,6 +89,9 @@ class AbstractEffector(eqx.Module):
 
     columns_change: ClassVar[bool] = False
     """Whether the columns of its reach change with time, attitude or its own state."""
+
+    dispersible: ClassVar[Mapping[str, Dispersible]] = MappingProxyType({})
+    """What the quantities change that its declaration names as dispersible."""
 
     failures: eqx.AbstractVar[Any]
     """`AbstractFailures` of its kind, None for none in flight."""
@@ -128,6 +134,12 @@ class AbstractEffector(eqx.Module):
     def failure_times(self) -> Float[Array, " f"]:
         """When each failure strikes, s."""
         return jnp.zeros(0) if self.failures is None else self.failures.at
+
+    def last_drawn_kind(self, sampled: bool) -> AbstractFailureKind | None:
+        """The last kind of failure that a study may draw, under a `sampled` law or a continuous
+        one; None for all that its declaration names."""
+        del sampled
+        return None
 
     def blow(self, state: PyTree, struck: Bool[Array, " f"]) -> Effect:
         """What the body gets at once where these failures have struck."""

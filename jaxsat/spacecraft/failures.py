@@ -1,12 +1,12 @@
 """What happens to a thruster in flight: failures as events at a time."""
 
-import abc
 import dataclasses
 from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.checks import as_float, as_optional_float
@@ -48,15 +48,22 @@ class AbstractFailures(eqx.Module):
     lets a study draw them. A time of infinity is never.
     """
 
+    part: ClassVar[str]
+    """What fails, as tables call it; the field of its number has that name."""
+
     kinds: ClassVar[type[AbstractFailureKind]]
     at: eqx.AbstractVar[Float[Array, " f"]]
     kind: eqx.AbstractVar[Float[Array, " f"]]
     amount: eqx.AbstractVar[Float[Array, " f"]]
 
     @property
-    @abc.abstractmethod
     def number(self) -> Float[Array, " f"]:
         """That of the actuator which each strikes."""
+        return getattr(self, self.part)
+
+    def largest_amount(self) -> np.ndarray:
+        """The most that a study may draw as the amount of each: all of what it is a part of."""
+        return np.ones(self.count)
 
     @classmethod
     def of_tables(cls, failures: Sequence[tuple[int, Any]]) -> Any:
@@ -109,6 +116,7 @@ class FailureEvents(AbstractFailures):
     but for the kinds `ONE_WAY`.
     """
 
+    part: ClassVar[str] = "thruster"
     kinds: ClassVar[type[AbstractFailureKind]] = FailureKind
 
     thruster: Float[Array, " f"] = eqx.field(converter=as_float)
@@ -117,11 +125,6 @@ class FailureEvents(AbstractFailures):
     amount: Float[Array, " f"] = eqx.field(converter=as_float)
     turned: Float[Array, "f 3 m"] = eqx.field(converter=as_float)
     partner: Float[Array, " m"] | None = eqx.field(converter=as_optional_float, default=None)
-
-    @property
-    def number(self) -> Float[Array, " f"]:
-        """That of the thruster which each strikes."""
-        return self.thruster
 
     def hit(self, event: int, count: int) -> Bool[Array, " m"]:
         """Which thrusters an event strikes, each way of a two-sided one on its own."""

@@ -11,7 +11,7 @@ dH/dt = -H / T. The inertia of the spacecraft has rotors and gimbals in it, and 
 the angles; gimbals follow their commands at once, within a limit of their rates.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
@@ -20,19 +20,20 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
-from jaxsat.core.declaration.failures import AbstractFailureKind, GimbalFailureKind
+from jaxsat.core.declaration.failures import AbstractFailureKind
+from jaxsat.core.declaration.gimbals import ACROSS, GimbalFailureKind
 from jaxsat.core.errors import ArgumentError
+from jaxsat.core.ranges import SECONDS, WHEEL_MOMENTUM
 from jaxsat.spacecraft.axes import of_each, unit_axes
+from jaxsat.spacecraft.dispersible import Dispersible, Limits
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.failures import AbstractFailures
-
-ACROSS = 1e-6
-"""The cosine between a gimbal axis and its spin axis that counts as zero."""
 
 
 class GimbalFailures(AbstractFailures):
     """Failures of gyro number `gimbal`, of a `GimbalFailureKind`."""
 
+    part: ClassVar[str] = "gimbal"
     kinds: ClassVar[type[AbstractFailureKind]] = GimbalFailureKind
 
     gimbal: Float[Array, " f"] = eqx.field(converter=as_float)
@@ -40,10 +41,9 @@ class GimbalFailures(AbstractFailures):
     kind: Float[Array, " f"] = eqx.field(converter=as_float)
     amount: Float[Array, " f"] = eqx.field(converter=as_float)
 
-    @property
-    def number(self) -> Float[Array, " f"]:
-        """That of the gyro which each strikes."""
-        return self.gimbal
+    def largest_amount(self) -> np.ndarray:
+        """Times of any length."""
+        return np.full(self.count, SECONDS.high)
 
     def condition(
         self, struck: Bool[Array, " f"], count: int
@@ -69,6 +69,10 @@ class GyroPiece(NamedTuple):
     slowing: Float[Array, " k"]
 
 
+def _with_rotor_momentum(one: "ControlMomentGyros", state: GyroStates, change: Array):
+    return one, GyroStates(state.angle, state.momentum * (1 + change))
+
+
 class ControlMomentGyros(AbstractEffector):
     """k single-gimbal control moment gyros, each of which is commanded a gimbal rate, rad/s.
 
@@ -81,6 +85,11 @@ class ControlMomentGyros(AbstractEffector):
 
     kind: ClassVar[str] = "gimbal"
     columns_change: ClassVar[bool] = True
+    dispersible: ClassVar[Mapping[str, Dispersible]] = {
+        "rotor_momentum": Dispersible(
+            _with_rotor_momentum, lambda one: Limits.of_change(WHEEL_MOMENTUM, one.rotor_momentum)
+        )
+    }
 
     gimbal_axes: Float[Array, "3 k"]
     spin_axes: Float[Array, "3 k"]

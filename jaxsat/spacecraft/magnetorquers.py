@@ -1,6 +1,6 @@
 """Magnetorquers: coils or rods whose magnetic dipole turns the body in the Earth's field."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -11,7 +11,9 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration.failures import AbstractFailureKind, FailureKind
+from jaxsat.core.ranges import DIPOLE_LIMIT, MISALIGNMENT
 from jaxsat.spacecraft.axes import of_each, turned_axes, unit_axes
+from jaxsat.spacecraft.dispersible import Dispersible, Limits
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.environment.magnetic_field import DipoleField
 from jaxsat.spacecraft.failures import AbstractFailures
@@ -24,6 +26,7 @@ class MagnetorquerFailures(AbstractFailures):
     from -1 to 1 where one is stuck.
     """
 
+    part: ClassVar[str] = "magnetorquer"
     kinds: ClassVar[type[AbstractFailureKind]] = FailureKind
 
     magnetorquer: Float[Array, " f"] = eqx.field(converter=as_float)
@@ -31,16 +34,19 @@ class MagnetorquerFailures(AbstractFailures):
     kind: Float[Array, " f"] = eqx.field(converter=as_float)
     amount: Float[Array, " f"] = eqx.field(converter=as_float)
 
-    @property
-    def number(self) -> Float[Array, " f"]:
-        """That of the magnetorquer which each strikes."""
-        return self.magnetorquer
-
     def two_signed(
         self, struck: Bool[Array, " f"], count: int
     ) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
         """State of so many magnetorquers: their dipole is `gain` x commanded + `level` x limit."""
         return self.last(struck, count).two_signed()
+
+
+def _with_dipole_limit(one: "Magnetorquers", state: None, change: Array):
+    return eqx.tree_at(lambda one: one.dipole_limit, one, one.dipole_limit * (1 + change)), state
+
+
+def _misaligned(one: "Magnetorquers", state: None, angles: Array):
+    return one.misaligned(angles.reshape(one.count, 2)), state
 
 
 class Magnetorquers(AbstractEffector):
@@ -53,6 +59,14 @@ class Magnetorquers(AbstractEffector):
 
     kind: ClassVar[str] = "magnetorquer"
     columns_change: ClassVar[bool] = True
+    dispersible: ClassVar[Mapping[str, Dispersible]] = {
+        "dipole_limit": Dispersible(
+            _with_dipole_limit, lambda one: Limits.of_change(DIPOLE_LIMIT, one.dipole_limit)
+        ),
+        "magnetorquer_misalignment": Dispersible(
+            _misaligned, lambda one: Limits.between(MISALIGNMENT), each=2
+        ),
+    }
 
     axes: Float[Array, "3 k"]
     dipole_limit: Float[Array, " k"]

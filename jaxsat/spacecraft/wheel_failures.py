@@ -8,13 +8,16 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.checks import as_float, concrete
-from jaxsat.core.declaration.failures import AbstractFailureKind, WheelFailureKind
+from jaxsat.core.declaration.failures import AbstractFailureKind
+from jaxsat.core.declaration.wheels import WheelFailureKind
+from jaxsat.core.ranges import FRICTION
 from jaxsat.spacecraft.failures import AbstractFailures
 
 
 class WheelFailures(AbstractFailures):
     """Failures of wheel number `wheel`, of a `WheelFailureKind`."""
 
+    part: ClassVar[str] = "wheel"
     kinds: ClassVar[type[AbstractFailureKind]] = WheelFailureKind
 
     wheel: Float[Array, " f"] = eqx.field(converter=as_float)
@@ -22,10 +25,13 @@ class WheelFailures(AbstractFailures):
     kind: Float[Array, " f"] = eqx.field(converter=as_float)
     amount: Float[Array, " f"] = eqx.field(converter=as_float)
 
-    @property
-    def number(self) -> Float[Array, " f"]:
-        """That of the wheel which each strikes."""
-        return self.wheel
+    def largest_amount(self) -> np.ndarray:
+        """As much friction as a wheel may have, else all of its torque."""
+        kinds = concrete(self.kind)
+        if kinds is None:
+            return super().largest_amount()
+        friction = (WheelFailureKind.FRICTION_BY, WheelFailureKind.FRICTION_TO)
+        return np.where(np.isin(np.rint(kinds), friction), FRICTION.high, 1.0)
 
     def condition(self, struck: Bool[Array, " f"], wheels: int) -> "WheelCondition":
         """State of so many wheels once those events have struck."""

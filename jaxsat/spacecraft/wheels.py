@@ -12,8 +12,8 @@ their mode; `jaxsat.spacecraft.wheel_motion` has it, and in closed form when tha
 does not depend on the body.
 """
 
-from collections.abc import Sequence
-from typing import Any, ClassVar
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -22,10 +22,12 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float, concrete, require_finite, require_positive
-from jaxsat.core.declaration.failures import WheelFailureKind
+from jaxsat.core.declaration.wheels import WheelFailureKind
 from jaxsat.core.errors import ArgumentError
+from jaxsat.core.ranges import MOMENT, TORQUE
 from jaxsat.spacecraft import wheel_motion
 from jaxsat.spacecraft.axes import of_each, unit_axes
+from jaxsat.spacecraft.dispersible import Dispersible, Limits
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.wheel_failures import WheelFailures
 from jaxsat.spacecraft.wheel_motion import WheelPiece, WheelStates, first_states
@@ -43,6 +45,23 @@ class WheelMomenta(eqx.Module):
     momentum: Float[Array, " wheels"] = eqx.field(converter=as_float)
 
 
+def _with_rotor_inertia(one: "Wheels", state: WheelMomenta, change: Array):
+    inertia = cast(Array, one.rotor_inertia) * (1 + change)
+    return eqx.tree_at(lambda one: one.rotor_inertia, one, inertia), state
+
+
+def _with_momentum(one: "Wheels", state: WheelMomenta, momentum: Array):
+    del state
+    return one, WheelMomenta(momentum)
+
+
+def _momentum_limits(one: "Wheels") -> Limits:
+    """Up to the limit of each wheel that has one."""
+    limit = as_float(TORQUE.high) if one.momentum_limit is None else one.momentum_limit
+    largest = jnp.minimum(limit, TORQUE.high)
+    return Limits(-largest, largest)
+
+
 class Wheels(AbstractEffector):
     """Reaction wheels along any axes, of shape (3, wheels) in body axes, scaled to unit length.
 
@@ -55,6 +74,16 @@ class Wheels(AbstractEffector):
     """
 
     kind: ClassVar[str] = "wheel"
+    dispersible: ClassVar[Mapping[str, Dispersible]] = {
+        "rotor_inertia": Dispersible(
+            _with_rotor_inertia,
+            lambda one: Limits.of_change(MOMENT, one.rotor_inertia),
+            obstacle=lambda one: (
+                "no wheel has a rotor inertia" if one.rotor_inertia is None else None
+            ),
+        ),
+        "wheel_momentum": Dispersible(_with_momentum, _momentum_limits),
+    }
 
     axes: Float[Array, "3 wheels"]
     torque_limit: Float[Array, " wheels"] | None
@@ -323,6 +352,15 @@ class Wheels(AbstractEffector):
             up = _for_span(self.momentum_limit + momentum, span)
             low, high = jnp.clip(low, -down, up), jnp.clip(high, -down, up)
         return Reach(self.axes, low, high)
+
+    def last_drawn_kind(self, sampled: bool) -> WheelFailureKind:
+        """One runs away only where all have a torque limit, and has Coulomb friction, whose kind is
+        before that, only under a sampled law."""
+        if not sampled:
+            return WheelFailureKind.FRICTION_BY
+        limits = None if self.torque_limit is None else concrete(self.torque_limit)
+        limited = limits is not None and bool(np.all(np.isfinite(limits)))
+        return WheelFailureKind.RUNAWAY if limited else WheelFailureKind.FRICTION_TO
 
     def without_corners(self) -> "Wheels":
         """The same without Coulomb friction and failures in flight."""

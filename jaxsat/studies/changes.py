@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, cast
+from typing import cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -18,7 +18,7 @@ from jaxsat.control import (
 from jaxsat.core.attitude import DCM, WZ, AbstractAttitude, Quaternion
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import parts_of
-from jaxsat.spacecraft import Spacecraft, WheelMomenta, Wheels
+from jaxsat.spacecraft import Spacecraft, Wheels
 from jaxsat.spacecraft.environment import (
     AbstractOrbit,
     ConstantTorque,
@@ -33,7 +33,6 @@ from jaxsat.studies.perturbed import (
     in_loop,
     map_parts,
     with_controller,
-    with_state,
 )
 
 LEAST_TORQUE = 1e-30
@@ -213,20 +212,6 @@ def set_attitude_error(perturbed: PerturbedLoop, rotation: Values) -> PerturbedL
 def set_omega(perturbed: PerturbedLoop, omega: Values) -> PerturbedLoop:
     """Another initial angular velocity, rad/s."""
     return perturbed._replace(start=dataclasses.replace(perturbed.start, omega=omega))
-
-
-def set_wheel_momentum(perturbed: PerturbedLoop, momentum: Values) -> PerturbedLoop:
-    """Other initial momenta of the wheels relative to the body, N m s."""
-    return with_state(perturbed, WheelMomenta, lambda _: WheelMomenta(momentum))
-
-
-def set_rotor_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """Relative changes of the inertia of each rotor; that of body and wheels stays."""
-
-    def inertia(loop) -> Any:
-        return cast(Wheels, loop.plant.find(Wheels)).rotor_inertia
-
-    return in_loop(perturbed, inertia, inertia(perturbed.loop) * (1 + change))
 
 
 def set_rate_error(perturbed: PerturbedLoop, error: Values) -> PerturbedLoop:

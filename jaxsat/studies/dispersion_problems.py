@@ -12,9 +12,10 @@ from jaxsat.core.checks import concrete
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import parts_of
+from jaxsat.spacecraft.dispersible import Limits
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.studies.distributions import AbstractDistribution, Discrete, RandomAttitude
-from jaxsat.studies.limits import Limits, limits_of_change, periodic_of
+from jaxsat.studies.limits import periodic_of
 from jaxsat.studies.perturbed import controller_of
 from jaxsat.studies.quantities import QUANTITIES
 
@@ -66,7 +67,7 @@ def limits_of(name: str, frequency_known: bool, loop: AbstractLoop) -> Limits:
     found = QUANTITIES[name].limits(loop)
     if name != "disturbance_frequency" or not frequency_known:
         return found
-    known = limits_of_change(ranges.KNOWN_FREQUENCY, periodic_of(loop).frequency)
+    known = Limits.of_change(ranges.KNOWN_FREQUENCY, periodic_of(loop).frequency)
     about_xy = np.array([True, True, False])
     xp = np if isinstance(known.low, np.ndarray) else jnp
     return Limits(

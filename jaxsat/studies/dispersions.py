@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, PyTree, UInt32
 
 import jaxsat.core.noise as noise
 from jaxsat.core.checks import as_array
-from jaxsat.core.declaration.quantities import EXCLUSIVE
+from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.simulation.engine import AbstractCaseFactory, Case
 from jaxsat.spacecraft import Sensors
@@ -28,7 +28,7 @@ Tree = TypeVar("Tree")
 ATTEMPTS = 32
 """Inertias drawn at most before a case is given up as impossible."""
 
-BODY = ("inertia", "products_of_inertia", "rotor_inertia")
+BODY = tuple(name for name, one in DISPERSIBLE.items() if one.stage == "body")
 BELIEF = ("model_inertia",)
 
 

@@ -5,7 +5,7 @@ changes a nominal number turns them into limits of the change.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 import jaxsat.core.ranges as ranges
 from jaxsat.core.checks import as_float, concrete, numpy_if_known
+from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.simulation.parts import failures_of, parts_of
@@ -21,14 +22,9 @@ from jaxsat.spacecraft import (
     AbstractFailures,
     Actuators,
     FailureKind,
-    GimbalFailureKind,
-    GimbalFailures,
-    MagnetorquerFailures,
     Spacecraft,
-    WheelFailureKind,
-    WheelFailures,
-    Wheels,
 )
+from jaxsat.spacecraft.dispersible import Limits
 from jaxsat.spacecraft.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
 from jaxsat.studies.part_changes import (
     navigation_of,
@@ -37,38 +33,20 @@ from jaxsat.studies.part_changes import (
 )
 from jaxsat.studies.perturbed import controller_of, effector_of
 
-
-class Limits(NamedTuple):
-    """Least and largest number of a draw, for all components or for each."""
-
-    low: Float[Array | np.ndarray, "*n"]
-    high: Float[Array | np.ndarray, "*n"]
-
-
 STATE = Range(-STATE_LIMIT, STATE_LIMIT)
 """Rates (rad/s) and angles (rad) with which a run goes on."""
 
 
 def between(values: Range) -> Callable[[AbstractLoop], Limits]:
     """Of numbers that are drawn as they are."""
-    return lambda loop: Limits(as_float(values.low), as_float(values.high))
+    return lambda loop: Limits.between(values)
 
 
 def changing(
     values: Range, nominal: Callable[[AbstractLoop], Float[Array, " n"]]
 ) -> Callable[[AbstractLoop], Limits]:
     """Of relative changes of what `nominal` finds in a loop."""
-    return lambda loop: limits_of_change(values, nominal(loop))
-
-
-def limits_of_change(values: Range, nominal: Float[Array, " n"]) -> Limits:
-    """Relative changes that keep nominal numbers in their range; zero remains zero whatever it is
-    multiplied with."""
-    xp, numbers = numpy_if_known(nominal)
-    safe = xp.where(numbers == 0, 1.0, numbers)
-    one, other = values.low / safe, values.high / safe
-    free = xp.where(numbers == 0, xp.inf, 0.0)
-    return Limits(xp.minimum(one, other) - 1 - free, xp.maximum(one, other) - 1 + free)
+    return lambda loop: Limits.of_change(values, nominal(loop))
 
 
 def of_products(loop: AbstractLoop) -> Limits:
@@ -113,14 +91,6 @@ def of_omega(loop: AbstractLoop) -> Limits:
     return Limits(-largest, largest)
 
 
-def of_wheel_momentum(loop: AbstractLoop) -> Limits:
-    """Up to the limit of each wheel that has one."""
-    limit = effector_of(loop, Wheels).momentum_limit
-    largest = as_float(ranges.TORQUE.high) if limit is None else limit
-    largest = jnp.minimum(largest, ranges.TORQUE.high)
-    return Limits(-largest, largest)
-
-
 def of_failed_thruster(loop: AbstractLoop) -> Limits:
     """Numbers that are rounded to those of the thrusters."""
     (thrusters,) = thrusters_of(loop)
@@ -133,50 +103,37 @@ def of_failed(kind: type[AbstractEffector]) -> Callable[[AbstractLoop], Limits]:
 
 
 def of_failure_kind(loop: AbstractLoop) -> Limits:
-    """Numbers that are rounded to kinds.
+    """Numbers that are rounded to kinds: those that actuators declare as drawn.
 
-    None turns a thruster, which takes a vector. An ideal one or a magnetorquer is dead, weak or,
-    where it has a limit, stuck; a wheel runs away only where all have a torque limit, and has
-    Coulomb friction, whose kind is before that, only under a sampled law.
+    An ideal thruster is dead, weak or, where it has a limit, stuck.
     """
-    thrusters, wheels = thrusters_of(loop), loop.plant.find(Wheels)
+    sampled, effectors = isinstance(loop, SampledLoop), loop.plant.effectors
 
     def last(failures: AbstractFailures) -> np.ndarray:
-        if isinstance(failures, WheelFailures):
-            limited = _is_finite(cast(Wheels, wheels).torque_limit)
-            kind = WheelFailureKind.RUNAWAY if limited else WheelFailureKind.FRICTION_TO
-            kind = kind if isinstance(loop, SampledLoop) else WheelFailureKind.FRICTION_BY
-        elif isinstance(failures, GimbalFailures):
-            kind = GimbalFailureKind.RUN_DOWN
-        elif isinstance(failures, MagnetorquerFailures):
-            kind = FailureKind.STUCK_AT
-        elif isinstance(thrusters[0], Actuators):
-            kind = FailureKind.STUCK_AT if _is_finite(thrusters[0].limit) else FailureKind.DEGRADED
-        else:
-            kind = FailureKind.INTERMITTENT
-        return np.full(failures.count, kind + 0.5)
+        owners = [one for one in effectors if one.kind == failures.part]
+        kinds = [one.last_drawn_kind(sampled) for one in owners] or [_of_ideal_thrusters(loop)]
+        last_declared = _DRAWN[failures.part][-1]
+        return np.full(failures.count, (last_declared if kinds[0] is None else kinds[0]) + 0.5)
 
     return Limits(as_float(-0.5), _of_failures(loop, last))
 
 
-def _is_finite(limit: Array | None) -> bool:
-    known = None if limit is None else concrete(limit)
-    return known is not None and bool(np.all(np.isfinite(known)))
+_DRAWN = {one.name: one.drawn for one in ACTUATORS}
+
+
+def _of_ideal_thrusters(loop: AbstractLoop) -> FailureKind | None:
+    """The last kind that can be drawn for thrusters of torques of either sign; None for others."""
+    (thrusters,) = thrusters_of(loop)
+    if not isinstance(thrusters, Actuators):
+        return None
+    limit = concrete(thrusters.limit)
+    limited = limit is not None and bool(np.all(np.isfinite(limit)))
+    return FailureKind.STUCK_AT if limited else FailureKind.DEGRADED
 
 
 def of_failure_amount(loop: AbstractLoop) -> Limits:
-    """Fractions up to 1, as much friction as a wheel may have, and times of any length."""
-
-    def most(failures: AbstractFailures) -> np.ndarray:
-        if isinstance(failures, GimbalFailures):
-            return np.full(failures.count, ranges.SECONDS.high)
-        kinds = concrete(failures.kind)
-        friction = (WheelFailureKind.FRICTION_BY, WheelFailureKind.FRICTION_TO)
-        if not isinstance(failures, WheelFailures) or kinds is None:
-            return np.ones(failures.count)
-        return np.where(np.isin(np.rint(kinds), friction), ranges.FRICTION.high, 1.0)
-
-    return Limits(as_float(0.0), _of_failures(loop, most))
+    """From nothing to the most of each failure."""
+    return Limits(as_float(0.0), _of_failures(loop, lambda failures: failures.largest_amount()))
 
 
 def _of_failures(loop: AbstractLoop, each: Callable[[Any], np.ndarray]) -> Float[Array, "*n"]:
@@ -188,13 +145,6 @@ def _of_failures(loop: AbstractLoop, each: Callable[[Any], np.ndarray]) -> Float
 def moments_of(loop: AbstractLoop) -> Float[Array, "3"]:
     """J1, J2, J3 of the plant, kg m²."""
     return loop.plant.spacecraft.moments
-
-
-def rotors_of(loop: AbstractLoop) -> Float[Array, " wheels"]:
-    """The inertia of each rotor, kg m²."""
-    inertia = effector_of(loop, Wheels).rotor_inertia
-    assert inertia is not None
-    return inertia
 
 
 def periodic_of(loop: AbstractLoop) -> PeriodicTorque:

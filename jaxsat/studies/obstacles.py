@@ -1,18 +1,14 @@
 """Why a loop has no such quantity, as a clause; None where it has."""
 
 from collections.abc import Callable
+from typing import Any
 
 from jaxsat.control import AbstractBacksteppingLaw
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
 from jaxsat.simulation.parts import failures_of, parts_of
 from jaxsat.spacecraft import (
     AbstractEffector,
-    FailureEvents,
-    GimbalFailures,
-    MagnetorquerFailures,
     Sensors,
-    WheelFailures,
-    Wheels,
 )
 from jaxsat.spacecraft.environment import PeriodicTorque
 from jaxsat.studies.part_changes import navigation_of, thrusters_of
@@ -97,39 +93,25 @@ def needs_thrusters(loop: AbstractLoop) -> str | None:
     return obstacle
 
 
-def needs_failures(*kinds: type) -> Callable[[AbstractLoop], str | None]:
-    """Of loops in which such actuators fail in flight."""
-    what = {
-        FailureEvents: "thruster",
-        WheelFailures: "wheel",
-        MagnetorquerFailures: "magnetorquer",
-        GimbalFailures: "gimbal",
-    }
+def needs_failures(part: str | None = None) -> Callable[[AbstractLoop], str | None]:
+    """Of loops in which an actuator fails in flight, of the kind `part` or of any."""
 
     def obstacle(loop: AbstractLoop) -> str | None:
-        if any(isinstance(one, kinds) for one in failures_of(loop)):
+        if any(part in (None, one.part) for one in failures_of(loop)):
             return None
-        which = f" of a {what[kinds[0]]}" if len(kinds) == 1 else ""
+        which = "" if part is None else f" of a {part}"
         return f"the scenario has no failure{which} in flight"
 
     return obstacle
 
 
-ANY_FAILURE = (FailureEvents, WheelFailures, MagnetorquerFailures, GimbalFailures)
-
-
-def needs(kind: type[AbstractEffector]) -> Callable[[AbstractLoop], str | None]:
-    """Of spacecraft with an effector of this class."""
+def needs_effector(
+    kind: type[AbstractEffector], own: Callable[[Any], str | None]
+) -> Callable[[AbstractLoop], str | None]:
+    """Of spacecraft with an effector of this class that has no obstacle of its `own`."""
 
     def obstacle(loop: AbstractLoop) -> str | None:
-        there = loop.plant.find(kind) is not None
-        return None if there else f"the spacecraft has no {kind.kind}s"
+        effector = loop.plant.find(kind)
+        return f"the spacecraft has no {kind.kind}s" if effector is None else own(effector)
 
     return obstacle
-
-
-def needs_rotors(loop: AbstractLoop) -> str | None:
-    """Of spacecraft with wheels whose rotors have an inertia."""
-    wheels = loop.plant.find(Wheels)
-    known = wheels is not None and wheels.rotor_inertia is not None
-    return needs(Wheels)(loop) or (None if known else "no wheel has a rotor inertia")

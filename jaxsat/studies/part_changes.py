@@ -1,5 +1,6 @@
 """How dispersed numbers go into actuators, their failures, sensors, estimator and delay."""
 
+import dataclasses
 from collections.abc import Callable
 from typing import cast
 
@@ -11,14 +12,13 @@ from jaxtyping import Array
 from jaxsat.control.navigation import Navigation
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.simulation.parts import failures_of, parts_of
-from jaxsat.spacecraft import Actuators, GyroStates, Magnetorquers, ThrusterSet
+from jaxsat.spacecraft import AbstractEffector, Actuators, ThrusterSet
+from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.studies.perturbed import (
     PerturbedLoop,
     Values,
-    effector_of,
     in_loop,
     map_parts,
-    with_state,
     with_thrusters,
 )
 
@@ -73,29 +73,23 @@ def _with_thrusters_changed(
     return in_loop(perturbed, lambda loop: loop.actuators, actuators)
 
 
-def set_dipole_limit(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """Other dipole limits, which the law is not told."""
-    return in_loop(
-        perturbed,
-        lambda loop: loop.plant.find(Magnetorquers).dipole_limit,
-        effector_of(perturbed.loop, Magnetorquers).dipole_limit * (1 + change),
-    )
+def set_in_effector(kind: type[AbstractEffector], one: Dispersible):
+    """A change of an effector, or of its state at the start."""
 
+    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
+        plant = perturbed.loop.plant
+        states = list(plant.complete(perturbed.start).of_each)
+        place = next(n for n, other in enumerate(plant.effectors) if isinstance(other, kind))
+        effector, state = one.changed(plant.effectors[place], states[place], values)
+        if effector is not plant.effectors[place]:
+            perturbed = in_loop(perturbed, lambda loop: loop.plant.effectors[place], effector)
+        if state is not states[place]:
+            states[place] = state
+            start = dataclasses.replace(perturbed.start, effectors=tuple(states))
+            perturbed = perturbed._replace(start=start)
+        return perturbed
 
-def set_torquer_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
-    """Magnetorquers turned, which the law is not told."""
-    one = effector_of(perturbed.loop, Magnetorquers)
-    turned = one.misaligned(angles.reshape(one.count, 2))
-    return in_loop(perturbed, lambda loop: loop.plant.find(Magnetorquers), turned)
-
-
-def set_rotor_momentum(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """Other momenta of the rotors of gyros."""
-
-    def changed(one: GyroStates) -> GyroStates:
-        return GyroStates(one.angle, one.momentum * (1 + change))
-
-    return with_state(perturbed, GyroStates, changed)
+    return apply
 
 
 def set_failure(field: str):

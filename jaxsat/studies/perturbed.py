@@ -1,7 +1,5 @@
 """A closed loop and its start while numbers are dispersed."""
 
-import dataclasses
-from collections.abc import Callable
 from typing import NamedTuple, TypeVar, cast
 
 import equinox as eqx
@@ -24,21 +22,11 @@ class PerturbedLoop(NamedTuple):
 Values = Float[Array, " size"]
 
 Kind = TypeVar("Kind", bound=AbstractEffector)
-State = TypeVar("State", bound=eqx.Module)
 
 
 def effector_of(loop: AbstractLoop, kind: type[Kind]) -> Kind:
     """The plant's effector of this class, which `obstacle` has made sure of."""
     return cast(Kind, loop.plant.find(kind))
-
-
-def with_state(
-    perturbed: PerturbedLoop, kind: type[State], change: Callable[[State], State]
-) -> PerturbedLoop:
-    """With a change of the state in which effectors of a kind begin."""
-    states = perturbed.loop.plant.complete(perturbed.start).of_each
-    changed = tuple(change(one) if isinstance(one, kind) else one for one in states)
-    return perturbed._replace(start=dataclasses.replace(perturbed.start, effectors=changed))
 
 
 def controller_of(loop: AbstractLoop):

@@ -5,28 +5,24 @@ from typing import NamedTuple
 
 import jaxsat.core.ranges as ranges
 from jaxsat.core.attitude import WZ
+from jaxsat.core.declaration.actuator import ActuatorDeclaration
+from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
+from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import failures_of
 from jaxsat.spacecraft import (
     AbstractEffector,
-    ControlMomentGyros,
-    FailureEvents,
-    GimbalFailures,
-    MagnetorquerFailures,
-    Magnetorquers,
     Spacecraft,
-    WheelFailures,
-    Wheels,
 )
+from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.spacecraft.environment import AbstractOrbit
 from jaxsat.studies import changes, limits, part_changes
 from jaxsat.studies import part_changes as sensor_changes
 from jaxsat.studies.obstacles import (
-    ANY_FAILURE,
     always,
-    needs,
     needs_delay,
+    needs_effector,
     needs_failures,
     needs_latency,
     needs_model,
@@ -34,12 +30,11 @@ from jaxsat.studies.obstacles import (
     needs_outage,
     needs_periodic,
     needs_reference,
-    needs_rotors,
     needs_sensors,
     needs_thrusters,
     needs_torque_level,
 )
-from jaxsat.studies.part_changes import thruster_count, thrusters_of
+from jaxsat.studies.part_changes import set_in_effector, thruster_count, thrusters_of
 from jaxsat.studies.perturbed import PerturbedLoop, Values, effector_of
 
 
@@ -69,18 +64,39 @@ def _thrusters(each: int) -> Callable[[AbstractLoop], int]:
     return size
 
 
-def _failures(*kinds: type) -> Callable[[AbstractLoop], int]:
-    return lambda loop: sum(one.count for one in failures_of(loop) if isinstance(one, kinds))
+def _failures(part: str | None = None) -> Callable[[AbstractLoop], int]:
+    """One number for each failure of an actuator of that kind, or of any."""
+    return lambda loop: sum(one.count for one in failures_of(loop) if part in (None, one.part))
 
 
-def _devices(kind: type[AbstractEffector], each: int = 1) -> Callable[[AbstractLoop], int]:
-    """So many numbers for each device of an effector; none where there is no such effector."""
+def _of_effector(kind: type[AbstractEffector], one: Dispersible) -> Quantity:
+    """What an effector declares, where the spacecraft has it."""
 
     def size(loop: AbstractLoop) -> int:
         effector = loop.plant.find(kind)
-        return 0 if effector is None else each * effector.count
+        return 0 if effector is None else one.each * effector.count
 
-    return size
+    return Quantity(
+        size,
+        set_in_effector(kind, one),
+        needs_effector(kind, one.obstacle),
+        lambda loop: one.limits(effector_of(loop, kind)),
+    )
+
+
+def _of_failed(actuator: ActuatorDeclaration) -> Quantity:
+    """The number of what fails."""
+    number = (
+        limits.of_failed_thruster
+        if actuator.maker is None
+        else lambda loop: limits.of_failed(actuator.effector)(loop)
+    )
+    return Quantity(
+        _failures(actuator.name),
+        part_changes.set_failure(actuator.name),
+        needs_failures(actuator.name),
+        number,
+    )
 
 
 _FROM_NOW = Range(0.0, ranges.SECONDS.high)
@@ -98,7 +114,7 @@ def _of_tracker(
     return Quantity(_fixed(1), sensor_changes.set_tracker(field), obstacle, limits.between(values))
 
 
-QUANTITIES: dict[str, Quantity] = {
+_QUANTITIES: dict[str, Quantity] = {
     "inertia": Quantity(
         _fixed(3),
         changes.set_inertia,
@@ -111,12 +127,6 @@ QUANTITIES: dict[str, Quantity] = {
         needs_torque_level,
         limits.of_products,
     ),
-    "rotor_inertia": Quantity(
-        _devices(Wheels),
-        changes.set_rotor_inertia,
-        needs_rotors,
-        limits.changing(ranges.MOMENT, limits.rotors_of),
-    ),
     "misalignment": Quantity(
         _thrusters(2),
         part_changes.set_misalignment,
@@ -128,28 +138,6 @@ QUANTITIES: dict[str, Quantity] = {
         part_changes.set_torque_gain,
         needs_thrusters,
         limits.between(ranges.CHANGE_OF_TORQUE),
-    ),
-    "dipole_limit": Quantity(
-        _devices(Magnetorquers),
-        part_changes.set_dipole_limit,
-        needs(Magnetorquers),
-        limits.changing(
-            ranges.DIPOLE_LIMIT, lambda loop: effector_of(loop, Magnetorquers).dipole_limit
-        ),
-    ),
-    "magnetorquer_misalignment": Quantity(
-        _devices(Magnetorquers, 2),
-        part_changes.set_torquer_misalignment,
-        needs(Magnetorquers),
-        limits.between(ranges.MISALIGNMENT),
-    ),
-    "rotor_momentum": Quantity(
-        _devices(ControlMomentGyros),
-        part_changes.set_rotor_momentum,
-        needs(ControlMomentGyros),
-        limits.changing(
-            ranges.WHEEL_MOMENTUM, lambda loop: effector_of(loop, ControlMomentGyros).rotor_momentum
-        ),
     ),
     "disturbance_amplitude": Quantity(
         _fixed(3),
@@ -222,45 +210,21 @@ QUANTITIES: dict[str, Quantity] = {
     "tracker_outage_start": _of_tracker("outage_start", _FROM_NOW, needs_outage),
     "tracker_outage": _of_tracker("outage", _FROM_NOW, needs_outage),
     "failure_time": Quantity(
-        _failures(*ANY_FAILURE),
+        _failures(),
         part_changes.set_failure("at"),
-        needs_failures(*ANY_FAILURE),
+        needs_failures(),
         limits.between(_FROM_NOW),
     ),
-    "failed_thruster": Quantity(
-        _failures(FailureEvents),
-        part_changes.set_failure("thruster"),
-        needs_failures(FailureEvents),
-        limits.of_failed_thruster,
-    ),
-    "failed_wheel": Quantity(
-        _failures(WheelFailures),
-        part_changes.set_failure("wheel"),
-        needs_failures(WheelFailures),
-        limits.of_failed(Wheels),
-    ),
-    "failed_magnetorquer": Quantity(
-        _failures(MagnetorquerFailures),
-        part_changes.set_failure("magnetorquer"),
-        needs_failures(MagnetorquerFailures),
-        limits.of_failed(Magnetorquers),
-    ),
-    "failed_gimbal": Quantity(
-        _failures(GimbalFailures),
-        part_changes.set_failure("gimbal"),
-        needs_failures(GimbalFailures),
-        limits.of_failed(ControlMomentGyros),
-    ),
     "failure_kind": Quantity(
-        _failures(*ANY_FAILURE),
+        _failures(),
         part_changes.set_failure("kind"),
-        needs_failures(*ANY_FAILURE),
+        needs_failures(),
         limits.of_failure_kind,
     ),
     "failure_amount": Quantity(
-        _failures(*ANY_FAILURE),
+        _failures(),
         part_changes.set_failure("amount"),
-        needs_failures(*ANY_FAILURE),
+        needs_failures(),
         limits.of_failure_amount,
     ),
     "delay": Quantity(
@@ -305,17 +269,21 @@ QUANTITIES: dict[str, Quantity] = {
         always,
         limits.of_omega,
     ),
-    "wheel_momentum": Quantity(
-        _devices(Wheels),
-        changes.set_wheel_momentum,
-        needs(Wheels),
-        limits.of_wheel_momentum,
-    ),
     "rate_error": Quantity(
         _fixed(2),
         changes.set_rate_error,
         needs_reference,
         limits.between(limits.STATE),
     ),
+    **{
+        name: _of_effector(actuator.effector, one)
+        for actuator in EFFECTORS
+        for name, one in actuator.effector.dispersible.items()
+    },
+    **{actuator.failed_quantity.name: _of_failed(actuator) for actuator in ACTUATORS},
 }
-"""By name, in the order of `DISPERSIBLE`, in which they are applied."""
+
+_ORDER = tuple(DISPERSIBLE)
+
+QUANTITIES = dict(sorted(_QUANTITIES.items(), key=lambda item: _ORDER.index(item[0])))
+"""By name, in the order in which they are applied."""

@@ -17,7 +17,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxsat.scenario.parts.magnetorquers import MAGNETORQUER
 
+import jaxsat.core.declaration.sensors as declared
 from helpers import gyros
 from helpers.derivatives import Derivatives
 from helpers.every_law import KEYS, PLACES, UPSIDE_DOWN, library, scenario_of
@@ -27,8 +29,6 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.scenario.build.run import build_loop
 from jaxsat.scenario.control import find_law
-from jaxsat.scenario.parts.magnetorquers import MAGNETORQUER
-from jaxsat.scenario.parts.sensors import GYRO_KEYS, TRACKER_KEYS
 from jaxsat.scenario.parts.thrusters import IDEAL_KINDS, THRUSTER
 from jaxsat.scenario.parts.wheels import WHEEL
 from jaxsat.scenario.plugins import ESTIMATOR
@@ -344,7 +344,7 @@ def test_the_list_has_every_part_that_a_scenario_can_have():
     """A key or table that is new is to be added above; failures and estimators are found."""
     keys = {key.name for one in DISTURBANCES.values() for key in one.keys}
     assert set(TORQUES) == keys
-    assert set(GYRO) == {key.name for key in GYRO_KEYS}
-    assert set(TRACKER) == {key.name for key in TRACKER_KEYS}
+    assert set(GYRO) == {key.name for key in declared.GYRO.keys}
+    assert set(TRACKER) == {key.name for key in declared.STAR_TRACKER.keys}
     used = set().union(*(part.scenario().model_fields_set for part in PARTS))
     assert used | IN_OTHER_PLACES | NO_PARTS >= set(Scenario.model_fields)

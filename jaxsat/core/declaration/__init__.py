@@ -3,6 +3,7 @@
 from jaxsat.core.declaration.keys import (
     LARGEST,
     Choice,
+    Direction,
     Finding,
     Key,
     Numeric,
@@ -10,6 +11,7 @@ from jaxsat.core.declaration.keys import (
     Rule,
     Switch,
     choice,
+    direction,
     number,
     switch,
 )
@@ -18,6 +20,7 @@ from jaxsat.core.declaration.law import LawDeclaration
 __all__ = [
     "LARGEST",
     "Choice",
+    "Direction",
     "Finding",
     "Key",
     "LawDeclaration",
@@ -26,6 +29,7 @@ __all__ = [
     "Rule",
     "Switch",
     "choice",
+    "direction",
     "number",
     "switch",
 ]

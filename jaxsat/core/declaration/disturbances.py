@@ -1,6 +1,6 @@
 """The disturbances that come with jaxsat, whose keys stand in `[disturbance]` itself."""
 
-from jaxsat.core.declaration.keys import PartDeclaration, number, switch
+from jaxsat.core.declaration.keys import DispersibleQuantity, PartDeclaration, number, switch
 from jaxsat.core.ranges import ANGLE, DIPOLE, FREQUENCY, LENGTH, TORQUE, Range
 
 _ZERO = (0.0, 0.0, 0.0)
@@ -17,10 +17,30 @@ PERIODIC = PartDeclaration(
         _vector("frequency_rad_s", "Frequencies Ω of the periodic torque (2)", "rad/s", FREQUENCY),
         _vector("phase_rad", "Phases of the periodic torque", "rad", ANGLE),
     ),
+    (
+        DispersibleQuantity(
+            "disturbance_amplitude",
+            "relative change of the periodic torque's amplitudes",
+            axis="body_axis",
+        ),
+        DispersibleQuantity(
+            "disturbance_frequency",
+            "relative change of the periodic torque's frequencies",
+            axis="body_axis",
+        ),
+        DispersibleQuantity(
+            "disturbance_phase", "phases of the periodic torque", "rad", axis="body_axis"
+        ),
+    ),
 )
 CONSTANT = PartDeclaration(
     "a torque fixed in body axes",
     (_vector("constant_N_m", "Torque fixed in body axes", "N m", TORQUE),),
+    (
+        DispersibleQuantity(
+            "constant_torque", "torque to add, fixed in body axes", "N m", axis="body_axis"
+        ),
+    ),
 )
 GRAVITY_GRADIENT = PartDeclaration(
     "the gravity-gradient torque",

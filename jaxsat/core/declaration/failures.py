@@ -60,34 +60,6 @@ ONE_WAY = (FailureKind.STUCK_ON, FailureKind.STUCK_AT, FailureKind.LEAKING)
 """Kinds, one after another, that strike one of the two valves of a two-sided thruster."""
 
 
-class WheelFailureKind(AbstractFailureKind):
-    """How a reaction wheel fails."""
-
-    DEAD = 0, "dead", "its motor makes no torque any more, it coasts"
-    DEGRADED = 1, "degraded", "its motor makes a fraction of the torque that it should", "fraction"
-    STOPPED = 2, "stopped", "it stands still at once, its momentum goes to the body"
-    FRICTION_BY = 3, "friction-up", "viscous and Coulomb friction times factor", "factor"
-    FRICTION_TO = (
-        4,
-        "friction-up",
-        "Coulomb friction at least friction_N_m",
-        "friction_N_m",
-    )
-    RUNAWAY = 5, "runaway", "full torque, the way that it turns, the positive one from rest"
-
-
-class GimbalFailureKind(AbstractFailureKind):
-    """How a control moment gyro fails."""
-
-    LOCKED = 0, "locked", "its gimbal keeps its angle"
-    RUN_DOWN = (
-        1,
-        "run-down",
-        "its rotor's momentum falls to 1/e in every time_constant_s",
-        "time_constant_s",
-    )
-
-
 def failure_kind(kinds: Iterable[AbstractFailureKind], table: Any) -> AbstractFailureKind:
     """The kind of a checked table `[[failure]]` among those of what it strikes.
 

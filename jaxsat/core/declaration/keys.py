@@ -7,7 +7,7 @@ tuning its search space.
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from jaxsat.core.ranges import Range
 
@@ -39,8 +39,13 @@ class Choice:
 
 
 @dataclass(frozen=True)
+class Direction:
+    """Three numbers, in body axes, of which only the direction counts; not all are zero."""
+
+
+@dataclass(frozen=True)
 class Key:
-    """A key of a table; `number`, `switch` and `choice` make one.
+    """A key of a table; `number`, `direction`, `switch` and `choice` make one.
 
     `unit` is None for what is no quantity. With the default `...` the key must be given, and with
     None it may be left out. `tunable` is where the number stands in the object that is built, a
@@ -51,7 +56,7 @@ class Key:
     name: str
     meaning: str
     unit: str | None
-    kind: Numeric | Switch | Choice
+    kind: Numeric | Switch | Choice | Direction
     default: Any = ...
     tunable: str | None = None
     width: bool = False
@@ -112,6 +117,11 @@ def with_unit(name: str, unit: str) -> str:
     return name if unit == "1" else f"{name}_{re.sub(r'[ /]', '_', plain)}"
 
 
+def direction(name: str, meaning: str, default: Any = ...) -> Key:
+    """Declare a direction in body axes."""
+    return Key(name, meaning, "1", Direction(), default)
+
+
 def switch(name: str, meaning: str, default: Any = ...) -> Key:
     """Declare a key that is true or false."""
     return Key(name, meaning, None, Switch(), default)
@@ -125,7 +135,8 @@ def choice(name: str, meaning: str, among: tuple[str, ...], default: Any = ...) 
 class Finding(NamedTuple):
     """What breaks a rule: a dotted key of the scenario, and "must …, got …" about it.
 
-    `missing` tells that the key is not given.
+    Tables of an array are told apart by their numbers from 0: "wheel.0.axis". `missing` tells that
+    the key is not given.
     """
 
     key: str
@@ -154,14 +165,42 @@ def require_own_keys(keys: Sequence[Key], owner: str, common: Sequence[str]) -> 
 
 
 @dataclass(frozen=True)
-class PartDeclaration:
-    """What a scenario needs to know of a disturbance, of actuators or of an estimator.
+class DispersibleQuantity:
+    """A quantity that a study can draw for every case, with its unit in SI ("1" for none).
 
-    `summary` is one line, what the part does; `keys` are those of its table.
+    Of an actuator's quantities those of the `stage` "body", which are drawn again until the body is
+    possible, are applied first, and those of "start" last. It is not dispersed together with those
+    that it `excludes`. Where `random_attitude` is true its distribution is "random-attitude", which
+    no other quantity has. One that `turns` moves the initial attitude away from where the scenario
+    has it. `axis` is what the axis of its numbers is called where there are several.
+    """
+
+    name: str
+    meaning: str
+    unit: str = "1"
+    stage: Literal["body", "part", "start"] = "part"
+    excludes: tuple[str, ...] = ()
+    random_attitude: bool = False
+    turns: bool = False
+    axis: str | None = None
+
+    @property
+    def key(self) -> str:
+        """Its key of `[dispersion]`: the name with the unit."""
+        return with_unit(self.name, self.unit)
+
+
+@dataclass(frozen=True)
+class PartDeclaration:
+    """What a scenario needs to know of a disturbance, of actuators, of a sensor or an estimator.
+
+    `summary` is one line, what the part does; `keys` are those of its table; `dispersible` are the
+    quantities of it that a study can draw, of parts that come with jaxsat.
     """
 
     summary: str
     keys: tuple[Key, ...] = ()
+    dispersible: tuple[DispersibleQuantity, ...] = ()
 
     def __post_init__(self):
         require_own_keys(self.keys, "part", ("kind",))

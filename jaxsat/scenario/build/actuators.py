@@ -16,13 +16,13 @@ from jaxsat.core.allocation import (
     unit_columns,
 )
 from jaxsat.core.checks import as_array, as_float
+from jaxsat.core.declaration.actuators import STEERED
 from jaxsat.scenario.build.plant import place_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
 from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
-from jaxsat.scenario.parts.magnetorquers import UnloadingTable
-from jaxsat.scenario.parts.registry import STEERED
 from jaxsat.scenario.parts.thrusters import working_torques
+from jaxsat.scenario.parts.unloading import UnloadingTable
 from jaxsat.scenario.parts.wheels import failed_wheels, left_by_wheels, wheel_axes, wheels_make_all
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.schema import Scenario

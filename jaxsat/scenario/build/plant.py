@@ -8,12 +8,12 @@ from jaxtyping import Array, Float
 
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
+from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.declaration.disturbances import AERODYNAMIC, DISTURBANCES, SOLAR
 from jaxsat.scenario.build.plugin_trial import made_part, require_torque
 from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.disturbances import DisturbanceTable
 from jaxsat.scenario.parts.named import PartTable
-from jaxsat.scenario.parts.registry import EFFECTORS
 from jaxsat.scenario.plugins import DISTURBANCE, find_part
 from jaxsat.scenario.quantities import values_of
 from jaxsat.scenario.schema import Scenario
@@ -52,7 +52,7 @@ def build_effectors(scenario: Scenario) -> list[tuple[AbstractEffector, Any]]:
     place, effectors = place_of(scenario.orbit), []
     for kind in EFFECTORS:
         tables = getattr(scenario, kind.name)
-        if tables and kind.from_tables is not None:
+        if tables:
             struck = ((number_of(one.of, kind.name, tables), one) for one in scenario.failure)
             failures = tuple((number, one) for number, one in struck if number is not None)
             effectors.append(kind.from_tables(tables, EffectorContext(place, failures)))

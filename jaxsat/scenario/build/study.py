@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.core.checks import as_array, as_float, require_counts
+from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.plant import orbit_rate
@@ -18,7 +19,6 @@ from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
 from jaxsat.scenario.dump import dump
 from jaxsat.scenario.parts.actuator import names_of
-from jaxsat.scenario.parts.registry import EFFECTORS
 from jaxsat.scenario.parts.thrusters import signs
 from jaxsat.scenario.resolution import Errors, refined
 from jaxsat.scenario.schema import Scenario

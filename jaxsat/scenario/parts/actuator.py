@@ -1,44 +1,31 @@
-"""How an actuator declares itself to a scenario."""
+"""The tables of actuators, made of what these declare, and how failures name them."""
 
-import pkgutil
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
-from jaxsat.core.declaration.failures import AbstractFailureKind
-from jaxsat.scenario.quantities import ScenarioTable
+from pydantic import create_model
+
+from jaxsat.core.declaration.actuator import ActuatorDeclaration
+from jaxsat.scenario.quantities import Line, ScenarioTable, Switch, choice, fields_of
 
 
-@dataclass(frozen=True)
-class ActuatorDeclaration:
-    """All that a scenario needs to know of a kind of actuator.
-
-    - `name`: of its tables `[[name]]`, and of what fails: "name 3".
-    - `table`, `most`: the class of one table, and how many there may be.
-    - `meaning`: one line, for the schema.
-    - `kinds`: how one of them may fail in flight.
-    - `idle`: those that change nothing of one that has failed before the start.
-    - `both_signs`: whether what is stuck may be stuck either way.
-    - `steered`: whether it takes its part of a command of three torques by a steering of its own.
-    - `maker`: "module:Class.method" of the function that makes an `AbstractEffector` of checked
-      tables and an `EffectorContext`; None for actuators that are no effector of the body.
-      Nothing is imported before it is used.
-    """
-
-    name: str
-    table: type[ScenarioTable]
-    most: int
-    meaning: str
-    kinds: tuple[AbstractFailureKind, ...]
-    idle: tuple[AbstractFailureKind, ...]
-    both_signs: bool = False
-    steered: bool = False
-    maker: str | None = None
-
-    @property
-    def from_tables(self) -> Callable[[Sequence[Any], Any], Any] | None:
-        """What makes the effector of checked tables and an `EffectorContext`."""
-        return None if self.maker is None else pkgutil.resolve_name(self.maker)
+def table_of_device(actuator: ActuatorDeclaration) -> Any:
+    """The class of one table `[[NAME]]` of an actuator."""
+    fields: dict[str, Any] = {
+        "name": (
+            Line | None,
+            choice("A name of its own; by default it goes by its number from 1", None),
+        ),
+        **fields_of(actuator.keys),
+        "failed": (Switch, choice(actuator.failed, False)),
+    }
+    return create_model(
+        f"{actuator.name.capitalize()}Table",
+        __base__=ScenarioTable,
+        __doc__=f"`[[{actuator.name}]]`: {actuator.summary}.",
+        __module__=__name__,
+        **fields,
+    )
 
 
 def names_of(tables: Sequence[Any]) -> list[str]:

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from annotated_types import Ge, Le
 
+from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.thrusters import IDEAL_KINDS
 from jaxsat.core.ranges import FRICTION, SECONDS
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.parts.actuator import names_of, number_of
-from jaxsat.scenario.parts.registry import ACTUATORS
-from jaxsat.scenario.parts.thrusters import IDEAL_KINDS
 from jaxsat.scenario.quantities import (
     Line,
     Number,

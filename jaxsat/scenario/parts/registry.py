@@ -1,23 +1,23 @@
-"""The actuators that a scenario can have, and the rules that hold for each of them."""
+"""The tables of all kinds of actuators, and the rules that hold for each of them."""
 
+from collections.abc import Mapping
+
+from jaxsat.core.declaration.actuator import ActuatorDeclaration
+from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.parts.actuator import ActuatorDeclaration, names_of
-from jaxsat.scenario.parts.gimbals import GIMBAL
-from jaxsat.scenario.parts.magnetorquers import MAGNETORQUER
-from jaxsat.scenario.parts.thrusters import THRUSTER
-from jaxsat.scenario.parts.wheels import WHEEL
-from jaxsat.scenario.rules import at, rule
+from jaxsat.scenario.parts.actuator import names_of, table_of_device
+from jaxsat.scenario.parts.thrusters import ThrusterTable
+from jaxsat.scenario.quantities import ScenarioTable
+from jaxsat.scenario.rules import RULES, at, declared_rule, rule, rule_over
 from jaxsat.scenario.wording import shown
 
-ACTUATORS: tuple[ActuatorDeclaration, ...] = (THRUSTER, WHEEL, MAGNETORQUER, GIMBAL)
-"""In the order in which the body has them."""
+TABLES: Mapping[str, type[ScenarioTable]] = {
+    one.name: ThrusterTable if one.name == "thruster" else table_of_device(one) for one in ACTUATORS
+}
+"""The class of one table of an actuator, by its name."""
 
-STEERED = tuple(one.name for one in ACTUATORS if one.steered)
-"""Those that have a steering of their own."""
-
-EFFECTORS = tuple(one for one in ACTUATORS if one.maker is not None)
-"""Those that are effectors of the body."""
+AXES = "spacecraft.thruster_torque_axes"
 
 
 def _declare_rules(actuator: ActuatorDeclaration) -> None:
@@ -39,7 +39,7 @@ def _declare_rules(actuator: ActuatorDeclaration) -> None:
 
     @rule(name, "spacecraft.third_rate")
     def _third_rate_is_free(tables, third_rate):
-        if tables and actuator.maker is not None and third_rate == "held":
+        if tables and actuator in EFFECTORS and third_rate == "held":
             yield at("spacecraft.third_rate", f'must be "free" with [[{name}]], got "held"')
 
     @rule(name, "control.law")
@@ -51,6 +51,17 @@ def _declare_rules(actuator: ActuatorDeclaration) -> None:
                 "must belong to a sampled law that commands three torques "
                 f'({", ".join(names)}), got "{law}"',
             )
+
+    @rule_over(*(one.name for one in ACTUATORS), AXES)
+    def _something_is_left(values):
+        tables = values[name]
+        others = values[AXES] or any(values[one.name] for one in ACTUATORS if one is not actuator)
+        if actuator.steered and tables and not others and all(one.failed for one in tables):
+            message = "must leave one that works where there is no other actuator"
+            yield at(name, f"{message}, got {len(tables)} that have failed")
+
+    for declared in actuator.rules:
+        RULES.append(declared_rule(declared))
 
 
 def _suits(declaration) -> bool:

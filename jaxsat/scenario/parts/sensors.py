@@ -10,166 +10,14 @@ from pydantic import ConfigDict, SerializeAsAny
 
 from jaxsat.core.declaration.keys import choice as key_choice
 from jaxsat.core.declaration.keys import number
-from jaxsat.core.ranges import (
-    ATTITUDE_NOISE,
-    GYRO_BIAS,
-    MISALIGNMENT,
-    RATE_NOISE,
-    RATE_RANGE,
-    SCALE_FACTOR,
-    SECONDS,
-    TRACKER_NOISE,
-)
+from jaxsat.core.declaration.sensors import DELAY, GYRO, STAR_TRACKER, WHITE_NOISE
+from jaxsat.core.ranges import TRACKER_NOISE
 from jaxsat.scenario.parts.named import PartTable, by_its_kind
 from jaxsat.scenario.plugins import ESTIMATOR, PluginKind
 from jaxsat.scenario.quantities import choice, fields_of, table_with
 from jaxsat.scenario.rules import at, is_multiple, rule, rule_over, sampled_laws
 from jaxsat.scenario.wording import shown
 
-SENSOR_KEYS = (
-    number(
-        "rate_noise_rad_s",
-        "Standard deviation of white noise on each measured rate, a sample",
-        "rad/s",
-        within=RATE_NOISE,
-        default=0.0,
-    ),
-    number(
-        "attitude_noise_rad",
-        "Standard deviation of the measured attitude about each body axis, a sample",
-        "rad",
-        within=ATTITUDE_NOISE,
-        default=0.0,
-    ),
-)
-"""White noise of `[sampling]`."""
-
-DELAY = number(
-    "delay_s",
-    "Time from a sample to its torque, at most one period of the law",
-    "s",
-    at_least=0,
-    at_most=SECONDS.high,
-    default=0.0,
-)
-
-GYRO_KEYS = (
-    number(
-        "noise_density_rad_s_sqrt_Hz",
-        "Density of the white noise on each measured rate (angle random walk)",
-        "rad/s/√Hz",
-        within=RATE_NOISE,
-        default=0.0,
-    ),
-    number(
-        "bias_walk_rad_s2_sqrt_Hz",
-        "Density of the white noise that moves each bias (rate random walk)",
-        "rad/s²/√Hz",
-        within=RATE_NOISE,
-        default=0.0,
-    ),
-    number(
-        "bias_rad_s",
-        "Bias at the start, of all axes or of each",
-        "rad/s",
-        within=GYRO_BIAS,
-        size=3,
-        or_one=True,
-        default=0.0,
-    ),
-    number(
-        "bias_sigma_rad_s",
-        "Standard deviation of what is drawn onto each bias at the start",
-        "rad/s",
-        within=RATE_NOISE,
-        default=0.0,
-    ),
-    number(
-        "scale_factor",
-        "Relative error of the measured rate, of all axes or of each",
-        "1",
-        within=SCALE_FACTOR,
-        size=3,
-        or_one=True,
-        default=0.0,
-    ),
-    number(
-        "misalignment_rad",
-        "Small rotation of the three input axes, in body axes",
-        "rad",
-        within=MISALIGNMENT,
-        size=3,
-        default=(0.0, 0.0, 0.0),
-    ),
-    number(
-        "limit_rad_s",
-        "Largest rate that an axis can tell; by default none",
-        "rad/s",
-        within=RATE_RANGE,
-        default=None,
-    ),
-)
-TRACKER_KEYS = (
-    number(
-        "across_rad",
-        "Standard deviation of the measured attitude about each direction across the boresight",
-        "rad",
-        within=TRACKER_NOISE,
-    ),
-    number(
-        "along_rad",
-        "Standard deviation of the measured attitude about the boresight",
-        "rad",
-        within=TRACKER_NOISE,
-    ),
-    number(
-        "boresight",
-        "Direction of the boresight in body axes",
-        "1",
-        at_least=-1e6,
-        at_most=1e6,
-        size=3,
-        default=(0.0, 0.0, 1.0),
-    ),
-    number(
-        "update_period_s",
-        "Time between measurements, a whole multiple of control.period_s, which it is by default",
-        "s",
-        within=SECONDS,
-        default=None,
-    ),
-    number(
-        "latency_s",
-        "Time from a measurement to its arrival, a whole multiple of control.period_s, or zero",
-        "s",
-        at_least=0,
-        at_most=SECONDS.high,
-        default=0.0,
-    ),
-    number(
-        "rate_limit_rad_s",
-        "Largest size of ω at which there are measurements; by default none",
-        "rad/s",
-        within=RATE_RANGE,
-        default=None,
-    ),
-    number(
-        "outage_start_s",
-        "Time at which an outage begins, in which nothing is measured; by default none",
-        "s",
-        at_least=0,
-        at_most=SECONDS.high,
-        default=None,
-    ),
-    number(
-        "outage_s",
-        "Length of the outage",
-        "s",
-        at_least=0,
-        at_most=SECONDS.high,
-        default=None,
-    ),
-)
 ESTIMATOR_KIND = key_choice(
     "kind",
     'What the law is told: the estimates of a multiplicative extended Kalman filter ("mekf"), '
@@ -188,15 +36,15 @@ ATTITUDE_SIGMA = number(
 )
 
 
-class SamplingTable(table_with(fields_of((*SENSOR_KEYS, DELAY)))):
+class SamplingTable(table_with(fields_of((*WHITE_NOISE.keys, DELAY)))):
     """`[sampling]`: what is between a sampled law and the plant."""
 
 
-class GyroTable(table_with(fields_of(GYRO_KEYS))):
+class GyroTable(table_with(fields_of(GYRO.keys))):
     """`[gyro]`: three rate gyros, sampled with the law."""
 
 
-class StarTrackerTable(table_with(fields_of(TRACKER_KEYS))):
+class StarTrackerTable(table_with(fields_of(STAR_TRACKER.keys))):
     """`[star_tracker]`: the attitude that a star tracker measures."""
 
 
@@ -250,7 +98,7 @@ def _estimator_has_sensors(gyro, tracker, kind):
 
 @rule_over("gyro.limit_rad_s")
 def _noise_is_that_of_the_gyro(values):
-    for key in (f"sampling.{one.name}" for one in SENSOR_KEYS):
+    for key in (f"sampling.{one.name}" for one in WHITE_NOISE.keys):
         if values.get(key):
             yield at(
                 key, f"must be omitted with [gyro] and [star_tracker], got {shown(values[key])}"

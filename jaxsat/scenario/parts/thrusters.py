@@ -7,31 +7,20 @@ import numpy as np
 from annotated_types import Gt, Le
 
 from jaxsat.core.allocation import least_propellant, plane_map
-from jaxsat.core.declaration.failures import FailureKind
-from jaxsat.core.ranges import SECONDS, TORQUE_LIMIT, Range
+from jaxsat.core.declaration.thrusters import THRUSTER
+from jaxsat.core.ranges import SECONDS
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.parts.actuator import ActuatorDeclaration
+from jaxsat.scenario.parts.actuator import table_of_device
 from jaxsat.scenario.parts.wheels import wheels_make_all
 from jaxsat.scenario.quantities import (
-    Direction,
-    Line,
     Number,
-    Position3,
     ScenarioTable,
-    Switch,
-    Time,
     choice,
     quantity,
     within,
 )
 from jaxsat.scenario.rules import at, rule, rule_over, sampled_laws
 from jaxsat.scenario.wording import shown
-
-FORCE = Range(1e-9, 1e9)
-"""Of a thruster, N."""
-
-SPECIFIC_IMPULSE = Range(1.0, 1e5)
-"""s; cold gas has 60, an ion engine some thousands."""
 
 STANDARD_GRAVITY = 9.80665
 """m/s², which turns a specific impulse in s into an exhaust velocity (CGPM, 1901)."""
@@ -44,34 +33,8 @@ NO_TORQUE = 1e-12
 """N m; a force through the centre of mass makes less by rounding."""
 
 
-class ThrusterTable(ScenarioTable):
+class ThrusterTable(table_of_device(THRUSTER)):
     """`[[thruster]]`: one thruster, by its place and force or by its torque."""
-
-    name: Line | None = choice("A name of its own; by default it goes by its number from 1", None)
-    position_m: Position3 | None = quantity(
-        "Where it sits, from the centre of mass, body axes", "m", None
-    )
-    direction: Direction | None = quantity(
-        "Direction of its force on the body, body axes", "1", None
-    )
-    force_N: Annotated[Number, within(FORCE)] | None = quantity("Full thrust", "N", None)
-    torque_axis: Direction | None = quantity(
-        "Direction of its torque, body axes, in place of position and direction", "1", None
-    )
-    torque_N_m: Annotated[Number, within(TORQUE_LIMIT)] | None = quantity(
-        "Torque at full thrust, in place of the force", "N m", None
-    )
-    two_sided: Switch = choice(
-        "Whether it is a pair that also pushes the other way, else it pushes one way only", False
-    )
-    min_on_time_s: Time = quantity("Shortest time that its valve is open", "s", 0.0)
-    valve_delay_s: Time = quantity("Time from a command to the valve", "s", 0.0)
-    rise_time_s: Time = quantity("Time from no thrust to full thrust, on a straight line", "s", 0.0)
-    fall_time_s: Time = quantity("Time from full thrust to none, on a straight line", "s", 0.0)
-    specific_impulse_s: Annotated[Number, within(SPECIFIC_IMPULSE)] | None = quantity(
-        "Specific impulse; by default its propellant is not counted", "s", None
-    )
-    failed: Switch = choice("Whether it has failed before the start, and the law knows it", False)
 
     def torque(self) -> np.ndarray:
         """Torque on the body at full thrust, N m."""
@@ -125,28 +88,6 @@ def modulation_kind(
     if table is not None and table.kind is not None:
         return table.kind
     return "delta-sigma" if all(one.min_on_time_s > 0 for one in thrusters) else "pwm"
-
-
-_KINDS = tuple(kind for kind in FailureKind if kind is not FailureKind.REVERSED)
-
-THRUSTER = ActuatorDeclaration(
-    "thruster",
-    ThrusterTable,
-    1000,
-    "Thrusters that push, in place of those that make a torque of either sign",
-    _KINDS,
-    _KINDS,
-)
-
-IDEAL_KINDS = (
-    FailureKind.DEAD,
-    FailureKind.DEGRADED,
-    FailureKind.STUCK_ON,
-    FailureKind.STUCK_AT,
-    FailureKind.TURNED,
-    FailureKind.REVERSED,
-)
-"""How thrusters of `spacecraft.thruster_torque_axes` fail, whose torques have both signs."""
 
 
 def working_torques(thrusters: tuple[ThrusterTable, ...]) -> np.ndarray:

@@ -4,11 +4,11 @@ import math
 from collections.abc import Callable
 from typing import Any, Literal
 
+from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build_tolerances, build_uncontrolled
-from jaxsat.scenario.parts.registry import ACTUATORS
 from jaxsat.simulation import AbstractLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of

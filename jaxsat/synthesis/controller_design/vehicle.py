@@ -16,6 +16,7 @@ from jaxsat.controllability import Judgement, judge, verdict_sentence
 from jaxsat.controllability.cone import ROUNDING
 from jaxsat.controllability.wording import LAW_WORDS, lost_words
 from jaxsat.core.allocation import torque_directions
+from jaxsat.core.declaration.actuators import STEERED
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.inertia import normal_axes
 from jaxsat.scenario import Scenario
@@ -25,7 +26,6 @@ from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.cautions import HELD_TURN
 from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.layout import believed_axes, torque_limit
-from jaxsat.scenario.parts.registry import STEERED
 from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.scenario.quantities import inertia_matrix
 

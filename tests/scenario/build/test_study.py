@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
+from jaxsat.core.declaration.sensors import DELAY, WHITE_NOISE
 from jaxsat.core.solvers import class_name
 from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.build.load import load
@@ -15,7 +16,6 @@ from jaxsat.scenario.build.study import (
     build_study,
 )
 from jaxsat.scenario.dispersion_tables import PARAMETERS
-from jaxsat.scenario.parts.sensors import DELAY, SENSOR_KEYS
 from jaxsat.scenario.toml_text import toml_value
 from jaxsat.simulation.engine import NativeEngine, ReferenceEngine
 from jaxsat.studies import QUANTITIES, LatinHypercube, Sobol
@@ -38,7 +38,9 @@ def test_units_make_the_keys_of_quantities():
 
 def test_what_is_sampled_can_be_dispersed_under_the_same_key():
     """By which a loop gets the sensors and the delay that a study is to disperse."""
-    assert {key.name for key in (*SENSOR_KEYS, DELAY)} <= {one.key for one in DISPERSIBLE.values()}
+    assert {key.name for key in (*WHITE_NOISE.keys, DELAY)} <= {
+        one.key for one in DISPERSIBLE.values()
+    }
 
 
 @pytest.mark.parametrize(("one", "other"), EXCLUSIVE)

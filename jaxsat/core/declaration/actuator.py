@@ -1,0 +1,104 @@
+"""How a kind of actuator declares itself: plain data, which scenarios, studies and results read."""
+
+import pkgutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from jaxsat.core.declaration.failures import AbstractFailureKind
+from jaxsat.core.declaration.keys import DispersibleQuantity, Key, Rule, require_own_keys
+
+
+@dataclass(frozen=True)
+class Signal:
+    """What devices do or store, as the history of a run has it.
+
+    `name` is a field of `jaxsat.simulation.Signals`, `units` are those of a data set ("rad s-1").
+    One that is not `each` device's is that of all together. The summary of a run tells the largest
+    size of a `peak`.
+    """
+
+    name: str
+    units: str
+    meaning: str
+    each: bool = True
+    peak: bool = False
+
+
+@dataclass(frozen=True)
+class ActuatorDeclaration:
+    """All that is known of a kind of actuator without its equations.
+
+    - `name`: of its tables `[[name]]`, and of what fails: "name 3".
+    - `summary`: one line, what one of them is.
+    - `most`: how many tables there may be.
+    - `meaning`: one line, for the schema.
+    - `keys`: those of a table, without `name` and `failed`, which every actuator has.
+    - `failed`: what it means that one has failed before the start.
+    - `kinds`: how one of them may fail in flight, members of one enumeration.
+    - `idle`: those that change nothing of one that has failed before the start.
+    - `drawn`: those that a study can draw, the first ones of their enumeration.
+    - `both_signs`: whether what is stuck may be stuck either way.
+    - `steered`: whether it takes its part of a command of three torques by a steering of its own.
+    - `maker`: "module:Class.method" of the function that makes an `AbstractEffector` of checked
+      tables and an `EffectorContext`; None for actuators that are no effector of the body.
+      Nothing is imported before it is used.
+    - `rules`: rules across keys.
+    - `dispersible`: quantities that a study can draw; the class of the effector has under
+      `dispersible` what they change.
+    - `signals`: what results have of its devices.
+    - `called`: one of them in words, by default the name.
+    - `numbered`: what is to say of the numbers by which a study draws them.
+    """
+
+    name: str
+    summary: str
+    most: int
+    meaning: str
+    keys: tuple[Key, ...]
+    failed: str
+    kinds: tuple[AbstractFailureKind, ...]
+    idle: tuple[AbstractFailureKind, ...]
+    drawn: tuple[AbstractFailureKind, ...]
+    both_signs: bool = False
+    steered: bool = False
+    maker: str | None = None
+    rules: tuple[Rule, ...] = ()
+    dispersible: tuple[DispersibleQuantity, ...] = ()
+    signals: tuple[Signal, ...] = ()
+    called: str = ""
+    numbered: str = ""
+
+    def __post_init__(self):
+        require_own_keys(self.keys, "actuator", ("name", "failed"))
+        object.__setattr__(self, "called", self.called or self.name)
+
+    @property
+    def effector(self) -> Any:
+        """The class of the effector."""
+        assert self.maker is not None
+        return pkgutil.resolve_name(self.maker.rpartition(".")[0])
+
+    @property
+    def from_tables(self) -> Callable[[Sequence[Any], Any], Any]:
+        """What makes the effector of checked tables and an `EffectorContext`."""
+        assert self.maker is not None
+        return pkgutil.resolve_name(self.maker)
+
+    @property
+    def failed_quantity(self) -> DispersibleQuantity:
+        """The number of what fails, as a study can draw it."""
+        return DispersibleQuantity(
+            f"failed_{self.name}",
+            f"number from 0, rounded, of the {self.called} that each [[failure]] of one "
+            f"strikes{self.numbered}",
+        )
+
+    @property
+    def drawn_kinds(self) -> str:
+        """The numbers by which kinds of failure are drawn, and the key of each one's amount."""
+        names = (
+            f"{kind:d} {kind.word}" + "".join(f" ({key})" for key in kind.keys)
+            for kind in self.drawn
+        )
+        return f"of a {self.name} {', '.join(names)}"

@@ -1,0 +1,217 @@
+"""`[sampling]`, `[gyro]`, `[star_tracker]`: sensors, as scenarios and studies know them."""
+
+from jaxsat.core.declaration.keys import DispersibleQuantity, PartDeclaration, number
+from jaxsat.core.ranges import (
+    ATTITUDE_NOISE,
+    GYRO_BIAS,
+    MISALIGNMENT,
+    RATE_NOISE,
+    RATE_RANGE,
+    SCALE_FACTOR,
+    SECONDS,
+    TRACKER_NOISE,
+)
+
+WHITE_NOISE = PartDeclaration(
+    "white noise on each measurement",
+    (
+        number(
+            "rate_noise_rad_s",
+            "Standard deviation of white noise on each measured rate, a sample",
+            "rad/s",
+            within=RATE_NOISE,
+            default=0.0,
+        ),
+        number(
+            "attitude_noise_rad",
+            "Standard deviation of the measured attitude about each body axis, a sample",
+            "rad",
+            within=ATTITUDE_NOISE,
+            default=0.0,
+        ),
+    ),
+    (
+        DispersibleQuantity("rate_noise", "standard deviation of the rate sensors", "rad/s"),
+        DispersibleQuantity("attitude_noise", "standard deviation of the attitude sensors", "rad"),
+    ),
+)
+"""Of `[sampling]`."""
+
+DELAY = number(
+    "delay_s",
+    "Time from a sample to its torque, at most one period of the law",
+    "s",
+    at_least=0,
+    at_most=SECONDS.high,
+    default=0.0,
+)
+
+GYRO = PartDeclaration(
+    "three rate gyros, sampled with the law",
+    (
+        number(
+            "noise_density_rad_s_sqrt_Hz",
+            "Density of the white noise on each measured rate (angle random walk)",
+            "rad/s/√Hz",
+            within=RATE_NOISE,
+            default=0.0,
+        ),
+        number(
+            "bias_walk_rad_s2_sqrt_Hz",
+            "Density of the white noise that moves each bias (rate random walk)",
+            "rad/s²/√Hz",
+            within=RATE_NOISE,
+            default=0.0,
+        ),
+        number(
+            "bias_rad_s",
+            "Bias at the start, of all axes or of each",
+            "rad/s",
+            within=GYRO_BIAS,
+            size=3,
+            or_one=True,
+            default=0.0,
+        ),
+        number(
+            "bias_sigma_rad_s",
+            "Standard deviation of what is drawn onto each bias at the start",
+            "rad/s",
+            within=RATE_NOISE,
+            default=0.0,
+        ),
+        number(
+            "scale_factor",
+            "Relative error of the measured rate, of all axes or of each",
+            "1",
+            within=SCALE_FACTOR,
+            size=3,
+            or_one=True,
+            default=0.0,
+        ),
+        number(
+            "misalignment_rad",
+            "Small rotation of the three input axes, in body axes",
+            "rad",
+            within=MISALIGNMENT,
+            size=3,
+            default=(0.0, 0.0, 0.0),
+        ),
+        number(
+            "limit_rad_s",
+            "Largest rate that an axis can tell; by default none",
+            "rad/s",
+            within=RATE_RANGE,
+            default=None,
+        ),
+    ),
+    (
+        DispersibleQuantity(
+            "gyro_noise_density", "density of the white noise on each rate", "rad/s/√Hz"
+        ),
+        DispersibleQuantity(
+            "gyro_bias_walk", "density of the white noise that moves each bias", "rad/s²/√Hz"
+        ),
+        DispersibleQuantity(
+            "gyro_bias", "bias of the gyro at the start", "rad/s", axis="body_axis"
+        ),
+        DispersibleQuantity(
+            "gyro_scale_factor", "relative error of each measured rate", "1", axis="body_axis"
+        ),
+        DispersibleQuantity(
+            "gyro_misalignment", "small rotation of the gyro's input axes", "rad", axis="body_axis"
+        ),
+    ),
+)
+
+STAR_TRACKER = PartDeclaration(
+    "the attitude that a star tracker measures",
+    (
+        number(
+            "across_rad",
+            "Standard deviation of the measured attitude about each direction across the boresight",
+            "rad",
+            within=TRACKER_NOISE,
+        ),
+        number(
+            "along_rad",
+            "Standard deviation of the measured attitude about the boresight",
+            "rad",
+            within=TRACKER_NOISE,
+        ),
+        number(
+            "boresight",
+            "Direction of the boresight in body axes",
+            "1",
+            at_least=-1e6,
+            at_most=1e6,
+            size=3,
+            default=(0.0, 0.0, 1.0),
+        ),
+        number(
+            "update_period_s",
+            "Time between measurements, a whole multiple of control.period_s, which it is by "
+            "default",
+            "s",
+            within=SECONDS,
+            default=None,
+        ),
+        number(
+            "latency_s",
+            "Time from a measurement to its arrival, a whole multiple of control.period_s, or zero",
+            "s",
+            at_least=0,
+            at_most=SECONDS.high,
+            default=0.0,
+        ),
+        number(
+            "rate_limit_rad_s",
+            "Largest size of ω at which there are measurements; by default none",
+            "rad/s",
+            within=RATE_RANGE,
+            default=None,
+        ),
+        number(
+            "outage_start_s",
+            "Time at which an outage begins, in which nothing is measured; by default none",
+            "s",
+            at_least=0,
+            at_most=SECONDS.high,
+            default=None,
+        ),
+        number(
+            "outage_s",
+            "Length of the outage",
+            "s",
+            at_least=0,
+            at_most=SECONDS.high,
+            default=None,
+        ),
+    ),
+    (
+        DispersibleQuantity(
+            "tracker_across", "standard deviation of the star tracker across its boresight", "rad"
+        ),
+        DispersibleQuantity(
+            "tracker_along", "standard deviation of the star tracker about its boresight", "rad"
+        ),
+        DispersibleQuantity(
+            "tracker_update_period",
+            "time between the star tracker's measurements, rounded to whole control periods",
+            "s",
+        ),
+        DispersibleQuantity(
+            "tracker_latency",
+            "time until the star tracker's measurement arrives, rounded to whole control "
+            "periods, at most star_tracker.latency_s",
+            "s",
+        ),
+        DispersibleQuantity(
+            "tracker_rate_limit", "magnitude of ω above which the star tracker is blind", "rad/s"
+        ),
+        DispersibleQuantity("tracker_outage_start", "begin of the star tracker's outage", "s"),
+        DispersibleQuantity("tracker_outage", "length of the star tracker's outage", "s"),
+    ),
+)
+
+SENSORS = (WHITE_NOISE, GYRO, STAR_TRACKER)
+"""Those that come with jaxsat."""
