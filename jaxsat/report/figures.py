@@ -19,6 +19,7 @@ from jaxsat.report.run_plots import (
     attitude_plots,
     enlarged,
     further_signals,
+    has_effectors,
     pointing_plots,
     signal_plots,
     torque_lines,
@@ -110,8 +111,7 @@ def torque_figure(
         *signal_plots(dataset, "constraint_torque"),
         enlarged(together, zoom or _last_fifth(dataset)),
     ]
-    others = {"wheel_torque", "dipole", "gimbal_rate"} & set(dataset.data_vars)
-    subject = "torque of all actuators" if others else "thruster torque"
+    subject = "torque of all actuators" if has_effectors(dataset) else "thruster torque"
     return _figure(dataset, plots, subject, title, shaded="torque_max" not in dataset)
 
 

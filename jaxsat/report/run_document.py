@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.numerals import number_text, vector_text
 from jaxsat.core.text import capitalised
 from jaxsat.report.cells import step_error
 from jaxsat.report.document import Document, Facts, Verdict
 from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude
+from jaxsat.report.run_plots import has_effectors, shown_unit
 from jaxsat.report.timeline import failures_of
 from jaxsat.store import time_at_rest, time_to_settle
 from jaxsat.store.dataset import errors_of
@@ -83,28 +85,27 @@ def _final_state(dataset: xr.Dataset) -> dict[str, str]:
 def _actuation(dataset: xr.Dataset) -> dict[str, str]:
     """Torque, effort and, told apart, the ideal torque that holds the third rate; the steps."""
     ranged = "torque_max" in dataset
-    told = ("torque_min", "torque_max") if ranged else ("torque",)
-    peak = np.nanmax(np.abs(np.concatenate([dataset[one].values for one in told])), axis=0)
-    found = {"torque": f"at most {_numbers(peak)} N m{'' if ranged else ' at the saved times'}"}
+    torques = ("torque_min", "torque_max") if ranged else ("torque",)
+    peak = np.nanmax(np.abs(np.concatenate([dataset[one].values for one in torques])), axis=0)
+    rows = {"torque": f"at most {_numbers(peak)} N m{'' if ranged else ' at the saved times'}"}
     if "effort" in dataset:
-        several = {"wheel_momentum", "dipole", "gimbal_rate"} & set(dataset)
-        by = "all actuators" if several else "the thrusters"
-        found["effort"] = f"{_numbers(dataset['effort'])} N m s by {by}"
-    parts = {"wheel_momentum": "wheels", "dipole": "magnetorquers", "gimbal_rate": "gimbals"}
-    for name, what in parts.items():
-        if name in dataset:
-            unit = {"A m2": "A m²", "rad s-1": "rad/s"}.get(dataset[name].units, "N m s")
-            found[what] = f"at most {_numbers(abs(dataset[name]).max('time'))} {unit}"
+        by = "all actuators" if has_effectors(dataset) else "the thrusters"
+        rows["effort"] = f"{_numbers(dataset['effort'])} N m s by {by}"
+    for actuator in ACTUATORS:
+        for signal in actuator.signals:
+            if signal.peak and signal.name in dataset:
+                largest = _numbers(abs(dataset[signal.name]).max("time"))
+                rows[f"{actuator.name}s"] = f"at most {largest} {shown_unit(signal.units)}"
     if "constraint_effort" in dataset:
         peak = float(abs(dataset["constraint_torque"]).max())
         effort = number_text(dataset["constraint_effort"].values)
-        found["third rate"] = (
+        rows["third rate"] = (
             f"held by an ideal torque: {effort} N m s, at most "
             f"{number_text(peak, 3)} N m at the saved times"
         )
     error = step_error(*errors_of(dataset))
-    found["steps"] = f"{dataset.attrs.get('steps', '')}{f'; errors of {error}' if error else ''}"
-    return {label: text for label, text in found.items() if text}
+    rows["steps"] = f"{dataset.attrs.get('steps', '')}{f'; errors of {error}' if error else ''}"
+    return {label: text for label, text in rows.items() if text}
 
 
 def _numbers(values: Iterable[Any]) -> str:

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import xarray as xr
 
+from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.text import capitalised
 from jaxsat.report.plot import TIME, Axis, Band, Line, Plot, Strips
 from jaxsat.report.style import MOST_LINES
@@ -49,6 +50,12 @@ def shown_unit(unit: str) -> str:
     """A unit of the CF conventions as a person writes it."""
     shown = {"degree": "°", "1": ""}.get(unit, unit)
     return shown.replace(" s-1", "/s").replace("s-1", "1/s").replace("m2", "m²")
+
+
+def has_effectors(dataset: xr.Dataset) -> bool:
+    """Whether other actuators than thrusters make torques."""
+    names = {signal.name for actuator in EFFECTORS for signal in actuator.signals}
+    return not names.isdisjoint(dataset.data_vars)
 
 
 def part_labels(variable: xr.DataArray) -> list[str]:

@@ -4,6 +4,8 @@ import tomllib
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from jaxsat.core.declaration.actuators import ACTUATORS
+
 AXES: dict[str, tuple[str, ...]] = {
     "body_axis": ("x", "y", "z"),
     "driven_axis": ("x", "y"),
@@ -15,7 +17,7 @@ AXES: dict[str, tuple[str, ...]] = {
 """By axis; the components along any other one are numbered from 1."""
 
 
-PARTS = ("thruster", "wheel", "magnetorquer", "gimbal")
+PARTS = tuple(one.name for one in ACTUATORS)
 """The axes along which actuators stand, by their kind in a scenario."""
 
 SETTLED, UNSETTLED = "settled", "unsettled"
@@ -50,9 +52,11 @@ VARIABLES = {
     "constraint_torque": Label(
         (), "N m", "ideal torque about the third axis that holds the third rate"
     ),
-    "thrust_level": Label(("thruster",), "1", "mean thrust until the next time, over full thrust"),
-    "propellant": Label((), "kg", "propellant used"),
-    "valve_openings": Label(("thruster",), "1", "openings of each valve"),
+    **{
+        one.name: Label((actuator.name,) if one.each else (), one.units, one.meaning)
+        for actuator in ACTUATORS
+        for one in actuator.signals
+    },
     "diagnosed_kind": Label(
         ("thruster",),
         "1",
@@ -63,11 +67,6 @@ VARIABLES = {
         ("thruster",), "1", "CUSUM statistic of each actuator over the threshold of an alarm"
     ),
     "alarm": Label((), "1", "1 while the cause of an alarm is being isolated"),
-    "wheel_momentum": Label(("wheel",), "N m s", "wheel momentum relative to the body"),
-    "wheel_torque": Label(("wheel",), "N m", "wheel torque on the body along its axis"),
-    "dipole": Label(("magnetorquer",), "A m2", "dipole of each magnetorquer along its axis"),
-    "gimbal_angle": Label(("gimbal",), "rad", "angle of each gimbal"),
-    "gimbal_rate": Label(("gimbal",), "rad s-1", "rate of each gimbal"),
     "attitude_estimate_error": Label(
         ("body_axis",), "rad", "rotation vector from estimated to true attitude in body axes"
     ),

@@ -11,10 +11,7 @@ from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import failures_of
-from jaxsat.spacecraft import (
-    AbstractEffector,
-    Spacecraft,
-)
+from jaxsat.spacecraft import AbstractEffector, Spacecraft
 from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.spacecraft.environment import AbstractOrbit
 from jaxsat.studies import changes, limits, part_changes
@@ -122,10 +119,7 @@ _QUANTITIES: dict[str, Quantity] = {
         limits.changing(ranges.MOMENT, limits.moments_of),
     ),
     "products_of_inertia": Quantity(
-        _fixed(3),
-        changes.set_products,
-        needs_torque_level,
-        limits.of_products,
+        _fixed(3), changes.set_products, needs_torque_level, limits.of_products
     ),
     "misalignment": Quantity(
         _thrusters(2),
@@ -158,10 +152,7 @@ _QUANTITIES: dict[str, Quantity] = {
         limits.between(ranges.ANGLE),
     ),
     "constant_torque": Quantity(
-        _fixed(3),
-        changes.set_constant_torque,
-        always,
-        limits.of_constant_torque,
+        _fixed(3), changes.set_constant_torque, always, limits.of_constant_torque
     ),
     "model_inertia": Quantity(
         _fixed(3),
@@ -210,35 +201,16 @@ _QUANTITIES: dict[str, Quantity] = {
     "tracker_outage_start": _of_tracker("outage_start", _FROM_NOW, needs_outage),
     "tracker_outage": _of_tracker("outage", _FROM_NOW, needs_outage),
     "failure_time": Quantity(
-        _failures(),
-        part_changes.set_failure("at"),
-        needs_failures(),
-        limits.between(_FROM_NOW),
+        _failures(), part_changes.set_failure("at"), needs_failures(), limits.between(_FROM_NOW)
     ),
     "failure_kind": Quantity(
-        _failures(),
-        part_changes.set_failure("kind"),
-        needs_failures(),
-        limits.of_failure_kind,
+        _failures(), part_changes.set_failure("kind"), needs_failures(), limits.of_failure_kind
     ),
     "failure_amount": Quantity(
-        _failures(),
-        part_changes.set_failure("amount"),
-        needs_failures(),
-        limits.of_failure_amount,
+        _failures(), part_changes.set_failure("amount"), needs_failures(), limits.of_failure_amount
     ),
-    "delay": Quantity(
-        _fixed(1),
-        sensor_changes.set_delay,
-        needs_delay,
-        limits.of_delay,
-    ),
-    "attitude": Quantity(
-        _fixed(4),
-        changes.set_attitude,
-        always,
-        limits.between(Range(-1.0, 1.0)),
-    ),
+    "delay": Quantity(_fixed(1), sensor_changes.set_delay, needs_delay, limits.of_delay),
+    "attitude": Quantity(_fixed(4), changes.set_attitude, always, limits.between(Range(-1.0, 1.0))),
     "tilt": Quantity(
         _fixed(1),
         changes.set_tilt_by(changes.resized),
@@ -246,10 +218,7 @@ _QUANTITIES: dict[str, Quantity] = {
         limits.between(Range(0.0, STATE_LIMIT)),
     ),
     "tilt_direction": Quantity(
-        _fixed(1),
-        changes.set_tilt_by(changes.redirected),
-        always,
-        limits.between(ranges.ANGLE),
+        _fixed(1), changes.set_tilt_by(changes.redirected), always, limits.between(ranges.ANGLE)
     ),
     "turn": Quantity(
         _fixed(1),
@@ -258,22 +227,11 @@ _QUANTITIES: dict[str, Quantity] = {
         limits.between(limits.STATE),
     ),
     "attitude_error": Quantity(
-        _fixed(3),
-        changes.set_attitude_error,
-        always,
-        limits.between(ranges.ROTATION),
+        _fixed(3), changes.set_attitude_error, always, limits.between(ranges.ROTATION)
     ),
-    "omega": Quantity(
-        _fixed(3),
-        changes.set_omega,
-        always,
-        limits.of_omega,
-    ),
+    "omega": Quantity(_fixed(3), changes.set_omega, always, limits.of_omega),
     "rate_error": Quantity(
-        _fixed(2),
-        changes.set_rate_error,
-        needs_reference,
-        limits.between(limits.STATE),
+        _fixed(2), changes.set_rate_error, needs_reference, limits.between(limits.STATE)
     ),
     **{
         name: _of_effector(actuator.effector, one)

@@ -52,10 +52,7 @@ GIMBAL = ActuatorDeclaration(
             within=WHEEL_MOMENTUM,
         ),
         number(
-            "rate_limit_rad_s",
-            "Largest rate of its gimbal, either way",
-            "rad/s",
-            within=RATE_RANGE,
+            "rate_limit_rad_s", "Largest rate of its gimbal, either way", "rad/s", within=RATE_RANGE
         ),
         number("angle_rad", "Gimbal angle at the start", "rad", within=TURN, default=0.0),
     ),

@@ -72,11 +72,7 @@ START = (
         axis="body_axis",
     ),
     DispersibleQuantity(
-        "omega",
-        "initial angular velocity",
-        "rad/s",
-        excludes=("rate_error",),
-        axis="body_axis",
+        "omega", "initial angular velocity", "rad/s", excludes=("rate_error",), axis="body_axis"
     ),
 )
 

@@ -179,12 +179,7 @@ STAR_TRACKER = PartDeclaration(
             default=None,
         ),
         number(
-            "outage_s",
-            "Length of the outage",
-            "s",
-            at_least=0,
-            at_most=SECONDS.high,
-            default=None,
+            "outage_s", "Length of the outage", "s", at_least=0, at_most=SECONDS.high, default=None
         ),
     ),
     (

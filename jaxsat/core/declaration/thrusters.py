@@ -55,11 +55,7 @@ THRUSTER = ActuatorDeclaration(
             default=0.0,
         ),
         number(
-            "valve_delay_s",
-            "Time from a command to the valve",
-            "s",
-            within=_FROM_ZERO,
-            default=0.0,
+            "valve_delay_s", "Time from a command to the valve", "s", within=_FROM_ZERO, default=0.0
         ),
         number(
             "rise_time_s",
