@@ -78,6 +78,9 @@ RATE_RANGE = Range(1e-9, 1e6)
 SECONDS = Range(1e-6, 1e8)
 """Durations, periods and steps, s."""
 
+FROM_ZERO = Range(0.0, SECONDS.high)
+"""Times and delays, s."""
+
 MISALIGNMENT = Range(-1.0, 1.0)
 """Turn of a torque axis off its place, rad, whose tangent is taken as small."""
 

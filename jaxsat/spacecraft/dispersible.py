@@ -36,19 +36,14 @@ class Limits(NamedTuple):
         return Limits(xp.minimum(one, other) - 1 - free, xp.maximum(one, other) - 1 + free)
 
 
-def _nothing(effector: Any) -> None:
-    del effector
-
-
 class Dispersible(NamedTuple):
-    """What a quantity that a study draws changes in an effector, or in its state at the start.
+    """What a drawn quantity changes in an effector, or in its state at the start.
 
+    For quantities that are more than one field of the effector, which their declaration names.
     `changed` takes the effector, its state and the numbers, `each` so many for every device, and
-    gives effector and state. `obstacle` tells, as a clause, why an effector has no such quantity,
-    or None. The law is not told of what is drawn.
+    gives effector and state. The law is not told of what is drawn.
     """
 
     changed: Callable[[Any, Any, Float[Array, " size"]], tuple[Any, Any]]
     limits: Callable[[Any], Limits]
     each: int = 1
-    obstacle: Callable[[Any], str | None] = _nothing

@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration.failures import AbstractFailureKind, FailureKind
-from jaxsat.core.ranges import DIPOLE_LIMIT, MISALIGNMENT
+from jaxsat.core.ranges import MISALIGNMENT
 from jaxsat.spacecraft.axes import of_each, turned_axes, unit_axes
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
@@ -41,10 +41,6 @@ class MagnetorquerFailures(AbstractFailures):
         return self.last(struck, count).two_signed()
 
 
-def _with_dipole_limit(one: "Magnetorquers", state: None, change: Array):
-    return eqx.tree_at(lambda one: one.dipole_limit, one, one.dipole_limit * (1 + change)), state
-
-
 def _misaligned(one: "Magnetorquers", state: None, angles: Array):
     return one.misaligned(angles.reshape(one.count, 2)), state
 
@@ -60,12 +56,9 @@ class Magnetorquers(AbstractEffector):
     kind: ClassVar[str] = "magnetorquer"
     columns_change: ClassVar[bool] = True
     dispersible: ClassVar[Mapping[str, Dispersible]] = {
-        "dipole_limit": Dispersible(
-            _with_dipole_limit, lambda one: Limits.of_change(DIPOLE_LIMIT, one.dipole_limit)
-        ),
         "magnetorquer_misalignment": Dispersible(
             _misaligned, lambda one: Limits.between(MISALIGNMENT), each=2
-        ),
+        )
     }
 
     axes: Float[Array, "3 k"]

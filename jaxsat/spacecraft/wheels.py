@@ -13,7 +13,7 @@ does not depend on the body.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -24,7 +24,7 @@ from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float, concrete, require_finite, require_positive
 from jaxsat.core.declaration.wheels import WheelFailureKind
 from jaxsat.core.errors import ArgumentError
-from jaxsat.core.ranges import MOMENT, TORQUE
+from jaxsat.core.ranges import TORQUE
 from jaxsat.spacecraft import wheel_motion
 from jaxsat.spacecraft.axes import of_each, unit_axes
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
@@ -43,11 +43,6 @@ class WheelMomenta(eqx.Module):
     """The state of wheels: the momentum of each relative to the body, N m s."""
 
     momentum: Float[Array, " wheels"] = eqx.field(converter=as_float)
-
-
-def _with_rotor_inertia(one: "Wheels", state: WheelMomenta, change: Array):
-    inertia = cast(Array, one.rotor_inertia) * (1 + change)
-    return eqx.tree_at(lambda one: one.rotor_inertia, one, inertia), state
 
 
 def _with_momentum(one: "Wheels", state: WheelMomenta, momentum: Array):
@@ -75,14 +70,7 @@ class Wheels(AbstractEffector):
 
     kind: ClassVar[str] = "wheel"
     dispersible: ClassVar[Mapping[str, Dispersible]] = {
-        "rotor_inertia": Dispersible(
-            _with_rotor_inertia,
-            lambda one: Limits.of_change(MOMENT, one.rotor_inertia),
-            obstacle=lambda one: (
-                "no wheel has a rotor inertia" if one.rotor_inertia is None else None
-            ),
-        ),
-        "wheel_momentum": Dispersible(_with_momentum, _momentum_limits),
+        "wheel_momentum": Dispersible(_with_momentum, _momentum_limits)
     }
 
     axes: Float[Array, "3 wheels"]

@@ -109,21 +109,6 @@ def set_products(perturbed: PerturbedLoop, share: Values) -> PerturbedLoop:
     )
 
 
-def set_periodic(field: str, new: Callable[[Array, Values], Array]):
-    """A change of one field of the periodic torque: `new` of the old one and the numbers."""
-
-    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
-        def change(term):
-            if not isinstance(term, PeriodicTorque):
-                return term
-            return eqx.tree_at(lambda t: getattr(t, field), term, new(getattr(term, field), values))
-
-        disturbance = map_parts(change, PeriodicTorque, perturbed.loop.plant.disturbance)
-        return in_loop(perturbed, lambda loop: loop.plant.disturbance, disturbance)
-
-    return apply
-
-
 def follow_frequency(loop: AbstractLoop) -> AbstractLoop:
     """The loop whose law knows the frequencies of the plant's periodic torque.
 

@@ -8,9 +8,7 @@ from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
 from jaxsat.simulation.parts import failures_of, parts_of
 from jaxsat.spacecraft import (
     AbstractEffector,
-    Sensors,
 )
-from jaxsat.spacecraft.environment import PeriodicTorque
 from jaxsat.studies.part_changes import navigation_of, thrusters_of
 from jaxsat.studies.perturbed import controller_of
 
@@ -27,12 +25,6 @@ def needs_torque_level(loop: AbstractLoop) -> str | None:
     return None
 
 
-def needs_periodic(loop: AbstractLoop) -> str | None:
-    """Of plants with one periodic disturbance torque."""
-    count = len(parts_of(PeriodicTorque, loop.plant.disturbance))
-    return None if count == 1 else f"the plant has {count} periodic disturbance torques, not one"
-
-
 def needs_model(kind: type) -> Callable[[AbstractLoop], str | None]:
     """Of controllers that believe a model with such a part."""
 
@@ -44,11 +36,18 @@ def needs_model(kind: type) -> Callable[[AbstractLoop], str | None]:
     return obstacle
 
 
-def needs_sensors(loop: AbstractLoop) -> str | None:
-    """Of loops with noise on what is measured."""
-    if not isinstance(loop, SampledLoop):
-        return "only sampled loops have sensors"
-    return None if isinstance(loop.sensors, Sensors) else "the loop has no sensors"
+def needs_sensor(place: str, what: str) -> Callable[[AbstractLoop], str | None]:
+    """Of sampled loops with a sensor at this attribute."""
+
+    def obstacle(loop: AbstractLoop) -> str | None:
+        if not isinstance(loop, SampledLoop):
+            return "only sampled loops have sensors"
+        part: Any = loop
+        for name in place.split("."):
+            part = getattr(part, name, None)
+        return None if part is not None else f"the loop has no {what}"
+
+    return obstacle
 
 
 def needs_navigation(loop: AbstractLoop) -> str | None:
@@ -62,14 +61,6 @@ def needs_latency(loop: AbstractLoop) -> str | None:
     obstacle = needs_navigation(loop)
     if obstacle is None and not navigation_of(loop).tracker.latency:
         return "the star tracker has no latency"
-    return obstacle
-
-
-def needs_outage(loop: AbstractLoop) -> str | None:
-    """Of loops whose star tracker has outages."""
-    obstacle = needs_navigation(loop)
-    if obstacle is None and navigation_of(loop).tracker.outage is None:
-        return "the star tracker has no outage"
     return obstacle
 
 
@@ -105,13 +96,21 @@ def needs_failures(part: str | None = None) -> Callable[[AbstractLoop], str | No
     return obstacle
 
 
-def needs_effector(
-    kind: type[AbstractEffector], own: Callable[[Any], str | None]
-) -> Callable[[AbstractLoop], str | None]:
-    """Of spacecraft with an effector of this class that has no obstacle of its `own`."""
+def needs_effector(kind: type[AbstractEffector]) -> Callable[[AbstractLoop], str | None]:
+    """Of spacecraft with an effector of this class."""
 
     def obstacle(loop: AbstractLoop) -> str | None:
-        effector = loop.plant.find(kind)
-        return f"the spacecraft has no {kind.kind}s" if effector is None else own(effector)
+        there = loop.plant.find(kind) is not None
+        return None if there else f"the spacecraft has no {kind.kind}s"
+
+    return obstacle
+
+
+def needs_disturbance(kind: type, what: str) -> Callable[[AbstractLoop], str | None]:
+    """Of plants with one disturbance of this class."""
+
+    def obstacle(loop: AbstractLoop) -> str | None:
+        count = len(parts_of(kind, loop.plant.disturbance))
+        return None if count == 1 else f"the plant has {what} {count} times, not once"
 
     return obstacle

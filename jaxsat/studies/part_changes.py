@@ -2,14 +2,14 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import cast
+from typing import Any, cast
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
 
 from jaxsat.control.navigation import Navigation
+from jaxsat.core.declaration.keys import DispersibleQuantity
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.simulation.parts import failures_of, parts_of
 from jaxsat.spacecraft import AbstractEffector, Actuators, ThrusterSet
@@ -73,6 +73,20 @@ def _with_thrusters_changed(
     return in_loop(perturbed, lambda loop: loop.actuators, actuators)
 
 
+def set_field(part_of: Callable[[AbstractLoop], Any], quantity: DispersibleQuantity):
+    """Another number, or several, in a field of a part; the law believes the nominal ones."""
+
+    def where(loop: AbstractLoop) -> Any:
+        return getattr(part_of(loop), quantity.field or "")
+
+    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
+        old = where(perturbed.loop)
+        new = old * (1 + values) if quantity.relative else values
+        return in_loop(perturbed, where, new if old is not None and old.ndim else new[0])
+
+    return apply
+
+
 def set_in_effector(kind: type[AbstractEffector], one: Dispersible):
     """A change of an effector, or of its state at the start."""
 
@@ -110,54 +124,20 @@ def navigation_of(loop: AbstractLoop) -> Navigation:
     return cast(Navigation, cast(SampledLoop, loop).navigation)
 
 
-def set_sensor(field: str):
-    """A change of one field of the sensors."""
-
-    def apply(perturbed: PerturbedLoop, sigma: Values) -> PerturbedLoop:
-        return in_loop(perturbed, lambda loop: getattr(loop.sensors, field), sigma[0])
-
-    return apply
-
-
-def set_gyro(field: str):
-    """Another number, or three, in a field of the gyro; the estimator believes the nominal ones."""
-
-    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
-        old = getattr(navigation_of(perturbed.loop).gyro, field)
-        new = values if old.ndim else values[0]
-        return in_loop(perturbed, lambda loop: getattr(loop.navigation.gyro, field), new)
-
-    return apply
-
-
-def set_tracker(field: str):
-    """Another number in a field of the star tracker; the estimator believes the nominal one."""
-
-    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
-        return _in_tracker(perturbed, field, values[0])
-
-    return apply
-
-
 def set_tracker_samples(field: str, least: int):
-    """The same of a time (s) that counts whole periods of the law, at least so many."""
+    """Another time (s) of the star tracker, in whole periods of the law and at least so many; the
+    estimator believes the nominal one."""
 
     def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
         loop = with_thrusters(perturbed.loop)
         samples = jnp.round(values[0] / cast(SampledLoop, loop).controller.period)
-        return _in_tracker(perturbed, field, jnp.maximum(samples, least).astype(int))
+        return in_loop(
+            perturbed,
+            lambda loop: getattr(loop.navigation.tracker, field),
+            jnp.maximum(samples, least).astype(int),
+        )
 
     return apply
-
-
-def _in_tracker(perturbed: PerturbedLoop, field: str, new: Array) -> PerturbedLoop:
-    loop = eqx.tree_at(
-        lambda loop: getattr(loop.navigation.tracker, field),
-        perturbed.loop,
-        new,
-        is_leaf=lambda part: part is None,
-    )
-    return perturbed._replace(loop=loop)
 
 
 def set_delay(perturbed: PerturbedLoop, delay: Values) -> PerturbedLoop:

@@ -46,7 +46,8 @@ def with_controller(loop: AbstractLoop, controller) -> AbstractLoop:
 
 def in_loop(perturbed: PerturbedLoop, where, new) -> PerturbedLoop:
     """With `new` at what `where` takes of the loop."""
-    return perturbed._replace(loop=eqx.tree_at(where, perturbed.loop, new))
+    loop = eqx.tree_at(where, perturbed.loop, new, is_leaf=lambda part: part is None)
+    return perturbed._replace(loop=loop)
 
 
 def map_parts(change, kind: type | tuple[type, ...], tree):

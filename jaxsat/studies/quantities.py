@@ -1,37 +1,42 @@
 """How many numbers each dispersible quantity takes, and where they go in the model."""
 
+import functools
+import pkgutil
 from collections.abc import Callable
-from typing import NamedTuple
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+import numpy as np
 
 import jaxsat.core.ranges as ranges
 from jaxsat.core.attitude import WZ
 from jaxsat.core.declaration.actuator import ActuatorDeclaration
 from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
+from jaxsat.core.declaration.disturbances import DISTURBANCES
+from jaxsat.core.declaration.keys import DispersibleQuantity
 from jaxsat.core.declaration.quantities import DISPERSIBLE
+from jaxsat.core.declaration.sensors import SENSORS
 from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop
-from jaxsat.simulation.parts import failures_of
+from jaxsat.simulation.parts import failures_of, parts_of
 from jaxsat.spacecraft import AbstractEffector, Spacecraft
-from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.spacecraft.environment import AbstractOrbit
 from jaxsat.studies import changes, limits, part_changes
-from jaxsat.studies import part_changes as sensor_changes
 from jaxsat.studies.obstacles import (
     always,
     needs_delay,
+    needs_disturbance,
     needs_effector,
     needs_failures,
     needs_latency,
     needs_model,
     needs_navigation,
-    needs_outage,
-    needs_periodic,
     needs_reference,
-    needs_sensors,
+    needs_sensor,
     needs_thrusters,
     needs_torque_level,
 )
-from jaxsat.studies.part_changes import set_in_effector, thruster_count, thrusters_of
+from jaxsat.studies.part_changes import set_field, set_in_effector, thruster_count, thrusters_of
 from jaxsat.studies.perturbed import PerturbedLoop, Values, effector_of
 
 
@@ -66,18 +71,83 @@ def _failures(part: str | None = None) -> Callable[[AbstractLoop], int]:
     return lambda loop: sum(one.count for one in failures_of(loop) if part in (None, one.part))
 
 
-def _of_effector(kind: type[AbstractEffector], one: Dispersible) -> Quantity:
-    """What an effector declares, where the spacecraft has it."""
+def _of_field(
+    one: DispersibleQuantity,
+    part_of: Callable[[AbstractLoop], Any],
+    obstacle: Callable[[AbstractLoop], str | None],
+    lacks: str = "",
+) -> Quantity:
+    """A quantity that is one field of a part; `lacks` begins what is said where that is None."""
+    field, within = one.field, one.within
+    assert field is not None
+    assert within is not None
 
-    def size(loop: AbstractLoop) -> int:
-        effector = loop.plant.find(kind)
-        return 0 if effector is None else one.each * effector.count
+    def nominal(loop: AbstractLoop) -> Any:
+        return getattr(part_of(loop), field)
+
+    def needs_number(loop: AbstractLoop) -> str | None:
+        reason = obstacle(loop)
+        if reason is None and nominal(loop) is None:
+            return f"{lacks} {field.replace('_', ' ')}"
+        return reason
 
     return Quantity(
-        size,
-        set_in_effector(kind, one),
-        needs_effector(kind, one.obstacle),
-        lambda loop: one.limits(effector_of(loop, kind)),
+        lambda loop: np.size(nominal(loop)),
+        set_field(part_of, one),
+        needs_number,
+        limits.changing(within, nominal) if one.relative else limits.between(within),
+    )
+
+
+def _of_sensors() -> dict[str, Quantity]:
+    return {
+        one.name: _of_field(
+            one,
+            attrgetter(place),
+            needs_sensor(place, sensor.summary),
+            f"the {sensor.summary} has no",
+        )
+        for place, sensor in SENSORS.items()
+        for one in sensor.dispersible
+        if one.field is not None
+    }
+
+
+def _of_disturbances() -> dict[str, Quantity]:
+    return {
+        one.name: _of_field(
+            one, functools.partial(_disturbance, kind), needs_disturbance(kind, part.summary)
+        )
+        for place, part in DISTURBANCES.items()
+        for kind in [pkgutil.resolve_name(place)]
+        for one in part.dispersible
+        if one.field is not None
+    }
+
+
+def _disturbance(kind: type, loop: AbstractLoop) -> Any:
+    (disturbance,) = parts_of(kind, loop.plant.disturbance)
+    return disturbance
+
+
+def _of_effectors() -> dict[str, Quantity]:
+    return {
+        one.name: _of_effector(actuator.effector, one)
+        for actuator in EFFECTORS
+        for one in actuator.dispersible
+    }
+
+
+def _of_effector(kind: type[AbstractEffector], one: DispersibleQuantity) -> Quantity:
+    if one.field is not None:
+        obstacle, lacks = needs_effector(kind), f"no {kind.kind} has a"
+        return _of_field(one, lambda loop: effector_of(loop, kind), obstacle, lacks)
+    own = kind.dispersible[one.name]
+    return Quantity(
+        lambda loop: own.each * effector_of(loop, kind).count,
+        set_in_effector(kind, own),
+        needs_effector(kind),
+        lambda loop: own.limits(effector_of(loop, kind)),
     )
 
 
@@ -94,21 +164,6 @@ def _of_failed(actuator: ActuatorDeclaration) -> Quantity:
         needs_failures(actuator.name),
         number,
     )
-
-
-_FROM_NOW = Range(0.0, ranges.SECONDS.high)
-
-
-def _of_gyro(field: str, size: int, values: Range) -> Quantity:
-    return Quantity(
-        _fixed(size), sensor_changes.set_gyro(field), needs_navigation, limits.between(values)
-    )
-
-
-def _of_tracker(
-    field: str, values: Range, obstacle: Callable[[AbstractLoop], str | None] = needs_navigation
-) -> Quantity:
-    return Quantity(_fixed(1), sensor_changes.set_tracker(field), obstacle, limits.between(values))
 
 
 _QUANTITIES: dict[str, Quantity] = {
@@ -133,24 +188,6 @@ _QUANTITIES: dict[str, Quantity] = {
         needs_thrusters,
         limits.between(ranges.CHANGE_OF_TORQUE),
     ),
-    "disturbance_amplitude": Quantity(
-        _fixed(3),
-        changes.set_periodic("amplitude", lambda old, change: old * (1 + change)),
-        needs_periodic,
-        limits.changing(ranges.TORQUE, lambda loop: limits.periodic_of(loop).amplitude),
-    ),
-    "disturbance_frequency": Quantity(
-        _fixed(3),
-        changes.set_periodic("frequency", lambda old, change: old * (1 + change)),
-        needs_periodic,
-        limits.changing(ranges.FREQUENCY, lambda loop: limits.periodic_of(loop).frequency),
-    ),
-    "disturbance_phase": Quantity(
-        _fixed(3),
-        changes.set_periodic("phase", lambda old, phase: phase),
-        needs_periodic,
-        limits.between(ranges.ANGLE),
-    ),
     "constant_torque": Quantity(
         _fixed(3), changes.set_constant_torque, always, limits.of_constant_torque
     ),
@@ -166,42 +203,23 @@ _QUANTITIES: dict[str, Quantity] = {
         needs_model(AbstractOrbit),
         limits.changing(ranges.ORBIT_RATE, limits.believed_orbit_rate),
     ),
-    "rate_noise": Quantity(
-        _fixed(1),
-        sensor_changes.set_sensor("rate_noise"),
-        needs_sensors,
-        limits.between(ranges.RATE_NOISE),
-    ),
-    "attitude_noise": Quantity(
-        _fixed(1),
-        sensor_changes.set_sensor("attitude_noise"),
-        needs_sensors,
-        limits.between(ranges.ATTITUDE_NOISE),
-    ),
-    "gyro_noise_density": _of_gyro("noise_density", 1, ranges.RATE_NOISE),
-    "gyro_bias_walk": _of_gyro("bias_walk", 1, ranges.RATE_NOISE),
-    "gyro_bias": _of_gyro("bias", 3, ranges.GYRO_BIAS),
-    "gyro_scale_factor": _of_gyro("scale_factor", 3, ranges.SCALE_FACTOR),
-    "gyro_misalignment": _of_gyro("misalignment", 3, ranges.MISALIGNMENT),
-    "tracker_across": _of_tracker("across", ranges.TRACKER_NOISE),
-    "tracker_along": _of_tracker("along", ranges.TRACKER_NOISE),
     "tracker_update_period": Quantity(
         _fixed(1),
-        sensor_changes.set_tracker_samples("every", 1),
+        part_changes.set_tracker_samples("every", 1),
         needs_navigation,
         limits.of_update_period,
     ),
     "tracker_latency": Quantity(
         _fixed(1),
-        sensor_changes.set_tracker_samples("arrival", 0),
+        part_changes.set_tracker_samples("arrival", 0),
         needs_latency,
         limits.of_latency,
     ),
-    "tracker_rate_limit": _of_tracker("rate_limit", ranges.RATE_RANGE),
-    "tracker_outage_start": _of_tracker("outage_start", _FROM_NOW, needs_outage),
-    "tracker_outage": _of_tracker("outage", _FROM_NOW, needs_outage),
     "failure_time": Quantity(
-        _failures(), part_changes.set_failure("at"), needs_failures(), limits.between(_FROM_NOW)
+        _failures(),
+        part_changes.set_failure("at"),
+        needs_failures(),
+        limits.between(ranges.FROM_ZERO),
     ),
     "failure_kind": Quantity(
         _failures(), part_changes.set_failure("kind"), needs_failures(), limits.of_failure_kind
@@ -209,7 +227,7 @@ _QUANTITIES: dict[str, Quantity] = {
     "failure_amount": Quantity(
         _failures(), part_changes.set_failure("amount"), needs_failures(), limits.of_failure_amount
     ),
-    "delay": Quantity(_fixed(1), sensor_changes.set_delay, needs_delay, limits.of_delay),
+    "delay": Quantity(_fixed(1), part_changes.set_delay, needs_delay, limits.of_delay),
     "attitude": Quantity(_fixed(4), changes.set_attitude, always, limits.between(Range(-1.0, 1.0))),
     "tilt": Quantity(
         _fixed(1),
@@ -233,11 +251,9 @@ _QUANTITIES: dict[str, Quantity] = {
     "rate_error": Quantity(
         _fixed(2), changes.set_rate_error, needs_reference, limits.between(limits.STATE)
     ),
-    **{
-        name: _of_effector(actuator.effector, one)
-        for actuator in EFFECTORS
-        for name, one in actuator.effector.dispersible.items()
-    },
+    **_of_sensors(),
+    **_of_disturbances(),
+    **_of_effectors(),
     **{actuator.failed_quantity.name: _of_failed(actuator) for actuator in ACTUATORS},
 }
 

@@ -22,14 +22,25 @@ PERIODIC = PartDeclaration(
             "disturbance_amplitude",
             "relative change of the periodic torque's amplitudes",
             axis="body_axis",
+            field="amplitude",
+            within=TORQUE,
+            relative=True,
         ),
         DispersibleQuantity(
             "disturbance_frequency",
             "relative change of the periodic torque's frequencies",
             axis="body_axis",
+            field="frequency",
+            within=FREQUENCY,
+            relative=True,
         ),
         DispersibleQuantity(
-            "disturbance_phase", "phases of the periodic torque", "rad", axis="body_axis"
+            "disturbance_phase",
+            "phases of the periodic torque",
+            "rad",
+            axis="body_axis",
+            field="phase",
+            within=ANGLE,
         ),
     ),
 )

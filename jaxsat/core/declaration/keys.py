@@ -172,12 +172,16 @@ class DispersibleQuantity:
     possible, are applied first, and those of "start" last. It is not dispersed together with those
     that it `excludes`. Where `random_attitude` is true its distribution is "random-attitude", which
     no other quantity has. One that `turns` moves the initial attitude away from where the scenario
-    has it. `axis` is what the axis of its numbers is called where there are several.
+    has it. `axis` is what the axis of its numbers is called where there are several. A quantity
+    that is one `field` of its part lies `within` a range, which `relative` changes do not leave.
     """
 
     name: str
     meaning: str
     unit: str = "1"
+    field: str | None = None
+    within: Range | None = None
+    relative: bool = False
     stage: Literal["body", "part", "start"] = "part"
     excludes: tuple[str, ...] = ()
     random_attitude: bool = False

@@ -32,6 +32,9 @@ MAGNETORQUER = ActuatorDeclaration(
         DispersibleQuantity(
             "dipole_limit",
             "relative change of each magnetorquer's dipole limit",
+            field="dipole_limit",
+            within=DIPOLE_LIMIT,
+            relative=True,
             axis="magnetorquer",
         ),
         DispersibleQuantity(

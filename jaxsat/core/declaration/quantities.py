@@ -97,7 +97,7 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
             *_of_actuators("part"),
             *(one for part in DISTURBANCES.values() for one in part.dispersible),
             *BELIEF,
-            *(one for part in SENSORS for one in part.dispersible),
+            *(one for part in SENSORS.values() for one in part.dispersible),
             *FAILURES,
             DELAY,
             *START,

@@ -3,6 +3,7 @@
 from jaxsat.core.declaration.keys import DispersibleQuantity, PartDeclaration, number
 from jaxsat.core.ranges import (
     ATTITUDE_NOISE,
+    FROM_ZERO,
     GYRO_BIAS,
     MISALIGNMENT,
     RATE_NOISE,
@@ -13,7 +14,7 @@ from jaxsat.core.ranges import (
 )
 
 WHITE_NOISE = PartDeclaration(
-    "white noise on each measurement",
+    "sensors with white noise",
     (
         number(
             "rate_noise_rad_s",
@@ -31,8 +32,20 @@ WHITE_NOISE = PartDeclaration(
         ),
     ),
     (
-        DispersibleQuantity("rate_noise", "standard deviation of the rate sensors", "rad/s"),
-        DispersibleQuantity("attitude_noise", "standard deviation of the attitude sensors", "rad"),
+        DispersibleQuantity(
+            "rate_noise",
+            "standard deviation of the rate sensors",
+            "rad/s",
+            field="rate_noise",
+            within=RATE_NOISE,
+        ),
+        DispersibleQuantity(
+            "attitude_noise",
+            "standard deviation of the attitude sensors",
+            "rad",
+            field="attitude_noise",
+            within=ATTITUDE_NOISE,
+        ),
     ),
 )
 """Of `[sampling]`."""
@@ -41,13 +54,12 @@ DELAY = number(
     "delay_s",
     "Time from a sample to its torque, at most one period of the law",
     "s",
-    at_least=0,
-    at_most=SECONDS.high,
+    within=FROM_ZERO,
     default=0.0,
 )
 
 GYRO = PartDeclaration(
-    "three rate gyros, sampled with the law",
+    "rate gyros",
     (
         number(
             "noise_density_rad_s_sqrt_Hz",
@@ -106,25 +118,48 @@ GYRO = PartDeclaration(
     ),
     (
         DispersibleQuantity(
-            "gyro_noise_density", "density of the white noise on each rate", "rad/s/√Hz"
+            "gyro_noise_density",
+            "density of the white noise on each rate",
+            "rad/s/√Hz",
+            field="noise_density",
+            within=RATE_NOISE,
         ),
         DispersibleQuantity(
-            "gyro_bias_walk", "density of the white noise that moves each bias", "rad/s²/√Hz"
+            "gyro_bias_walk",
+            "density of the white noise that moves each bias",
+            "rad/s²/√Hz",
+            field="bias_walk",
+            within=RATE_NOISE,
         ),
         DispersibleQuantity(
-            "gyro_bias", "bias of the gyro at the start", "rad/s", axis="body_axis"
+            "gyro_bias",
+            "bias of the gyro at the start",
+            "rad/s",
+            axis="body_axis",
+            field="bias",
+            within=GYRO_BIAS,
         ),
         DispersibleQuantity(
-            "gyro_scale_factor", "relative error of each measured rate", "1", axis="body_axis"
+            "gyro_scale_factor",
+            "relative error of each measured rate",
+            "1",
+            axis="body_axis",
+            field="scale_factor",
+            within=SCALE_FACTOR,
         ),
         DispersibleQuantity(
-            "gyro_misalignment", "small rotation of the gyro's input axes", "rad", axis="body_axis"
+            "gyro_misalignment",
+            "small rotation of the gyro's input axes",
+            "rad",
+            axis="body_axis",
+            field="misalignment",
+            within=MISALIGNMENT,
         ),
     ),
 )
 
 STAR_TRACKER = PartDeclaration(
-    "the attitude that a star tracker measures",
+    "star tracker",
     (
         number(
             "across_rad",
@@ -159,8 +194,7 @@ STAR_TRACKER = PartDeclaration(
             "latency_s",
             "Time from a measurement to its arrival, a whole multiple of control.period_s, or zero",
             "s",
-            at_least=0,
-            at_most=SECONDS.high,
+            within=FROM_ZERO,
             default=0.0,
         ),
         number(
@@ -174,20 +208,25 @@ STAR_TRACKER = PartDeclaration(
             "outage_start_s",
             "Time at which an outage begins, in which nothing is measured; by default none",
             "s",
-            at_least=0,
-            at_most=SECONDS.high,
+            within=FROM_ZERO,
             default=None,
         ),
-        number(
-            "outage_s", "Length of the outage", "s", at_least=0, at_most=SECONDS.high, default=None
-        ),
+        number("outage_s", "Length of the outage", "s", within=FROM_ZERO, default=None),
     ),
     (
         DispersibleQuantity(
-            "tracker_across", "standard deviation of the star tracker across its boresight", "rad"
+            "tracker_across",
+            "standard deviation of the star tracker across its boresight",
+            "rad",
+            field="across",
+            within=TRACKER_NOISE,
         ),
         DispersibleQuantity(
-            "tracker_along", "standard deviation of the star tracker about its boresight", "rad"
+            "tracker_along",
+            "standard deviation of the star tracker about its boresight",
+            "rad",
+            field="along",
+            within=TRACKER_NOISE,
         ),
         DispersibleQuantity(
             "tracker_update_period",
@@ -201,12 +240,28 @@ STAR_TRACKER = PartDeclaration(
             "s",
         ),
         DispersibleQuantity(
-            "tracker_rate_limit", "magnitude of ω above which the star tracker is blind", "rad/s"
+            "tracker_rate_limit",
+            "magnitude of ω above which the star tracker is blind",
+            "rad/s",
+            field="rate_limit",
+            within=RATE_RANGE,
         ),
-        DispersibleQuantity("tracker_outage_start", "begin of the star tracker's outage", "s"),
-        DispersibleQuantity("tracker_outage", "length of the star tracker's outage", "s"),
+        DispersibleQuantity(
+            "tracker_outage_start",
+            "begin of the star tracker's outage",
+            "s",
+            field="outage_start",
+            within=FROM_ZERO,
+        ),
+        DispersibleQuantity(
+            "tracker_outage",
+            "length of the star tracker's outage",
+            "s",
+            field="outage",
+            within=FROM_ZERO,
+        ),
     ),
 )
 
-SENSORS = (WHITE_NOISE, GYRO, STAR_TRACKER)
-"""Those that come with jaxsat."""
+SENSORS = {"sensors": WHITE_NOISE, "navigation.gyro": GYRO, "navigation.tracker": STAR_TRACKER}
+"""Declarations by the attribute of a sampled loop where the sensor is."""

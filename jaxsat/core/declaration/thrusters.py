@@ -3,7 +3,7 @@
 from jaxsat.core.declaration.actuator import ActuatorDeclaration, Signal
 from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.core.declaration.keys import DispersibleQuantity, direction, number, switch
-from jaxsat.core.ranges import LENGTH, SECONDS, TORQUE_LIMIT, Range
+from jaxsat.core.ranges import FROM_ZERO, LENGTH, TORQUE_LIMIT, Range
 
 FORCE = Range(1e-9, 1e9)
 """Of a thruster, N."""
@@ -11,7 +11,6 @@ FORCE = Range(1e-9, 1e9)
 SPECIFIC_IMPULSE = Range(1.0, 1e5)
 """s; cold gas has 60, an ion engine some thousands."""
 
-_FROM_ZERO = Range(0.0, SECONDS.high)
 _KINDS = tuple(kind for kind in FailureKind if kind is not FailureKind.REVERSED)
 
 THRUSTER = ActuatorDeclaration(
@@ -51,24 +50,24 @@ THRUSTER = ActuatorDeclaration(
             "min_on_time_s",
             "Shortest time that its valve is open",
             "s",
-            within=_FROM_ZERO,
+            within=FROM_ZERO,
             default=0.0,
         ),
         number(
-            "valve_delay_s", "Time from a command to the valve", "s", within=_FROM_ZERO, default=0.0
+            "valve_delay_s", "Time from a command to the valve", "s", within=FROM_ZERO, default=0.0
         ),
         number(
             "rise_time_s",
             "Time from no thrust to full thrust, on a straight line",
             "s",
-            within=_FROM_ZERO,
+            within=FROM_ZERO,
             default=0.0,
         ),
         number(
             "fall_time_s",
             "Time from full thrust to none, on a straight line",
             "s",
-            within=_FROM_ZERO,
+            within=FROM_ZERO,
             default=0.0,
         ),
         number(

@@ -88,6 +88,9 @@ WHEEL = ActuatorDeclaration(
             "rotor_inertia",
             "relative change of the rotor inertia of each wheel, which the law does not know; "
             "that of the whole body stays",
+            field="rotor_inertia",
+            within=MOMENT,
+            relative=True,
             stage="body",
             axis="wheel",
         ),
