@@ -9,19 +9,18 @@ from jaxsat.core.declaration.actuator import ActuatorDeclaration
 from jaxsat.scenario.quantities import Line, ScenarioTable, Switch, choice, fields_of
 
 
+class DeviceTable(ScenarioTable):
+    """A table of one device."""
+
+    name: Line | None = choice("A name of its own; by default it goes by its number from 1", None)
+
+
 def table_of_device(actuator: ActuatorDeclaration) -> Any:
     """The class of one table `[[NAME]]` of an actuator."""
-    fields: dict[str, Any] = {
-        "name": (
-            Line | None,
-            choice("A name of its own; by default it goes by its number from 1", None),
-        ),
-        **fields_of(actuator.keys),
-        "failed": (Switch, choice(actuator.failed, False)),
-    }
+    fields = fields_of(actuator.keys) | {"failed": (Switch, choice(actuator.failed, False))}
     return create_model(
         f"{actuator.name.capitalize()}Table",
-        __base__=ScenarioTable,
+        __base__=DeviceTable,
         __doc__=f"`[[{actuator.name}]]`: {actuator.summary}.",
         __module__=__name__,
         **fields,
