@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from jaxsat.core.allocation import least_propellant, plane_map
+from jaxsat.core.declaration.actuators import STEERED
 from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import rotation
@@ -62,8 +63,7 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     if (
         not limits
         or None in limits
-        or scenario.magnetorquer
-        or scenario.gimbal
+        or any(getattr(scenario, name) for name in STEERED)
         or not law.regulates_attitude
     ):
         return

@@ -5,6 +5,7 @@ themselves, so that one mistake hides no other.
 """
 
 from jaxsat.core.allocation import allocation_matrix, torque_directions
+from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.layout import (
@@ -35,18 +36,17 @@ def _failed_thrusters_exist(axes, failed):
             yield Issue(location, f"must name each thruster once, got {number} again")
 
 
-@rule(
+@rule_over(
     "control.law",
     "spacecraft.thruster_torque_axes",
     "spacecraft.failed_thrusters",
-    "wheel",
-    "magnetorquer",
-    "gimbal",
+    *(one.name for one in EFFECTORS),
 )
-def _law_has_its_torques(law, axes, failed, wheels, magnetorquers, gimbals):
-    declaration = law.declaration
-    torques = declaration.torques
-    if axes is None or wheels or magnetorquers or gimbals or not torques:
+def _law_has_its_torques(values):
+    declaration = values["control.law"].declaration
+    axes = values["spacecraft.thruster_torque_axes"]
+    failed, torques = values["spacecraft.failed_thrusters"], declaration.torques
+    if axes is None or not torques or any(values[one.name] for one in EFFECTORS):
         return
     if any(number > len(axes) for number in failed):
         return

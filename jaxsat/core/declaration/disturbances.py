@@ -1,6 +1,7 @@
 """The disturbances that come with jaxsat, whose keys stand in `[disturbance]` itself."""
 
 from jaxsat.core.declaration.keys import DispersibleQuantity, PartDeclaration, number, switch
+from jaxsat.core.declaration.orbits import needs_orbit
 from jaxsat.core.ranges import ANGLE, DIPOLE, FREQUENCY, LENGTH, TORQUE, Range
 
 _ZERO = (0.0, 0.0, 0.0)
@@ -60,6 +61,7 @@ GRAVITY_GRADIENT = PartDeclaration(
 MAGNETIC = PartDeclaration(
     "the torque on a residual dipole in the field of a tilted dipole that turns with the Earth",
     (_vector("residual_dipole_A_m2", "Magnetic dipole fixed in body axes", "A m²", DIPOLE),),
+    rules=(needs_orbit("disturbance.residual_dipole_A_m2", "a residual dipole"),),
 )
 AERODYNAMIC = PartDeclaration(
     "the torque of drag, by one coefficient and the speed of the orbit",
@@ -73,6 +75,7 @@ AERODYNAMIC = PartDeclaration(
         ),
         _vector("drag_centre_m", "Centre of pressure from the centre of mass", "m", LENGTH),
     ),
+    rules=(needs_orbit("disturbance.drag_density_kg_m3", "drag"),),
 )
 SOLAR = PartDeclaration(
     "the torque of sunlight, by one coefficient",
@@ -98,7 +101,10 @@ SOLAR = PartDeclaration(
         ),
         switch("eclipses", "Whether the Earth has a shadow, a cylinder", False),
     ),
+    rules=(needs_orbit("disturbance.eclipses", "eclipses"),),
 )
+PANEL_DRAG = PartDeclaration("the torque of drag on panels")
+PANEL_LIGHT = PartDeclaration("the torque of sunlight on panels")
 
 DISTURBANCES = {
     "jaxsat.spacecraft.environment.disturbances:PeriodicTorque": PERIODIC,
@@ -107,5 +113,7 @@ DISTURBANCES = {
     "jaxsat.spacecraft.environment.orbital_torques:MagneticTorque": MAGNETIC,
     "jaxsat.spacecraft.environment.orbital_torques:AerodynamicTorque": AERODYNAMIC,
     "jaxsat.spacecraft.environment.orbital_torques:SolarPressureTorque": SOLAR,
+    "jaxsat.spacecraft.environment.panels:PanelDrag": PANEL_DRAG,
+    "jaxsat.spacecraft.environment.panels:PanelSolarPressure": PANEL_LIGHT,
 }
 """Declarations by the place of the class."""

@@ -198,13 +198,14 @@ class DispersibleQuantity:
 class PartDeclaration:
     """What a scenario needs to know of a disturbance, of actuators, of a sensor or an estimator.
 
-    `summary` is one line, what the part does; `keys` are those of its table; `dispersible` are the
-    quantities of it that a study can draw, of parts that come with jaxsat.
+    `summary` is one line, what the part does; `keys` are those of its table. Of parts that come
+    with jaxsat `dispersible` are the quantities that a study can draw, and `rules` tie keys.
     """
 
     summary: str
     keys: tuple[Key, ...] = ()
     dispersible: tuple[DispersibleQuantity, ...] = ()
+    rules: tuple[Rule, ...] = ()
 
     def __post_init__(self):
         require_own_keys(self.keys, "part", ("kind",))

@@ -3,6 +3,7 @@
 from jaxsat.core.declaration.actuator import ActuatorDeclaration, Signal
 from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.core.declaration.keys import DispersibleQuantity, direction, number
+from jaxsat.core.declaration.orbits import needs_orbit
 from jaxsat.core.ranges import DIPOLE_LIMIT
 
 MAGNETORQUER = ActuatorDeclaration(
@@ -28,6 +29,7 @@ MAGNETORQUER = ActuatorDeclaration(
     both_signs=True,
     steered=True,
     maker="jaxsat.spacecraft.magnetorquers:Magnetorquers.from_tables",
+    rules=(needs_orbit("magnetorquer", "magnetorquers"),),
     dispersible=(
         DispersibleQuantity(
             "dipole_limit",

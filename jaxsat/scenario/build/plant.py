@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import EFFECTORS
-from jaxsat.core.declaration.disturbances import AERODYNAMIC, DISTURBANCES, SOLAR
+from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.scenario.build.plugin_trial import made_part, require_torque
 from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.disturbances import DisturbanceTable
@@ -26,13 +26,9 @@ from jaxsat.spacecraft.environment import (
     CircularOrbit,
     DisturbanceContext,
     ExactOrbit,
-    PanelDrag,
-    Panels,
-    PanelSolarPressure,
     PeriodicTorque,
     SmallAngleOrbit,
     SumOfDisturbances,
-    Sunlight,
 )
 
 
@@ -92,33 +88,14 @@ def periodic_torque(
 def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance:
     """All torques that are asked for; that of (2) is always there."""
     table = scenario.disturbance
-    context = DisturbanceContext(inertia, orbit_rate(scenario), place_of(scenario.orbit))
-    terms: list[AbstractDisturbance] = []
-    for place, declaration in DISTURBANCES.items():
-        if scenario.panel and declaration in (AERODYNAMIC, SOLAR):
-            continue
-        disturbance = pkgutil.resolve_name(place).from_table(
-            values_of(declaration.keys, table), context
-        )
-        terms += [] if disturbance is None else [disturbance]
-    terms += _on_panels(scenario, context.place)
+    place = place_of(scenario.orbit)
+    context = DisturbanceContext(inertia, orbit_rate(scenario), place, scenario.panel)
+    values = values_of((key for part in DISTURBANCES.values() for key in part.keys), table)
+    own = [pkgutil.resolve_name(name).from_table(values, context) for name in DISTURBANCES]
+    terms: list[AbstractDisturbance] = [one for one in own if one is not None]
     in_wz = scenario.simulation.attitude == "wz"
     terms += [_other(name, other, context, in_wz) for name, other in table.torques.items()]
     return terms[0] if len(terms) == 1 else SumOfDisturbances(tuple(terms))
-
-
-def _on_panels(scenario: Scenario, orbit: CircularOrbit) -> list[AbstractDisturbance]:
-    """Light, and air where there is some, on the panels of a scenario."""
-    tables, table = scenario.panel, scenario.disturbance
-    if not tables:
-        return []
-    names = ("area_m2", "normal", "centre_m", "drag_coefficient", "specular", "diffuse")
-    panels = Panels(*(np.array([getattr(one, name) for one in tables]) for name in names))
-    values = values_of((*AERODYNAMIC.keys, *SOLAR.keys), table)
-    light = Sunlight(values["sun_direction"], orbit, values["eclipses"])
-    torques: list[AbstractDisturbance] = [PanelSolarPressure(panels, light)]
-    density = values["drag_density_kg_m3"]
-    return [PanelDrag(density, panels, orbit), *torques] if density else torques
 
 
 def _other(

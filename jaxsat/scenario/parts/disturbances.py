@@ -20,11 +20,8 @@ from jaxsat.scenario.quantities import (
     quantity,
     table_with,
 )
-from jaxsat.scenario.rules import at, rule, rule_over
+from jaxsat.scenario.rules import RULES, at, declared_rule, rule, rule_over
 from jaxsat.scenario.wording import shown
-
-RATE_AT_GROUND = 0.00124
-"""rad/s; of a circular orbit at the Earth's surface."""
 
 
 class DisturbanceTorqueTable(PartTable):
@@ -82,25 +79,11 @@ def _panels_stand_for_the_constant_areas(values):
             yield at(key, f"must be omitted with [[panel]], got {shown(values[key])}")
 
 
-@rule(
-    "orbit.rate_rad_s",
-    "disturbance.residual_dipole_A_m2",
-    "disturbance.drag_density_kg_m3",
-    "disturbance.eclipses",
-    "magnetorquer",
-)
-def _field_air_and_shadow_need_an_orbit(rate, dipole, density, eclipses, magnetorquers):
-    asked = any(dipole) or density or eclipses or magnetorquers
-    if rate is not None and not 0 < rate <= RATE_AT_GROUND and asked:
-        yield at(
-            "orbit.rate_rad_s",
-            f"must be that of an orbit above the ground, greater than 0 and at most "
-            f"{RATE_AT_GROUND:g} rad/s, with residual dipole, magnetorquers, drag or "
-            f"eclipses, got {shown(rate)}",
-        )
-
-
 @rule("disturbance.solar_area_m2", "disturbance.sun_direction", "panel")
 def _sun_has_a_direction(area, direction, panels):
     if (area or panels) and not any(direction):
         yield at("disturbance.sun_direction", "must be a direction, got zeros")
+
+
+for _part in DISTURBANCES.values():
+    RULES.extend(map(declared_rule, _part.rules))

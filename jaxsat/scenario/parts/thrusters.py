@@ -7,6 +7,7 @@ import numpy as np
 from annotated_types import Gt, Le
 
 from jaxsat.core.allocation import least_propellant, plane_map
+from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
 from jaxsat.core.declaration.thrusters import THRUSTER
 from jaxsat.core.ranges import SECONDS
 from jaxsat.scenario.errors import Issue
@@ -101,19 +102,18 @@ def signs(thruster: ThrusterTable) -> tuple[float, ...]:
     return (1.0, -1.0) if thruster.two_sided else (1.0,)
 
 
-@rule(
-    "thruster",
+@rule_over(
     "spacecraft.thruster_torque_axes",
     "spacecraft.failed_thrusters",
-    "wheel",
-    "magnetorquer",
-    "gimbal",
+    *(one.name for one in ACTUATORS),
 )
-def _one_kind_of_thruster(thrusters, axes, failed, wheels, magnetorquers, gimbals):
-    if not thrusters:
-        if axes is None and not (wheels or magnetorquers or gimbals):
-            tables = "[[thruster]], [[wheel]], [[magnetorquer]] or [[gimbal]]"
-            message = f"must be given, or tables {tables}, got none of them"
+def _one_kind_of_thruster(values):
+    axes = values["spacecraft.thruster_torque_axes"]
+    failed = values["spacecraft.failed_thrusters"]
+    if not values["thruster"]:
+        if axes is None and not any(values[one.name] for one in EFFECTORS):
+            *tables, last = (f"[[{one.name}]]" for one in ACTUATORS)
+            message = f"must be given, or tables {', '.join(tables)} or {last}, got none of them"
             yield at("spacecraft.thruster_torque_axes", message, True)
         elif axes is None and failed:
             message = f"must not be given without thruster_torque_axes, got {shown(failed)}"

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxsat.core.allocation import least_squares_map, unit_columns, what_is_left
+from jaxsat.core.declaration.actuators import ACTUATORS, STEERED
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.quantities import (
@@ -118,18 +119,15 @@ def _coulomb_friction_needs_a_sampled_law(wheels, law):
             )
 
 
-@rule(
+@rule_over(
     "control.law",
-    "wheel",
-    "thruster",
     "spacecraft.thruster_torque_axes",
     "spacecraft.failed_thrusters",
-    "magnetorquer",
-    "gimbal",
+    *(one.name for one in ACTUATORS),
 )
-def _wheels_and_thrusters_make_what_the_law_commands(
-    law, wheels, thrusters, axes, failed, magnetorquers, gimbals
-):
+def _wheels_and_thrusters_make_what_the_law_commands(values):
+    law, wheels, thrusters = (values[key] for key in ("control.law", "wheel", "thruster"))
+    axes = values["spacecraft.thruster_torque_axes"]
     declaration = law.declaration
     torques = declaration.torques
     if declaration.commands_actuators:
@@ -138,9 +136,10 @@ def _wheels_and_thrusters_make_what_the_law_commands(
         return
     if wheels and torques == 1:
         yield at("wheel", f'must be left out under the law "{law}", which knows thrusters alone')
-    if not wheels or thrusters or magnetorquers or gimbals or torques not in (2, 3):
+    steered = any(values[name] for name in STEERED)
+    if not wheels or thrusters or steered or torques not in (2, 3):
         return
-    working = working_axes(axes or (), failed)
+    working = working_axes(axes or (), values["spacecraft.failed_thrusters"])
     missing = what_is_left(working, least_squares_map(working, torques))
     missing = missing @ left_by_wheels(wheels, torques)
     if abs(missing).max() > MISSING:

@@ -22,20 +22,23 @@ RealScalar = Float[Array, ""]
 class DisturbanceContext(NamedTuple):
     """What a scenario tells a disturbance besides its own keys.
 
-    The nominal `inertia` (kg m²) and `orbit_rate` (rad/s), and the `place` of the orbit.
+    The nominal `inertia` (kg m²) and `orbit_rate` (rad/s), the `place` of the orbit, and checked
+    tables `[[panel]]`.
     """
 
     inertia: Float[np.ndarray, "3 3"]
     orbit_rate: float
     place: CircularOrbit
+    panels: tuple[Any, ...] = ()
 
 
 class AbstractDisturbance(eqx.Module):
     """A disturbance torque T_d in body axes.
 
     One that a scenario can name also has a `declaration`, a `PartDeclaration`, and a class method
-    `from_table(values, context)`: `values` has every declared key, `context` is a
-    `DisturbanceContext`. An array that it holds is a number that may change without compiling anew.
+    `from_table(values, context)`: `values` has every declared key, those of jaxsat get every key of
+    `[disturbance]`; `context` is a `DisturbanceContext`. An array that it holds is a number that
+    may change without compiling anew.
     """
 
     @abc.abstractmethod

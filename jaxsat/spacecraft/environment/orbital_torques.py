@@ -78,8 +78,8 @@ class AerodynamicTorque(AbstractDisturbance):
     def from_table(
         cls, values: Mapping[str, Any], context: DisturbanceContext
     ) -> "AerodynamicTorque | None":
-        """The torque of a table of a scenario; None where there is no air."""
-        if not values["drag_density_kg_m3"]:
+        """The torque of a table of a scenario; None where there is no air, or it strikes panels."""
+        if not values["drag_density_kg_m3"] or context.panels:
             return None
         return cls(
             values["drag_density_kg_m3"],
@@ -157,8 +157,8 @@ class SolarPressureTorque(AbstractDisturbance):
     def from_table(
         cls, values: Mapping[str, Any], context: DisturbanceContext
     ) -> "SolarPressureTorque | None":
-        """The torque of a table of a scenario; None where nothing is lit."""
-        if not values["solar_area_m2"]:
+        """The torque of a table of a scenario; None where nothing is lit, or panels are."""
+        if not values["solar_area_m2"] or context.panels:
             return None
         return cls(
             values["solar_coefficient"],

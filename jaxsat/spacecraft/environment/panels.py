@@ -3,13 +3,23 @@
 Wertz, Spacecraft Attitude Determination and Control, 1978, section 17.2.
 """
 
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import as_float, require_finite, require_positive
-from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, RealScalar
+from jaxsat.core.declaration import PartDeclaration
+from jaxsat.core.declaration.disturbances import PANEL_DRAG, PANEL_LIGHT
+from jaxsat.spacecraft.environment.disturbances import (
+    AbstractDisturbance,
+    DisturbanceContext,
+    RealScalar,
+)
 from jaxsat.spacecraft.environment.orbit import CircularOrbit
 from jaxsat.spacecraft.environment.orbital_torques import SOLAR_PRESSURE, Sunlight
 
@@ -36,6 +46,12 @@ class Panels(eqx.Module):
         require_finite("centre", self.centre)
         require_positive("normal", jnp.sum(self.normal**2, axis=1))
 
+    @classmethod
+    def from_tables(cls, tables: Sequence[Any]) -> "Panels":
+        """Those of checked tables `[[panel]]` of a scenario."""
+        names = ("area_m2", "normal", "centre_m", "drag_coefficient", "specular", "diffuse")
+        return cls(*(np.array([getattr(one, name) for one in tables]) for name in names))
+
     def unit_normals(self) -> Float[Array, "p 3"]:
         """The normals, of length 1."""
         return self.normal / jnp.sqrt(jnp.sum(self.normal**2, axis=1, keepdims=True))
@@ -52,12 +68,24 @@ class PanelDrag(AbstractDisturbance):
     out).
     """
 
+    declaration: ClassVar[PartDeclaration] = PANEL_DRAG
+
     density: Float[Array, ""] = eqx.field(converter=as_float)
     panels: Panels
     orbit: CircularOrbit
 
     def __check_init__(self):
         require_positive("density", self.density, zero_allowed=True)
+
+    @classmethod
+    def from_table(
+        cls, values: Mapping[str, Any], context: DisturbanceContext
+    ) -> "PanelDrag | None":
+        """The torque on the panels of a scenario; None where there is no air or no panel."""
+        density = values["drag_density_kg_m3"]
+        if not density or not context.panels:
+            return None
+        return cls(density, Panels.from_tables(context.panels), context.place)
 
     def __call__(
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
@@ -78,8 +106,20 @@ class PanelSolarPressure(AbstractDisturbance):
     a mirror and evenly.
     """
 
+    declaration: ClassVar[PartDeclaration] = PANEL_LIGHT
+
     panels: Panels
     light: Sunlight
+
+    @classmethod
+    def from_table(
+        cls, values: Mapping[str, Any], context: DisturbanceContext
+    ) -> "PanelSolarPressure | None":
+        """The torque on the panels of a scenario; None where there is no panel."""
+        if not context.panels:
+            return None
+        light = Sunlight(values["sun_direction"], context.place, values["eclipses"])
+        return cls(Panels.from_tables(context.panels), light)
 
     def __call__(
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
