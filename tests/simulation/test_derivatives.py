@@ -17,7 +17,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from jaxsat.scenario.parts.magnetorquers import MAGNETORQUER
 
 import jaxsat.core.declaration.sensors as declared
 from helpers import gyros
@@ -27,10 +26,11 @@ from helpers.magnetic import document
 from jaxsat.core import process
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.disturbances import DISTURBANCES
+from jaxsat.core.declaration.magnetorquers import MAGNETORQUER
+from jaxsat.core.declaration.thrusters import IDEAL_KINDS, THRUSTER
+from jaxsat.core.declaration.wheels import WHEEL
 from jaxsat.scenario.build.run import build_loop
 from jaxsat.scenario.control import find_law
-from jaxsat.scenario.parts.thrusters import IDEAL_KINDS, THRUSTER
-from jaxsat.scenario.parts.wheels import WHEEL
 from jaxsat.scenario.plugins import ESTIMATOR
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation import SampledLoop
