@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from control.test_similarity import BASE, scaled
 from jaxsat.control.driven_axes import DrivenFit, FittedDynamics
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.planned import MOST_MANOEUVRES, SETTLING, PlannedMode, PlannedSettling
-from jaxsat.control.planning import search
 from jaxsat.control.planning.search import PlanSearch
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import ArgumentError
@@ -158,14 +158,31 @@ def test_what_begins_a_new_plan():
 
 
 @pytest.mark.slow
-def test_three_slews_where_no_plan_arrives(monkeypatch):
-    monkeypatch.setattr(search, "ARRIVING", -1.0)
-    found = flight(20.0, search=PlanSearch(guesses=1))  # else the compiled program of others
-    expected = ["PLANNING", "STOPPING", "SLEWING", "HOLDING"]
-    assert order_of(found) == expected
-    assert found.final.memory.failures == 1
-    assert found.assessment.settled_from < 100
-    assert jnp.all(jnp.isfinite(found.signals.omega))
+def test_three_slews_where_no_plan_arrives():
+    """With a ten-thousandth of the torque a plan has to stop rates of hundreds of units."""
+    result = flight(20.0, margin=jnp.array(0.9999))
+    assert order_of(result) == ["PLANNING", "STOPPING", "SLEWING", "HOLDING"]
+    assert result.final.memory.failures == 1
+    assert result.assessment.settled_from < 100
+    assert jnp.all(jnp.isfinite(result.signals.omega))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
+def test_plans_in_any_unit():
+    """Another spacecraft with the same ratios, and another unit of time: the same searches."""
+
+    def flown(mass, time):  # without noise: the compiled program of the others
+        motion = {key: value for key, value in BASE.items() if not key.startswith("sampling.")}
+        overrides = scaled(mass, time, motion)
+        run = build(load("acceptance-nominal", ["control.law=planned", *overrides]))
+        return simulate(run.loop, run.start, run.times, method=run.method).signals
+
+    one, other = flown(1.0, 1.0), flown(1e-3, 7.3)
+    assert {PlannedMode.PLANNING, PlannedMode.FOLLOWING} < set(np.asarray(one.mode).tolist())
+    np.testing.assert_allclose(other.quaternion, one.quaternion, atol=1e-6)
+    np.testing.assert_allclose(np.asarray(other.omega) * 7.3, one.omega, atol=1e-6)
+    np.testing.assert_array_equal(other.mode, one.mode)
 
 
 def test_a_failed_plan_is_told_by_its_modes():

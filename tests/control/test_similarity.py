@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from jaxsat.control.planned import PlannedMode
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 
@@ -30,13 +29,17 @@ def power(key):
     return next((power for end, power in POWERS.items() if key.endswith(end)), 0)
 
 
-def flown(law, mass, time, **changes):
+def scaled(mass, time, values=BASE):
+    """Overrides of a scenario, in units of so many of the old ones."""
+    for key, value in values.items():
+        number = np.array(value) * time ** power(key)
+        number = number * mass if key.endswith(MASS) else number
+        yield f"{key}={number.tolist()!r}"
+
+
+def flown(law, mass, time):
     """Quaternion, rates in rad per unit of time, and modes; the same for every unit."""
-    overrides = [f"control.law={law}", "title=scaled"]
-    for key, value in (BASE | changes).items():
-        scaled = np.array(value) * time ** power(key)
-        scaled = scaled * mass if key.endswith(MASS) else scaled
-        overrides.append(f"{key}={scaled.tolist()!r}")
+    overrides = [f"control.law={law}", "title=scaled", *scaled(mass, time)]
     signals = build(load("acceptance-hard", overrides)).simulate().signals
     return np.asarray(signals.quaternion), np.asarray(signals.omega) * time, signals.mode
 
@@ -53,16 +56,3 @@ def test_mass_and_time_may_be_of_any_unit(law):
         np.testing.assert_allclose(found[0], quaternion, atol=1e-7)
         np.testing.assert_allclose(found[1], omega, atol=1e-8)
         np.testing.assert_array_equal(found[2], mode)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
-def test_plans_in_any_unit():
-    """Another spacecraft with the same ratios, and another unit of time: the same searches."""
-    changes = {"simulation.duration_s": 50.0}
-    quaternion, omega, mode = flown("planned", 1.0, 1.0, **changes)
-    assert {PlannedMode.PLANNING, PlannedMode.FOLLOWING} < set(np.asarray(mode).tolist())
-    found = flown("planned", 1e-3, 7.3, **changes)
-    np.testing.assert_allclose(found[0], quaternion, atol=1e-6)
-    np.testing.assert_allclose(found[1], omega, atol=1e-6)
-    np.testing.assert_array_equal(found[2], mode)
