@@ -12,6 +12,7 @@ import shutil
 import signal
 import sys
 import tempfile
+from collections import Counter
 from pathlib import Path
 
 from helpers import compiling
@@ -63,6 +64,33 @@ if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
 SHARING = ("tests/synthesis/tuning/",)
 """Folders whose files share what is dear to make."""
 
+FIRST = (
+    *("tests/synthesis/tuning/", "tests/control/test_planned.py", "tests/cli/test_compare.py"),
+    *("tests/flight/test_strangers.py", "tests/cli/test_front.py", "tests/cli/test_montecarlo.py"),
+    "tests/simulation/test_wheels_failing_continuously.py",
+    "tests/synthesis/controller_design/test_design.py",
+    "tests/flight/test_software_in_the_loop.py",
+    *("tests/scenario/test_plugin_parts.py", "tests/cli/test_your_own_law.py"),
+    *("tests/report/reproduction/test_claims.py", "tests/control/test_fault_tolerant.py"),
+    *("tests/studies/test_recovery.py", "tests/test_benchmarks.py", "tests/store/test_damage.py"),
+)
+"""Groups with the slowest tests (`.ci/run` ends with a list). They begin first, then those of many
+tests, so that no process works alone at the end."""
+
+
+def _group(nodeid: str) -> str:
+    file = nodeid.split("::")[0]
+    return next((folder for folder in SHARING if file.startswith(folder)), file)
+
+
+def pytest_collection_modifyitems(config, items):
+    """In a process of several: in the order in which groups are handed out."""
+    if hasattr(config, "workerinput"):
+        counts = Counter(_group(item.nodeid) for item in items)
+        places = {group: place - len(FIRST) for place, group in enumerate(FIRST)}
+        ranks = {group: (places.get(group, 0), -count, group) for group, count in counts.items()}
+        items.sort(key=lambda item: ranks[_group(item.nodeid)])
+
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
@@ -74,9 +102,9 @@ def pytest_xdist_make_scheduler(config, log):
 
     class ByFile(LoadScopeScheduling):
         def _split_scope(self, nodeid):
-            file = nodeid.split("::")[0]
-            return next((folder for folder in SHARING if file.startswith(folder)), file)
+            return _group(nodeid)
 
+    config.option.loadscopereorder = False  # the order is that of the items
     return ByFile(config, log) if config.getvalue("dist") == "loadgroup" else None
 
 
