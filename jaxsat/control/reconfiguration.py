@@ -13,7 +13,6 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.control.diagnosis import WEAK, ActuatorCondition
 from jaxsat.core.allocation import (
     largest_torque,
-    least_propellant,
     torque_directions,
     two_sided_torques,
     unit_columns,
@@ -82,9 +81,7 @@ def what_is_left(torque: Float[np.ndarray, "3 m"], failed: tuple[int, ...]) -> F
 
 def limit_about(torque: Float[np.ndarray, "3 m"], axes: Float[np.ndarray, "3 2"]) -> float:
     """The torque (N m) that thrusters make about two axes at once, of any signs, and no other."""
-    both_ways = two_sided_torques(torque)
-    cost = np.sqrt(np.sum(both_ways**2, axis=0))
-    return largest_torque(least_propellant(both_ways, cost, axes))
+    return largest_torque(two_sided_torques(torque), 0.0, 1.0, axes)
 
 
 class Ability(NamedTuple):

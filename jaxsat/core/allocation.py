@@ -25,19 +25,30 @@ def unit_columns(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 
 
 
 def least_squares_map(
-    axes: Float[np.ndarray, "3 m"], torques: int
+    axes: Float[np.ndarray, "3 m"], torques: int, limits: Float[np.ndarray, " m"] | None = None
 ) -> Float[np.ndarray, "m torques"]:
     """What actuators along unit `axes` make of a command, where they cannot make all of it the
     nearest.
+
+    The squares are those of use over limit; without `limits` all are alike.
 
     Two of them under two torques make these exactly, and about z what follows, as in equation (5).
     """
     if not axes.size:
         return np.zeros((axes.shape[1], torques))
+    known = np.ones(axes.shape[1]) if limits is None else finite_limits(limits)
+    scaled = axes * known
     try:
-        return allocation_matrix(axes, torques)
+        return known[:, None] * allocation_matrix(scaled, torques)
     except ValueError:
-        return np.linalg.pinv(axes)[:, :torques]
+        return known[:, None] * np.linalg.pinv(scaled)[:, :torques]
+
+
+def finite_limits(limits: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
+    """Over the largest finite one; infinite ones count as that, and all are 1 without any."""
+    known = np.where(np.isfinite(limits), limits, 0.0)
+    most = known.max(initial=0.0)
+    return np.where(np.isfinite(limits), known / most, 1.0) if most > 0 else np.ones_like(known)
 
 
 def what_is_left(
@@ -213,7 +224,7 @@ def _bases(
     return possible, optimal
 
 
-def _size(torque: Float[np.ndarray, "3 m"]) -> float:
+def _size(torque: Float[np.ndarray, "r m"]) -> float:
     """Of the largest column, N m."""
     return float(np.sqrt(np.sum(torque**2, axis=0)).max())
 
@@ -269,12 +280,43 @@ def _has_interior(rows: np.ndarray) -> bool:
     return bool(np.any(np.all(sides > BASIS_TOLERANCE, axis=1)))
 
 
-def largest_torque(duties: Float[np.ndarray, "bases m torques"]) -> float:
-    """The torque (N m) that can be made about all commanded axes at once, of any signs."""
-    wanted = np.array(list(itertools.product((1.0, -1.0), repeat=duties.shape[2])))
-    candidates = np.einsum("bmt,wt->wbm", duties, wanted)
-    best = np.argmax(np.min(candidates, axis=2), axis=1)
-    return float(1 / np.max(candidates[np.arange(len(wanted)), best]))
+def largest_torque(
+    torque: Float[np.ndarray, "3 m"],
+    low: Float[np.ndarray, " m"] | float,
+    high: Float[np.ndarray, " m"] | float,
+    command_map: Float[np.ndarray, "3 torques"],
+) -> float:
+    """The command (N m) about all its axes at once, of any signs, that the actuators can make.
+
+    Each makes its column of `torque` times a number from `low` to `high`, zero between them, and
+    `command_map` is the torque of a unit of command. What they make together is a convex body,
+    bounded by the support function of the normals of its facets, each across two of the columns.
+    """
+    rows = _independent_rows(torque)
+    columns, wanted = rows @ torque, rows @ command_map
+    corners = np.array(list(itertools.product((1.0, -1.0), repeat=wanted.shape[1])))
+    along = _facet_normals(columns)
+    made = along @ columns
+    reach = np.maximum(made * low, made * high).sum(axis=1)
+    speed = along @ wanted @ corners.T
+    ahead = speed > BASIS_TOLERANCE * np.abs(wanted).max()
+    return float(np.min(np.where(ahead, reach[:, None] / np.where(ahead, speed, 1.0), np.inf)))
+
+
+def _facet_normals(columns: Float[np.ndarray, "r m"]) -> Float[np.ndarray, "n r"]:
+    """Unit normals, both ways, of the facets of all sums of parts of columns that span a space."""
+    space = len(columns)
+    pairs = itertools.combinations(columns.T / _size(columns), space - 1)
+    normals = np.array([_across(np.array(pair).reshape(space - 1, space)) for pair in pairs])
+    sizes = np.sqrt(np.sum(normals**2, axis=1))
+    normals = normals[sizes > BASIS_TOLERANCE] / sizes[sizes > BASIS_TOLERANCE, None]
+    return np.concatenate([normals, -normals])
+
+
+def _across(rows: np.ndarray) -> np.ndarray:
+    """The vector across n - 1 rows of n numbers, with the volume that they span as its length."""
+    places = range(rows.shape[1])
+    return np.array([(-1) ** k * np.linalg.det(np.delete(rows, k, axis=1)) for k in places])
 
 
 def usable_share(torque_axes: Float[np.ndarray, "3 m"], frame: Float[np.ndarray, "2 3"]) -> float:

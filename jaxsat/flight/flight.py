@@ -12,7 +12,6 @@ from jaxsat.control import AbstractSampledController
 from jaxsat.control.navigation import AbstractEstimator, Measurement
 from jaxsat.core.attitude import AbstractAttitude, Quaternion
 from jaxsat.core.errors import JaxsatError
-from jaxsat.core.smooth import sat
 from jaxsat.simulation import SampledLoop
 from jaxsat.spacecraft import (
     AbstractActuators,
@@ -147,7 +146,7 @@ class FlightController(eqx.Module):
                 zip(("valve_on", "valve_off", "level"), pulses, strict=True)
             ), memory
         if isinstance(thrusters, Actuators):
-            return found | {"thrust": sat(thrusters.thrust_map @ command, thrusters.limit)}, memory
+            return found | {"thrust": thrusters.thrust(command)}, memory
         return found, memory
 
     def _thrusters(self, command: Array) -> tuple[Any, Array]:

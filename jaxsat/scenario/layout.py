@@ -62,7 +62,9 @@ def torque_limit(scenario: Any) -> float | None:
     if scenario.wheel:
         limits.append(limit_of_wheels(scenario.wheel, torques))
     if scenario.thruster and not (scenario.wheel and wheels_make_all(scenario.wheel, torques)):
-        limits.append(largest_torque(least_propellant(*command_torques(scenario, torques))))
+        torque, cost, made = command_torques(scenario, torques)
+        least_propellant(torque, cost, made)  # raises where some command cannot be made
+        limits.append(largest_torque(torque, 0.0, 1.0, made))
     return min((one for one in limits if one is not None), default=None)
 
 

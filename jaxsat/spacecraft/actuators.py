@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.allocation import allocation_matrix
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.smooth import sat
+from jaxsat.spacecraft.allocation import first_at_limit, share_within
 from jaxsat.spacecraft.axes import turned_axes
 from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.failures import FailureEvents
@@ -91,6 +92,11 @@ class Actuators(AbstractActuators):
     map belongs to whoever allocates: `misaligned` changes the true axes and leaves it as it is.
     `saturated` holds each thruster on one side of its limit, see `smooth_piece`. `failures` strike
     in flight; what they leave is `gain` times the thrust and `level` of the limit, None for sound.
+
+    With `shared_axes` (3, m), the axes as whoever allocates knows them, thrusters make up for one
+    that is at its limit, and of a torque that they cannot make they make the greatest part, in its
+    direction. With None each thruster is clipped at its own limit, as in equation (5): that is so
+    for commands of two torques.
     """
 
     torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
@@ -100,6 +106,7 @@ class Actuators(AbstractActuators):
     failures: FailureEvents | None = None
     gain: Float[Array, " m"] | None = None
     level: Float[Array, " m"] | None = None
+    shared_axes: Float[Array, "3 m"] | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
         require_positive("limit", self.limit)
@@ -112,8 +119,9 @@ class Actuators(AbstractActuators):
 
         Raises `ValueError` where they cannot make the first `torques` torques independently.
         """
-        shares = allocation_matrix(np.asarray(thrusters.torque_axes), torques)
-        return Actuators(thrusters.torque_axes, shares, limit)
+        axes = thrusters.torque_axes
+        shares = allocation_matrix(np.asarray(axes), torques)
+        return Actuators(axes, shares, limit, shared_axes=axes if torques == 3 else None)
 
     def misaligned(
         self, angles: Float[Array, "m 2"], gain_errors: Float[Array, " m"]
@@ -131,9 +139,17 @@ class Actuators(AbstractActuators):
         """One for each thruster."""
         return self.torque_axes.shape[1]
 
+    def thrust(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
+        """The torque that each thruster is commanded, within its limit, N m."""
+        shares = self.thrust_map @ command
+        if self.shared_axes is None:
+            return sat(shares, self.limit, None, self.saturated)
+        limit = self.limit * jnp.ones_like(shares)
+        return share_within(self.shared_axes, limit, shares, self.saturated)
+
     def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
-        """The body torque, N m, each thruster clipped at its limit: T of equation (5)."""
-        thrust = sat(self.thrust_map @ command, self.limit, None, self.saturated)
+        """The body torque, N m: T of equation (5)."""
+        thrust = self.thrust(command)
         if self.gain is not None and self.level is not None:
             full = jnp.where(jnp.isfinite(self.limit), self.limit, 0.0)
             thrust = self.gain * thrust + self.level * full
@@ -163,8 +179,11 @@ class Actuators(AbstractActuators):
         return Reach(now.torque_axes, each + held - room, each + held + room)
 
     def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
-        """Positive for each thruster of which more than its limit is asked."""
-        return ((self.thrust_map @ command) / self.limit) ** 2 - 1
+        """Positive for each thruster of which more than its limit is asked, or the first of all."""
+        shares = self.thrust_map @ command
+        if self.shared_axes is not None:
+            return first_at_limit(shares, self.limit * jnp.ones_like(shares))
+        return (shares / self.limit) ** 2 - 1
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "Actuators":
         """These thrusters, at their limits or not as told."""

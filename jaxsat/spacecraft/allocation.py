@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.smooth import within
 from jaxsat.spacecraft.bounded_least_squares import least_squares_within
@@ -54,6 +54,29 @@ def allocate(reach: Reach, torque: Float[Array, "3"]) -> Allocated:
         each, unmade = _priced(reach.price / size, units, (low, high), torque, first)
     use = within(idle + each / size, reach.low, reach.high)
     return Allocated(use, torque - unmade, unmade)
+
+
+def share_within(
+    axes: Float[Array, "3 m"],
+    limit: Float[Array, " m"],
+    shares: Float[Array, " m"],
+    beyond: Bool[Array, " m"] | None = None,
+) -> Float[Array, " m"]:
+    """The torques `shares` (N m) along unit `axes`, allocated within a `limit` where they are not.
+
+    So they are to the bit what they are without limits until one is `beyond` its own, which is
+    found out where it is not told.
+    """
+    beyond = jnp.any(jnp.abs(shares) > limit if beyond is None else beyond)
+    torque = axes @ jnp.where(beyond, shares, 0.0)
+    return jnp.where(beyond, allocate(Reach(axes, -limit, limit), torque).use, shares)
+
+
+def first_at_limit(shares: Float[Array, " m"], limit: Float[Array, " m"]) -> Float[Array, " m"]:
+    """Positive for the device that is first beyond its limit: event functions of `share_within`."""
+    ratios = (shares / limit) ** 2
+    others = jnp.where(jnp.eye(ratios.shape[0], dtype=bool), 0.0, ratios)
+    return ratios - jnp.maximum(jnp.max(others, axis=1), 1.0)
 
 
 def _priced(

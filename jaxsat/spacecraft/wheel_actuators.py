@@ -14,7 +14,7 @@ from jaxsat.core.allocation import (
 )
 from jaxsat.core.checks import as_array, as_float, as_optional_float, require_positive
 from jaxsat.spacecraft.actuators import AbstractActuators, AbstractSmoothActuators
-from jaxsat.spacecraft.allocation import allocate
+from jaxsat.spacecraft.allocation import first_at_limit, share_within
 from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.holds import AbstractPulsedActuators
 from jaxsat.spacecraft.wheels import Wheels
@@ -65,10 +65,11 @@ class ActuatorsWithWheels(AbstractActuators):
         known = unit_columns(np.asarray(axes, float))
         working = [number not in failed for number in range(1, known.shape[1] + 1)]
         shares = np.zeros((known.shape[1], torques))
-        shares[working] = least_squares_map(known[:, working], torques)
+        limit = None if wheel_limit is None else as_float(wheel_limit) * jnp.ones(known.shape[1])
+        limits = None if limit is None else np.asarray(limit)[working]
+        shares[working] = least_squares_map(known[:, working], torques, limits)
         rest = what_is_left(known, shares)
         left = known * np.array(working)
-        limit = None if wheel_limit is None else as_float(wheel_limit) * jnp.ones(known.shape[1])
         if not rest.any():
             return ActuatorsWithWheels(left, as_array(shares), limit)
         if thrusters is None:
@@ -86,13 +87,7 @@ class ActuatorsWithWheels(AbstractActuators):
     def _scaled(self, shares: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
         if self.wheel_limit is None:
             return shares
-        if self.limiting is None:
-            bound = jnp.any(jnp.abs(shares) > self.wheel_limit)
-        else:
-            bound = jnp.any(self.limiting)
-        torque = self.axes @ jnp.where(bound, shares, 0.0)
-        reach = Reach(self.axes, -self.wheel_limit, self.wheel_limit)
-        return jnp.where(bound, allocate(reach, torque).use, shares)
+        return share_within(self.axes, self.wheel_limit, shares, self.limiting)
 
     def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
         """The torque of the thrusters on the body, N m."""
@@ -125,9 +120,7 @@ class ActuatorsWithWheels(AbstractActuators):
         """Positive for the wheel that is first at its limit; then those of the thrusters."""
         found = []
         if self.wheel_limit is not None:
-            ratios = ((self.wheel_map @ command) / self.wheel_limit) ** 2
-            others = jnp.where(jnp.eye(ratios.shape[0], dtype=bool), 0.0, ratios)
-            found = [ratios - jnp.maximum(jnp.max(others, axis=1), 1.0)]
+            found = [first_at_limit(self.wheel_map @ command, self.wheel_limit)]
         if self.thrusters is not None and self.rest is not None:
             found = [*found, self.thrusters.event_functions(self.rest @ command)]
         return jnp.concatenate([*found, jnp.zeros(0, self.wheel_map.dtype)])

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import linprog
 
 from jaxsat.compiler import Mapped
-from jaxsat.spacecraft import ActuatorsWithWheels, Reach, allocate
+from jaxsat.spacecraft import Actuators, ActuatorsWithWheels, Reach, Thrusters, allocate
 
 AMOUNTS = (0.3, 0.9, 1.0, 1.5, 10.0)
 """Of the greatest torque in a direction: within, at and beyond what can be made."""
@@ -186,3 +186,24 @@ def test_a_command_that_fits_is_shared_to_the_bit_as_without_limits():
     free = ActuatorsWithWheels.of(axes, 3).commands(command)["wheel"]
     bound = ActuatorsWithWheels.of(axes, 3, 0.1).commands(command)["wheel"]
     np.testing.assert_array_equal(free, bound)
+
+
+@pytest.mark.parametrize("count", [3, 5])
+def test_ideal_thrusters_under_three_torques_make_the_greatest_part_in_its_direction(count):
+    axes = np.random.default_rng(5).normal(size=(3, count))
+    axes /= np.linalg.norm(axes, axis=0)
+    thrusters = Actuators.of(Thrusters(axes), 0.2, torques=3)
+    command = np.array([1.0, -0.7, 0.4])
+    limits = (np.full(count, -0.2), np.full(count, 0.2))
+    most = part(axes, *limits, np.zeros(3), command)
+    for amount in (0.5 * most, 2 * most):
+        torque = thrusters(jnp.asarray(amount * command))
+        np.testing.assert_allclose(torque, min(amount, most) * command, atol=1e-10)
+    spare = min(1.0, 0.2 / np.abs(np.linalg.pinv(axes) @ command).max())
+    assert most >= spare - 1e-12
+    assert (most > spare + 1e-3) == (count == 5)
+
+
+def test_ideal_thrusters_under_two_torques_are_clipped_one_by_one():
+    thrusters = Actuators.of(Thrusters(np.eye(3)[:, :2]), 0.2)
+    np.testing.assert_array_equal(thrusters(jnp.array([0.5, 0.1])), [0.2, 0.1, 0.0])

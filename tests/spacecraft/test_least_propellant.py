@@ -1,5 +1,7 @@
 """Allocation by least propellant against linear programmes, by XLA and the compiled engine."""
 
+import itertools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -192,9 +194,29 @@ def test_thrusters_in_a_plane_make_two_torques_in_it():
 
 def test_the_largest_torque_is_that_of_full_thrust():
     torque = np.kron(np.diag([1.0, 2.0, 3.0]), [[1, -1]])
-    duties = least_propellant(torque, np.ones(6), np.eye(3))
-    assert largest_torque(duties) == pytest.approx(1.0)
-    assert largest_torque(duties[:, :, 1:]) == pytest.approx(2.0)
+    assert largest_torque(torque, 0.0, 1.0, np.eye(3)) == pytest.approx(1.0)
+    assert largest_torque(torque, 0.0, 1.0, np.eye(3)[:, 1:]) == pytest.approx(2.0)
+    assert largest_torque(torque[:, :2], 0.0, 1.0, np.eye(3)[:, :1]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_the_largest_torque_is_that_of_linear_programmes(way):
+    """Of thrusters that push and of wheels, about three axes and in a plane."""
+    rng = np.random.default_rng(6)
+    for axes in (np.eye(3), np.linalg.qr(rng.normal(size=(3, 2)))[0]):
+        torque = axes @ rng.normal(size=(axes.shape[1], 4))
+        torque = np.hstack([torque, -torque * rng.uniform(0.5, 2, 4)])
+        high, low = rng.uniform(0.5, 2, 8), -rng.uniform(0.1, 1, 8) * (way < 0)
+        parts = []
+        for corner in itertools.product((1.0, -1.0), repeat=axes.shape[1]):
+            found = linprog(
+                np.append(np.zeros(8), -1.0),
+                A_eq=np.column_stack([torque, -axes @ corner]),
+                b_eq=np.zeros(3),
+                bounds=[*zip(low, high, strict=True), (0, None)],
+            )
+            parts.append(found.x[-1])
+        assert largest_torque(torque, low, high, axes) == pytest.approx(min(parts), rel=1e-9)
 
 
 @pytest.mark.parametrize(

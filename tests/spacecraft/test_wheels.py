@@ -183,12 +183,16 @@ PYRAMID = np.array([[1, -1, -1, 1], [1, 1, -1, -1], [1, 1, 1, 1]]) / np.sqrt(3)
 
 def test_a_command_is_shared_by_least_squares_and_keeps_its_direction():
     command = jnp.array([0.3, -0.2, 0.1])
-    shared = ActuatorsWithWheels.of(PYRAMID, 3, wheel_limit=[1.0, 0.05, 1.0, 1.0])
+    limits = np.array([1.0, 0.05, 1.0, 1.0])
+    shared = ActuatorsWithWheels.of(PYRAMID, 3, wheel_limit=limits.tolist())
     u = np.array(shared.commands(command)["wheel"])
-    others = PYRAMID[:, [0, 2, 3]]
-    rest = np.linalg.solve(others, np.array(command) - PYRAMID[:, 1] * u[1])
-    assert abs(u[1]) == 0.05
-    np.testing.assert_allclose(u[[0, 2, 3]], rest, atol=1e-15)
+    expected = limits * (np.linalg.pinv(PYRAMID * limits) @ np.asarray(command))
+    np.testing.assert_allclose(u, expected, atol=1e-15)
+    assert expected[3] * 2.4 > limits[3]
+    u = np.array(shared.commands(2.4 * command)["wheel"])
+    assert u[3] == limits[3]
+    rest = np.linalg.solve(PYRAMID[:, :3], 2.4 * np.array(command) - PYRAMID[:, 3] * u[3])
+    np.testing.assert_allclose(u[:3], rest, atol=1e-14)
     assert not shared(command).any()
     weak = ActuatorsWithWheels.of(PYRAMID, 3, wheel_limit=[0.01, 0.05, 0.01, 0.01])
     u = np.array(weak.commands(command)["wheel"])

@@ -101,7 +101,8 @@ def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
     any_plane = scenario.law.declaration.any_plane
     if torques and any(getattr(scenario, name) for name in ("wheel", *STEERED)):
         left = np.asarray(thrusters.torque_axes)
-        return Actuators(left, least_squares_map(left, torques), as_float(limit))
+        shares, all_axes = least_squares_map(left, torques), left if torques == 3 else None
+        return Actuators(left, shares, as_float(limit), shared_axes=all_axes)
     if not torques:
         return Actuators(thrusters.torque_axes, jnp.zeros((thrusters.count, 2)), as_float(limit))
     if any_plane:

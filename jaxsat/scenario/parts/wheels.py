@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.core.allocation import least_squares_map, unit_columns, what_is_left
+from jaxsat.core.allocation import largest_torque, least_squares_map, unit_columns, what_is_left
 from jaxsat.core.declaration.actuators import ACTUATORS, STEERED
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import number_of
@@ -18,6 +18,9 @@ from jaxsat.scenario.wording import shown
 
 MISSING = 1e-9
 """A part of a command, relative to it, that counts as not made."""
+
+UNBOUNDED = 1e9
+"""Times the largest limit of a wheel: the limit of one that has none."""
 
 
 Tables = Sequence[Any]
@@ -57,21 +60,27 @@ def wheels_make_all(wheels: Tables, torques: int) -> bool:
     return not left_by_wheels(wheels, torques).any()
 
 
+<<<<<<< HEAD
 def limit_of_wheels(wheels: Tables, torques: int) -> float | None:
     """The largest command (N m) about all axes at once for which no working wheel is at its limit.
+=======
+def limit_of_wheels(wheels: tuple[WheelTable, ...], torques: int) -> float | None:
+    """The largest command (N m) about all axes at once that working wheels make within limits.
+>>>>>>> 719feae (Make of a torque the greatest part, and limit laws to what can be made)
 
     Of what they make of it; None for no limit.
     """
     working = tuple(one for one in wheels if not one.failed)
     if torques not in (2, 3):
         return None
-    shares = np.abs(least_squares_map(wheel_axes(working), torques)).sum(axis=1)
-    limits = [
-        one.torque_limit_N_m / share
-        for one, share in zip(working, shares, strict=True)
-        if one.torque_limit_N_m is not None and share > 1e-9
-    ]
-    return min(limits, default=None)
+    axes = wheel_axes(working)
+    given = [one.torque_limit_N_m for one in working]
+    largest = max((one for one in given if one is not None), default=None)
+    if largest is None:
+        return None
+    limits = np.array([UNBOUNDED * largest if one is None else one for one in given])
+    most = largest_torque(axes, -limits, limits, axes @ least_squares_map(axes, torques))
+    return most if most < largest * UNBOUNDED / 2 else None
 
 
 @rule("wheel")
