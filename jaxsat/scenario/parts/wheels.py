@@ -22,7 +22,6 @@ MISSING = 1e-9
 UNBOUNDED = 1e9
 """Times the largest limit of a wheel: the limit of one that has none."""
 
-
 Tables = Sequence[Any]
 """Checked tables `[[wheel]]`."""
 
@@ -60,13 +59,8 @@ def wheels_make_all(wheels: Tables, torques: int) -> bool:
     return not left_by_wheels(wheels, torques).any()
 
 
-<<<<<<< HEAD
 def limit_of_wheels(wheels: Tables, torques: int) -> float | None:
-    """The largest command (N m) about all axes at once for which no working wheel is at its limit.
-=======
-def limit_of_wheels(wheels: tuple[WheelTable, ...], torques: int) -> float | None:
     """The largest command (N m) about all axes at once that working wheels make within limits.
->>>>>>> 719feae (Make of a torque the greatest part, and limit laws to what can be made)
 
     Of what they make of it; None for no limit.
     """
