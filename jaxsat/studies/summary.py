@@ -8,7 +8,7 @@ import numpy as np
 from jaxsat.simulation import Outcome
 from jaxsat.store.chunks import DONE
 from jaxsat.store.labels import SETTLED, UNSETTLED
-from jaxsat.studies.columns import DRAWN
+from jaxsat.studies.columns import DRAWN, ERRORS
 from jaxsat.studies.recovery_summary import RecoverySummary, summarise_recovery
 from jaxsat.studies.sensitivities import Sensitivities, Sensitivity
 from jaxsat.studies.statistics import Interval, percentile, wilson
@@ -74,10 +74,6 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
     def column(name: str) -> np.ndarray:
         return np.asarray(dataset[name])[:count][done]
 
-    def largest_error(part: str) -> float | None:
-        name = f"{part}_error_estimate"
-        return _largest(column(name)) if name in dataset else None
-
     numbers = np.flatnonzero(done)
     columns = {name: column(name) for name in ("code", "settling_time", "effort", "cost")}
     settled = np.isfinite(columns["settling_time"])
@@ -97,13 +93,21 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
         cost_sensitivity=of_cost,
         settling_sensitivity=of_settling,
         recovery=summarise_recovery(dataset, numbers),
-        rate_error=largest_error("rate"),
-        attitude_error=largest_error("attitude"),
+        **largest_errors({name: column(name) for name in ERRORS if name in dataset}),
         **{
             name: _percentiles(over_parts(column(name)[success])) if name in dataset else {}
             for name, over_parts in OF_ACTUATORS.items()
         },
     )
+
+
+def largest_errors(columns: Mapping[Any, np.ndarray]) -> dict[str, float | None]:
+    """The largest estimates of the error of the steps, `rate_error` (rad/s) and `attitude_error`
+    (rad), of all cases; None where there are none."""
+    return {
+        f"{part}_error": _largest(columns[name]) if name in columns else None
+        for name, (part, _) in ERRORS.items()
+    }
 
 
 def _largest(values: np.ndarray) -> float | None:

@@ -11,10 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.study import EngineName
+from jaxsat.scenario.resolution import excessive_error
 from jaxsat.store import OutputError, ResumableFolder, study_columns
 from jaxsat.store.differences import differences
 from jaxsat.studies import AbstractExecutor, AbstractStopRule, Study, Work, run_study
+from jaxsat.studies.columns import ERRORS
+from jaxsat.studies.summary import largest_errors
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,7 @@ class Listener:
 
 def run_columns(
     study: Study,
+    scenario: Scenario,
     store: Path,
     what: str,
     execution: Execution = Execution(),
@@ -56,7 +61,8 @@ def run_columns(
 ) -> dict[str, np.ndarray]:
     """The columns of a study by name, all or those of `names`; its store gets what it lacks.
 
-    With `until` they have as many cases as that rule asks for. `what` runs is told to the listener.
+    With `until` they have as many cases as that rule asks for. `what` runs is told to the listener,
+    and so is an error of the steps that is larger than the `scenario` of the study allows.
     """
     if study.remark is not None:
         listener.remark(study.remark)
@@ -71,6 +77,10 @@ def run_columns(
         elsewhere=execution.elsewhere,
     )
     columns = study_columns(store)
+    errors = largest_errors({name: columns[name][:counted] for name in ERRORS if name in columns})
+    excess = excessive_error((errors["rate_error"], errors["attitude_error"]), scenario)
+    if excess:
+        listener.warn(f"{what}: {excess}")
     return {name: np.asarray(columns[name][:counted]) for name in names or columns}
 
 

@@ -1,6 +1,6 @@
 """Laws compared on the dispersed cases of any scenario, its failures in flight among them."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
-from jaxsat.scenario.build.study import build_study
+from jaxsat.scenario.build.study import refined_study
 from jaxsat.scenario.control import known_law, law_names
 from jaxsat.store import ResumableFolder, open_study
 from jaxsat.store.study_names import named_store
@@ -102,8 +102,12 @@ def compare_in_scenario(
     and the same call resumes them. Raises `UnsuitableLaw`, and as `scenario_under` and `run_study`
     do.
     """
-    studies = {law: _study(scenario, law, count, seed, execution) for law in dict.fromkeys(laws)}
-    listener.approve([study_work(study, None) for study in studies.values()])
+    tell = listener.remark
+    studies = {
+        law: _study(scenario, law, count, tell, seed=seed, engine=execution.engine)
+        for law in dict.fromkeys(laws)
+    }
+    listener.approve([study_work(study, None) for _, study in studies.values()])
     with folder_of_call(out, KIND) as folder:
         run = ComparisonRun(count, seed, folder.path, execution, listener)
         comparison = _compared(scenario, studies, run)
@@ -112,22 +116,24 @@ def compare_in_scenario(
         return comparison
 
 
-def _study(scenario: Scenario, law: str, count: int, seed: int, execution: Execution) -> Study:
+def _study(
+    scenario: Scenario, law: str, count: int, tell: Callable[[str], None], **keys: Any
+) -> tuple[Scenario, Study]:
+    """The study of a law, and its scenario, whose steps `refined_study` chooses."""
     try:
-        under = scenario_under(scenario, law)
-        return build_study(under, count, seed=seed, engine=execution.engine)
+        return refined_study(scenario_under(scenario, law), count, tell, **keys)
     except ValueError as error:
         raise UnsuitableLaw(str(error)) from error
 
 
 def _compared(
-    scenario: Scenario, studies: Mapping[str, Study], run: ComparisonRun
+    scenario: Scenario, studies: Mapping[str, tuple[Scenario, Study]], run: ComparisonRun
 ) -> ScenarioComparison:
     """What the studies find, or what their stores lack of them."""
     rows, recoveries = [], []
-    for law, study in studies.items():
+    for law, (under, study) in studies.items():
         store = named_store(run.folder, law)
-        columns = run.columns(study, law, store)
+        columns = run.columns(study, under, law, store)
         rows.append(comparison_row(ScenarioSetting(scenario.title, law), columns))
         recoveries.append(summarise_recovery(open_study(store), np.arange(run.count)))
     return ScenarioComparison(rows, recoveries, ScenarioVerdict(scenario.title, *chosen_law(rows)))

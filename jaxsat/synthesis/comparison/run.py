@@ -10,6 +10,7 @@ import numpy as np
 
 from jaxsat.core.declaration.settling import TUNED_LIMITS
 from jaxsat.core.errors import JaxsatError
+from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build
 from jaxsat.store import (
     ResumableFolder,
@@ -218,11 +219,15 @@ class ComparisonRun:
             raise UnsuitableSetting(str(error)) from error
         level, limit, law = setting
         what = f"{law}, {limit:g} N m, {level}, {start.value} start"
-        return self.columns(study, what, acceptance_store(self.folder, *setting, start.value))
+        store = acceptance_store(self.folder, *setting, start.value)
+        return self.columns(study, comparison_scenario(setting), what, store)
 
-    def columns(self, study: Study, what: str, store: Path) -> dict[str, np.ndarray]:
-        """The `COLUMNS` of a study, which is run as far as its store lacks cases."""
-        return run_columns(study, store, what, self.execution, self.listener, names=COLUMNS)
+    def columns(
+        self, study: Study, scenario: Scenario, what: str, store: Path
+    ) -> dict[str, np.ndarray]:
+        """The `COLUMNS` of the study of a scenario, run as far as its store lacks cases."""
+        work = (study, scenario, store, what)
+        return run_columns(*work, self.execution, self.listener, names=COLUMNS)
 
 
 def _several(values: Any) -> tuple:

@@ -13,6 +13,7 @@ from jaxsat.control.planned import PlannedSettling
 from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build, build_loop, build_tolerances
+from jaxsat.scenario.checks import SOLVER_KEYS
 from jaxsat.scenario.control import known_law
 from jaxsat.scenario.errors import key_of
 from jaxsat.studies import number_at
@@ -256,16 +257,18 @@ def _with_control(scenario: Scenario, control: dict[str, Any], scale: Scale) -> 
         data["simulation"].pop("coordinates", None)
     data["control"] = control
     table = data["simulation"]
+    solver = table.get("solver", {})
+    steps_given = bool(solver.keys() & {"name", *SOLVER_KEYS})
     if law is not None and law.declaration.sampled:
         period = control["period_s"]
         save = period * max(1, round(table["save_every_s"] / period))
         table["save_every_s"] = save
         table["duration_s"] = _whole(table["duration_s"], table["save_every_s"])
         quick = period <= QUICK_PERIOD * scale.time and not scenario.thruster
-        if quick and not any(table.get("solver", {}).values()):
-            table["solver"] = {"name": "bosh3", "substeps": 1}
-    elif "solver" not in table:
-        table["solver"] = {"rtol": 1e-9, "atol": 1e-10, "min_step_s": 1e-6}
+        if quick and not steps_given:
+            table["solver"] = {**solver, "name": "bosh3", "substeps": 1}
+    elif not steps_given:
+        table["solver"] = {**solver, "rtol": 1e-9, "atol": 1e-10, "min_step_s": 1e-6}
     return Scenario.model_validate(data)
 
 

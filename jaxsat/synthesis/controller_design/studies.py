@@ -49,7 +49,7 @@ class Studies:
         chunk = CHUNK if until is None else RULED_CHUNK
         study = build_study(scenario, count, seed=seed, engine=self.execution.engine, chunk=chunk)
         store = named_store(self.folder.path, name)
-        return run_columns(study, store, what, self.execution, self.listener, until=until)
+        return run_columns(study, scenario, store, what, self.execution, self.listener, until=until)
 
     def settled_again(
         self, what: str, scenario: Scenario, count: int, seed: int, numbers: np.ndarray

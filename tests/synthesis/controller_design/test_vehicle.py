@@ -63,6 +63,12 @@ def test_a_file_may_have_the_spacecraft_alone(bare):
     fitting = complete(vehicle)
     assert [one.name for one in fitting.candidates] == ["three-slew", "oscillatory"]
     assert [text.partition(":")[0] for text in fitting.left_out] == ["planned"]
+    solver = fitting.candidates[0].scenario.simulation.solver
+    assert (solver.name, solver.substeps) == ("bosh3", 1)
+    given = [f"simulation.solver.{one}" for one in ("substeps=2", "rate_error_rad_s=1e-3")]
+    for keys, expected in ((given, (None, 2)), (given[1:], ("bosh3", 1))):
+        own = complete(read_vehicle(bare, keys)).candidates[0].scenario.simulation.solver
+        assert (own.name, own.substeps, own.rate_error_rad_s) == (*expected, 1e-3)
     every = complete(vehicle._replace(law=ALL))
     assert [one.name for one in every.candidates] == ["three-slew", "oscillatory", "planned"]
     assert not every.left_out
