@@ -30,11 +30,12 @@ from jaxsat.cli.terminal import (
     USER_MISTAKE,
     FailedRun,
     UserMistake,
-    print_mistake,
+    print_problems,
     print_stderr,
     print_warning,
 )
 from jaxsat.cli.tune import tune
+from jaxsat.core.errors import JaxsatError
 from jaxsat.core.numerals import at_least_digits
 from jaxsat.core.process import no_collection
 
@@ -78,7 +79,7 @@ def run(tokens: Sequence[str] | None = None) -> int:
         print_stderr(f"{mistake}\nsee `jaxsat --help` and `jaxsat COMMAND --help`")
         return USER_MISTAKE
     except UserMistake as mistake:
-        print_mistake(mistake)
+        print_stderr(str(mistake))
         return USER_MISTAKE
     except FailedRun as failure:
         print_stderr(str(failure))
@@ -90,8 +91,24 @@ def run(tokens: Sequence[str] | None = None) -> int:
         )
         return USER_MISTAKE
     except Exception as error:
-        report_error(error)
-        return FAILED_RUN
+        return _failure(error)
+
+
+def _failure(error: Exception) -> int:
+    """Tell of a scenario or results that cannot be used; all else is a mistake of jaxsat's."""
+    if isinstance(error, JaxsatError):
+        from jaxsat.scenario import ScenarioError
+
+        if isinstance(error, ScenarioError):
+            print_problems(error)
+            return USER_MISTAKE
+        from jaxsat.store import OutputError  # slow to import
+
+        if isinstance(error, OutputError):
+            print_stderr(f"{error}{' (--elsewhere)' if error.elsewhere else ''}")
+            return FAILED_RUN if error.failure else USER_MISTAKE
+    report_error(error)
+    return FAILED_RUN
 
 
 def _command(tokens: Sequence[str] | None) -> int:

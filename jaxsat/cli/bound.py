@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import End, Output, Overrides, Seed, Starts, number
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import (
@@ -15,7 +15,6 @@ from jaxsat.cli.terminal import (
     SUCCESS,
     FailedRun,
     UserMistake,
-    output_problem,
     print_document,
     print_stderr,
 )
@@ -74,19 +73,16 @@ def bound(
     output.overwrite
         Replace an existing file.
     """
-    from jaxsat.store import OutputError, refuse_existing
+    from jaxsat.store import refuse_existing
 
-    try:
-        if output.out is not None:
-            refuse_existing(output.out, overwrite=output.overwrite)
-    except OutputError as error:
-        raise output_problem(error) from None
-    chosen = load_or_explain(scenario, overrides, "motion")
+    if output.out is not None:
+        refuse_existing(output.out, overwrite=output.overwrite)
+    chosen = load_scenario(scenario, overrides, "motion")
     use_double_precision()
-    found = _found(
+    best = _best(
         chosen, objective, target=target, end=end, starts=starts, longest=longest, seed=seed
     )
-    if found is None:
+    if best is None:
         limit = chosen.simulation.duration_s if longest is None else longest
         print_stderr(f"none of {starts} starts found a solution in {limit:g} s; give more starts")
         return FAILED_RUN
@@ -94,7 +90,7 @@ def bound(
     from jaxsat.synthesis.bounds.run import end_text, tolerances_at
 
     meaning = end_text(tolerances_at(chosen, end), target == "attitude")
-    record = {"target": target, "end": end, "end_meaning": meaning, **found.as_data()}
+    record = {"target": target, "end": end, "end_meaning": meaning, **best.as_data()}
     if output.out is not None:
         _write(output.out, record, output.overwrite)
     if not output.quiet:
@@ -102,7 +98,7 @@ def bound(
     return SUCCESS
 
 
-def _found(scenario: "Scenario", objective: Objective, **keys: Any) -> "Bound | None":
+def _best(scenario: "Scenario", objective: Objective, **keys: Any) -> "Bound | None":
     """What the library finds; its errors become mistakes and failures."""
     import jaxsat
     from jaxsat.synthesis.bounds.run import UnsolvedBound, UnsuitableScenario
@@ -125,11 +121,8 @@ def unsuitable(error: "UnsuitableScenario") -> UserMistake:
 
 
 def _write(path: Path, data: dict[str, Any], overwrite: bool) -> None:
-    from jaxsat.store import OutputError, command_line, provenance, save_file
+    from jaxsat.store import command_line, provenance, save_file
 
     record = {"command": command_line(), **data, **provenance()}
     text = json.dumps(record, indent=1, allow_nan=False) + "\n"
-    try:
-        save_file(path, text, overwrite=overwrite)
-    except OutputError as error:
-        raise output_problem(error) from None
+    save_file(path, text, overwrite=overwrite)

@@ -42,8 +42,8 @@ def ending_of(error: SystemExit) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     places = [f'"{one.filename}", line {one.lineno}' for one in frames]
     places += [line for note in getattr(error, "__notes__", ()) for line in note.split("\n")]
-    found = [match for place in places if (match := re.search(r'"(.+)", line (\d+)', place))]
-    where = f" ({found[-1][1]}:{found[-1][2]})" if found else ""
+    matches = [match for place in places if (match := re.search(r'"(.+)", line (\d+)', place))]
+    where = f" ({matches[-1][1]}:{matches[-1][2]})" if matches else ""
     return f"sys.exit({code}){where}"
 
 
@@ -71,12 +71,12 @@ def report_bug(error: BaseException) -> None:
 @contextmanager
 def thread_errors_reported() -> Iterator[None]:
     """Have exceptions that end a thread, or that Python cannot raise, told in the same way."""
-    told: set[str] = set()
+    messages: set[str] = set()
 
     def tell(error: BaseException | None) -> None:
-        if not isinstance(error, Exception) or repr(error) in told:
+        if not isinstance(error, Exception) or repr(error) in messages:
             return
-        told.add(repr(error))
+        messages.add(repr(error))
         report_error(error)
 
     before = threading.excepthook, sys.unraisablehook

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.listening import execution, listener, resumed_later
-from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import (
     Cases,
     End,
@@ -142,7 +142,7 @@ def _on_acceptance_set(
     from jaxsat.synthesis.comparison.acceptance import LAWS, LEVELS
 
     others = dict.fromkeys(one for one in laws if one not in (*LAWS, "all"))
-    found = _computed(
+    comparison = _computed(
         out,
         lambda: jaxsat.compare(
             [*_chosen(laws, LAWS), *others],
@@ -160,9 +160,9 @@ def _on_acceptance_set(
     csv = acceptance.csv
     if csv is not None:
         with study_problems():
-            content = interruptibly(lambda: found.table(out).to_csv(index=False))
+            content = interruptibly(lambda: comparison.table(out).to_csv(index=False))
             save_file(csv, content, overwrite=results.overwrite, option="--csv")
-    return found.as_data()
+    return comparison.as_data()
 
 
 def _in_scenario(
@@ -177,10 +177,10 @@ def _in_scenario(
     """The record of laws on the cases of a scenario."""
     if list(laws) == ["all"]:
         raise UserMistake("--law: must be given with a scenario, at least one law")
-    scenario = load_or_explain(name, overrides, "study")
+    scenario = load_scenario(name, overrides, "study")
     from jaxsat.synthesis.comparison.in_scenario import compare_in_scenario
 
-    found = _computed(
+    comparison = _computed(
         out,
         lambda: compare_in_scenario(
             scenario,
@@ -192,20 +192,17 @@ def _in_scenario(
             listener=listener(out, results),
         ),
     )
-    return found.as_data()
+    return comparison.as_data()
 
 
 def _computed(out: Path, work: Callable[[], Found]) -> Found:
     """What the library finds; its errors become mistakes, and an interruption tells of `out`."""
-    from jaxsat.scenario import ScenarioError
     from jaxsat.synthesis.bounds.run import UnsolvedBound
     from jaxsat.synthesis.comparison.run import UnsuitableLaw, UnsuitableSetting
 
     try:
         with study_problems(), resumed_later(out):
             return interruptibly(work)
-    except ScenarioError as error:
-        raise UserMistake(str(error), located=True) from None
     except UnsuitableLaw as error:
         raise UserMistake(f"--law: {error}") from None
     except (UnsuitableSetting, ModuleNotFoundError) as error:
@@ -214,5 +211,5 @@ def _computed(out: Path, work: Callable[[], Found]) -> Found:
         raise FailedRun(str(error)) from None
 
 
-def _chosen(given: Sequence[str], known: Iterable[str]) -> list[str]:
-    return [one for one in known if one in given or "all" in given]
+def _chosen(names: Sequence[str], options: Iterable[str]) -> list[str]:
+    return [one for one in options if one in names or "all" in names]

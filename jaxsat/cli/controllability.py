@@ -5,12 +5,12 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from jaxsat.cli.computing import dask_unseen, interruptibly, use_double_precision
-from jaxsat.cli.loading import vehicle_or_explain
+from jaxsat.cli.loading import load_vehicle
 from jaxsat.cli.options import Flag, Overrides, Results, number, whole
 from jaxsat.cli.places import try_folder
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_document, print_stdout
+from jaxsat.cli.terminal import SUCCESS, UserMistake, print_document, print_stdout
 
 
 def controllability(
@@ -41,12 +41,12 @@ def controllability(
     results.out
         Folder for tables, maps and the page; by default nothing is written.
     """
-    chosen = vehicle_or_explain(scenario, overrides).scenario
+    chosen = load_vehicle(scenario, overrides).scenario
     out, planned = results.out, None
     if results.report is not False and out is None:
         raise UserMistake("--report: must be given with --out, the folder of the results")
     use_double_precision()
-    from jaxsat.store import OutputError, OutputFolder
+    from jaxsat.store import OutputFolder
 
     def opened() -> OutputFolder:
         assert out is not None
@@ -57,20 +57,17 @@ def controllability(
         try_folder(opened)
     from jaxsat.report.controllability_study import controllability_study
 
-    found = interruptibly(
+    study = interruptibly(
         lambda: controllability_study(
             chosen, drift=drift, tolerance=tolerance, report=show_progress
         )
     )
     if out is not None:
         show_progress("drawing maps")
-        try:
-            with dask_unseen(), opened() as folder:
-                interruptibly(lambda: found.write(folder))
-        except OutputError as error:
-            raise output_problem(error) from None
+        with dask_unseen(), opened() as folder:
+            interruptibly(lambda: study.write(folder))
     if not results.quiet:
-        print_document(found.document(failures))
+        print_document(study.document(failures))
         if out is not None:
             print_stdout(f"written to {out}")
     finish_report(planned, quiet=results.quiet)

@@ -65,9 +65,9 @@ def attitude_ephemeris(
     if frame == "inertial":
         turns = _orbit_frame(dataset, seconds) * turns
     times = _instants(epoch, seconds)
-    for given in (object_name, object_id):
-        if not (given.isascii() and given.isprintable()):
-            raise ConversionError(f"a name in it must be printable ASCII, got {clean(given)}")
+    for label in (object_name, object_id):
+        if not (label.isascii() and label.isprintable()):
+            raise ConversionError(f"a name in it must be printable ASCII, got {clean(label)}")
     title = ascii_text(clean(str(dataset.attrs.get("title", ""))))
     name = clean(object_name or title, MAX_NAME - 3).replace("…", "...") or "UNKNOWN"
     created = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%S")

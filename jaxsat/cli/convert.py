@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.options import Output, Text, mistake, place
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stderr, print_stdout
+from jaxsat.cli.terminal import SUCCESS, UserMistake, print_stderr, print_stdout
 
 if TYPE_CHECKING:
     import numpy as np
@@ -59,16 +59,13 @@ def convert(
     if to == "csv" and epoch is not None:
         raise UserMistake("--epoch: must be given with --to aem, as CSV has seconds")
     start = _epoch(epoch) if to == "aem" else None
-    from jaxsat.store import OutputError, refuse_existing, save_file
+    from jaxsat.store import refuse_existing, save_file
 
-    try:
-        refuse_existing(target, overwrite=output.overwrite)
-        use_double_precision()
-        show_progress(f"reading {path}")
-        text = interruptibly(lambda: _converted(path, start, frame, object_name, object_id))
-        save_file(target, text, overwrite=output.overwrite)
-    except OutputError as error:
-        raise output_problem(error) from None
+    refuse_existing(target, overwrite=output.overwrite)
+    use_double_precision()
+    show_progress(f"reading {path}")
+    text = interruptibly(lambda: _converted(path, start, frame, object_name, object_id))
+    save_file(target, text, overwrite=output.overwrite)
     if not output.quiet:
         print_stdout(f"written to {target}")
     return SUCCESS
@@ -101,9 +98,9 @@ def _converted(
     dataset = open_trajectory(path)
     if start is None:
         return signal_table(dataset)
-    told = coarseness(dataset)
-    if told:
-        print_stderr(f"{path}: {told}", "warning: ")
+    warning = coarseness(dataset)
+    if warning:
+        print_stderr(f"{path}: {warning}", "warning: ")
     try:
         return attitude_ephemeris(
             dataset,
@@ -122,16 +119,16 @@ def _epoch(text: str | None) -> "np.datetime64":
     form = "a date and time in UTC such as 2026-03-20T12:00:00, without another zone"
     if text is None:
         raise UserMistake(f"--epoch: must be given with --to aem, {form}, got nothing")
-    found = EPOCH.fullmatch(text.strip())
-    if found is None:
+    match = EPOCH.fullmatch(text.strip())
+    if match is None:
         raise mistake("--epoch", form, text)
     try:
-        begin = np.datetime64(found[1], "s")
+        begin = np.datetime64(match[1], "s")
     except ValueError:  # such as February 30
         raise mistake("--epoch", form, text) from None
-    digits = (found[2] or "").ljust(9, "0")
+    digits = (match[2] or "").ljust(9, "0")
     if digits.endswith("000"):  # microseconds reach beyond all years, nanoseconds to 2262
         return begin + np.timedelta64(int(digits[:6]), "us")
-    if not FIRST_YEAR < found[1] < LAST_YEAR:
+    if not FIRST_YEAR < match[1] < LAST_YEAR:
         raise mistake("--epoch", f"{form}, with at most six decimals", text)
     return begin + np.timedelta64(int(digits), "ns")

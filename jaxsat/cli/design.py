@@ -7,7 +7,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.listening import execution, listener, resumed_later
-from jaxsat.cli.loading import vehicle_or_explain
+from jaxsat.cli.loading import load_vehicle
 from jaxsat.cli.options import OptionalSeed, Overrides, Resumable, Text, number, whole
 from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.study_executors import study_problems
@@ -76,7 +76,7 @@ def design(
     results.out
         Output folder; by default jaxsat-NAME-designed in the current folder.
     """
-    vehicle = vehicle_or_explain(scenario, overrides)
+    vehicle = load_vehicle(scenario, overrides)
     target = results.out or Path(f"jaxsat-{Path(scenario).stem}-designed")
     planned = planned_report(results, target)
 
@@ -84,7 +84,7 @@ def design(
 
     try:
         with study_problems(), resumed_later(target):
-            found = interruptibly(
+            result = interruptibly(
                 lambda: jaxsat.design(
                     vehicle,
                     law=law,
@@ -101,22 +101,22 @@ def design(
             )
     except ValueError as error:
         raise UserMistake(str(error)) from None
-    status = _concluded(found, target, results.quiet)
+    status = _concluded(result, target, results.quiet)
     finish_report(planned, quiet=results.quiet)
     return status
 
 
-def _concluded(found: "ControllerDesign", target: Path, quiet: bool) -> int:
+def _concluded(result: "ControllerDesign", target: Path, quiet: bool) -> int:
     """Print the page; the status says whether the wanted fraction settles."""
     from jaxsat.report.design_document import design_document
     from jaxsat.synthesis.controller_design.files import design_record
 
-    record = design_record(found)
+    record = design_record(result)
     if not quiet:
         print_document(design_document(record))
         print_stdout("")
         print_stdout(f"written to {target}")
-    if found.outcome == "reached":
+    if result.outcome == "reached":
         return SUCCESS
     if quiet:
         print_stderr(record["headline"])

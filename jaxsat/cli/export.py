@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly
-from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import Output, Overrides
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout
+from jaxsat.cli.terminal import SUCCESS, UserMistake, print_stdout
 
 if TYPE_CHECKING:
     from jaxsat.flight import Export
@@ -48,11 +48,11 @@ def export(
     output.overwrite
         Replace the folder if jaxsat wrote it, including the builds of `make` and CMake in it.
     """
-    chosen = load_or_explain(scenario, overrides)
+    chosen = load_scenario(scenario, overrides)
     target = output.out or Path(f"jaxsat-{Path(scenario).stem}-flight")
 
     from jaxsat.flight import CannotExport, CannotLower, is_built
-    from jaxsat.store import OutputError, OutputFolder
+    from jaxsat.store import OutputFolder
 
     try:
         place = OutputFolder(
@@ -60,20 +60,18 @@ def export(
         )
         with place as folder:
             show_progress(f"exporting {scenario}")
-            made = interruptibly(lambda: _export(chosen, single=float_, libm=functions == "libm"))
-            for name, content in made.files.items():
+            code = interruptibly(lambda: _export(chosen, single=float_, libm=functions == "libm"))
+            for name, content in code.files.items():
                 folder.write(name, content)
     except CannotExport as error:
         raise UserMistake(f"{scenario}: {error}") from None
     except CannotLower as error:
         raise UserMistake(f"{scenario}: cannot be flight code: {error}") from None
-    except OutputError as error:
-        raise output_problem(error) from None
     if not output.quiet:
-        print_stdout(f"controller       {made.lines} lines of C, program {made.program.hash[:12]}")
-        print_stdout(f"test vectors     {len(made.vectors.given)} samples")
-        if made.measured.instructions is not None:
-            print_stdout(f"a step           {made.measured.instructions} instructions (Cortex-M4)")
+        print_stdout(f"controller       {code.lines} lines of C, program {code.program.hash[:12]}")
+        print_stdout(f"test vectors     {len(code.vectors.given)} samples")
+        if code.measured.instructions is not None:
+            print_stdout(f"a step           {code.measured.instructions} instructions (Cortex-M4)")
         print_stdout(f"written          {target}; `make -C {target} test` builds and checks it")
     return SUCCESS
 

@@ -8,14 +8,13 @@ from cyclopts import Parameter
 
 from jaxsat.cli.bound import unsuitable
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import End, Output, Overrides, Starts, TorqueLimits, torque_limits
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
     UserMistake,
-    output_problem,
     print_document,
     print_stdout,
 )
@@ -65,35 +64,31 @@ def front(
         Folder for the numbers and the figure; by default jaxsat-front.
     """
     limits = [f"spacecraft.torque_limit_N_m={one}" for one in torque_limits(torque_limit)]
-    chosen = [load_or_explain(scenario, [*overrides, one], "motion") for one in limits]
-    chosen = chosen or [load_or_explain(scenario, overrides, "motion")]
+    chosen = [load_scenario(scenario, [*overrides, one], "motion") for one in limits]
+    chosen = chosen or [load_scenario(scenario, overrides, "motion")]
     laws = list(dict.fromkeys(law or (chosen[0].control.law,)))
     for one in chosen:
         _require_suitable(one, laws)
     use_double_precision()
     from jaxsat.report.front import front_document, write_front
-    from jaxsat.store import OutputError, OutputFolder, command_line, provenance
+    from jaxsat.store import OutputFolder, command_line, provenance
     from jaxsat.synthesis.bounds.run import end_data, tolerances_at
 
     out = output.out or Path("jaxsat-front")
 
-    try:
-        with OutputFolder(out, kind="front", overwrite=output.overwrite) as folder:
-            found = interruptibly(lambda: [_found(one, laws, guesses, end) for one in chosen])
-            meaning = end_data(end, tolerances_at(chosen[0], end))
-            fronts = [one.as_data() for one in found]
-            record = {"command": command_line(), **meaning, "fronts": fronts, **provenance()}
-            interruptibly(lambda: write_front(folder.write, chosen[0].title, record))
-    except OutputError as error:
-        raise output_problem(error) from None
+    with OutputFolder(out, kind="front", overwrite=output.overwrite) as folder:
+        results = interruptibly(lambda: [_front(one, laws, guesses, end) for one in chosen])
+        meaning = end_data(end, tolerances_at(chosen[0], end))
+        fronts = [one.as_data() for one in results]
+        record = {"command": command_line(), **meaning, "fronts": fronts, **provenance()}
+        interruptibly(lambda: write_front(folder.write, chosen[0].title, record))
     if not output.quiet:
         print_document(front_document(chosen[0].title, record))
         print_stdout(f"written to {out}")
-    return SUCCESS if all(one.points for one in found) else FAILED_RUN
+    return SUCCESS if all(one.points for one in results) else FAILED_RUN
 
 
 def _require_suitable(scenario: "Scenario", laws: Sequence[str]) -> None:
-    from jaxsat.scenario import ScenarioError
     from jaxsat.synthesis.bounds.run import UnsuitableScenario, require_ideal_thrusters
     from jaxsat.synthesis.comparison.in_scenario import scenario_under
 
@@ -104,24 +99,19 @@ def _require_suitable(scenario: "Scenario", laws: Sequence[str]) -> None:
     for law in laws:
         try:
             scenario_under(scenario, law)
-        except ScenarioError as error:
-            raise UserMistake(str(error), located=True) from None
         except ValueError as error:
             raise UserMistake(f"--law: {error}") from None
 
 
-def _found(scenario: "Scenario", laws: Sequence[str], guesses: int, end: End) -> "Front":
+def _front(scenario: "Scenario", laws: Sequence[str], guesses: int, end: End) -> "Front":
     import jaxsat
-    from jaxsat.scenario import ScenarioError
 
     limit = f"{scenario.spacecraft.torque_limit_N_m:g} N m"
 
-    def told(what: str) -> None:
+    def show(what: str) -> None:
         show_progress(f"{limit}: {what}")
 
     try:
-        return jaxsat.front(scenario, laws, guesses, told, end)
-    except ScenarioError as error:
-        raise UserMistake(str(error), located=True) from None
+        return jaxsat.front(scenario, laws, guesses, show, end)
     except ValueError as error:
         raise UserMistake(str(error)) from None

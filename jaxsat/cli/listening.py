@@ -20,12 +20,12 @@ def listener(target: Path, results: Resumable) -> "Listener":
     """One that shows progress, prints each remark once, and refuses too much work."""
     from jaxsat.synthesis.execution import Listener
 
-    known: set[str] = set()
+    remarks: set[str] = set()
 
     def remark(text: str) -> None:
-        if text not in known and not results.quiet:
+        if text not in remarks and not results.quiet:
             print_stderr(text, "")
-        known.add(text)
+        remarks.add(text)
 
     return Listener(
         show,
@@ -81,5 +81,5 @@ def resumed_later(target: Path, what: str = "the results so far are in {}") -> I
     try:
         yield
     except (KeyboardInterrupt, Terminated) as stop:
-        told = [f"{what.format(target)}; the same command resumes"] if target.exists() else []
-        raise type(stop)(*told) from None
+        lines = [f"{what.format(target)}; the same command resumes"] if target.exists() else []
+        raise type(stop)(*lines) from None

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Literal
 
 from jaxsat.cli.computing import use_double_precision
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import UserMistake, print_warning
+from jaxsat.cli.terminal import print_warning
 
 if TYPE_CHECKING:
     from jaxsat.scenario import Scenario
@@ -13,25 +13,21 @@ if TYPE_CHECKING:
     from jaxsat.synthesis.controller_design.request import Vehicle
 
 
-def load_or_explain(
+def load_scenario(
     name_or_path: str, overrides: Sequence[str] = (), purpose: "Purpose | Literal['tuning']" = "run"
 ) -> "Scenario":
-    """The scenario, which can be built for the purpose; raises `UserMistake` with every problem.
+    """The scenario, which can be built for the purpose; raises `ScenarioError` with every problem.
 
     "tuning" is a study whose gains can be tuned.
     """
     show_progress(f"reading {name_or_path}")
     use_double_precision()
-    from jaxsat.scenario import ScenarioError
     from jaxsat.scenario.build.load import load
 
     also = None
     if purpose == "tuning":
         purpose, also = "study", _try_tuning
-    try:
-        return load(name_or_path, overrides, purpose=purpose, also=also, caution=print_warning)
-    except ScenarioError as error:
-        raise UserMistake(str(error), located=True) from None
+    return load(name_or_path, overrides, purpose=purpose, also=also, caution=print_warning)
 
 
 def _try_tuning(scenario: "Scenario") -> None:
@@ -42,14 +38,10 @@ def _try_tuning(scenario: "Scenario") -> None:
         try_tuning(scenario)
 
 
-def vehicle_or_explain(name_or_path: str, overrides: Sequence[str] = ()) -> "Vehicle":
-    """The vehicle, with what its file may leave out; raises `UserMistake` with every problem."""
+def load_vehicle(name_or_path: str, overrides: Sequence[str] = ()) -> "Vehicle":
+    """The vehicle, with what its file may leave out; raises `ScenarioError` with every problem."""
     show_progress(f"reading {name_or_path}")
     use_double_precision()
-    from jaxsat.scenario import ScenarioError
     from jaxsat.synthesis.controller_design.request import read_vehicle
 
-    try:
-        return read_vehicle(name_or_path, overrides, caution=print_warning)
-    except ScenarioError as error:
-        raise UserMistake(str(error), located=True) from None
+    return read_vehicle(name_or_path, overrides, caution=print_warning)

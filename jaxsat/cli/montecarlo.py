@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.listening import progress_text
-from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import (
     Case,
     Cases,
@@ -74,8 +74,8 @@ class Saved:
 
     def places(self) -> list[tuple[str, Path]]:
         """Those that are asked for, by their option."""
-        given = (("--figures", self.figures), ("--csv", self.csv))
-        return [(option, place) for option, place in given if place is not None]
+        options = (("--figures", self.figures), ("--csv", self.csv))
+        return [(option, place) for option, place in options if place is not None]
 
 
 def montecarlo(
@@ -134,7 +134,7 @@ def montecarlo(
     suffix = ".zarr" if case is None else f"-{case}"
     target = results.out or Path(f"jaxsat-{Path(scenario).stem}{suffix}")
     planned = _planned(target, saved, results, store=case is None)
-    chosen = load_or_explain(scenario, overrides, "study")
+    chosen = load_scenario(scenario, overrides, "study")
     rule = None if until_ci is None else _stop_rule(until_ci)
     chosen, study = _built(
         chosen,

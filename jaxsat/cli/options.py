@@ -206,18 +206,18 @@ class Resumable(Results):
     elsewhere: Flag = False
 
 
-def torque_limits(given: Sequence[str]) -> list[float]:
+def torque_limits(texts: Sequence[str]) -> list[float]:
     """The torque limits (N m) that are asked for, each once."""
     from jaxsat.synthesis.comparison.acceptance import LIMITS
 
     limits: list[float] = []
-    for text in given:
+    for text in texts:
         try:
-            found = LIMITS if text == "all" else (float(text),)
+            values = LIMITS if text == "all" else (float(text),)
         except ValueError:
-            found = (math.nan,)
-        if not all(MIN_LIMIT <= one <= MAX_LIMIT for one in found):
+            values = (math.nan,)
+        if not all(MIN_LIMIT <= one <= MAX_LIMIT for one in values):
             must = f"a number of N m from {MIN_LIMIT:g} to {MAX_LIMIT:g}, or all"
             raise mistake("--torque-limit", must, text)
-        limits += found
+        limits += values
     return list(dict.fromkeys(limits))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jaxsat.cli.terminal import UserMistake, output_problem
+from jaxsat.cli.terminal import UserMistake
 
 if TYPE_CHECKING:
     from jaxsat.store import OutputFolder
@@ -17,14 +17,10 @@ class _Opened(Exception):
 
 
 def try_folder(open_folder: "Callable[[], OutputFolder]") -> None:
-    """Raise `UserMistake` or `FailedRun` now for a folder that could not be written later."""
-    from jaxsat.store import OutputError
+    """Raise `OutputError` now for a folder that could not be written later."""
 
-    try:
-        with contextlib.suppress(_Opened), open_folder():
-            raise _Opened
-    except OutputError as error:
-        raise output_problem(error) from None
+    with contextlib.suppress(_Opened), open_folder():
+        raise _Opened
 
 
 def refuse_nested(first: tuple[str, Path], second: tuple[str, Path]) -> None:

@@ -9,7 +9,7 @@ from jaxsat.cli.computing import dask_unseen, interruptibly, use_double_precisio
 from jaxsat.cli.options import Output, Results, place
 from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import SUCCESS, UserMistake, output_problem, print_stdout
+from jaxsat.cli.terminal import SUCCESS, UserMistake, print_stdout
 
 REPORT = "report.html"
 """What `--report` writes into a folder of results."""
@@ -46,14 +46,11 @@ def report(
 
 
 def write_report(paths: Sequence[Path], out: Path, *, overwrite: bool) -> None:
-    """Make the page of results and write it; raises `UserMistake` or `FailedRun`."""
-    from jaxsat.store import OutputError, refuse_existing, save_file
+    """Make the page of results and write it; raises `OutputError` or `UserMistake`."""
+    from jaxsat.store import refuse_existing, save_file
 
-    try:
-        refuse_existing(out, overwrite=overwrite)
-        save_file(out, _page(paths), overwrite=overwrite)
-    except OutputError as error:
-        raise output_problem(error) from None
+    refuse_existing(out, overwrite=overwrite)
+    save_file(out, _page(paths), overwrite=overwrite)
 
 
 @dataclass(frozen=True)
@@ -67,18 +64,15 @@ class PlannedReport:
 
     def write(self) -> None:
         """Make and write the page, once the results are written."""
-        from jaxsat.store import OutputError, ResumableFolder, save_file
+        from jaxsat.store import ResumableFolder, save_file
 
         use_double_precision()
-        try:
-            page = _page([self.results])
-            if self.inside:
-                with ResumableFolder.of_any_kind(self.results) as folder:
-                    folder.write(REPORT, page)
-            else:
-                save_file(self.file, page, overwrite=self.overwrite, option="--report")
-        except OutputError as error:
-            raise output_problem(error) from None
+        page = _page([self.results])
+        if self.inside:
+            with ResumableFolder.of_any_kind(self.results) as folder:
+                folder.write(REPORT, page)
+        else:
+            save_file(self.file, page, overwrite=self.overwrite, option="--report")
 
 
 def planned_report(options: Results, results: Path, *, store: bool = False) -> PlannedReport | None:
@@ -90,7 +84,7 @@ def planned_report(options: Results, results: Path, *, store: bool = False) -> P
     asked, overwrite = options.report, options.overwrite
     if asked is False:
         return None
-    from jaxsat.store import OutputError, refuse_existing
+    from jaxsat.store import refuse_existing
 
     _require_packages()
     if asked is True:
@@ -100,10 +94,7 @@ def planned_report(options: Results, results: Path, *, store: bool = False) -> P
     if not store and os.path.realpath(file) == os.path.realpath(results / REPORT):
         return PlannedReport(results, file, inside=True, overwrite=overwrite)
     refuse_nested(("--report", file), ("--out", results))
-    try:
-        refuse_existing(file, overwrite=overwrite, option="--report")
-    except OutputError as error:
-        raise output_problem(error) from None
+    refuse_existing(file, overwrite=overwrite, option="--report")
     return PlannedReport(results, file, inside=False, overwrite=overwrite)
 
 

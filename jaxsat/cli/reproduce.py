@@ -4,14 +4,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import in_background, interruptibly, use_double_precision
-from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import Results
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
-    output_problem,
     print_document,
     print_stderr,
     print_stdout,
@@ -38,17 +37,14 @@ def reproduce(
     out, quiet = results.out or Path("jaxsat-reproduction"), results.quiet
     planned = planned_report(results, out)
 
-    from jaxsat.store import OutputError, OutputFolder
+    from jaxsat.store import OutputFolder
 
-    try:
-        with OutputFolder(out, kind="reproduction", overwrite=results.overwrite) as folder:
-            use_double_precision()
-            in_background("jaxsat.report.figures")
-            datasets = _simulate_all(quiet)
-            show_progress("judging claims, drawing figures")
-            document = interruptibly(lambda: _write(folder, datasets))
-    except OutputError as error:
-        raise output_problem(error) from None
+    with OutputFolder(out, kind="reproduction", overwrite=results.overwrite) as folder:
+        use_double_precision()
+        in_background("jaxsat.report.figures")
+        datasets = _simulate_all(quiet)
+        show_progress("judging claims, drawing figures")
+        document = interruptibly(lambda: _write(folder, datasets))
     if not quiet:
         print_document(document)
         print_stdout(f"written to {out}: verdicts.md, figures (PNG, SVG), trajectories (netCDF)")
@@ -74,7 +70,7 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
         if not quiet:
             print_stderr(f"[{number}/{len(RUNS)}] {run.purpose}", "")
         show_progress(f"simulating {name}, run {number} of {len(RUNS)}")
-        scenario = load_or_explain(run.scenario, run.overrides)
+        scenario = load_scenario(run.scenario, run.overrides)
         built = build(scenario)
         trajectory = interruptibly(built.simulate)
         datasets[name] = trajectory_dataset(

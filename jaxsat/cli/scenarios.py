@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 from cyclopts import App
 
-from jaxsat.cli.loading import load_or_explain, vehicle_or_explain
+from jaxsat.cli.loading import load_scenario, load_vehicle
 from jaxsat.cli.options import Overrides, Printed
 from jaxsat.cli.terminal import (
     SUCCESS,
     USER_MISTAKE,
     UserMistake,
-    print_mistake,
+    print_problems,
     print_stdout,
     print_text,
 )
@@ -37,7 +37,7 @@ def list_scenarios(*, printed: Printed = Printed()) -> int:
     names = library()
     width = max(map(len, names))
     for name in names:
-        print_stdout(f"{name:<{width}}  {load_or_explain(name, purpose='text').title}")
+        print_stdout(f"{name:<{width}}  {load_scenario(name, purpose='text').title}")
     return SUCCESS
 
 
@@ -100,12 +100,14 @@ def check(
     if not files:
         raise UserMistake("scenarios check: must be given at least one file, got none")
 
+    from jaxsat.scenario import ScenarioError
+
     status = SUCCESS
     for file in files:
         try:
             verdict = _verdict(file, overrides)
-        except UserMistake as mistake:
-            print_mistake(mistake)
+        except ScenarioError as error:
+            print_problems(error)
             status = USER_MISTAKE
         else:
             for line in () if printed.quiet else verdict:
@@ -114,14 +116,14 @@ def check(
 
 
 def _verdict(file: str, overrides: Sequence[str]) -> list[str]:
-    """What a valid file is good for; raises `UserMistake` with every error of another one."""
+    """What a valid file is good for; raises `ScenarioError` with every error of another one."""
     if says_no_more_than_a_vehicle(file, overrides):
-        title = vehicle_or_explain(file, overrides).scenario.title
+        title = load_vehicle(file, overrides).scenario.title
         return [
             f"{clean(file)}: valid for controllability and design ({title})",
             f"  not for the others: {', '.join(TABLES)} must be given",
         ]
-    scenario = load_or_explain(file, overrides, "tuning")
+    scenario = load_scenario(file, overrides, "tuning")
     refused = [f"  {refusal}" for refusal in refusals(scenario)]
     return [f"{clean(file)}: valid ({scenario.title})", *refused]
 

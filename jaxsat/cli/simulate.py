@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jaxsat.cli.computing import dask_unseen, in_background, interruptibly
-from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import Overrides, Results
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
-    output_problem,
     print_document,
     print_stderr,
     print_stdout,
@@ -55,37 +54,34 @@ def simulate(
         KEY=VALUE that replaces a value of the scenario, such as control.k3=0.07; may be given
         several times.
     """
-    chosen = load_or_explain(scenario, overrides)
+    chosen = load_scenario(scenario, overrides)
     target = results.out or Path(f"jaxsat-{Path(scenario).stem}")
     planned = planned_report(results, target)
 
     from jaxsat.scenario.resolution import excessive_error, refined
-    from jaxsat.store import OutputError, OutputFolder
+    from jaxsat.store import OutputFolder
 
-    try:
-        written = OutputFolder(target, kind="run", overwrite=results.overwrite)
-        with dask_unseen(), written as folder:
-            show_progress(f"simulating {scenario}")
-            in_background("jaxsat.report.figures")
-            remarks: list[str] = []
-            chosen, (dataset, seconds) = interruptibly(
-                lambda: refined(
-                    chosen,
-                    lambda scenario: _run(scenario, remarks.append),
-                    _errors,
-                    remarks.append,
-                )
+    written = OutputFolder(target, kind="run", overwrite=results.overwrite)
+    with dask_unseen(), written as folder:
+        show_progress(f"simulating {scenario}")
+        in_background("jaxsat.report.figures")
+        remarks: list[str] = []
+        chosen, (dataset, seconds) = interruptibly(
+            lambda: refined(
+                chosen,
+                lambda scenario: _run(scenario, remarks.append),
+                _errors,
+                remarks.append,
             )
-            show_progress("drawing figures")
-            interruptibly(lambda: _write(folder, chosen, dataset))
-            files = folder.names
-    except OutputError as error:
-        raise output_problem(error) from None
+        )
+        show_progress("drawing figures")
+        interruptibly(lambda: _write(folder, chosen, dataset))
+        files = folder.names
     from jaxsat.store.dataset import coarseness, errors_of
 
-    for told in (coarseness(dataset), excessive_error(errors_of(dataset), chosen)):
-        if told:
-            print_stderr(told, "warning: ")
+    for warning in (coarseness(dataset), excessive_error(errors_of(dataset), chosen)):
+        if warning:
+            print_stderr(warning, "warning: ")
     for remark in dict.fromkeys(remarks):
         print_stderr(remark, "")
     if not results.quiet:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from cyclopts import Parameter
 
 from jaxsat.cli.options import BatchSize, OptionalBatchSize, Text, Workers
-from jaxsat.cli.terminal import FailedRun, UserMistake, output_problem, print_stderr
+from jaxsat.cli.terminal import FailedRun, UserMistake, print_stderr
 from jaxsat.core.process import processors
 
 if TYPE_CHECKING:
@@ -58,12 +58,12 @@ def chosen_executor(
     for name, value in (("--workers", workers), ("--processes", processes)):
         if value is not None and value < 1:
             raise UserMistake(f"{name}: must be at least 1, got {value}")
-    given = {
+    executors = {
         "--devices": devices,
         "--scheduler": scheduler,
         "--workers or --processes": workers or processes,
     }
-    names = [name for name, value in given.items() if value is not None]
+    names = [name for name, value in executors.items() if value is not None]
     if len(names) > 1:
         raise UserMistake(f"{names[0]}: must be given without {names[1]}")
     if devices is not None:
@@ -84,13 +84,10 @@ def chosen_executor(
 @contextmanager
 def study_problems() -> Iterator[None]:
     """Inside, stores that cannot be used and workers that do not live are the command's problem."""
-    from jaxsat.store import OutputError
     from jaxsat.studies import ClusterError
 
     try:
         yield
-    except OutputError as error:
-        raise output_problem(error, "--elsewhere") from None
     except ClusterError as error:
         raise FailedRun(str(error)) from None
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import dask_unseen, interruptibly
-from jaxsat.cli.terminal import UserMistake, output_problem, print_stderr, print_stdout
+from jaxsat.cli.terminal import UserMistake, print_stderr, print_stdout
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -20,16 +20,12 @@ def write_figures(
 ) -> None:
     """The figures of a study in its store, into a folder of their own."""
     from jaxsat.report.study_figures import write_study_figures
-    from jaxsat.store import OutputError
 
     def write() -> None:
         with figures_folder(folder) as place:
             write_study_figures(place.write, title, study, store, summary)
 
-    try:
-        interruptibly(write)
-    except OutputError as error:
-        raise output_problem(error) from None
+    interruptibly(write)
 
 
 def figures_folder(folder: Path) -> "OutputFolder":
@@ -43,23 +39,17 @@ def figures_folder(folder: Path) -> "OutputFolder":
 
 
 def refuse_csv(path: Path, *, overwrite: bool) -> None:
-    """Raise `UserMistake` now for a table that could not be written later."""
-    from jaxsat.store import OutputError, refuse_existing
+    """Raise `OutputError` now for a table that could not be written later."""
+    from jaxsat.store import refuse_existing
 
-    try:
-        refuse_existing(path, overwrite=overwrite, option="--csv")
-    except OutputError as error:
-        raise output_problem(error) from None
+    refuse_existing(path, overwrite=overwrite, option="--csv")
 
 
 def write_csv(path: Path, store: Path, count: int, *, overwrite: bool) -> None:
     """The first `count` cases of a store as CSV."""
-    from jaxsat.store import OutputError, save_case_table
+    from jaxsat.store import save_case_table
 
-    try:
-        interruptibly(lambda: save_case_table(store, path, count=count, overwrite=overwrite))
-    except OutputError as error:
-        raise output_problem(error) from None
+    interruptibly(lambda: save_case_table(store, path, count=count, overwrite=overwrite))
 
 
 def tell_repair(text: str) -> None:
@@ -79,7 +69,7 @@ def write_one_case(
     """One case again, as a folder like that of `jaxsat simulate`."""
     from jaxsat.cli.simulate import figures_of
     from jaxsat.report.saving import save_figures
-    from jaxsat.store import OutputError, OutputFolder
+    from jaxsat.store import OutputFolder
 
     try:
         with dask_unseen(), OutputFolder(target, kind="run", overwrite=overwrite) as folder:
@@ -89,8 +79,6 @@ def write_one_case(
             folder.write("scenario.toml", dataset.attrs["scenario"])
             folder.write("trajectory.nc", dataset_bytes(dataset))
             save_figures(lambda: figures_of(dataset), folder.write)
-    except OutputError as error:
-        raise output_problem(error) from None
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if not quiet:

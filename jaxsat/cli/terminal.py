@@ -11,7 +11,7 @@ from jaxsat.core.text import clean
 
 if TYPE_CHECKING:
     from jaxsat.report.document import Document
-    from jaxsat.store import OutputError
+    from jaxsat.scenario import ScenarioError
 
 SUCCESS = 0
 FAILED_RUN = 1
@@ -28,26 +28,7 @@ class Terminated(BaseException):
 
 
 class UserMistake(Exception):
-    """Something the user can put right; the message says what, one line for each mistake.
-
-    A `located` message begins with the place of the mistake, as editors like it, and is shown
-    as it is.
-    """
-
-    located: bool
-
-    def __init__(self, message: str, *, located: bool = False):
-        super().__init__(message)
-        self.located = located
-
-
-def output_problem(error: "OutputError", option: str = "") -> UserMistake | FailedRun:
-    """What to raise for results that could not be written.
-
-    `option` is that of the command which allows other versions or another processor.
-    """
-    hint = f" ({option})" if option and error.elsewhere else ""
-    return (FailedRun if error.failure else UserMistake)(f"{error}{hint}")
+    """Something the user can put right; the message says what, one line for each mistake."""
 
 
 def make_streams_safe() -> None:
@@ -101,9 +82,9 @@ def print_warning(message: str) -> None:
     print_stderr(message, "warning: ")
 
 
-def print_mistake(mistake: UserMistake) -> None:
-    """Write a mistake to standard error."""
-    print_stderr(str(mistake), "" if mistake.located else "jaxsat: ")
+def print_problems(error: "ScenarioError") -> None:
+    """Write what is wrong with a scenario: lines that begin with the place, as editors like it."""
+    print_stderr(str(error), "")
 
 
 def finish(status: int) -> int:

@@ -4,14 +4,13 @@ from pathlib import Path
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.listening import listener, resumed_later
-from jaxsat.cli.loading import load_or_explain
+from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import BatchSize, Flag, Overrides, Resumable
 from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.terminal import (
     SUCCESS,
     FailedRun,
     UserMistake,
-    output_problem,
     print_document,
     print_stdout,
 )
@@ -52,19 +51,18 @@ def tune(
     results.workers
         Threads that share a batch; by default the number of processors.
     """
-    chosen = load_or_explain(scenario, overrides, "tuning")
+    chosen = load_scenario(scenario, overrides, "tuning")
     use_double_precision()
     target = results.out or Path(f"jaxsat-{Path(scenario).stem}-tuned")
     planned = planned_report(results, target)
 
     import jaxsat
-    from jaxsat.store import OutputError
     from jaxsat.synthesis.tuning.run import TUNED
     from jaxsat.synthesis.tuning.unusable import NoGradient
 
     try:
         with resumed_later(target / TUNED, "the best gains so far are in {}"):
-            found = interruptibly(
+            outcome = interruptibly(
                 lambda: jaxsat.tune(
                     chosen,
                     engine=results.engine,
@@ -78,13 +76,11 @@ def tune(
             )
     except NoGradient as error:
         raise FailedRun(str(error)) from None
-    except OutputError as error:
-        raise output_problem(error, "--elsewhere") from None
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if not results.quiet:
-        print_document(found.document)
+        print_document(outcome.document)
         print_stdout("")
-        print_stdout(f"{'already ' if found.kept is not None else ''}written to {target}")
+        print_stdout(f"{'already ' if outcome.kept is not None else ''}written to {target}")
     finish_report(planned, quiet=results.quiet)
     return SUCCESS

@@ -194,22 +194,22 @@ SOLVER_KEYS = ("steps", *ADAPTIVE_KEYS, *FIXED_KEYS, "substeps")
 def _solver_keys_fit(values):
     law = values["control.law"]
     solver = {key: values.get(f"simulation.solver.{key}") for key in SOLVER_KEYS}
-    given = [key for key in SOLVER_KEYS if solver[key] is not None]
+    keys = [key for key in SOLVER_KEYS if solver[key] is not None]
     sampled = law.declaration.sampled
-    fixed = solver["steps"] == "fixed" or (solver["steps"] is None and "step_s" in given)
+    fixed = solver["steps"] == "fixed" or (solver["steps"] is None and "step_s" in keys)
     if sampled:
-        excluded = [key for key in given if key != "substeps"]
+        excluded = [key for key in keys if key != "substeps"]
         why = f'the law "{law}" is sampled and takes `substeps` equal steps in a period'
-    elif "substeps" in given:
+    elif "substeps" in keys:
         excluded, why = ["substeps"], f'the law "{law}" is continuous'
     elif fixed:
-        excluded, why = [key for key in given if key in ADAPTIVE_KEYS], "the steps are fixed"
+        excluded, why = [key for key in keys if key in ADAPTIVE_KEYS], "the steps are fixed"
     else:
-        excluded, why = [key for key in given if key in FIXED_KEYS], "the steps are adaptive"
+        excluded, why = [key for key in keys if key in FIXED_KEYS], "the steps are adaptive"
     for key in excluded:
         message = f"must be left out because {why}, got {shown(solver[key])}"
         yield at(f"simulation.solver.{key}", message)
-    if fixed and "step_s" not in given and not sampled:
+    if fixed and "step_s" not in keys and not sampled:
         message = "must be given in s with fixed steps, got nothing"
         yield at("simulation.solver.step_s", message, True)
 

@@ -59,24 +59,24 @@ def in_radians(data: Mapping[str, Any]) -> InRadians:
 
 
 def _convert(
-    found: InRadians, root: Mapping[str, Any], table: dict[str, Any], location: Location
+    conversion: InRadians, root: Mapping[str, Any], table: dict[str, Any], location: Location
 ) -> None:
     declared = table_at(Scenario, root, location)
     own = {} if declared is None else declared.model_fields
     for name in list(table):
         if isinstance(table[name], dict):
-            _convert(found, root, table[name], (*location, name))
+            _convert(conversion, root, table[name], (*location, name))
         radians = next((key for key in other_spellings(name) if key in own), None)
         if name in own or radians is None:
             continue
         place = (*location, name)
         if radians in table:
             message = f"must not be given with {radians}, got {shown(table[name])}"
-            found.issues.append(Issue(place, message, ((*location, radians),)))
+            conversion.issues.append(Issue(place, message, ((*location, radians),)))
             del table[name]
         else:
             table[radians] = _radians(table.pop(name))
-            found.places[*location, radians] = place
+            conversion.places[*location, radians] = place
 
 
 def _radians(value: Any) -> Any:

@@ -43,12 +43,12 @@ class DistributionTable(ScenarioTable):
 
     @model_validator(mode="after")
     def _own_parameters(self) -> "DistributionTable":
-        wanted, kind = PARAMETERS[self.distribution], f'a "{self.distribution}" distribution'
+        parameters, kind = PARAMETERS[self.distribution], f'a "{self.distribution}" distribution'
         for name in sorted({entry for names in PARAMETERS.values() for entry in names}):
-            given = getattr(self, name) is not None
-            if given and name not in wanted:
+            present = getattr(self, name) is not None
+            if present and name not in parameters:
                 raise ArgumentError(name, f"must not have {name} in {kind}")
-            if not given and name in wanted:
+            if not present and name in parameters:
                 raise ArgumentError(name, f"must have {name} in {kind}")
         return self
 

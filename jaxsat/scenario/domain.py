@@ -92,6 +92,6 @@ def _timed_numbers(
 def believed_normal_form(scenario: Scenario):
     """The inertia that the law believes, its axes x, y, n in rows, and S1, S2, n·Jn, kg m²."""
     believed = getattr(scenario.control, "model", None)
-    given = getattr(believed, "inertia_kg_m2", None) or scenario.spacecraft.inertia_kg_m2
-    inertia = free_inertia(given, scenario.wheel)
+    moments = getattr(believed, "inertia_kg_m2", None) or scenario.spacecraft.inertia_kg_m2
+    inertia = free_inertia(moments, scenario.wheel)
     return inertia, *normal_axes(inertia, torque_directions(believed_axes(scenario)))

@@ -54,10 +54,10 @@ def torque_limit(scenario: Any) -> float | None:
 
     By default it is what wheels and thrusters can make about all commanded axes at once.
     """
-    given = scenario.spacecraft.torque_limit_N_m
+    limit = scenario.spacecraft.torque_limit_N_m
     torques = scenario.law.declaration.torques
-    if given is not None or not torques:
-        return given
+    if limit is not None or not torques:
+        return limit
     limits = []
     if scenario.wheel:
         limits.append(limit_of_wheels(scenario.wheel, torques))

@@ -122,16 +122,16 @@ def _put(data: dict[str, Any], override: Override) -> str | None:
 
 def _displaced(data: dict[str, Any], overrides: list[Override]) -> dict[str, Any]:
     """A deep copy of the data without the keys that an override makes void."""
-    given = {override.key: override.value for override in overrides}
+    values = {override.key: override.value for override in overrides}
     void: set[str] = set()
     for one, other in ALTERNATIVES:
         for mine, excluded in ((_spelled(one), _spelled(other)), (_spelled(other), _spelled(one))):
-            if mine & given.keys():
+            if mine & values.keys():
                 void |= excluded
-    void |= _void_solver_keys(given)
-    void |= _void_law_keys(data, given)
+    void |= _void_solver_keys(values)
+    void |= _void_law_keys(data, values)
     void |= {twin for override in overrides for twin in _other_units(override.path)}
-    return _without(data, void - given.keys())
+    return _without(data, void - values.keys())
 
 
 def _spelled(keys: Iterable[str]) -> set[str]:
@@ -146,20 +146,20 @@ def _other_units(path: tuple[str, ...]) -> Iterator[str]:
             yield ".".join((*path[:depth], twin))
 
 
-def _void_solver_keys(given: Mapping[str, Any]) -> set[str]:
+def _void_solver_keys(values: Mapping[str, Any]) -> set[str]:
     prefix = "simulation.solver."
-    steps = given.get(prefix + "steps")
-    chosen = {key.removeprefix(prefix) for key in given if key.startswith(prefix)}
-    if steps == "fixed" or (steps is None and chosen & FIXED):
+    steps = values.get(prefix + "steps")
+    keys = {key.removeprefix(prefix) for key in values if key.startswith(prefix)}
+    if steps == "fixed" or (steps is None and keys & FIXED):
         return {prefix + key for key in (*ADAPTIVE, *(() if steps else ("steps",)))}
-    if steps == "adaptive" or (steps is None and chosen & ADAPTIVE):
+    if steps == "adaptive" or (steps is None and keys & ADAPTIVE):
         return {prefix + key for key in (*FIXED, *(() if steps else ("steps",)))}
     return set()
 
 
-def _void_law_keys(data: Mapping[str, Any], given: Mapping[str, Any]) -> set[str]:
+def _void_law_keys(data: Mapping[str, Any], values: Mapping[str, Any]) -> set[str]:
     """Keys that only other laws have, where the law itself is overridden."""
-    law = known_law(given.get("control.law"))
+    law = known_law(values.get("control.law"))
     control = data.get("control")
     if law is None or not isinstance(control, Mapping):
         return set()

@@ -167,13 +167,13 @@ class _Places:
         for location in (issue.location, *issue.involved):
             for override in last_first:
                 inside = location[: len(override.path)] == override.path
-                made = (
+                missing_table = (
                     location not in self.source.lines and location == override.path[: len(location)]
                 )
-                if location and (inside or made):
+                if location and (inside or missing_table):
                     return override
         if issue.missing and issue.location[:1] == ("control",):
-            return next((found for found in last_first if found.key == "control.law"), None)
+            return next((one for one in last_first if one.key == "control.law"), None)
         return None
 
 
@@ -213,12 +213,12 @@ def _read(name_or_path: str | Path) -> _Source:
     return _parse(text_name, content)
 
 
-def _unknown_name(name: str, known: list[str]) -> Problem:
+def _unknown_name(name: str, names: list[str]) -> Problem:
     if name.endswith(".toml") or "/" in name or "\\" in name:
         stem = Path(name).stem
-        hint = f" (jaxsat has a scenario {stem})" if stem in known else ""
+        hint = f" (jaxsat has a scenario {stem})" if stem in names else ""
         return Problem(name, f"no such file{hint}")
-    hint = suggestion(name, known) or " (`jaxsat scenarios list` lists the library)"
+    hint = suggestion(name, names) or " (`jaxsat scenarios list` lists the library)"
     return Problem(name, f"no such file, and no scenario of jaxsat{hint}")
 
 

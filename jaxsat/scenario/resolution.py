@@ -62,9 +62,9 @@ def substeps_of(scenario: Scenario) -> int:
     Without `simulation.solver.substeps` a power of two that resolves what is fast, as far as the
     run then has no more than `MOST_STEPS`, and at least what suits slow motions.
     """
-    given = scenario.simulation.solver.substeps
-    if given is not None:
-        return given
+    count = scenario.simulation.solver.substeps
+    if count is not None:
+        return count
     usual, period = 1 if scenario.thruster else 4, _period(scenario)
     fast = fastest(scenario)
     if fast is None:

@@ -69,12 +69,12 @@ def rule_over(*keys: str) -> Callable[[Check], Check]:
 def broken_rules(values: Values, law: bool = True) -> list[Issue]:
     """Issues from every rule whose keys all have valid values; without those on the law if told."""
     issues: list[Issue] = []
-    chosen = known_law(values.get("control.law"))
-    if chosen is not None:
-        values = {**values, "control.law": chosen}
-    for entry in (*RULES, *(() if chosen is None else _rules_of(chosen))):
-        wanted = law or not any(key.startswith(OF_THE_LAW) for key in entry.keys)
-        if wanted and all(key in values for key in entry.keys):
+    declared_law = known_law(values.get("control.law"))
+    if declared_law is not None:
+        values = {**values, "control.law": declared_law}
+    for entry in (*RULES, *(() if declared_law is None else _rules_of(declared_law))):
+        applies = law or not any(key.startswith(OF_THE_LAW) for key in entry.keys)
+        if applies and all(key in values for key in entry.keys):
             involved = tuple(tuple(key.split(".")) for key in entry.keys)
             for issue in entry.check(values):
                 issues.append(Issue(issue.location, issue.message, involved, issue.missing))

@@ -112,8 +112,8 @@ class Scenario(table_with(_ACTUATORS, _Body)):
             scenario = handler(data)
             values = flattened(scenario)
         except ValidationError as error:
-            read = [issue_of(cls, data, line) for line in error.errors()]
-            issues = [issue for issue in read if issue is not None]
+            lines = [issue_of(cls, data, line) for line in error.errors()]
+            issues = [issue for issue in lines if issue is not None]
             values = readable_values(cls, data)
         issues = [*issues, *broken_rules(values, (info.context or {}).get("law", True))]
         if scenario is None or issues:

@@ -158,7 +158,7 @@ MAX_CASES = 2**29
 """Of all steps; the numbers from there on are those of the validation cases."""
 
 
-def _given(values, table):
+def _entries(values, table):
     """Names and valid values of the keys of `[tuning.parameters]` or `[tuning.smoothing]`."""
     prefix = f"tuning.{table}."
     entries = {}
@@ -172,40 +172,40 @@ def _given(values, table):
 def _tuned(values):
     """Tuned keys with their bounds where these are valid."""
     bounds = {
-        name: (e.get("low"), e.get("high")) for name, e in _given(values, "parameters").items()
+        name: (e.get("low"), e.get("high")) for name, e in _entries(values, "parameters").items()
     }
     return {name: ends for name, ends in bounds.items() if None not in ends}
 
 
-def _foreign(values, table, known):
+def _foreign(values, table, allowed):
     """What stands in a table by the keys of the law and is none of those that may."""
     law = values["control.law"]
-    for name in _given(values, table):
-        if name not in known:
-            what = f"one of {', '.join(known)}" if known else "left out"
+    for name in _entries(values, table):
+        if name not in allowed:
+            what = f"one of {', '.join(allowed)}" if allowed else "left out"
             message = f'must be {what} under the law "{law}", got {shown(name)}'
-            yield at(f"tuning.{table}.{name}", message + suggestion(name, known))
+            yield at(f"tuning.{table}.{name}", message + suggestion(name, allowed))
 
 
 @rule_over("control.law", "tuning.steps")
 def _gains_are_those_of_the_law(values):
     law = values["control.law"]
-    known = law.declaration.tunable
-    yield from _foreign(values, "parameters", known)
-    if not known:
+    names = law.declaration.tunable
+    yield from _foreign(values, "parameters", names)
+    if not names:
         yield at(
             "tuning",
             f'must be left out under the law "{law}", which has no gains to tune, got a table',
         )
     elif values.get("tuning.parameters") == {}:
-        yield at("tuning.parameters", f"must name at least one of {', '.join(known)}, got nothing")
+        yield at("tuning.parameters", f"must name at least one of {', '.join(names)}, got nothing")
 
 
 @rule_over("control.law", "tuning.steps")
 def _bounds_hold_the_gain(values):
     for name, (low, high) in _tuned(values).items():
         key = f"tuning.parameters.{name}"
-        given = values.get(f"control.{name}")
+        gain = values.get(f"control.{name}")
         refused = list(_outside_its_range(values["control.law"], name, low, high))
         if low >= high:
             yield at(f"{key}.high", f"must be above low = {shown(low)}, got {shown(high)}")
@@ -213,12 +213,12 @@ def _bounds_hold_the_gain(values):
             yield from refused
         elif low <= 0:
             yield at(f"{key}.low", f"must be greater than 0, got {shown(low)}")
-        elif given is not None:
-            entries = given if isinstance(given, tuple) else (given,)
+        elif gain is not None:
+            entries = gain if isinstance(gain, tuple) else (gain,)
             if not all(low <= entry <= high for entry in entries):
                 yield Issue(
                     tuple(key.split(".")),
-                    f"must be bounds around control.{name} = {shown(given)}, "
+                    f"must be bounds around control.{name} = {shown(gain)}, "
                     f"got {shown(low)} to {shown(high)}",
                     (("control", name),),
                 )
@@ -264,7 +264,7 @@ def _widths_are_those_of_the_law(values):
 @rule_over("control.law", "tuning.steps")
 def _widths_are_not_tuned_as_well(values):
     widths = values["control.law"].declaration.widths
-    for name in _given(values, "smoothing"):
+    for name in _entries(values, "smoothing"):
         if name in widths and name in _tuned(values):
             yield at(
                 f"tuning.smoothing.{name}",

@@ -190,11 +190,11 @@ def _rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str | None:
 
 
 def _length_rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str:
-    wanted = bounds["min_length"] if kind == "too_short" else bounds["max_length"]
+    count = bounds["min_length"] if kind == "too_short" else bounds["max_length"]
     of = f" in {unit}" if unit else ""
-    if kind == "too_long" and wanted > MAX_VECTOR_LENGTH:
-        return f"have at most {wanted} entries{of}"
-    return f"have {'at least 1 entry' if wanted == 1 else f'{wanted} entries'}{of}"
+    if kind == "too_long" and count > MAX_VECTOR_LENGTH:
+        return f"have at most {count} entries{of}"
+    return f"have {'at least 1 entry' if wanted == 1 else f'{count} entries'}{of}"
 
 
 def _field(root: type[BaseModel], data: Any, location: Location) -> FieldInfo | None:

@@ -38,8 +38,8 @@ class AbstractFailureKind(enum.IntEnum):
 
     def amount(self, table: Any) -> float:
         """How much a checked table `[[failure]]` tells; 0 where that is no one number."""
-        given = (getattr(table, key) for key in self.keys if self.one_number)
-        return next((amount for amount in given if amount is not None), 0.0)
+        amounts = (getattr(table, key) for key in self.keys if self.one_number)
+        return next((amount for amount in amounts if amount is not None), 0.0)
 
 
 class FailureKind(AbstractFailureKind):
@@ -66,5 +66,5 @@ def failure_kind(kinds: Iterable[AbstractFailureKind], table: Any) -> AbstractFa
     Of several with one text it is the one whose amount is given.
     """
     alike = [kind for kind in kinds if kind.text == table.kind]
-    given = (one for one in alike if any(getattr(table, key) is not None for key in one.keys))
-    return next(given, alike[0])
+    matching = (one for one in alike if any(getattr(table, key) is not None for key in one.keys))
+    return next(matching, alike[0])

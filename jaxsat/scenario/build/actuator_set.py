@@ -106,8 +106,8 @@ def _names(
 ) -> tuple[list[str], list[str]]:
     """Names in one word; g1, g2, … and w1, w2, … where there are none."""
 
-    def words(given: Sequence[str | None], letter: str) -> list[str]:
-        named = [name and re.sub(r"[^\w.+-]+", "-", name.strip()) for name in given]
+    def words(labels: Sequence[str | None], letter: str) -> list[str]:
+        named = [name and re.sub(r"[^\w.+-]+", "-", name.strip()) for name in labels]
         return [name or f"{letter}{number}" for number, name in enumerate(named, 1)]
 
     jets, spun = words(thrusters, "g"), words(wheels, "w")

@@ -100,14 +100,14 @@ def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
     thrusters = Thrusters(axes).without(table.failed_thrusters)
     any_plane = scenario.law.declaration.any_plane
     if torques and any(getattr(scenario, name) for name in ("wheel", *STEERED)):
-        left = np.asarray(thrusters.torque_axes)
-        shares, all_axes = least_squares_map(left, torques), left if torques == 3 else None
-        return Actuators(left, shares, as_float(limit), shared_axes=all_axes)
+        columns = np.asarray(thrusters.torque_axes)
+        shares, all_axes = least_squares_map(columns, torques), columns if torques == 3 else None
+        return Actuators(columns, shares, as_float(limit), shared_axes=all_axes)
     if not torques:
         return Actuators(thrusters.torque_axes, jnp.zeros((thrusters.count, 2)), as_float(limit))
     if any_plane:
-        known = np.asarray(thrusters.torque_axes)
-        shared = as_array(direction_matrix(known, torque_directions(known)))
+        columns = np.asarray(thrusters.torque_axes)
+        shared = as_array(direction_matrix(columns, torque_directions(columns)))
         return Actuators(thrusters.torque_axes, shared, as_float(limit))
     return Actuators.of(thrusters, limit, torques)
 
@@ -124,14 +124,14 @@ def wheel_context(scenario: Scenario) -> WheelContext | None:
 
 def build_steering(scenario: Scenario, plant: RigidBody) -> tuple[AbstractSteering, ...]:
     """What steers effectors of the plant, in the order in which they are asked."""
-    found: list[AbstractSteering] = []
+    steering: list[AbstractSteering] = []
     torquers, gyros = plant.find(Magnetorquers), plant.find(ControlMomentGyros)
     if torquers is not None:
-        found.append(_magnetic_steering(scenario, torquers))
+        steering.append(_magnetic_steering(scenario, torquers))
     if gyros is not None:
         working = np.array([not one.failed for one in scenario.gimbal], float)
-        found.append(GimbalSteering(cast(ControlMomentGyros, gyros.without_corners()), working))
-    return tuple(found)
+        steering.append(GimbalSteering(cast(ControlMomentGyros, gyros.without_corners()), working))
+    return tuple(steering)
 
 
 def _magnetic_steering(scenario: Scenario, torquers: Magnetorquers) -> MagneticSteering:

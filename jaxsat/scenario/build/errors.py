@@ -39,9 +39,9 @@ def at_key(key: str) -> Iterator[None]:
         raise BuildError(Issue(tuple(key.split(".")), message)) from error
 
 
-def made_of_numbers(made: Made) -> Made:
+def made_of_numbers(instance: Made) -> Made:
     """The same object; raises `ValueError` where a number in it is NaN."""
-    for leaf in jax.tree.leaves(eqx.filter(made, eqx.is_inexact_array)):
+    for leaf in jax.tree.leaves(eqx.filter(instance, eqx.is_inexact_array)):
         if np.isnan(np.asarray(leaf)).any():
-            raise ValueError(f"a number of {type(made).__name__} is NaN")
-    return made
+            raise ValueError(f"a number of {type(instance).__name__} is NaN")
+    return instance

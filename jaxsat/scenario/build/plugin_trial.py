@@ -36,28 +36,28 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
     _require_tunable(law, controller)
     try:
         memory = eqx.filter_eval_shape(controller.init, start)
-        given = eqx.filter_eval_shape(_run, controller, start)
+        outcome = eqx.filter_eval_shape(_run, controller, start)
         answers = eqx.filter_eval_shape(_what_is_told, controller, start)
     except FOREIGN as error:
         raise BuildError(broken(law, LAW, law.controller, error)) from error
     method = _method(controller)
-    if not (isinstance(given, tuple) and len(given) == 2):
+    if not (isinstance(outcome, tuple) and len(outcome) == 2):
         what = "its next memory" if law.declaration.sampled else "the rate of its memory"
-        _refuse(law, LAW, f"gives two things from `{method}`, the torque and {what}", given)
+        _refuse(law, LAW, f"gives two things from `{method}`, the torque and {what}", outcome)
     place = _defined(law.controller, method)
-    _require_shape(law, LAW, given[0], (law.declaration.torques or 2,), f"commands {{}}{place}")
+    _require_shape(law, LAW, outcome[0], (law.declaration.torques or 2,), f"commands {{}}{place}")
     for name, (value, shape) in answers.items():
         place = _defined(law.controller, name)
         _require_shape(law, LAW, value, shape, f"gives {{}} from `{name}`{place}")
-    _require_same_memory(law, LAW, memory, given[1], method)
+    _require_same_memory(law, LAW, memory, outcome[1], method)
 
 
 def broken(
     part: Law | Part,
     location: Location,
-    made: type,
+    part_class: type,
     error: BaseException,
-    wanted: str = "can be run",
+    rule: str = "can be run",
 ) -> Issue:
     """What an exception of a part's own code is told as."""
     text = str(error).strip().split("\n", 1)[0]
@@ -68,8 +68,8 @@ def broken(
         hint = "; use functions of jnp in place of those of numpy"
     elif isinstance(error, KeyError):
         hint = f"; the declared keys are {', '.join(key.name for key in part.declaration.keys)}"
-    place = place_in(inspect.getfile(made), error)
-    return _issue(part, location, f"{wanted}, got {type(error).__name__}: {text}{hint}{place}")
+    place = place_in(inspect.getfile(part_class), error)
+    return _issue(part, location, f"{rule}, got {type(error).__name__}: {text}{hint}{place}")
 
 
 def made_part(part: Part, location: Location, table: PartTable, context: Any) -> Any:
@@ -84,10 +84,12 @@ def made_part(part: Part, location: Location, table: PartTable, context: Any) ->
     return instance
 
 
-def require_torque(part: Part, location: Location, torque: Callable[..., Any], *given: Any) -> None:
+def require_torque(
+    part: Part, location: Location, torque: Callable[..., Any], *arguments: Any
+) -> None:
     """Raise `BuildError` where a part, called once, raises or gives no torque of shape (3,)."""
     try:
-        value = eqx.filter_eval_shape(torque, *given)
+        value = eqx.filter_eval_shape(torque, *arguments)
     except FOREIGN as error:
         raise BuildError(broken(part, location, part.made, error)) from error
     place = _defined(part.made, "__call__")
@@ -125,20 +127,18 @@ def require_estimates(
 
 
 def require_events(
-    part: Part, location: Location, actuators: AbstractActuators, *given: Any
+    part: Part, location: Location, actuators: AbstractActuators, *arguments: Any
 ) -> None:
     """Raise `BuildError` where actuators have another number of event functions than they say."""
     try:
         count = actuators.event_count
-        values = eqx.filter_eval_shape(actuators.event_functions, *given)
+        values = eqx.filter_eval_shape(actuators.event_functions, *arguments)
         piece = actuators.smooth_piece(jnp.ones(count, bool))
     except FOREIGN as error:
         raise BuildError(broken(part, location, part.made, error)) from error
-    wanted = "gives {} from `event_functions`, as `event_count` says"
-    _require_shape(
-        part, location, values, (count,), wanted + _defined(part.made, "event_functions")
-    )
-    require_torque(part, location, piece, *given)
+    rule = "gives {} from `event_functions`, as `event_count` says"
+    _require_shape(part, location, values, (count,), rule + _defined(part.made, "event_functions"))
+    require_torque(part, location, piece, *arguments)
 
 
 def _run(controller: Controller, start: PlantState) -> Any:
@@ -175,9 +175,9 @@ def _what_is_told(controller: Controller, start: PlantState) -> dict[str, tuple[
     }
 
 
-def _require_arrays(part: Law | Part, location: Location, made: Any) -> None:
+def _require_arrays(part: Law | Part, location: Location, instance: Any) -> None:
     """Refuse attributes that are neither numbers nor told apart as what they are not."""
-    for path, leaf in jax.tree_util.tree_flatten_with_path(made)[0]:
+    for path, leaf in jax.tree_util.tree_flatten_with_path(instance)[0]:
         if not eqx.is_array_like(leaf):
             name = jax.tree_util.keystr(path).lstrip(".")
             message = f"holds arrays and numbers, got {leaf!r} in `{name}`"
@@ -207,22 +207,22 @@ def _require_tunable(law: Law, controller: Controller) -> None:
 
 
 def _require_shape(
-    part: Law | Part, location: Location, found: Any, shape: tuple[int, ...], wanted: str
+    part: Law | Part, location: Location, value: Any, shape: tuple[int, ...], rule: str
 ) -> None:
-    if getattr(found, "shape", None) != shape:
-        _refuse(part, location, wanted.format(f"an array of shape {shape}"), found)
+    if getattr(value, "shape", None) != shape:
+        _refuse(part, location, rule.format(f"an array of shape {shape}"), value)
 
 
-def _refuse(part: Law | Part, location: Location, wanted: str, found: Any) -> None:
-    shape = getattr(found, "shape", None)
-    got = f"one of shape {shape}" if shape is not None else type(found).__name__
-    raise BuildError(_issue(part, location, f"{wanted}, got {got}"))
+def _refuse(part: Law | Part, location: Location, rule: str, value: Any) -> None:
+    shape = getattr(value, "shape", None)
+    got = f"one of shape {shape}" if shape is not None else type(value).__name__
+    raise BuildError(_issue(part, location, f"{rule}, got {got}"))
 
 
-def _defined(made: type, method: str) -> str:
+def _defined(part_class: type, method: str) -> str:
     """Where a method of a part stands, " (file:12)", or nothing."""
     try:
-        function = inspect.unwrap(getattr(made, method))
+        function = inspect.unwrap(getattr(part_class, method))
         return f" ({inspect.getfile(function)}:{inspect.getsourcelines(function)[1]})"
     except (OSError, TypeError):
         return ""

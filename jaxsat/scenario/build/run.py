@@ -83,8 +83,8 @@ def build(scenario: Scenario) -> Run:
             "Scenarios need 64-bit floats, but JAX is set to 32-bit ones: call "
             '`jax.config.update("jax_enable_x64", True)` first.'
         )
-    for known, run in _latest:
-        if known() is scenario:
+    for reference, run in _latest:
+        if reference() is scenario:
             return run
     run = _build(scenario)
     _latest[:] = [(weakref.ref(scenario), run)]
@@ -173,8 +173,8 @@ def build_start(scenario: Scenario) -> PlantState:
         attitude: AbstractAttitude = WZ(as_float(w), as_float(z))
     else:
         attitude = Quaternion(as_float(table.quaternion))
-    wanted = scenario.simulation.attitude == "wz"
-    attitude = attitude.as_wz() if wanted else attitude.as_quaternion()
+    in_wz = scenario.simulation.attitude == "wz"
+    attitude = attitude.as_wz() if in_wz else attitude.as_quaternion()
     states = tuple(state for _, state in build_effectors(scenario))
     return PlantState(attitude, as_float(table.omega_rad_s), states or None)
 
@@ -208,16 +208,16 @@ def _method(table: SolverTable, loop: AbstractLoop) -> Method:
     solver = NamedSolver(table.name) if table.name else None
     if table.steps == "fixed" or table.step_s is not None:
         return fixed(cast(float, table.step_s), solver)
-    given = {
+    numbers = {
         "rtol": table.rtol,
         "atol": table.atol,
         "min_step": table.min_step_s,
         "max_steps": table.max_steps,
     }
-    given = {name: value for name, value in given.items() if value is not None}
-    if table.steps is None and not given:
+    numbers = {name: value for name, value in numbers.items() if value is not None}
+    if table.steps is None and not numbers:
         return default_method(loop, solver)
-    return adaptive(solver=solver, **{"min_step": MIN_STEP, **given})
+    return adaptive(solver=solver, **{"min_step": MIN_STEP, **numbers})
 
 
 def _require_few_steps(scenario: Scenario, loop: AbstractLoop, method: Method) -> None:

@@ -168,8 +168,8 @@ def pilot_errors(study: Study) -> Errors:
     cases = study.cases(np.arange(min(PILOTS, study.count) if study.has_fixed_size else PILOTS))
     rates = np.linalg.norm(_start_rates(study.case_factory, cases), axis=1)
     numbers = np.unique([0, int(np.argmax(rates))])
-    found = cast(IntegrationError, study.evaluate(numbers).integration_error)
-    return float(np.max(found.rate)), float(np.max(found.attitude))
+    error = cast(IntegrationError, study.evaluate(numbers).integration_error)
+    return float(np.max(error.rate)), float(np.max(error.attitude))
 
 
 @eqx.filter_jit
@@ -244,8 +244,8 @@ def _numbers(scenario: Scenario) -> dict[str, Any]:
 
 def build_dispersions(table: DispersionTable) -> Dispersions:
     """The distributions of a `[dispersion]` table by name."""
-    given = {name: distribution_of(entry) for name, entry in table.distributions.items()}
-    return Dispersions(given, table.frequency_known)
+    distributions = {name: distribution_of(entry) for name, entry in table.distributions.items()}
+    return Dispersions(distributions, table.frequency_known)
 
 
 def distribution_of(table: DistributionTable) -> AbstractDistribution:
@@ -307,13 +307,13 @@ def _adaptive(scenario: Scenario, run: Run) -> bool:
 
 def _tolerance(solver: SolverTable, usual: float | None) -> Tolerance:
     """The scenario's own numbers, and what they are in studies where it names none."""
-    given = {
+    numbers = {
         "rtol": solver.rtol or usual,
         "atol": solver.atol or usual,
         "min_step": solver.min_step_s,
         "max_steps": solver.max_steps,
     }
-    return Tolerance(**{name: value for name, value in given.items() if value is not None})
+    return Tolerance(**{name: value for name, value in numbers.items() if value is not None})
 
 
 def replay_case(scenario: Scenario, study: Study, number: int) -> "xr.Dataset":

@@ -132,20 +132,20 @@ def _failures_say_what_and_how_much(failures, thrusters):
             yield Issue(("failure", number, "fraction"), message)
 
 
-def _amounts(number, one, wanted):
+def _amounts(number, one, amounts):
     """Issues on the keys that say how much."""
-    given = [key for key in AMOUNTS if getattr(one, key) is not None]
+    present = [key for key in AMOUNTS if getattr(one, key) is not None]
     what = f'for a failure of kind "{one.kind}"'
-    for key in given:
-        if key not in wanted:
+    for key in present:
+        if key not in amounts:
             got = shown(getattr(one, key))
             yield Issue(("failure", number, key), f"must not be given {what}, got {got}")
-    if wanted and not set(given) & set(wanted):
+    if amounts and not set(present) & set(amounts):
         message = f"must be given {what}, got nothing"
-        yield Issue(("failure", number, wanted[-1]), message, (), True)
-    elif len(set(given) & set(wanted)) > 1:
-        message = f"must not be given with {wanted[0]} {what}"
-        yield Issue(("failure", number, wanted[-1]), message)
+        yield Issue(("failure", number, amounts[-1]), message, (), True)
+    elif len(set(present) & set(amounts)) > 1:
+        message = f"must not be given with {amounts[0]} {what}"
+        yield Issue(("failure", number, amounts[-1]), message)
 
 
 @rule("failure", "spacecraft.torque_limit_N_m", "thruster")
@@ -239,7 +239,7 @@ def _failed_before(scenario: Any, one: FailureTable) -> bool:
 def _working_again(scenario: Any) -> Iterator[Issue]:
     """Failures of what was dead or had seized, which end that."""
     last: dict[str, FailureTable] = {}
-    for number, one in sorted(enumerate(scenario.failure), key=lambda found: found[1].at_s):
+    for number, one in sorted(enumerate(scenario.failure), key=lambda entry: entry[1].at_s):
         before = last.get(one.of)
         if before is not None and before.kind in LASTING and one.kind not in LASTING:
             yield Issue(

@@ -144,8 +144,8 @@ def _boresight_is_a_direction(boresight):
 def _sensors_belong_to_a_sampled_law(values):
     law = values["control.law"]
     for table in ("sampling", "gyro", "star_tracker"):
-        given = any(key.startswith(f"{table}.") for key in values)
-        if given and not law.declaration.sampled:
+        present = any(key.startswith(f"{table}.") for key in values)
+        if present and not law.declaration.sampled:
             yield at(table, f'must belong to a sampled law ({sampled_laws()}), got "{law}"')
 
 

@@ -131,13 +131,13 @@ def _each_thruster_is_whole(thrusters):
         yield at("thruster", f"must be at most {MAX_THRUSTERS} tables, got {len(thrusters)}")
     by_force, by_torque = ("position_m", "direction", "force_N"), ("torque_axis", "torque_N_m")
     for number, one in enumerate(thrusters):
-        given = {key for key in by_force + by_torque if getattr(one, key) is not None}
-        if given in (set(by_force), set(by_torque)):
+        keys = {key for key in by_force + by_torque if getattr(one, key) is not None}
+        if keys in (set(by_force), set(by_torque)):
             if np.abs(one.torque()).max() <= NO_TORQUE:
                 message = "must have a force that does not point through the centre of mass"
                 yield Issue(("thruster", number, "direction"), f"{message}, got no torque")
             continue
-        got = " and ".join(sorted(given)) or "none of them"
+        got = " and ".join(sorted(keys)) or "none of them"
         yield Issue(
             ("thruster", number),
             f"must have {', '.join(by_force)}, or {' and '.join(by_torque)}, got {got}",

@@ -95,10 +95,10 @@ def _rotors_are_part_of_the_body(values):
     if not rotors(wheels).any():
         return
     for key in ("spacecraft.inertia_kg_m2", "control.model.inertia_kg_m2"):
-        given = values.get(key)
-        if given is None:
+        inertia = values.get(key)
+        if inertia is None:
             continue
-        if np.linalg.eigvalsh(free_inertia(given, wheels))[0] > 0:
+        if np.linalg.eigvalsh(free_inertia(inertia, wheels))[0] > 0:
             continue
         most = max(range(len(wheels)), key=lambda k: wheels[k].rotor_inertia_kg_m2 or 0.0)
         yield Issue(
