@@ -113,18 +113,18 @@ def _failure(error: Exception) -> int:
 
 def _command(tokens: Sequence[str] | None) -> int:
     tokens = sys.argv[1:] if tokens is None else list(tokens)
-    command, given, _ = app.parse_args(tokens, exit_on_error=False, print_error=False)
-    if any(getattr(options, "quiet", False) for options in given.arguments.values()):
+    command, bound, _ = app.parse_args(tokens, exit_on_error=False, print_error=False)
+    if any(getattr(options, "quiet", False) for options in bound.arguments.values()):
         stop_progress()
     if not command.__module__.startswith("jaxsat."):
         with contextlib.suppress(BrokenPipeError, SystemExit):  # of a reader who has seen enough
-            command(*given.args, **given.kwargs)
+            command(*bound.args, **bound.kwargs)
         return SUCCESS
     computes = command.__module__ not in ("jaxsat.cli.scenarios", "jaxsat.cli.completion")
     import_interruptibly("jaxsat.scenario", *(["jaxsat.store"] if computes else []))
-    asked = (getattr(options, "digits", None) for options in given.arguments.values())
-    with at_least_digits(next(filter(None, asked), None)):
-        result = command(*given.args, **given.kwargs)
+    digits = (getattr(options, "digits", None) for options in bound.arguments.values())
+    with at_least_digits(next(filter(None, digits), None)):
+        result = command(*bound.args, **bound.kwargs)
     return result if isinstance(result, int) else SUCCESS
 
 

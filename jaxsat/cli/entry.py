@@ -33,8 +33,8 @@ def main(tokens: Sequence[str] | None = None) -> None:
 def _status(tokens: Sequence[str] | None, received: list[int]) -> int:
     try:
         make_streams_safe()
-        given = sys.argv[1:] if tokens is None else tokens
-        with nullcontext() if "--quiet" in given else showing_progress("starting"):
+        words = sys.argv[1:] if tokens is None else tokens
+        with nullcontext() if "--quiet" in words else showing_progress("starting"):
             from jaxsat.cli.app import run
 
             return finish(run(tokens))

@@ -81,16 +81,16 @@ def planned_report(options: Results, results: Path, *, store: bool = False) -> P
     `results` is where they will be; `store` says that they are a store of a study, beside which the
     page is put.
     """
-    asked, overwrite = options.report, options.overwrite
-    if asked is False:
+    request, overwrite = options.report, options.overwrite
+    if request is False:
         return None
     from jaxsat.store import refuse_existing
 
     _require_packages()
-    if asked is True:
+    if request is True:
         file = results.with_suffix(".html") if store else results / REPORT
     else:
-        file = place("--report", str(asked))
+        file = place("--report", str(request))
     if not store and os.path.realpath(file) == os.path.realpath(results / REPORT):
         return PlannedReport(results, file, inside=True, overwrite=overwrite)
     refuse_nested(("--report", file), ("--out", results))

@@ -17,7 +17,7 @@ from jaxsat.scenario.layout import (
 )
 from jaxsat.scenario.parts.wheels import limit_of_wheels
 from jaxsat.scenario.rules import STEPS, at, is_multiple, key_of_fixed_steps, rule, rule_over
-from jaxsat.scenario.tables import working_axes
+from jaxsat.scenario.tables import ADAPTIVE_STEP_KEYS, FIXED_STEP_KEYS, working_axes
 from jaxsat.scenario.wording import shown
 
 MAX_SAMPLES = 2_000_000
@@ -185,9 +185,7 @@ def _gains_need_a_limit(law, limit, thrusters, wheels):
         yield at("spacecraft.torque_limit_N_m", message, True)
 
 
-FIXED_KEYS = ("step_s",)
-ADAPTIVE_KEYS = ("rtol", "atol", "min_step_s", "max_steps")
-SOLVER_KEYS = ("steps", *ADAPTIVE_KEYS, *FIXED_KEYS, "substeps")
+SOLVER_KEYS = ("steps", *ADAPTIVE_STEP_KEYS, *FIXED_STEP_KEYS, "substeps")
 
 
 @rule_over("control.law")
@@ -203,9 +201,9 @@ def _solver_keys_fit(values):
     elif "substeps" in keys:
         excluded, why = ["substeps"], f'the law "{law}" is continuous'
     elif fixed:
-        excluded, why = [key for key in keys if key in ADAPTIVE_KEYS], "the steps are fixed"
+        excluded, why = [key for key in keys if key in ADAPTIVE_STEP_KEYS], "the steps are fixed"
     else:
-        excluded, why = [key for key in keys if key in FIXED_KEYS], "the steps are adaptive"
+        excluded, why = [key for key in keys if key in FIXED_STEP_KEYS], "the steps are adaptive"
     for key in excluded:
         message = f"must be left out because {why}, got {shown(solver[key])}"
         yield at(f"simulation.solver.{key}", message)

@@ -1,10 +1,9 @@
 """`[control]`: the laws that a scenario can name, and a table for each, of what it declares."""
 
-import re
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
-from pydantic import ConfigDict, Field, SerializeAsAny, WrapValidator, create_model
+from pydantic import ConfigDict, Field, SerializeAsAny, WrapValidator
 
 from jaxsat.core.declaration.laws import LAWS, Law
 from jaxsat.core.once import once
@@ -18,6 +17,7 @@ from jaxsat.scenario.quantities import (
     choice,
     fields_of,
     quantity,
+    table_class,
     within,
 )
 from jaxsat.scenario.tables import Relation
@@ -128,9 +128,8 @@ def table_of(law: Law) -> type[LawTable]:
     if law.declaration.has_model:
         what = "What the controller believes of the plant"
         fields["model"] = (ModelTable, choice(what, ModelTable()))
-    name = "".join(part.capitalize() for part in re.split(r"\W+", law.name)) + "ScenarioTable"
     doc = f'`law = "{law.name}"`: {law.declaration.summary}.'
-    table = create_model(name, __base__=LawTable, __doc__=doc, __module__=__name__, **fields)
+    table = table_class(law.name, doc, fields, LawTable, "ScenarioTable")
     table.declared = law
     return table
 

@@ -23,7 +23,7 @@ class InRadians(NamedTuple):
     issues: list[Issue]
     places: dict[Location, Location]
 
-    def told(self, issue: Issue) -> Issue:
+    def as_written(self, issue: Issue) -> Issue:
         """An issue about the keys that the user wrote."""
         location = self._written(issue.location)
         involved = tuple(map(self._written, issue.involved))

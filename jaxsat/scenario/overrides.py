@@ -10,6 +10,7 @@ from jaxsat.scenario.control import known_law, table_of
 from jaxsat.scenario.degrees import other_spellings
 from jaxsat.scenario.errors import Problem
 from jaxsat.scenario.limits import MAX_OVERRIDE_LENGTH, Excess, require_modest
+from jaxsat.scenario.tables import ADAPTIVE_STEP_KEYS, FIXED_STEP_KEYS
 from jaxsat.scenario.wording import shown
 
 ALTERNATIVES: tuple[tuple[frozenset[str], frozenset[str]], ...] = (
@@ -17,9 +18,6 @@ ALTERNATIVES: tuple[tuple[frozenset[str], frozenset[str]], ...] = (
     (frozenset({"initial.w", "initial.z_rad"}), frozenset({"initial.quaternion"})),
 )
 """Groups of keys that exclude each other: an override of one displaces the file's others."""
-
-ADAPTIVE = frozenset({"rtol", "atol", "min_step_s", "max_steps"})
-FIXED = frozenset({"step_s"})
 
 
 @dataclass(frozen=True)
@@ -150,10 +148,10 @@ def _void_solver_keys(values: Mapping[str, Any]) -> set[str]:
     prefix = "simulation.solver."
     steps = values.get(prefix + "steps")
     keys = {key.removeprefix(prefix) for key in values if key.startswith(prefix)}
-    if steps == "fixed" or (steps is None and keys & FIXED):
-        return {prefix + key for key in (*ADAPTIVE, *(() if steps else ("steps",)))}
-    if steps == "adaptive" or (steps is None and keys & ADAPTIVE):
-        return {prefix + key for key in (*FIXED, *(() if steps else ("steps",)))}
+    if steps == "fixed" or (steps is None and not keys.isdisjoint(FIXED_STEP_KEYS)):
+        return {prefix + key for key in (*ADAPTIVE_STEP_KEYS, *(() if steps else ("steps",)))}
+    if steps == "adaptive" or (steps is None and not keys.isdisjoint(ADAPTIVE_STEP_KEYS)):
+        return {prefix + key for key in (*FIXED_STEP_KEYS, *(() if steps else ("steps",)))}
     return set()
 
 

@@ -175,6 +175,16 @@ def table_with(fields: Mapping[str, Any], base: type[ScenarioTable] = ScenarioTa
     return create_model("Declared", __base__=base, **fields)
 
 
+def table_class(
+    name: str, doc: str, fields: Mapping[str, Any], base: type[ScenarioTable], ending: str
+) -> Any:
+    """The class of the table of a part that is declared under a name, such as "pid-law"."""
+    words = "".join(word.capitalize() for word in re.split(r"\W+", name))
+    return create_model(
+        f"{words}{ending}", __base__=base, __doc__=doc, __module__=base.__module__, **fields
+    )
+
+
 def values_of(keys: Iterable[Key], table: ScenarioTable) -> dict[str, Any]:
     """What a checked table has under declared keys, as `from_table` takes it."""
     return {key.name: getattr(table, key.name) for key in keys}

@@ -153,7 +153,7 @@ class _Places:
     turned: InRadians | None = None
 
     def problem(self, issue: Issue) -> Problem:
-        issue = issue if self.turned is None else self.turned.told(issue)
+        issue = issue if self.turned is None else self.turned.as_written(issue)
         key = key_of(issue.location)
         override = self._override(issue)
         if override is not None:

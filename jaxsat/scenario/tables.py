@@ -132,6 +132,11 @@ class InitialTable(ScenarioTable):
     omega_rad_s: Vector3 = quantity("Inertial angular velocity in body axes", "rad/s")
 
 
+FIXED_STEP_KEYS = ("step_s",)
+ADAPTIVE_STEP_KEYS = ("rtol", "atol", "min_step_s", "max_steps")
+"""Keys of `[simulation.solver]` that belong to steps of one kind alone."""
+
+
 class SolverTable(ScenarioTable):
     """`[simulation.solver]`: how the loop is integrated; by default what suits the loop."""
 

@@ -194,7 +194,7 @@ def _length_rule(kind: str, bounds: Mapping[str, Any], unit: str) -> str:
     of = f" in {unit}" if unit else ""
     if kind == "too_long" and count > MAX_VECTOR_LENGTH:
         return f"have at most {count} entries{of}"
-    return f"have {'at least 1 entry' if wanted == 1 else f'{count} entries'}{of}"
+    return f"have {'at least 1 entry' if count == 1 else f'{count} entries'}{of}"
 
 
 def _field(root: type[BaseModel], data: Any, location: Location) -> FieldInfo | None:
@@ -248,7 +248,7 @@ def _unknown_key(root: type[BaseModel], data: Any, location: Location) -> str:
 
 def _elsewhere(root: type[BaseModel], name: str, parents: list[str]) -> str:
     if parents[:1] == ["control"]:
-        laws = [law for law, known in LAWS.items() if name in table_of(known).model_fields]
+        laws = [law for law, one in LAWS.items() if name in table_of(one).model_fields]
         if laws:
             return f" (a key of the law {_listed(laws)})"
     places = [".".join(path) for path in dotted_keys(root) if path[-1] == name and len(path) > 1]

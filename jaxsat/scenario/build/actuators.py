@@ -22,8 +22,13 @@ from jaxsat.scenario.build.plugin_trial import made_part, require_events, requir
 from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
 from jaxsat.scenario.parts.thrusters import working_torques
-from jaxsat.scenario.parts.unloading import UnloadingTable
-from jaxsat.scenario.parts.wheels import failed_wheels, left_by_wheels, wheel_axes, wheels_make_all
+from jaxsat.scenario.parts.wheels import (
+    UnloadingTable,
+    failed_wheels,
+    left_by_wheels,
+    wheel_axes,
+    wheels_make_all,
+)
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft import (

@@ -3,10 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
-from pydantic import create_model
-
 from jaxsat.core.declaration.actuator import ActuatorDeclaration
-from jaxsat.scenario.quantities import Line, ScenarioTable, Switch, choice, fields_of
+from jaxsat.scenario.quantities import Line, ScenarioTable, Switch, choice, fields_of, table_class
 
 
 class DeviceTable(ScenarioTable):
@@ -18,13 +16,8 @@ class DeviceTable(ScenarioTable):
 def table_of_device(actuator: ActuatorDeclaration) -> Any:
     """The class of one table `[[NAME]]` of an actuator."""
     fields = fields_of(actuator.keys) | {"failed": (Switch, choice(actuator.failed, False))}
-    return create_model(
-        f"{actuator.name.capitalize()}Table",
-        __base__=DeviceTable,
-        __doc__=f"`[[{actuator.name}]]`: {actuator.summary}.",
-        __module__=__name__,
-        **fields,
-    )
+    doc = f"`[[{actuator.name}]]`: {actuator.summary}."
+    return table_class(actuator.name, doc, fields, DeviceTable, "Table")
 
 
 def names_of(tables: Sequence[Any]) -> list[str]:

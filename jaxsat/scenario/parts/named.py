@@ -1,14 +1,13 @@
 """Tables of parts that a scenario names by `kind`, made of what the parts declare."""
 
-import re
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import ConfigDict, SerializeAsAny, WrapValidator, create_model
+from pydantic import ConfigDict, SerializeAsAny, WrapValidator
 
 from jaxsat.core.once import once
 from jaxsat.scenario.plugins import ACTUATORS, Part, PluginKind, find_part
-from jaxsat.scenario.quantities import ScenarioTable, choice, fields_of
+from jaxsat.scenario.quantities import ScenarioTable, choice, fields_of, table_class
 
 
 class PartTable(ScenarioTable):
@@ -38,13 +37,8 @@ def table_of_part(base: type[PartTable], part: Part) -> type[PartTable]:
 
     fields: dict[str, Any] = {"kind": (Literal[part.name], choice("The part"))}
     fields |= fields_of(part.declaration.keys)
-    return create_model(
-        "".join(piece.capitalize() for piece in re.split(r"\W+", part.name)) + "ScenarioTable",
-        __base__=Closed,
-        __doc__=f'`kind = "{part.name}"`: {part.declaration.summary}.',
-        __module__=__name__,
-        **fields,
-    )
+    doc = f'`kind = "{part.name}"`: {part.declaration.summary}.'
+    return table_class(part.name, doc, fields, Closed, "ScenarioTable")
 
 
 def by_its_kind(base: type[PartTable], own: type[PartTable] | None = None) -> WrapValidator:

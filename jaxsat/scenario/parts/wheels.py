@@ -1,17 +1,16 @@
-"""`[[wheel]]`: rules of reaction wheels, and what their numbers come to."""
+"""`[[wheel]]`, `[unloading]`: rules of reaction wheels, and what their numbers come to."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from jaxsat.core.allocation import largest_torque, least_squares_map, unit_columns, what_is_left
 from jaxsat.core.declaration.actuators import ACTUATORS, STEERED
+from jaxsat.core.ranges import SECONDS
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import number_of
-from jaxsat.scenario.quantities import (
-    inertia_matrix,
-)
+from jaxsat.scenario.quantities import Number, ScenarioTable, inertia_matrix, quantity, within
 from jaxsat.scenario.rules import STEPS, at, key_of_fixed_steps, rule, rule_over
 from jaxsat.scenario.tables import working_axes
 from jaxsat.scenario.wording import shown
@@ -24,6 +23,14 @@ UNBOUNDED = 1e9
 
 Tables = Sequence[Any]
 """Checked tables `[[wheel]]`."""
+
+
+class UnloadingTable(ScenarioTable):
+    """`[unloading]`: how magnetorquers take momentum out of wheels."""
+
+    time_constant_s: Annotated[Number, within(SECONDS)] = quantity(
+        "Time in which the wheels' momentum across the Earth's field is to fall to 1/e", "s", 1000.0
+    )
 
 
 def rotors(wheels: Tables) -> np.ndarray:
@@ -245,3 +252,12 @@ def _what_has_seized_stays_so_under_a_continuous_law(values):
                 f'must not be a wheel that may have "stopped" before, under the law "{law}": only '
                 f"a sampled law lets one that has seized turn again, got {shown(one.of)}",
             )
+
+
+@rule("unloading.time_constant_s", "magnetorquer", "wheel")
+def _unloading_has_both(time, magnetorquers, wheels):
+    tables = {"[[wheel]]": wheels, "[[magnetorquer]]": magnetorquers}
+    missing = " and ".join(name for name, rows in tables.items() if not rows)
+    if missing:
+        message = "must belong to wheels and magnetorquers that unload them"
+        yield at("unloading", f"{message}, got time_constant_s = {shown(time)} without {missing}")
