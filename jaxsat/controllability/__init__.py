@@ -35,6 +35,7 @@ from jaxsat.controllability.failures import (
     failure_records,
     failure_table,
 )
+from jaxsat.controllability.gyros import GyroCluster
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.judging import judge, judge_once_stopped
 from jaxsat.controllability.lie import (
@@ -85,6 +86,7 @@ __all__ = [
     "DriftTrajectory",
     "EnergyCounterexample",
     "FailureCase",
+    "GyroCluster",
     "Judgement",
     "LieBracket",
     "LinearControllability",

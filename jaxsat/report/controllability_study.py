@@ -10,6 +10,7 @@ from jaxsat.controllability import (
     Analysis,
     DriftField,
     FailureCase,
+    GyroCluster,
     Judgement,
     NoEquilibriumError,
     analyse,
@@ -28,11 +29,9 @@ from jaxsat.controllability import (
     pack,
     physical_inertias,
     recurrence,
-    torque_reserve,
     uncontrollable_single_directions,
     verdict_sentence,
 )
-from jaxsat.core.numerals import number_text
 from jaxsat.report.controllability_document import (
     controllability_document,
     controllability_lines,
@@ -44,7 +43,6 @@ from jaxsat.report.saving import save_figures
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.actuator_set import all_actuators
 from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
-from jaxsat.scenario.build.run import build_start
 from jaxsat.spacecraft import ControlMomentGyros, Magnetorquers
 from jaxsat.store import OutputFolder, dataset_bytes
 
@@ -77,12 +75,13 @@ class ControllabilityStudy(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """A sentence, which says so where actuators are left out of it."""
-        sentence = verdict_sentence(self.judgement)
-        if not self.scenario.gimbal:
+        """A sentence, and before it one of control moment gyros, if there are any."""
+        sentence, gyros = verdict_sentence(self.judgement), _gyro_cluster(self.scenario)
+        if gyros is None:
             return sentence
-        start = "Without the control moment gyros, which are not judged"
-        return f"{start}: {sentence[0].lower()}{sentence[1:]}"
+        others = self.judgement.actuators.names
+        more = f"Without them: {sentence[0].lower()}{sentence[1:]}" if others else ""
+        return f"{gyros.verdict()} {more}".strip()
 
     def document(self, failures: int | None = None) -> Document:
         """The verdict, every failure, or those of so many actuators, and the findings."""
@@ -128,7 +127,8 @@ def controllability_study(
     torque = scenario.spacecraft.torque_limit_N_m or 1.0
     stopped = judge_once_stopped(judgement, tolerance)
     lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
-    lines += [*_magnetic_lines(scenario), *_gimbal_lines(scenario)]
+    gyros = _gyro_cluster(scenario)
+    lines += [*_magnetic_lines(scenario), *([] if gyros is None else gyros.lines())]
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: only single and double failures")
     if scenario.disturbance.torques:
@@ -186,26 +186,14 @@ def _magnetic_lines(scenario: Scenario) -> list[str]:
     return magnetic_words(found, sizes.max(initial=0.0), bool(left.wheels))
 
 
-def _gimbal_lines(scenario: Scenario) -> list[str]:
-    """What control moment gyros add at the start to a verdict that leaves them out."""
-    if not scenario.gimbal:
-        return []
-    zero, found = jnp.zeros(()), build_effectors(scenario)
-    (gyros, state), *_ = (one for one in found if isinstance(one[0], ControlMomentGyros))
-    sound = jnp.zeros(gyros.failure_times.shape, bool)
-    reach = gyros.reach(zero, build_start(scenario), state, sound, zero)
-    working = [not one.failed for one in scenario.gimbal]
-    columns, low, high = (np.asarray(one)[..., working] for one in reach[:3])
-    reserve = torque_reserve(columns, low, high)
-    made = (
-        f"at least {number_text(reserve, 3)} N m about any axis"
-        if reserve > 0
-        else ("no torque about some axis")
-    )
-    return [
-        f"Control moment gyros: not part of the verdict and the table. At their angles at the "
-        f"start {sum(working)} of {len(working)} make {made}"
-    ]
+def _gyro_cluster(scenario: Scenario) -> GyroCluster | None:
+    """The control moment gyros at the start; None where there are none."""
+    for gyros, state in build_effectors(scenario) if scenario.gimbal else ():
+        if isinstance(gyros, ControlMomentGyros):
+            axes = (gyros.gimbal_axes, gyros.spin_axes, state.momentum, gyros.rate_limit)
+            turning = np.array([not one.failed for one in scenario.gimbal])
+            return GyroCluster(*map(np.asarray, axes), np.asarray(state.angle), turning)
+    return None
 
 
 def _follow_drift(scenario: Scenario) -> tuple[list[str], dict[str, tuple[Any, ...]]]:

@@ -54,14 +54,15 @@ def test_controllability_tells_what_magnetorquers_add(capsys, tmp_path):
     assert "no equilibrium of this body" in " ".join(out.split())
 
 
-def test_a_verdict_says_that_control_moment_gyros_are_left_out(capsys, tmp_path):
+def test_control_moment_gyros_have_a_verdict_of_their_own(capsys, tmp_path):
     file = tmp_path / "gyros.toml"
     file.write_text(dump(Scenario.model_validate(document())))
     status, out, _ = run(capsys, "controllability", str(file))
     assert status == 0
     text = " ".join(out.split())
-    assert "Without the control moment gyros, which are not judged: not controllable" in text
-    assert "4 of 4 make at least 0.46" in text
+    assert "Controllable: 4 of 4 gimbals make three torques while they are not singular" in text
+    assert "at least 0.46" in text
+    assert "With one gimbal locked: 4 of 4 cases leave three torques" in text
 
 
 @pytest.mark.slow
