@@ -3,7 +3,7 @@
 import pkgutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.core.declaration.keys import DispersibleQuantity, Key, Rule, require_own_keys
@@ -15,7 +15,8 @@ class Signal:
 
     `name` is a field of `jaxsat.simulation.Signals`, `units` are those of a data set ("rad s-1").
     One that is not `each` device's is that of all together. The summary of a run tells the largest
-    size of a `peak`.
+    size of a `peak`. With a `shape` replays draw each device along its key `axis`, and an arrow as
+    long as the signal is of the key `limit`: a disc in the body's side, or a rod through the body.
     """
 
     name: str
@@ -23,6 +24,8 @@ class Signal:
     meaning: str
     each: bool = True
     peak: bool = False
+    shape: Literal["disc", "rod"] | None = None
+    limit: str = ""
 
 
 @dataclass(frozen=True)

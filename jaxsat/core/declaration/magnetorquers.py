@@ -46,5 +46,14 @@ MAGNETORQUER = ActuatorDeclaration(
             axis="magnetorquer_turn",
         ),
     ),
-    signals=(Signal("dipole", "A m2", "dipole of each magnetorquer along its axis", peak=True),),
+    signals=(
+        Signal(
+            "dipole",
+            "A m2",
+            "dipole of each magnetorquer along its axis",
+            peak=True,
+            shape="rod",
+            limit="dipole_limit_A_m2",
+        ),
+    ),
 )

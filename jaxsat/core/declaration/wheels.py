@@ -103,7 +103,14 @@ WHEEL = ActuatorDeclaration(
         ),
     ),
     signals=(
-        Signal("wheel_momentum", "N m s", "wheel momentum relative to the body", peak=True),
+        Signal(
+            "wheel_momentum",
+            "N m s",
+            "wheel momentum relative to the body",
+            peak=True,
+            shape="disc",
+            limit="momentum_limit_N_m_s",
+        ),
         Signal("wheel_torque", "N m", "wheel torque on the body along its axis"),
     ),
 )

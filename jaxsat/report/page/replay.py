@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxsat.core.declaration.actuator import Signal
+from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.failures import ONE_WAY
 from jaxsat.report.run_document import failures_of
 from jaxsat.report.timeline import mode_names
@@ -27,10 +29,6 @@ def craft(dataset: xr.Dataset, scenario: Mapping[str, Any], title: str) -> dict[
     axes, half = body_box(scenario)
     thrusters, columns = _thrusters(scenario, data)
     half = _around(half, axes, thrusters)
-    wheels, momentum = _along_axes(
-        scenario, data, "wheel", "wheel_momentum", "momentum_limit_N_m_s"
-    )
-    rods, dipoles = _along_axes(scenario, data, "magnetorquer", "dipole", "dipole_limit_A_m2")
     law = known_law(scenario.get("control", {}).get("law"))
     return {
         "title": title,
@@ -42,10 +40,12 @@ def craft(dataset: xr.Dataset, scenario: Mapping[str, Any], title: str) -> dict[
         "axes": axes.tolist(),
         "thrusters": thrusters,
         "levels": None if columns is None else _encoded(np.nan_to_num(columns), "<f4"),
-        "wheels": wheels,
-        "momentum": None if momentum is None else _encoded(np.nan_to_num(momentum), "<f4"),
-        "rods": rods,
-        "dipoles": None if dipoles is None else _encoded(np.nan_to_num(dipoles), "<f4"),
+        "devices": [
+            _along_axes(scenario, data, actuator.name, signal)
+            for actuator in ACTUATORS
+            for signal in actuator.signals
+            if signal.shape is not None and scenario.get(actuator.name)
+        ],
         "phases": phases_of(dataset),
         "failures": [
             {"what": what, "at": at} for at, what in failures_of(scenario, dataset["time"].values)
@@ -161,23 +161,23 @@ def _torque_axis(table: Mapping[str, Any], sign: int) -> list[float] | None:
 
 
 def _along_axes(
-    scenario: Mapping[str, Any], data: xr.Dataset, kind: str, signal: str, limit: str
-) -> tuple[list[dict[str, Any]], np.ndarray | None]:
-    """Wheels or magnetorquers to draw, and their signal (times, n) in parts of its limit.
+    scenario: Mapping[str, Any], data: xr.Dataset, kind: str, signal: Signal
+) -> dict[str, Any]:
+    """Devices to draw, and their signal (times, n) in parts of its limit.
 
     Of those without a limit it is in parts of the largest one.
     """
-    tables = scenario.get(kind, ())
-    drawn = []
+    tables, parts, levels = scenario[kind], [], None
     for place, table in enumerate(tables, 1):
         name = str(table.get("name", place))
         failures = _failures_of_part(scenario, kind, name, bool(table.get("failed")))
-        drawn.append({"name": name, "axis": _unit(table.get("axis"), 1), "failures": failures})
-    if signal not in data or data[signal].shape[1] != len(tables):
-        return drawn, None
-    values = data[signal].values
-    largest = np.nanmax(np.abs(values), initial=0.0) or 1.0
-    return drawn, values / np.array([float(table.get(limit) or largest) for table in tables])
+        parts.append({"name": name, "axis": _unit(table.get("axis"), 1), "failures": failures})
+    if signal.name in data and data[signal.name].shape[1] == len(tables):
+        values = data[signal.name].values
+        largest = np.nanmax(np.abs(values), initial=0.0) or 1.0
+        limits = np.array([float(table.get(signal.limit) or largest) for table in tables])
+        levels = _encoded(np.nan_to_num(values / limits), "<f4")
+    return {"kind": kind, "shape": signal.shape, "parts": parts, "levels": levels}
 
 
 def _around(

@@ -65,9 +65,10 @@ def test_the_replay_draws_the_actuators_of_the_scenario_and_when_they_fail(page)
     assert (up["column"], down["column"], gone["column"]) == (0, 1, None)
     assert gone["failures"] == [{"at": 0.0, "kind": "failed"}]
     np.testing.assert_allclose(gone["axis"], [0, 0, 1])
-    (wheel,) = craft["wheels"]
-    assert wheel["failures"] == []
-    momentum = array(craft["momentum"], "<f4")
+    (wheels,) = craft["devices"]
+    (wheel,) = wheels["parts"]
+    assert (wheels["kind"], wheels["shape"], wheel["failures"]) == ("wheel", "disc", [])
+    momentum = array(wheels["levels"], "<f4")
     np.testing.assert_allclose(momentum, run_dataset()["wheel_momentum"][:, 0] / 4, atol=1e-6)
     largest = max(abs(np.array(up["position"])) / np.array(craft["half"]))
     assert largest == pytest.approx(1), "the thrusters sit on the box"
@@ -88,7 +89,9 @@ def test_the_replay_draws_magnetorquers_and_when_they_fail():
     run = run_dataset()
     dipole = np.stack([np.linspace(-0.5, 0.5, len(run["time"])), 0 * run["time"].values], axis=1)
     made = craft(run.assign(dipole=(("time", "magnetorquer"), dipole)), told, "rods")
-    rod, gone = made["rods"]
+    (rods,) = made["devices"]
+    rod, gone = rods["parts"]
+    assert (rods["kind"], rods["shape"]) == ("magnetorquer", "rod")
     assert (rod["name"], rod["axis"]) == ("rod", [0, 0, 1])
     assert [one["kind"] for one in rod["failures"]] == ["reversed", "dead", "stuck-on"]
     told = [
@@ -96,7 +99,7 @@ def test_the_replay_draws_magnetorquers_and_when_they_fail():
     ]
     assert made["failures"] == told, "the third failure is after the end"
     assert (gone["name"], gone["failures"]) == ("2", [{"at": 0.0, "kind": "failed"}])
-    np.testing.assert_allclose(array(made["dipoles"], "<f4").reshape(-1, 2), dipole / [0.5, 0.2])
+    np.testing.assert_allclose(array(rods["levels"], "<f4").reshape(-1, 2), dipole / [0.5, 0.2])
 
 
 def test_a_box_of_the_inertia_has_this_inertia():

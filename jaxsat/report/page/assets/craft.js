@@ -8,8 +8,7 @@ class Craft {
     this.error = decoded(data.error, Float32Array);
     this.torque = decoded(data.torque, Float32Array);
     this.levels = decoded(data.levels, Float32Array);
-    this.momentum = decoded(data.momentum, Float32Array);
-    this.dipoles = decoded(data.dipoles, Float32Array);
+    this.devices = data.devices.map((one) => ({ ...one, levels: decoded(one.levels, Float32Array) }));
     this.size = Math.max(...data.half);
     this.extent = 1.85 * this.size;
   }
@@ -65,8 +64,10 @@ class Craft {
     if (this.data.target) this.drawTarget(painter, colors);
     this.drawBody(painter, turned, colors);
     this.drawThrusters(painter, turned, time, colors);
-    this.drawWheels(painter, turned, time, colors);
-    this.drawRods(painter, turned, time, colors);
+    this.devices.forEach((one) => {
+      if (one.shape === "disc") this.drawDiscs(painter, turned, time, colors, one);
+      else this.drawRods(painter, turned, time, colors, one);
+    });
     ["x", "y", "z"].forEach((name, place) => {
       const tip = scale(axes[place], 1.5 * this.size);
       painter.arrow(scale(axes[place], 0.2 * this.size), tip, colors.axes[place], 2);
@@ -101,7 +102,7 @@ class Craft {
 
   drawBody(painter, turned, colors) {
     const corners = this.corners().map(turned);
-    const inside = this.data.wheels.length || this.data.rods.length || this.data.thrusters.some((one) => one.position);
+    const inside = this.devices.length || this.data.thrusters.some((one) => one.position);
     const seen = inside ? 0.45 : 0.94; // parts inside or behind are seen through it
     [[0, 2, 6, 4], [1, 5, 7, 3], [0, 4, 5, 1], [2, 3, 7, 6], [0, 1, 3, 2], [4, 6, 7, 5]].forEach((face) => {
       painter.polygon(face.map((place) => corners[place]), colors.body, colors.edge, seen);
@@ -161,15 +162,15 @@ class Craft {
     this.mark(painter, turned(scale(one.axis, 1.3 * this.size)), one.name, failed, colors);
   }
 
-  drawWheels(painter, turned, time, colors) {
-    const { wheels } = this.data;
-    const momentum = this.momentum ? this.row(this.momentum, wheels.length, time, true) : null;
-    wheels.forEach((one, place) => {
+  // A disc in the body's side, such as a wheel, and an arrow as long as its momentum is of its limit.
+  drawDiscs(painter, turned, time, colors, { parts, levels }) {
+    const momenta = levels ? this.row(levels, parts.length, time, true) : null;
+    parts.forEach((one, place) => {
       const failed = this.failedAt(one, time);
       const centre = scale(one.axis, 0.5 * this.size);
       const disc = circle(centre, one.axis, 0.3 * this.size, 24).map(turned);
       painter.polygon(disc, colors.wheel, failed ? colors.failed : colors.edge, 0.9);
-      const level = momentum ? momentum[place] : 0;
+      const level = momenta ? momenta[place] : 0;
       if (Math.abs(level) > 1e-3) {
         const tip = add(centre, scale(one.axis, 1.1 * this.size * Math.max(-1, Math.min(1, level))));
         painter.arrow(turned(centre), turned(tip), colors.plume, 4);
@@ -178,11 +179,10 @@ class Craft {
     });
   }
 
-  // Magnetorquers: a rod through the body, and an arrow as long as the dipole is of its limit.
-  drawRods(painter, turned, time, colors) {
-    const { rods } = this.data;
-    const dipoles = this.dipoles ? this.row(this.dipoles, rods.length, time) : null;
-    rods.forEach((one, place) => {
+  // A rod through the body, such as a magnetorquer, and an arrow as long as its dipole is of its limit.
+  drawRods(painter, turned, time, colors, { parts, levels }) {
+    const dipoles = levels ? this.row(levels, parts.length, time) : null;
+    parts.forEach((one, place) => {
       const failed = this.failedAt(one, time);
       const [back, front] = [-0.55, 0.55].map((reach) => scale(one.axis, reach * this.size));
       painter.line([turned(back), turned(front)], failed ? colors.failed : colors.edge, 5, failed ? [3, 4] : []);
@@ -200,8 +200,7 @@ class Craft {
   told(time) {
     const parts = [];
     const failed = [...this.data.thrusters.map((one) => ["thruster", one]),
-      ...this.data.wheels.map((one) => ["wheel", one]),
-      ...this.data.rods.map((one) => ["magnetorquer", one])]
+      ...this.devices.flatMap(({ kind, parts: all }) => all.map((one) => [kind, one]))]
       .filter(([, one]) => this.failedAt(one, time))
       .map(([what, one]) => `${what} ${one.name}: ${this.failedAt(one, time).kind}`);
     const [place, part] = this.place(time);
