@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from jaxsat.controllability.actuators import ActuatorSet, actuator_set
 from jaxsat.controllability.judgement import Judgement
@@ -56,48 +55,9 @@ class FailureCase:
     once_stopped: str | None = None
 
     @property
-    def rank(self) -> int:
-        """Directions that brackets reach at rest, of `judgement.dimension`."""
-        return self.judgement.rank
-
-    @property
-    def verdict(self) -> str:
-        """The verdict of `Judgement`, for tables and colours."""
-        return self.judgement.verdict
-
-    @property
-    def controllable(self) -> bool:
-        """Whether every attitude and rate that the momentum allows can be reached."""
-        return self.judgement.controllable
-
-    @property
-    def borderline(self) -> bool:
-        """Whether the data or their rounding decide."""
-        return self.judgement.borderline
-
-    @property
-    def margin(self) -> float:
-        """Smallest singular value of the generating vectors."""
-        return self.judgement.margin
-
-    @property
-    def turn_time(self) -> float:
-        """The `turn_time` of the layout at 1 N m, s; NaN where wheels decide."""
-        return self.judgement.turn_time
-
-    @property
     def directions(self) -> int:
         """Dimension of the torques of both signs available without brackets, 0 to 3."""
         return self.judgement.cone.two_sided
-
-    @property
-    def missing(self) -> Float[np.ndarray, "3 e"]:
-        """Body torque directions that not even brackets reach, or that no wheel has."""
-        judgement = self.judgement
-        if judgement.decision is not None:
-            return judgement.decision.missing
-        assert judgement.level_set is not None
-        return judgement.level_set.missing if judgement.dimension < 6 else np.zeros((3, 0))
 
 
 def failure_table(
@@ -152,16 +112,16 @@ def failure_records(cases: Sequence[FailureCase]) -> list[dict[str, str | int | 
         {
             "failed": " ".join(case.failed) or "none",
             "working": " ".join(case.working) or "none",
-            "rank": case.rank,
+            "rank": case.judgement.rank,
             "dimension": case.judgement.dimension,
-            "verdict": case.verdict,
-            "margin": case.margin,
-            "turn_time_s": case.turn_time,
+            "verdict": case.judgement.verdict,
+            "margin": case.judgement.margin,
+            "turn_time_s": case.judgement.turn_time,
             "directions": case.directions,
             "torques": case.judgement.cone.kind,
             "laws": case.judgement.laws,
             "lost": case.lost,
-            "once_stopped": case.once_stopped or case.verdict,
+            "once_stopped": case.once_stopped or case.judgement.verdict,
         }
         for case in cases
     ]
@@ -175,11 +135,11 @@ def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[s
     """
     return {
         "failed": np.array([[name in case.failed for name in names] for case in cases], bool),
-        "rank": np.array([case.rank for case in cases]),
-        "controllable": np.array([case.controllable for case in cases]),
-        "borderline": np.array([case.borderline for case in cases]),
-        "margin": np.array([case.margin for case in cases]),
-        "turn_time": np.array([case.turn_time for case in cases]),
+        "rank": np.array([case.judgement.rank for case in cases]),
+        "controllable": np.array([case.judgement.controllable for case in cases]),
+        "borderline": np.array([case.judgement.borderline for case in cases]),
+        "margin": np.array([case.judgement.margin for case in cases]),
+        "turn_time": np.array([case.judgement.turn_time for case in cases]),
         "directions": np.array([case.directions for case in cases]),
         **{
             column: np.array([record[column] for record in failure_records(cases)])

@@ -103,5 +103,5 @@ def test_what_cannot_be_reached_takes_for_ever():
 def test_the_table_of_failures_has_it():
     cases = failure_table(PAPER, np.eye(3))
     found = failure_arrays(cases, cases[0].working)["turn_time"]
-    assert np.all(np.isfinite(found) == [case.controllable for case in cases])
+    assert np.all(np.isfinite(found) == [case.judgement.controllable for case in cases])
     assert found[3] == pytest.approx(closed_form(*PAPER, 1.0))  # the third has failed

@@ -37,27 +37,27 @@ def test_every_subset_once_and_as_analysed():
         kept = [i for i, name in enumerate(names) if name not in case.failed]
         assert case.working == tuple(names[i] for i in kept)
         alone = analyse(PAPER, axes[:, kept])
-        assert (case.rank, case.borderline) == (alone.rank, alone.borderline)
-        assert case.margin == pytest.approx(alone.margin, rel=1e-12)
+        assert (case.judgement.rank, case.judgement.borderline) == (alone.rank, alone.borderline)
+        assert case.judgement.margin == pytest.approx(alone.margin, rel=1e-12)
         assert case.directions == (np.linalg.matrix_rank(axes[:, kept]) if kept else 0)
     # Losing a thruster never raises the margin.
     for a, b in itertools.permutations(cases, 2):
         if set(a.failed) < set(b.failed):
-            assert b.margin <= a.margin + 1e-12
+            assert b.judgement.margin <= a.judgement.margin + 1e-12
 
 
 def test_what_the_papers_failures_lose():
     cases = {case.failed: case for case in failure_table(PAPER, np.eye(3))}
     assert cases[()].lost == "nothing"
-    assert cases[("g3",)].verdict == "controllable"
+    assert cases[("g3",)].judgement.verdict == "controllable"
     assert "one axis" in cases[("g3",)].lost
     assert cases[("g2", "g3")].lost == "all but rotation about x"
     assert cases[("g1", "g2", "g3")].lost == "all control"
     symmetric = {case.failed: case for case in failure_table([5.0, 5.0, 7.0], np.eye(3))}
     assert symmetric[("g3",)].lost == "angular acceleration along torque z"
-    assert symmetric[("g3",)].verdict == "uncontrollable"
+    assert symmetric[("g3",)].judgement.verdict == "uncontrollable"
     near = {case.failed: case for case in failure_table([5.0, 5.0 + 1e-8, 7.0], np.eye(3))}
-    assert near[("g3",)].verdict == "borderline"
+    assert near[("g3",)].judgement.verdict == "borderline"
 
 
 def test_exports_hold_the_same_numbers():
@@ -67,7 +67,7 @@ def test_exports_hold_the_same_numbers():
     lines = failure_markdown(cases).splitlines()
     assert len(rows) == len(failure_records(cases)) == len(lines) - 2 == len(cases) == 8
     for k, (row, case) in enumerate(zip(rows, cases, strict=True)):
-        assert float(row["margin"]) == case.margin == arrays["margin"][k]
+        assert float(row["margin"]) == case.judgement.margin == arrays["margin"][k]
         assert row["failed"].split() == (list(case.failed) or ["none"])
         assert int(row["rank"]) == arrays["rank"][k]
         assert arrays["failed"][k].sum() == len(case.failed)
