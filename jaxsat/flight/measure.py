@@ -1,4 +1,8 @@
-"""What a compiler and an emulator tell of an export: stack, code size, instructions of a step."""
+"""What a compiler and an emulator tell of an export: stack, code size, instructions of a step.
+
+Emulation takes 2 ms a sample. So this machine's compiler, if there is one, first runs all of them
+and counts the blocks of code that each runs, and the emulator gets those that can matter.
+"""
 
 import re
 import shutil
@@ -8,9 +12,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Int
+
+from jaxsat.flight.templates import BLOCKS
+
 ARM, QEMU = "arm-none-eabi-gcc", "qemu-system-arm"
 LONGEST = 120.0
 """Seconds that a compiler or an emulator may take."""
+
+HOST = "cc"
+"""The compiler of this machine."""
+
+DEAREST = 512
+"""Samples that are emulated since they run most blocks of code."""
 
 _FLAGS = "-mcpu=cortex-m4 -mthumb -O2 -std=c99 -ffp-contract=off --specs=rdimon.specs".split()  # noqa: SIM905
 
@@ -19,12 +34,14 @@ _FLAGS = "-mcpu=cortex-m4 -mthumb -O2 -std=c99 -ffp-contract=off --specs=rdimon.
 class ProcessorUse:
     """On a Cortex-M4: bytes of stack, of code and constants, and instructions of a step at most.
 
-    None is what could not be measured, for which `why` is the reason.
+    The last is that of `samples` which were emulated. None is what could not be measured, for which
+    `why` is the reason.
     """
 
     stack: int | None = None
     code: int | None = None
     instructions: int | None = None
+    samples: int | None = None
     why: str = ""
 
 
@@ -49,7 +66,10 @@ def _measured(folder: Path, *, has_emulator: bool) -> ProcessorUse:
     stack = _stack((folder / "controller.ci").read_text())
     sizes = _run(folder, "arm-none-eabi-size", "controller.o").splitlines()[1].split()
     if not has_emulator:
-        return ProcessorUse(stack, int(sizes[0]), None, f"{QEMU} not installed")
+        return ProcessorUse(stack, int(sizes[0]), why=f"{QEMU} not installed")
+    chosen = samples_worth_emulating(folder)
+    vectors = folder / "test_vectors.bin"
+    vectors.write_bytes(_some_of(vectors.read_bytes(), chosen))
     section = "-Wl,--section-start=.vectors=0x0"
     parts = ["-DSTEPS", "cortex_m.c", "controller.o", "-o", "steps.elf", "-lm"]
     _run(folder, ARM, *_FLAGS, section, *parts)
@@ -58,7 +78,35 @@ def _measured(folder: Path, *, has_emulator: bool) -> ProcessorUse:
         "-semihosting-config", "enable=on,target=native", "-kernel", "steps.elf",
     )  # fmt: skip
     found = re.search(r"(\d+) instructions", told)
-    return ProcessorUse(stack, int(sizes[0]), int(found.group(1)) if found else None)
+    instructions = int(found.group(1)) if found else None
+    return ProcessorUse(stack, int(sizes[0]), instructions, len(chosen))
+
+
+def samples_worth_emulating(folder: Path) -> Int[np.ndarray, " chosen"]:
+    """Numbers of the samples of the export in a folder that run a block of code for the first time,
+    or most blocks; of all samples where this machine has no compiler that counts blocks."""
+    count = int(np.fromfile(folder / "test_vectors.bin", "<f8", 4)[1])
+    (folder / "blocks.c").write_text(BLOCKS)
+    options = ["-std=gnu99", "-ffp-contract=off", "-O0"]
+    counted = "-fsanitize-coverage=trace-pc"
+    try:
+        _run(folder, HOST, *options, counted, "-c", "controller.c", "-o", "blocks_controller.o")
+        _run(folder, HOST, *options, "blocks.c", "blocks_controller.o", "-o", "blocks", "-lm")
+        told = _run(folder, str(folder / "blocks"))
+    except (OSError, subprocess.SubprocessError):
+        return np.arange(count)
+    blocks, is_new = np.array(told.split(), int).reshape(count, 2).T
+    dearest = np.argsort(-blocks, kind="stable")[:DEAREST]
+    return np.union1d(np.flatnonzero(is_new), dearest)
+
+
+def _some_of(vectors: bytes, chosen: Int[np.ndarray, " chosen"]) -> bytes:
+    """A file of test vectors with some of its rows."""
+    numbers = np.frombuffer(vectors, "<f8")
+    head = numbers[:4].copy()
+    rows = numbers[4:].reshape(int(head[1]), -1)[chosen]
+    head[1] = len(rows)
+    return head.tobytes() + rows.tobytes()
 
 
 def _run(folder: Path, *command: str) -> str:

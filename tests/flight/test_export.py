@@ -28,6 +28,7 @@ from jaxsat.flight import (
     Request,
     export,
     is_built,
+    measure,
     vectors,
     with_library,
 )
@@ -375,3 +376,38 @@ def test_parts_of_longer_rows_agree_to_the_bit(tmp_path, single):
     assert "0 numbers differ" in _make(tmp_path, "test", "CC=gcc")
     assert np.isfinite(made.vectors.expected[:64]).all()
     assert len(np.unique(made.vectors.expected[:64], axis=0)) == 64  # it does not come to rest
+
+
+@needs("cc")
+@needs("gcc")
+@needs("gcov")
+@pytest.mark.slow
+def test_emulated_are_all_samples_that_reach_new_code(tmp_path, filtered, monkeypatch):
+    """Counted by gcov: with the samples chosen, as many lines run as with all."""
+    _written(tmp_path, filtered)
+    monkeypatch.setattr(measure, "DEAREST", 3)
+    chosen = measure.samples_worth_emulating(tmp_path)
+    every = (tmp_path / "test_vectors.bin").read_bytes()
+    count = len(filtered.vectors.given)
+    assert 3 < len(chosen) < count / 4
+    some = measure._some_of(every, chosen)
+    assert _lines_run(tmp_path, some) == _lines_run(tmp_path, every)
+    fewer = measure._some_of(every, chosen[-1:])
+    assert _lines_run(tmp_path, fewer) < _lines_run(tmp_path, every)
+    monkeypatch.setattr(measure, "HOST", "no-such-compiler")
+    assert len(measure.samples_worth_emulating(tmp_path)) == count
+
+
+def _lines_run(folder: Path, samples: bytes) -> float:
+    """Percent of the lines of controller.c that these samples run."""
+    (folder / "some.bin").write_bytes(samples)
+    for old in folder.glob("*.gcda"):
+        old.unlink()
+    command = "gcc -O0 -ffp-contract=off --coverage test_controller.c controller.c -o covered -lm"
+    subprocess.run(command.split(), cwd=folder, check=True)
+    subprocess.run(["./covered", "some.bin"], cwd=folder, check=True, capture_output=True)
+    command = ["gcov", "-n", "covered-controller.gcda"]
+    told = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True).stdout
+    found = re.search(r"File 'controller.c'\nLines executed:([\d.]+)%", told)
+    assert found is not None
+    return float(found.group(1))
