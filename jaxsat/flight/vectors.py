@@ -114,7 +114,7 @@ def expected(program: FlightProgram, now: Input, state: State) -> Float[np.ndarr
         def step(case, shared):
             return program.whole(shared, *case)
 
-        reference = Mapped(step, examples, program.parameters, contract=False)
+        reference = Mapped(step, examples, program.parameters, contract=False, kept=True)
         out, after = reference((now, state), [np.asarray(x) for x in program.parameters])
     return _rows((out, after._replace(begin=begin)))
 
@@ -178,7 +178,7 @@ def _over_cases(function: Callable[[PyTree], PyTree], cases: PyTree) -> Callable
     """
     one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), cases)
     try:
-        return Mapped(lambda case, shared: function(case), one, contract=False)
+        return Mapped(lambda case, shared: function(case), one, contract=False, kept=True)
     except CannotLower:
         return jax.jit(jax.vmap(function))
 

@@ -11,7 +11,7 @@ from jaxsat.compiler import rules
 from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.interpreter import interpret
 from jaxsat.compiler.ir import Function, Value
-from jaxsat.compiler.llvm import target
+from jaxsat.compiler.llvm import cache, target
 from jaxsat.compiler.llvm.arguments import AlignedMemory, Arguments, addresses
 from jaxsat.compiler.llvm.drivers import RUN, run_blocks
 from jaxsat.compiler.llvm.emitter import Module, require_lanes
@@ -37,7 +37,8 @@ class Mapped:
     compiled engine knows; `case` and `shared` are examples, for their shapes and types. Raises
     `CannotLower` for what it does not know, and `ValueError` for a number of `lanes` that is none
     of 1, 2, 4, 8 and 16. `cpu` is the processor to make code for, this one unless given. Without
-    `contract` no product and sum become one operation: every processor gives the same bits.
+    `contract` no product and sum become one operation: every processor gives the same bits. Code
+    for this processor is `kept` on disk for other processes if asked for.
     """
 
     def __init__(
@@ -48,8 +49,9 @@ class Mapped:
         lanes: int = 0,
         cpu: target.Host | None = None,
         contract: bool = True,
+        kept: bool = False,
     ):
-        self.cpu, self._contract = cpu or target.host(), contract
+        self.cpu, self._contract, self._kept = cpu or target.host(), contract, kept
         self.lanes = lanes or self.cpu.lanes
         require_lanes(self.lanes)
         self.jaxpr, self._shape = jaxpr_and_shapes(function, case, shared)
@@ -122,9 +124,14 @@ class Mapped:
         if self.cpu.architecture != here.architecture or self.cpu.register > here.register:
             raise RuntimeError(f"This processor ({here.name}) cannot run code for {self.cpu.name}.")
         text = self.text
-        return in_own_thread(
-            lambda stopped: target.loaded(target.object_code(text, self.cpu), {"run": RUN})["run"]
-        )
+
+        def work(stopped: threading.Event) -> Callable[..., None]:
+            del stopped
+            made_here = self._kept and self.cpu == here
+            code = cache.object_code(text) if made_here else target.object_code(text, self.cpu)
+            return target.loaded(code, {"run": RUN})["run"]
+
+        return in_own_thread(work)
 
     def _taken(self, cases: PyTree, shared: PyTree) -> tuple[list[np.ndarray], int]:
         return self._arguments.taken({"cases": cases, "shared": shared})
