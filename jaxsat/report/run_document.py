@@ -18,6 +18,9 @@ from jaxsat.report.timeline import failures_of
 from jaxsat.store import time_at_rest, time_to_settle
 from jaxsat.store.dataset import errors_of
 
+UNMADE = 1e-9
+"""Of the largest torque: what is below counts as made."""
+
 
 def run_document(dataset: xr.Dataset, name: str = "") -> Document:
     """When it settled, the state at the end, and what actuators did.
@@ -88,6 +91,14 @@ def _actuation(dataset: xr.Dataset) -> dict[str, str]:
     torques = ("torque_min", "torque_max") if ranged else ("torque",)
     peak = np.nanmax(np.abs(np.concatenate([dataset[one].values for one in torques])), axis=0)
     rows = {"torque": f"at most {_numbers(peak)} N m{'' if ranged else ' at the saved times'}"}
+    if "torque_unmade" in dataset:
+        unmade = np.linalg.norm(dataset["torque_unmade"].values, axis=1)
+        lacking = unmade > UNMADE * np.max(peak, initial=0.0)
+        if lacking.any():
+            rows["torque not made"] = (
+                f"at most {number_text(np.nanmax(unmade), 3)} N m beyond what actuators make, at "
+                f"{number_text(100 * lacking.mean(), 3)} % of the saved times"
+            )
     if "effort" in dataset:
         by = "all actuators" if has_effectors(dataset) else "the thrusters"
         rows["effort"] = f"{_numbers(dataset['effort'])} N m s by {by}"

@@ -36,7 +36,16 @@ SYMBOLS = {"omega": "ω", "torque": "T"}
 
 LOGARITHMIC = frozenset({"pointing_error_total", "lyapunov"})
 STEPS = frozenset({"mode", "valve_openings"})
-MUTE = frozenset({"constraint_torque", "disturbance", "rate_error", "lyapunov", "propellant"})
+MUTE = frozenset(
+    {
+        "constraint_torque",
+        "disturbance",
+        "rate_error",
+        "lyapunov",
+        "propellant",
+        "torque_unmade",
+    }
+)
 """Signals without which a reader knows as much where they are zero or unknown throughout."""
 
 WRAPPED = frozenset({"pointing_error", "euler_angle"})

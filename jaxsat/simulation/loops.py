@@ -199,7 +199,8 @@ class ContinuousLoop(AbstractContinuousLoop):
             self.plant, self.controller, t, motion.plant, state.memory, motion.torque
         )
         made = acting.body.signals(motion.plant, acting.pieces, motion.rate.plant.omega)
-        return dataclasses.replace(signals, **made)
+        command, _ = self.controller(t, motion.plant, state.memory)
+        return dataclasses.replace(signals, torque_unmade=self.actuators.unmade(command), **made)
 
     def event_functions(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
         """Those of controller, actuators and effectors, and the time since each failure."""

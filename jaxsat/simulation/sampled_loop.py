@@ -142,9 +142,14 @@ class SampledLoop(AbstractLoop):
         acting = self._acting(state.asked, asked)
         if isinstance(self.actuators, AbstractPulsedActuators):
             usage = self.actuators.usage(*self._plan(t, command, state))
-            return self._signals_of_usage(t, state.plant, memory, told, usage, acting)
+            signals = self._signals_of_usage(t, state.plant, memory, told, usage, acting)
+            return self._with_unmade(signals, command)
         torque = self._ideal_torque(t, command)
-        return self._signals(t, state, memory, told, torque, acting)
+        return self._with_unmade(self._signals(t, state, memory, told, torque, acting), command)
+
+    def _with_unmade(self, signals: Signals, command: Float[Array, " torques"]) -> Signals:
+        """With what actuators do not make of a command."""
+        return dataclasses.replace(signals, torque_unmade=self.actuators.unmade(command))
 
     def period(
         self,
@@ -165,14 +170,14 @@ class SampledLoop(AbstractLoop):
         if isinstance(self.actuators, AbstractPulsedActuators):
             after, carry, usage = self._pulsed(t, command, asked, state, integrate, carry)
             signals = self._signals_of_usage(t, state.plant, memory, told, usage, acting)
-            return after, carry, signals
+            return after, carry, self._with_unmade(signals, command)
         plant, torque = state.plant, self._ideal_torque(t, command)
         signals = self._signals(t, before, memory, told, torque, acting)
         through = (asked,) if self.delay is None else (state.asked, asked)
         for hold, one in zip(self._holds(state, torque), through, strict=True):
             plant, carry = self._through(one, t, hold, plant, integrate, carry)
         after = state._replace(plant=plant.normalised(), torque=torque, asked=asked)
-        return after, carry, signals
+        return after, carry, self._with_unmade(signals, command)
 
     def _commanded(
         self, t: Float[Array, ""], told: PlantState, memory: Memory

@@ -52,11 +52,12 @@ class Signals(eqx.Module):
     continuous ones). `wheel_momentum` is that of each wheel relative to the body and `wheel_torque`
     what it does to the body along its axis, None without wheels; `dipole` (A m²) is that of each
     magnetorquer, None without them; `gimbal_angle` (rad) and `gimbal_rate` (rad/s) are those of
-    each control moment gyro, None without them. Of thrusters that push, `torque`
-    is the mean over the period that begins here, and `thrust_level`, over full thrust, that until
-    the next time; `propellant` (kg) and `valve_openings` have been used so far. They are
-    None for other actuators. What is told of estimates is None without `jaxsat.control.navigation`:
-    truth less estimate of attitude (rotation vector), rate and gyro bias, and three of the standard
+    each control moment gyro, None without them. `torque_unmade` is the torque that the law commands
+    beyond what actuators make within their limits, None where it commands devices. Of thrusters
+    that push, `torque` is the mean over the period that begins here, and `thrust_level`, over full
+    thrust, that until the next time; `propellant` (kg) and `valve_openings` have been used so far.
+    They are None for other actuators. What is told of estimates is None without
+    `jaxsat.control.navigation`: truth less estimate of attitude (rotation vector), rate and gyro bias, and three of the standard
     deviations that the estimator claims. A law that diagnoses thrusters tells of each the
     `jaxsat.control.diagnosis.DiagnosedKind`, -1 for one that works, and its CUSUM statistic over
     the threshold; `alarm` is 1 while the cause of an alarm is being isolated. `torque_range` is
@@ -79,6 +80,7 @@ class Signals(eqx.Module):
     dipole: Float[Array, "*times k"] | None = None
     gimbal_angle: Float[Array, "*times g"] | None = None
     gimbal_rate: Float[Array, "*times g"] | None = None
+    torque_unmade: Float[Array, "*times 3"] | None = None
     thrust_level: Float[Array, "*times m"] | None = None
     propellant: Float[Array, "*times"] | None = None
     valve_openings: Float[Array, "*times m"] | None = None

@@ -59,6 +59,12 @@ class AbstractActuators(eqx.Module):
         del command
         return {}
 
+    def unmade(self, command: Float[Array, " torques"]) -> Float[Array, "3"] | None:
+        """The torque of a command beyond what actuators make within their limits, as whoever
+        allocates knows them, N m; None for actuators that do not tell."""
+        del command
+        return None
+
     def reach(self, struck: Bool[Array, " f"]) -> Reach:
         """What thrusters can do once these failures have struck; here there are none."""
         del struck
@@ -141,9 +147,19 @@ class Actuators(AbstractActuators):
 
     def thrust(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
         """The torque that each thruster is commanded, within its limit, N m."""
+        return self._shared(command)[0]
+
+    def unmade(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+        """What is beyond the thrusters' limits, N m."""
+        return self._shared(command)[1]
+
+    def _shared(
+        self, command: Float[Array, " torques"]
+    ) -> tuple[Float[Array, " m"], Float[Array, "3"]]:
         shares = self.thrust_map @ command
         if self.shared_axes is None:
-            return sat(shares, self.limit, None, self.saturated)
+            clipped = sat(shares, self.limit, None, self.saturated)
+            return clipped, self.torque_axes @ (shares - clipped)
         limit = self.limit * jnp.ones_like(shares)
         return share_within(self.shared_axes, limit, shares, self.saturated)
 
@@ -196,6 +212,10 @@ class NoThrusters(AbstractSmoothActuators):
     def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
         """Zero."""
         return jnp.zeros(3, command.dtype)
+
+    def unmade(self, command: Float[Array, "3"]) -> Float[Array, "3"]:
+        """All that is left for them, N m."""
+        return command
 
 
 class ActuatorContext(NamedTuple):

@@ -61,15 +61,16 @@ def share_within(
     limit: Float[Array, " m"],
     shares: Float[Array, " m"],
     beyond: Bool[Array, " m"] | None = None,
-) -> Float[Array, " m"]:
+) -> tuple[Float[Array, " m"], Float[Array, "3"]]:
     """The torques `shares` (N m) along unit `axes`, allocated within a `limit` where they are not.
 
     So they are to the bit what they are without limits until one is `beyond` its own, which is
-    found out where it is not told.
+    found out where it is not told. Given are the torques, and what of their sum is not made (N m).
     """
     beyond = jnp.any(jnp.abs(shares) > limit if beyond is None else beyond)
     torque = axes @ jnp.where(beyond, shares, 0.0)
-    return jnp.where(beyond, allocate(Reach(axes, -limit, limit), torque).use, shares)
+    use, _, unmade = allocate(Reach(axes, -limit, limit), torque)
+    return jnp.where(beyond, use, shares), unmade
 
 
 def first_at_limit(shares: Float[Array, " m"], limit: Float[Array, " m"]) -> Float[Array, " m"]:

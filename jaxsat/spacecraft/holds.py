@@ -121,6 +121,12 @@ class AbstractPulsedActuators(eqx.Module):
         del command
         return {}
 
+    def unmade(self, command: Float[Array, " torques"]) -> Float[Array, "3"] | None:
+        """The torque of a command beyond what actuators make within their limits, N m; None where
+        they make none of a torque."""
+        del command
+        return None
+
     def reach(self, struck: Bool[Array, " f"]) -> Reach:
         """What thrusters can do once these failures have struck; here there are none."""
         del struck

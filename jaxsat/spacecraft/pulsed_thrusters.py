@@ -112,6 +112,10 @@ class PulsedThrusters(AbstractPulsedActuators):
             return within(command, jnp.zeros_like(command), jnp.ones_like(command))
         return self.allocation(command)[0]
 
+    def unmade(self, command: Float[Array, " torques"]) -> Float[Array, "3"] | None:
+        """What no duties make, N m; None where the law commands these."""
+        return None if self.allocation is None else self.allocation(command)[1]
+
     def _pulses(self, command, modulation, period) -> tuple[Pulses, PyTree]:
         """Pulses, and the modulator's next memory; a valve that is open to the end stays so."""
         duty = self.duties(command)

@@ -82,11 +82,22 @@ class ActuatorsWithWheels(AbstractActuators):
 
     def commands(self, command: Float[Array, " torques"]) -> dict[str, Array]:
         """The torque that each wheel is to put on the body, N m."""
-        return {Wheels.kind: self._scaled(self.wheel_map @ command)}
+        return {Wheels.kind: self._shared(command)[0]}
 
-    def _scaled(self, shares: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
+    def unmade(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+        """What neither wheels nor thrusters make, N m."""
+        missing = self._shared(command)[1]
+        if self.thrusters is None or self.rest is None:
+            return missing
+        more = self.thrusters.unmade(self.rest @ command)
+        return missing if more is None else missing + more
+
+    def _shared(
+        self, command: Float[Array, " torques"]
+    ) -> tuple[Float[Array, " wheels"], Float[Array, "3"]]:
+        shares = self.wheel_map @ command
         if self.wheel_limit is None:
-            return shares
+            return shares, jnp.zeros(3, shares.dtype)
         return share_within(self.axes, self.wheel_limit, shares, self.limiting)
 
     def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
@@ -167,6 +178,11 @@ class PulsedActuatorsWithWheels(AbstractPulsedActuators):
     def commands(self, command: Float[Array, " torques"]) -> dict[str, Array]:
         """The torque that each wheel is to put on the body, N m."""
         return self.wheels.commands(command)
+
+    def unmade(self, command: Float[Array, " torques"]) -> Float[Array, "3"] | None:
+        """What neither wheels nor thrusters make, N m."""
+        more = self.thrusters.unmade(self.rest @ command)
+        return None if more is None else self.wheels.unmade(command) + more
 
     def reach(self, struck: Bool[Array, " f"]) -> Reach:
         """That of the thrusters."""

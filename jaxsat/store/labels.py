@@ -43,6 +43,9 @@ VARIABLES = {
         ("body_axis",), "rad s-1", "angular velocity relative to the orbit frame in body axes"
     ),
     "torque": Label(("body_axis",), "N m", "torque of all actuators in body axes"),
+    "torque_unmade": Label(
+        ("body_axis",), "N m", "torque commanded beyond what actuators make within their limits"
+    ),
     "disturbance": Label(("body_axis",), "N m", "disturbance torque in body axes"),
     "rate_error": Label(
         ("driven_axis",), "rad s-1", "angular velocity less the reference of the control law"

@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.compiler import Mapped
-from jaxsat.spacecraft import Actuators, ActuatorsWithWheels, Reach, Thrusters, allocate
+from jaxsat.spacecraft import (
+    Actuators,
+    ActuatorsWithWheels,
+    PulsedThrusters,
+    PulseWidth,
+    Reach,
+    Thrusters,
+    allocate,
+)
 
 AMOUNTS = (0.3, 0.9, 1.0, 1.5, 10.0)
 """Of the greatest torque in a direction: within, at and beyond what can be made."""
@@ -207,3 +216,31 @@ def test_ideal_thrusters_under_three_torques_make_the_greatest_part_in_its_direc
 def test_ideal_thrusters_under_two_torques_are_clipped_one_by_one():
     thrusters = Actuators.of(Thrusters(np.eye(3)[:, :2]), 0.2)
     np.testing.assert_array_equal(thrusters(jnp.array([0.5, 0.1])), [0.2, 0.1, 0.0])
+
+
+def test_what_is_not_made_is_told_of_every_kind():
+    """Command = torque + what is not made; nothing, exactly, within the limits."""
+    axes = np.array([[1, -1, -1, 1], [1, 1, -1, -1], [1, 1, 1, 1]]) / np.sqrt(3)
+    ideal = Actuators.of(Thrusters(np.eye(3)), 0.2, torques=3)
+    alone = ActuatorsWithWheels.of(axes, 3, 0.1)
+    mixed = ActuatorsWithWheels.of(np.eye(3)[:, :2], 3, 0.1, ideal)
+    clipped = Actuators.of(Thrusters(np.eye(3)[:, :2]), 0.2)
+    push = pairs((0.1, 0.15, 0.2))
+    pulsed = PulsedThrusters(thruster_set(push), allocated(push), PulseWidth())
+    small, large = np.array([0.02, -0.03, 0.01]), np.array([0.9, -0.7, 0.4])
+
+    def torque(actuators, command):
+        wheels = {id(alone): axes, id(mixed): np.eye(3)[:, :2]}.get(id(actuators))
+        if actuators is pulsed:
+            return push @ actuators.duties(command)
+        made = actuators(command)
+        return made if wheels is None else made + wheels @ actuators.commands(command)["wheel"]
+
+    for actuators in (ideal, alone, mixed, clipped, pulsed):
+        count = 2 if actuators is clipped else 3
+        for command in (small, large):
+            given = jnp.asarray(command[:count])
+            unmade = np.asarray(actuators.unmade(given))
+            whole = np.pad(given, (0, 3 - count))
+            np.testing.assert_allclose(torque(actuators, given) + unmade, whole, atol=1e-14)
+            assert unmade.any() == (command is large)
