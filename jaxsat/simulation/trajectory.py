@@ -57,11 +57,12 @@ class Signals(eqx.Module):
     that push, `torque` is the mean over the period that begins here, and `thrust_level`, over full
     thrust, that until the next time; `propellant` (kg) and `valve_openings` have been used so far.
     They are None for other actuators. What is told of estimates is None without
-    `jaxsat.control.navigation`: truth less estimate of attitude (rotation vector), rate and gyro bias, and three of
-    the standard deviations that the estimator claims. A law that diagnoses thrusters tells of each the
-    `jaxsat.control.diagnosis.DiagnosedKind`, -1 for one that works, and its CUSUM statistic over
-    the threshold; `alarm` is 1 while the cause of an alarm is being isolated. `torque_range` is
-    told by engines alone, of sampled loops. With a leading axis it is a history.
+    `jaxsat.control.navigation`: truth less estimate of attitude (rotation vector), rate and
+    gyro bias, and three of the standard deviations that the estimator claims. A law that
+    diagnoses thrusters tells of each the `jaxsat.control.diagnosis.DiagnosedKind`, -1 for one
+    that works, and its CUSUM statistic over the threshold; `alarm` is 1 while the cause of an
+    alarm is being isolated. `torque_range` is told by engines alone, of sampled loops. With a
+    leading axis it is a history.
     """
 
     w: Float[Array, "*times 2"]
