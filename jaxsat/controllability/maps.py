@@ -1,12 +1,17 @@
 """Margin maps over all inertias of a body and over thruster directions."""
 
+from collections.abc import Callable
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
+from jaxsat.compiler.llvm.mapped import compiled_over_cases
 from jaxsat.controllability.closure import controllability_margin
 from jaxsat.controllability.drift_barrier import separatrix_normals
+from jaxsat.core.once import latest
 
 
 def physical_inertias(steps: int) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 3"]]:
@@ -27,22 +32,33 @@ def physical_inertias(steps: int) -> tuple[Float[np.ndarray, "n 2"], Float[np.nd
     return second @ corners, 1.0 - second
 
 
-@jax.jit
-def _over_inertias(
-    moments: Float[Array, "n 3"], torque_axes: Float[Array, "3 m"]
-) -> Float[Array, " n"]:
-    return jax.vmap(lambda row: controllability_margin(jnp.diag(row), torque_axes))(moments)
-
-
 def margins_over_inertias(
     moments: Float[np.ndarray, "n 3"] | Float[Array, "n 3"],
     torque_axes: Float[np.ndarray, "3 m"] | Float[Array, "3 m"],
-) -> Float[Array, " n"]:
+) -> Float[np.ndarray, " n"]:
     """Controllability margin of each row of principal moments (any unit), fixed torque axes.
 
-    Jitted and vmapped; in the precision JAX is set to (64-bit for margins below 1e-5).
+    Compiled once for each number of axes; in the precision JAX is set to (64-bit for margins below
+    1e-5).
     """
-    return _over_inertias(jnp.asarray(moments), jnp.asarray(torque_axes))
+    return _over_cases(_of_moments, jnp.asarray(moments), jnp.asarray(torque_axes))
+
+
+def _of_moments(moments: Float[Array, "3"], torque_axes: Float[Array, "3 m"]) -> Float[Array, ""]:
+    return controllability_margin(jnp.diag(moments), torque_axes)
+
+
+def _over_cases(function: Callable, cases: PyTree, shared: PyTree) -> Float[np.ndarray, " n"]:
+    cases, shared = jax.tree.map(np.asarray, (cases, shared))
+    leaves, structure = jax.tree.flatten((jax.tree.map(lambda x: x[0], cases), shared))
+    kinds = tuple((leaf.shape, leaf.dtype.char) for leaf in leaves)
+    return np.asarray(_compiled(function, structure, kinds)(cases, shared))
+
+
+@latest(32)
+def _compiled(function: Callable, structure: Any, kinds: tuple[tuple, ...]) -> Callable:
+    case, shared = jax.tree.unflatten(structure, [np.zeros(*kind) for kind in kinds])
+    return compiled_over_cases(function, case, shared)
 
 
 def direction(
@@ -65,33 +81,33 @@ def angle_grid(
     return np.linspace(-np.pi, np.pi, azimuths), np.linspace(-np.pi / 2, np.pi / 2, elevations)
 
 
-@jax.jit
-def _over_angles(
-    inertia: Float[Array, "3 3"],
-    others: Float[Array, "3 k"],
-    azimuths: Float[Array, " a"],
-    elevations: Float[Array, " e"],
-) -> Float[Array, "e a"]:
-    def margin(elevation, azimuth):
-        axis = direction(azimuth, elevation)[:, None]
-        return controllability_margin(inertia, jnp.concatenate([axis, others], axis=1))
-
-    return jax.vmap(jax.vmap(margin, (None, 0)), (0, None))(elevations, azimuths)
-
-
 def margins_over_angles(
     inertia: Float[np.ndarray, "3 3"] | Float[Array, "3 3"],
     azimuths: Float[np.ndarray, " a"] | Float[Array, " a"],
     elevations: Float[np.ndarray, " e"] | Float[Array, " e"],
     other_axes: Float[np.ndarray, "3 k"] | Float[Array, "3 k"] | None = None,
-) -> Float[Array, "e a"]:
+) -> Float[np.ndarray, "e a"]:
     """Margin with one thruster turned to each azimuth and elevation (rad), the others fixed.
 
     `inertia` (3, 3) in any unit; `other_axes` (3, k) or None for a single thruster.
     """
-    others = jnp.zeros((3, 0)) if other_axes is None else jnp.asarray(other_axes)
-    grid = jnp.asarray(azimuths), jnp.asarray(elevations)
-    return _over_angles(jnp.asarray(inertia), others, *grid)
+    others = None if other_axes is None or other_axes.shape[1] == 0 else jnp.asarray(other_axes)
+    grid = np.meshgrid(elevations, azimuths, indexing="ij")
+    cases = tuple([jnp.asarray(angles.reshape(-1)) for angles in grid])
+    margins = _over_cases(_of_angles, cases, (jnp.asarray(inertia), others))
+    return margins.reshape(grid[0].shape)
+
+
+def _of_angles(
+    angles: tuple[Float[Array, ""], Float[Array, ""]],
+    fixed: tuple[Float[Array, "3 3"], Float[Array, "3 k"] | None],
+) -> Float[Array, ""]:
+    elevation, azimuth = angles
+    inertia, others = fixed
+    axes = direction(azimuth, elevation)[:, None]
+    if others is not None:
+        axes = jnp.concatenate([axes, others], axis=1)
+    return controllability_margin(inertia, axes)
 
 
 def uncontrollable_single_directions(

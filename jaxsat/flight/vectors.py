@@ -9,8 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from jaxsat.compiler.llvm.mapped import Mapped
-from jaxsat.compiler.lowering import CannotLower
+from jaxsat.compiler.llvm.mapped import Mapped, compiled_over_cases
 from jaxsat.control import AbstractSampledController
 from jaxsat.control.navigation import AbstractEstimator, Estimate, Measurement
 from jaxsat.core.attitude import Quaternion
@@ -172,15 +171,9 @@ def _closed_loops(
 
 
 def _over_cases(function: Callable[[PyTree], PyTree], cases: PyTree) -> Callable[[PyTree], PyTree]:
-    """A function of one case over leading axes like those of `cases`, compiled.
-
-    XLA, which takes several times as long, compiles what the compiled engine does not know.
-    """
+    """A function of one case over leading axes like those of `cases`, compiled."""
     one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), cases)
-    try:
-        return Mapped(lambda case, shared: function(case), one, contract=False, kept=True)
-    except CannotLower:
-        return jax.jit(jax.vmap(function))
+    return compiled_over_cases(lambda case, shared: function(case), one, contract=False)
 
 
 def _start(start: PlantState, key: Array) -> PlantState:

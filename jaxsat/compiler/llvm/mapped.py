@@ -19,6 +19,7 @@ from jaxsat.compiler.llvm.entry_points import EntryPoint, emit_entry_point
 from jaxsat.compiler.llvm.locations import Location, PerCase, SharedElement
 from jaxsat.compiler.llvm.threads import in_own_thread
 from jaxsat.compiler.lowering import (
+    CannotLower,
     arrays_of,
     lower,
     number_type,
@@ -135,6 +136,23 @@ class Mapped:
 
     def _taken(self, cases: PyTree, shared: PyTree) -> tuple[list[np.ndarray], int]:
         return self._arguments.taken({"cases": cases, "shared": shared})
+
+
+def compiled_over_cases(
+    function: Callable, case: PyTree, shared: PyTree = None, contract: bool = True
+) -> Callable[..., PyTree]:
+    """`function(case, shared)` over the leading axis of cases, as `Mapped`; its code is kept.
+
+    XLA, which takes several times as long, compiles what the compiled engine does not know, and
+    everything where there is no llvmlite.
+    """
+    try:
+        if target.LLVMLITE:
+            return Mapped(function, case, shared, contract=contract, kept=True)
+    except CannotLower:
+        pass
+    mapped = jax.jit(jax.vmap(function, (0, None)))
+    return lambda cases, shared=None: jax.tree.map(np.asarray, mapped(cases, shared))
 
 
 def _entry_point(jaxpr: Jaxpr, per_case: int) -> EntryPoint:

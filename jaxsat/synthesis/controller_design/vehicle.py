@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation
 
 from jaxsat.controllability import Judgement, judge, verdict_sentence
 from jaxsat.controllability.cone import ROUNDING
@@ -208,6 +207,8 @@ def turned(scenario: Scenario, turn: Sequence[float]) -> Scenario:
     are turned; numbers of single axes (amplitudes of the periodic torque, dispersions) stay with
     the axes of their number.
     """
+    from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
+
     back = Rotation.from_rotvec(np.asarray(turn, float)).as_matrix()  # of vectors in body axes
     data = scenario.model_dump(exclude_none=True)
     for table, key in entries(data, VECTORS):
