@@ -108,7 +108,7 @@ def _of_sensors() -> dict[str, Quantity]:
             f"the {sensor.summary} has no",
         )
         for place, sensor in SENSORS.items()
-        for one in sensor.dispersible
+        for one in sensor.quantities
         if one.field is not None
     }
 
@@ -120,7 +120,7 @@ def _of_disturbances() -> dict[str, Quantity]:
         )
         for place, part in DISTURBANCES.items()
         for kind in [pkgutil.resolve_name(place)]
-        for one in part.dispersible
+        for one in part.quantities
         if one.field is not None
     }
 
@@ -167,6 +167,7 @@ def _of_failed(actuator: ActuatorDeclaration) -> Quantity:
 
 
 _QUANTITIES: dict[str, Quantity] = {
+    **_of_sensors(),
     "inertia": Quantity(
         _fixed(3),
         changes.set_inertia,
@@ -251,7 +252,6 @@ _QUANTITIES: dict[str, Quantity] = {
     "rate_error": Quantity(
         _fixed(2), changes.set_rate_error, needs_reference, limits.between(limits.STATE)
     ),
-    **_of_sensors(),
     **_of_disturbances(),
     **_of_effectors(),
     **{actuator.failed_quantity.name: _of_failed(actuator) for actuator in ACTUATORS},

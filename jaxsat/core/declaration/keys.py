@@ -50,7 +50,8 @@ class Key:
     `unit` is None for what is no quantity. With the default `...` the key must be given, and with
     None it may be left out. `tunable` is where the number stands in the object that is built, a
     dotted path of attributes, or None where it is not tuned. A `width` rounds a corner and may be
-    replaced while gradients are taken.
+    replaced while gradients are taken. `drawn` is the name by which studies can draw the number of
+    one of jaxsat's parts, whose field is called as the key without the unit.
     """
 
     name: str
@@ -60,6 +61,7 @@ class Key:
     default: Any = ...
     tunable: str | None = None
     width: bool = False
+    drawn: str | None = None
 
     def __post_init__(self):
         if not self.name.isidentifier():
@@ -97,18 +99,19 @@ def number(
     default: Any = ...,
     tunable: bool | str = False,
     width: bool = False,
+    drawn: str | None = None,
 ) -> Key:
     """Declare a number, or a list of `size` of them, with its unit in SI ("1" for none).
 
     Its bounds are those of the range `within`, or each by itself. `tunable=True` says that
     `jaxsat tune` may change it and that the attribute of the built object has the name of the key;
-    a text is its dotted path. Only numbers above 0 are tuned.
+    a text is its dotted path. Only numbers above 0 are tuned. See `Key` for `drawn`.
     """
     if within is not None:
         at_least, at_most = within
     kind = Numeric(above, at_least, at_most, size, or_one)
     path = name if tunable is True else tunable or None
-    return Key(name, meaning, unit, kind, default, path, width)
+    return Key(name, meaning, unit, kind, default, path, width, drawn)
 
 
 def with_unit(name: str, unit: str) -> str:
@@ -199,7 +202,8 @@ class PartDeclaration:
     """What a scenario needs to know of a disturbance, of actuators, of a sensor or an estimator.
 
     `summary` is one line, what the part does; `keys` are those of its table. Of parts that come
-    with jaxsat `dispersible` are the quantities that a study can draw, and `rules` tie keys.
+    with jaxsat `dispersible` are quantities that a study can draw besides drawn keys, or in place
+    of them, and `rules` tie keys.
     """
 
     summary: str
@@ -209,3 +213,25 @@ class PartDeclaration:
 
     def __post_init__(self):
         require_own_keys(self.keys, "part", ("kind",))
+
+    @property
+    def quantities(self) -> tuple[DispersibleQuantity, ...]:
+        """All that a study can draw, drawn keys first."""
+        drawn = {key.drawn: _quantity_of(key) for key in self.keys if key.drawn is not None}
+        return tuple((drawn | {one.name: one for one in self.dispersible}).values())
+
+
+def _quantity_of(key: Key) -> DispersibleQuantity:
+    assert key.drawn is not None
+    assert key.unit is not None
+    assert isinstance(key.kind, Numeric)
+    low = -LARGEST if key.kind.at_least is None else key.kind.at_least
+    meaning = key.meaning.partition(";")[0]  # what comes by default is of the scenario alone
+    return DispersibleQuantity(
+        key.drawn,
+        meaning[:1].lower() + meaning[1:],
+        key.unit,
+        field=key.name.removesuffix(with_unit("", key.unit)),
+        within=Range(low, key.kind.at_most),
+        axis="body_axis" if key.kind.size == 3 else None,
+    )

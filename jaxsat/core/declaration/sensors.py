@@ -22,6 +22,7 @@ WHITE_NOISE = PartDeclaration(
             "rad/s",
             within=RATE_NOISE,
             default=0.0,
+            drawn="rate_noise",
         ),
         number(
             "attitude_noise_rad",
@@ -29,22 +30,7 @@ WHITE_NOISE = PartDeclaration(
             "rad",
             within=ATTITUDE_NOISE,
             default=0.0,
-        ),
-    ),
-    (
-        DispersibleQuantity(
-            "rate_noise",
-            "standard deviation of the rate sensors",
-            "rad/s",
-            field="rate_noise",
-            within=RATE_NOISE,
-        ),
-        DispersibleQuantity(
-            "attitude_noise",
-            "standard deviation of the attitude sensors",
-            "rad",
-            field="attitude_noise",
-            within=ATTITUDE_NOISE,
+            drawn="attitude_noise",
         ),
     ),
 )
@@ -67,6 +53,7 @@ GYRO = PartDeclaration(
             "rad/s/√Hz",
             within=RATE_NOISE,
             default=0.0,
+            drawn="gyro_noise_density",
         ),
         number(
             "bias_walk_rad_s2_sqrt_Hz",
@@ -74,6 +61,7 @@ GYRO = PartDeclaration(
             "rad/s²/√Hz",
             within=RATE_NOISE,
             default=0.0,
+            drawn="gyro_bias_walk",
         ),
         number(
             "bias_rad_s",
@@ -83,6 +71,7 @@ GYRO = PartDeclaration(
             size=3,
             or_one=True,
             default=0.0,
+            drawn="gyro_bias",
         ),
         number(
             "bias_sigma_rad_s",
@@ -99,6 +88,7 @@ GYRO = PartDeclaration(
             size=3,
             or_one=True,
             default=0.0,
+            drawn="gyro_scale_factor",
         ),
         number(
             "misalignment_rad",
@@ -107,6 +97,7 @@ GYRO = PartDeclaration(
             within=MISALIGNMENT,
             size=3,
             default=(0.0, 0.0, 0.0),
+            drawn="gyro_misalignment",
         ),
         number(
             "limit_rad_s",
@@ -114,46 +105,6 @@ GYRO = PartDeclaration(
             "rad/s",
             within=RATE_RANGE,
             default=None,
-        ),
-    ),
-    (
-        DispersibleQuantity(
-            "gyro_noise_density",
-            "density of the white noise on each rate",
-            "rad/s/√Hz",
-            field="noise_density",
-            within=RATE_NOISE,
-        ),
-        DispersibleQuantity(
-            "gyro_bias_walk",
-            "density of the white noise that moves each bias",
-            "rad/s²/√Hz",
-            field="bias_walk",
-            within=RATE_NOISE,
-        ),
-        DispersibleQuantity(
-            "gyro_bias",
-            "bias of the gyro at the start",
-            "rad/s",
-            axis="body_axis",
-            field="bias",
-            within=GYRO_BIAS,
-        ),
-        DispersibleQuantity(
-            "gyro_scale_factor",
-            "relative error of each measured rate",
-            "1",
-            axis="body_axis",
-            field="scale_factor",
-            within=SCALE_FACTOR,
-        ),
-        DispersibleQuantity(
-            "gyro_misalignment",
-            "small rotation of the gyro's input axes",
-            "rad",
-            axis="body_axis",
-            field="misalignment",
-            within=MISALIGNMENT,
         ),
     ),
 )
@@ -166,12 +117,14 @@ STAR_TRACKER = PartDeclaration(
             "Standard deviation of the measured attitude about each direction across the boresight",
             "rad",
             within=TRACKER_NOISE,
+            drawn="tracker_across",
         ),
         number(
             "along_rad",
             "Standard deviation of the measured attitude about the boresight",
             "rad",
             within=TRACKER_NOISE,
+            drawn="tracker_along",
         ),
         number(
             "boresight",
@@ -189,6 +142,7 @@ STAR_TRACKER = PartDeclaration(
             "s",
             within=SECONDS,
             default=None,
+            drawn="tracker_update_period",
         ),
         number(
             "latency_s",
@@ -196,6 +150,7 @@ STAR_TRACKER = PartDeclaration(
             "s",
             within=FROM_ZERO,
             default=0.0,
+            drawn="tracker_latency",
         ),
         number(
             "rate_limit_rad_s",
@@ -203,6 +158,7 @@ STAR_TRACKER = PartDeclaration(
             "rad/s",
             within=RATE_RANGE,
             default=None,
+            drawn="tracker_rate_limit",
         ),
         number(
             "outage_start_s",
@@ -210,24 +166,18 @@ STAR_TRACKER = PartDeclaration(
             "s",
             within=FROM_ZERO,
             default=None,
+            drawn="tracker_outage_start",
         ),
-        number("outage_s", "Length of the outage", "s", within=FROM_ZERO, default=None),
+        number(
+            "outage_s",
+            "Length of the outage of the star tracker",
+            "s",
+            within=FROM_ZERO,
+            default=None,
+            drawn="tracker_outage",
+        ),
     ),
     (
-        DispersibleQuantity(
-            "tracker_across",
-            "standard deviation of the star tracker across its boresight",
-            "rad",
-            field="across",
-            within=TRACKER_NOISE,
-        ),
-        DispersibleQuantity(
-            "tracker_along",
-            "standard deviation of the star tracker about its boresight",
-            "rad",
-            field="along",
-            within=TRACKER_NOISE,
-        ),
         DispersibleQuantity(
             "tracker_update_period",
             "time between the star tracker's measurements, rounded to whole control periods",
@@ -238,27 +188,6 @@ STAR_TRACKER = PartDeclaration(
             "time until the star tracker's measurement arrives, rounded to whole control "
             "periods, at most star_tracker.latency_s",
             "s",
-        ),
-        DispersibleQuantity(
-            "tracker_rate_limit",
-            "magnitude of ω above which the star tracker is blind",
-            "rad/s",
-            field="rate_limit",
-            within=RATE_RANGE,
-        ),
-        DispersibleQuantity(
-            "tracker_outage_start",
-            "begin of the star tracker's outage",
-            "s",
-            field="outage_start",
-            within=FROM_ZERO,
-        ),
-        DispersibleQuantity(
-            "tracker_outage",
-            "length of the star tracker's outage",
-            "s",
-            field="outage",
-            within=FROM_ZERO,
         ),
     ),
 )
