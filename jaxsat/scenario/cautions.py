@@ -30,9 +30,6 @@ torque was verified."""
 LEAST_STEERING = 0.01
 """Of δ - α and η of docs/one_torque.md over α: where both vanish rest cannot be reached."""
 
-UNIT_LENGTH = 0.01
-"""From 1, how far the length of a row of direction cosines may be."""
-
 HELD_TURN = 0.02
 """Turn (rad) that an attitude may need to be held; settled means within 0.05."""
 
@@ -40,9 +37,8 @@ HELD_TURN = 0.02
 def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
     """Everything about a valid scenario that a person should be told, if told of its law too."""
     if not law:
-        return [*_inertia_cautions(scenario), *_axes_cautions(scenario)]
+        return _inertia_cautions(scenario)
     return [
-        *_axes_cautions(scenario),
         *_inertia_cautions(scenario),
         *_start_cautions(scenario),
         *_law_cautions(scenario),
@@ -54,20 +50,6 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
         *actuator_cautions(scenario),
         *resolution_cautions(scenario),
     ]
-
-
-def _axes_cautions(scenario: Scenario) -> list[Issue]:
-    """Rows of torque axes are directions: what their lengths could mean is not flown."""
-    rows: tuple[tuple[float, ...], ...] = scenario.spacecraft.thruster_torque_axes or ()
-    for number, row in enumerate(rows):
-        length = math.hypot(*row)
-        if abs(length - 1) > UNIT_LENGTH:
-            message = (
-                f"should have length 1, as only its direction counts (a [[thruster]] with "
-                f"two_sided = true has a torque of its own), got length {length:.4g}"
-            )
-            return [Issue(("spacecraft", "thruster_torque_axes", number), message)]
-    return []
 
 
 def _start_cautions(scenario: Scenario) -> list[Issue]:

@@ -4,6 +4,8 @@ Every rule names the keys that it reads and is applied wherever all of these are
 themselves, so that one mistake hides no other.
 """
 
+import math
+
 from jaxsat.core.allocation import allocation_matrix, torque_directions
 from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.ranges import STATE_LIMIT
@@ -22,6 +24,24 @@ from jaxsat.scenario.wording import shown
 
 MAX_SAMPLES = 2_000_000
 """Of one run; their signals take a third of a gigabyte."""
+
+
+UNIT_LENGTH = 0.01
+"""How far from 1 a row of direction cosines may be, which are often given to few digits."""
+
+
+@rule("spacecraft.thruster_torque_axes")
+def _torque_axes_are_directions(axes):
+    for number, row in enumerate(axes or ()):
+        length = math.hypot(*row)
+        if abs(length - 1) > UNIT_LENGTH:
+            direction = shown([float(f"{one / length:.6g}") for one in row])
+            yield Issue(
+                ("spacecraft", "thruster_torque_axes", number),
+                f"must have length 1, got length {length:.4g}: as a direction write {direction}; "
+                f"a thruster of {length:.4g} times torque_limit_N_m is a [[thruster]] "
+                "with two_sided = true, a torque_axis and a torque_N_m",
+            )
 
 
 @rule("spacecraft.thruster_torque_axes", "spacecraft.failed_thrusters")

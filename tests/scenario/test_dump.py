@@ -90,7 +90,7 @@ def scenarios(draw):
     spacecraft = st.fixed_dictionaries(
         {
             "inertia_kg_m2": inertias(),
-            "thruster_torque_axes": st.just([[1, 0, 0.1], [0, 2, 0], [0, 0, 1]]),
+            "thruster_torque_axes": st.just([[1, 0, 0.1], [0, 0.8, 0.6], [0, 0, 1]]),
         },
         optional={"failed_thrusters": st.just([3]), "torque_limit_N_m": positive},
     )

@@ -6,7 +6,7 @@ from scipy.optimize import linprog
 
 from jaxsat.cli.scenarios import check
 from jaxsat.core.allocation import least_propellant, plane_map, pushed_directions
-from jaxsat.scenario import ScenarioWarning
+from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.layout import torque_limit
@@ -61,9 +61,10 @@ def test_a_thruster_beside_wheels_that_make_all_does_not_forbid_a_law(tmp_path):
     assert torque_limit(scenario) == pytest.approx(0.02)
 
 
-def test_rows_that_are_no_unit_vectors_are_told(tmp_path):
-    rows = "thruster_torque_axes = [[2, 0, 0], [0, 1, 0]]\ntorque_limit_N_m = 0.01\n"
-    with pytest.warns(ScenarioWarning, match="only its direction counts.*got length 2"):
+def test_rows_that_are_no_unit_vectors_are_refused_with_both_readings(tmp_path):
+    rows = "thruster_torque_axes = [[0, 1, 0], [2, 0, 0]]\ntorque_limit_N_m = 0.01\n"
+    both = "got length 2: .*write \\[1.*2 times torque_limit_N_m is a \\[\\[thruster"
+    with pytest.raises(ScenarioError, match=both):
         load(_file(tmp_path, REST, INERTIA, rows), purpose="motion")
 
 
