@@ -2,7 +2,7 @@
 
 import functools
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +25,7 @@ class ScenarioRule:
     """A check and the dotted keys without which it is not applied."""
 
     keys: tuple[str, ...]
-    check: Callable[[Values], Iterator[Issue]]
+    check: Callable[[Values], Iterable[Issue]]
 
 
 RULES: list[ScenarioRule] = []
@@ -84,32 +84,28 @@ def broken_rules(values: Values, law: bool = True) -> list[Issue]:
 def _rules_of(law: Law) -> Iterator[ScenarioRule]:
     """What the law declares, as rules of a scenario."""
     for declared in law.declaration.rules:
-        yield ScenarioRule(declared.keys, functools.partial(_findings, law, declared))
+        yield declared_rule(declared, law)
     for low, high in law.declaration.ordered:
         keys = (f"control.{low}", f"control.{high}")
         yield ScenarioRule(keys, functools.partial(_in_order, low, high))
 
 
-def _findings(law: Law, declared: declaration.Rule, values: Values) -> Iterator[Issue]:
-    try:
-        values = {**values, "control.law": law.name}
-        issues = [at(*one) for one in declared.check(*(values[key] for key in declared.keys))]
-    except FOREIGN as error:
-        if not is_plugin(law.name):
-            raise
-        what = f"{type(error).__name__}: {error}{place_in(inspect.getfile(law.controller), error)}"
-        keys = ", ".join(declared.keys)
-        issues = [at("control.law", f"must name a law whose rule over {keys} can run, got {what}")]
-    yield from issues
+def declared_rule(declared: declaration.Rule, law: Law | None = None) -> ScenarioRule:
+    """What a part, or a law, declares, as a rule of a scenario; it gets the name of the law."""
+    keys = declared.keys
 
+    def check(values: Values) -> list[Issue]:
+        try:
+            arguments = (str(values[key]) if key == "control.law" else values[key] for key in keys)
+            return [at(*one) for one in declared.check(*arguments)]
+        except FOREIGN as error:
+            if law is None or not is_plugin(law.name):
+                raise
+            place = place_in(inspect.getfile(law.controller), error)
+            message = f"must name a law whose rule over {', '.join(keys)} can run"
+            return [at("control.law", f"{message}, got {type(error).__name__}: {error}{place}")]
 
-def declared_rule(declared: declaration.Rule) -> ScenarioRule:
-    """What one of jaxsat's parts declares, as a rule of a scenario."""
-
-    def check(values: Values) -> Iterator[Issue]:
-        return (at(*one) for one in declared.check(*(values[key] for key in declared.keys)))
-
-    return ScenarioRule(declared.keys, check)
+    return ScenarioRule(keys, check)
 
 
 def _in_order(low: str, high: str, values: Values) -> Iterator[Issue]:

@@ -166,7 +166,9 @@ def test_one_case_replaces_its_folder_if_asked(command_line, monkeypatch):
     monkeypatch.setattr("jaxsat.cli.study_files.replayed", lambda *_: found)
     monkeypatch.setattr("jaxsat.report.figures.trajectory_figures", lambda _: {})
     study = SimpleNamespace(remark=None)
-    monkeypatch.setattr("jaxsat.scenario.build.study.build_study", lambda *_, **__: study)
+    monkeypatch.setattr(
+        "jaxsat.scenario.build.study.refined_study", lambda scenario, *_, **__: (scenario, study)
+    )
     status, _, err = command_line("montecarlo", "paper-rate", "--overwrite")
     assert (status, "--overwrite: must be given with --case" in err) == (2, True)
     case = ["montecarlo", "paper-rate", "--case", "3", "--quiet"]

@@ -4,8 +4,9 @@ Plain data, without any library: the scenario makes its checks, messages and sch
 tuning its search space.
 """
 
+import dataclasses
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
@@ -112,6 +113,13 @@ def number(
     kind = Numeric(above, at_least, at_most, size, or_one)
     path = name if tunable is True else tunable or None
     return Key(name, meaning, unit, kind, default, path, width, drawn)
+
+
+def of_part(part: str, keys: Iterable[Key]) -> tuple[Key, ...]:
+    """The keys of an object that is the attribute `part` of another, which has them as well."""
+    return tuple(
+        dataclasses.replace(key, tunable=key.tunable and f"{part}.{key.tunable}") for key in keys
+    )
 
 
 def with_unit(name: str, unit: str) -> str:

@@ -1,10 +1,9 @@
 """What the laws of the paper declare: rate, three-axis and switching."""
 
-import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from jaxsat.core.declaration.keys import Finding, Key, Rule, number, switch
+from jaxsat.core.declaration.keys import Finding, Rule, number, of_part, switch
 from jaxsat.core.declaration.law import LawDeclaration, control_period
 from jaxsat.core.ranges import KNOWN_FREQUENCY
 
@@ -118,13 +117,6 @@ _THRESHOLDS = ("lower_threshold_rad_s", "upper_threshold_rad_s")
 SLOPE_LIMITS = ("rate_slope_limit_rad_s2", "three_axis_slope_limit_rad_s2")
 
 
-def _within(part: str, keys: tuple[Key, ...]) -> tuple[Key, ...]:
-    """Keys of a law that is a part of this one."""
-    return tuple(
-        dataclasses.replace(key, tunable=key.tunable and f"{part}.{key.tunable}") for key in keys
-    )
-
-
 def _slopes_are_limited(
     limit: float | None, wheels: Sequence[Any], *slopes: tuple | None
 ) -> Iterator[Finding]:
@@ -140,8 +132,8 @@ def _slopes_are_limited(
 
 
 _KEYS = (
-    *_within("rate_law", RATE_GAINS),
-    *_within("three_axis_law", THREE_AXIS_GAINS),
+    *of_part("rate_law", RATE_GAINS),
+    *of_part("three_axis_law", THREE_AXIS_GAINS),
     number(
         "upper_threshold_rad_s",
         "The rate law takes over when |ω3| exceeds this",
@@ -174,7 +166,7 @@ _KEYS = (
         default=None,
     ),
     OMEGA3_WIDTH,
-    *_within("three_axis_law", THREE_AXIS_OPTIONS),
+    *of_part("three_axis_law", THREE_AXIS_OPTIONS),
 )
 
 SWITCHING = LawDeclaration(

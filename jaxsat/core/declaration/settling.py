@@ -1,11 +1,10 @@
 """What the laws that settle declare, and what their gains are tuned for."""
 
-import dataclasses
 import math
 from collections.abc import Sequence
 
 from jaxsat.core.declaration.domain import sweeps_of
-from jaxsat.core.declaration.keys import LARGEST, number, switch
+from jaxsat.core.declaration.keys import LARGEST, number, of_part, switch
 from jaxsat.core.declaration.law import LawDeclaration, control_period
 from jaxsat.core.declaration.tuned_gains import Scaling
 
@@ -170,7 +169,7 @@ PLANNED = LawDeclaration(
             "s",
             "replan",
         ),
-        *(dataclasses.replace(key, tunable=f"settling.{key.tunable}") for key in _THREE_SLEW_KEYS),
+        *of_part("settling", _THREE_SLEW_KEYS),
         *_COMMON_KEYS,
     ),
     any_plane=True,

@@ -1,8 +1,6 @@
 """What the laws of three torques declare: quaternion feedback, and the fault-tolerant one."""
 
-import dataclasses
-
-from jaxsat.core.declaration.keys import number
+from jaxsat.core.declaration.keys import number, of_part
 from jaxsat.core.declaration.law import LawDeclaration, control_period
 
 QUATERNION_FEEDBACK = LawDeclaration(
@@ -33,10 +31,7 @@ FAULT_TOLERANT = LawDeclaration(
     summary="quaternion feedback that detects and isolates failed thrusters or wheels and flies by "
     "what is left",
     keys=(
-        *(
-            dataclasses.replace(key, tunable=key.tunable and f"healthy.{key.tunable}")
-            for key in QUATERNION_FEEDBACK.keys
-        ),
+        *of_part("healthy", QUATERNION_FEEDBACK.keys),
         number(
             "cusum_reference",
             "Shift that each CUSUM test leaves out, half of what it detects best, in sigmas",
