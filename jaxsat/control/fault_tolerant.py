@@ -1,5 +1,6 @@
 """A law that diagnoses its actuators and flies by what is left of them."""
 
+import dataclasses
 import enum
 from typing import ClassVar, NamedTuple
 
@@ -13,10 +14,10 @@ from jaxsat.control.reconfiguration import Left
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.tolerant_actuators import (
     AbstractTolerantActuators,
-    Demand,
     TolerantMemory,
     TolerantMode,
 )
+from jaxsat.control.tolerant_mix import Mix, MixMemory
 from jaxsat.control.tolerant_wheels import TolerantWheels
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
@@ -28,10 +29,14 @@ RealScalar = Float[Array, ""]
 
 
 class FaultTolerantMemory(NamedTuple):
-    """The memory of the law of three axes, that of each kind of actuator, and the mode."""
+    """The memory of the law of three axes, that of each kind of actuator, and the mode.
+
+    `mix` is that of several kinds together, None for one alone.
+    """
 
     healthy: QuaternionFeedbackMemory
     actuators: tuple[TolerantMemory, ...]
+    mix: MixMemory | None
     mode: Int[Array, ""]
 
 
@@ -41,7 +46,9 @@ class FaultTolerant(AbstractSampledController):
     The command is that of each actuator: duties of thrusters, torques (N m) of wheels on the body.
     The law sees estimates of attitude and rate, tachometers of wheels and its own commands, nothing
     else. What is left decides: three axes go on under quaternion feedback; what leaves torques in a
-    plane settles by a law of its own, see `AbstractTolerantActuators`; else rates are damped.
+    plane settles by a law of its own, see `AbstractTolerantActuators`; else rates are damped. Of
+    several kinds, see `Mix`, wheels make what they can of a torque and thrusters the rest, which
+    also take momentum out of wheels that are full.
     """
 
     declaration: ClassVar[LawDeclaration] = FAULT_TOLERANT
@@ -61,46 +68,93 @@ class FaultTolerant(AbstractSampledController):
         """All actuators work but those that are known to have failed."""
         reading = _reading(state)
         memories = tuple(
-            one.init(state, reading, self.diagnosis.init(one.filter, reading))
+            one.init(state, reading, self.diagnosis.init(one.watch, reading))
             for one in self.actuators
         )
         mode = jnp.array(int(TolerantMode.THREE_AXES))
-        return FaultTolerantMemory(self.healthy.init(state), memories, mode)
+        mix = MixMemory.begin() if len(self.actuators) > 1 else None
+        return FaultTolerantMemory(self.healthy.init(state), memories, mix, mode)
 
     def step(
         self, t: RealScalar, state: PlantState, memory: FaultTolerantMemory
     ) -> tuple[Float[Array, " m"], FaultTolerantMemory]:
         """The command of each actuator, those of one kind after those of the other."""
         reading = _reading(state)
-        law = self.healthy
         pairs = list(zip(self.actuators, memory.actuators, strict=True))
         able = [
-            one.able(state, reading, law, self._diagnosed(one, reading, before), before)
+            one.able(state, reading, self.healthy, self._diagnosed(one, reading, before), before)
             for one, before in pairs
         ]
-        for one, now in zip(self.actuators, able, strict=True):
-            law = one.slowed(state, reading, law, now)
+        mix = self._mix(reading, able)
+        three = mix.spans(memory.mix)
+        law = self._slowed(state, reading, able, three)
         torque, healthy = law.step(t, state, memory.healthy)
         for one in self.actuators:
             stored = one.stored(reading)
             torque = torque if stored is None else torque + jnp.cross(state.omega, stored)
-        (one,) = self.actuators
-        three = able[0].ability.left == Left.THREE_AXES
-        demands = [Demand(torque, one.steady(able[0], self.period), three)]
+        following, unloading = self._unloading(state, reading, able, three, memory.mix)
         commands, memories = [], []
+        demands = mix.demands(torque, unloading, three)
         for (one, before), now, demand in zip(pairs, able, demands, strict=True):
             command, after = one.act(state, reading, law, demand, before, now)
             commands.append(command)
             memories.append(after)
         mode = self._mode(three, memories)
-        return jnp.concatenate(commands), FaultTolerantMemory(healthy, tuple(memories), mode)
+        memory = FaultTolerantMemory(healthy, tuple(memories), following, mode)
+        return jnp.concatenate(commands), memory
+
+    def _slowed(
+        self,
+        state: PlantState,
+        reading: Reading,
+        able: list[TolerantMemory],
+        three: Bool[Array, ""],
+    ) -> QuaternionFeedback:
+        """The law of three axes, no faster than those that hold the momentum of a slew allow.
+
+        Where others help out they need not hold all of it.
+        """
+        law = self.healthy
+        for one, now in zip(self.actuators, able, strict=True):
+            holds = (now.ability.left == Left.THREE_AXES) | ~three
+            slow = one.slowed(state, reading, law, now).max_rate
+            law = dataclasses.replace(law, max_rate=jnp.where(holds, slow, law.max_rate))
+        return law
+
+    def _mix(self, reading: Reading, able: list[TolerantMemory]) -> Mix:
+        """What all kinds can do together."""
+        pairs = list(zip(self.actuators, able, strict=True))
+        return Mix(
+            tuple(one.reach(reading, self.healthy, now) for one, now in pairs),
+            tuple(one.steady(now, self.period) for one, now in pairs),
+            tuple(now.ability.left == Left.THREE_AXES for now in able),
+            tuple(one.alone(now)[0] for one, now in pairs),
+            tuple(one.stored(reading) is not None for one in self.actuators),
+        )
+
+    def _unloading(
+        self,
+        state: PlantState,
+        reading: Reading,
+        able: list[TolerantMemory],
+        three: Bool[Array, ""],
+        before: MixMemory | None,
+    ) -> tuple[MixMemory | None, Float[Array, "3"]]:
+        """Whether others take momentum out, and the torque (N m) that does."""
+        unloads, torque = jnp.array(False), jnp.zeros_like(state.omega)
+        if before is None:
+            return None, torque
+        for one, now in zip(self.actuators, able, strict=True):
+            full, wanted = one.overfull(state, reading, self.healthy, now, before.unloads)
+            unloads, torque = unloads | full, torque + wanted
+        return MixMemory(three, unloads & three), jnp.where(three, torque, 0.0)
 
     def _diagnosed(
         self, one: AbstractTolerantActuators, reading: Reading, memory: TolerantMemory
     ) -> DiagnosisMemory:
         """The diagnosis of actuators of one kind with one more sample."""
         return self.diagnosis.step(
-            one.filter, reading, memory.commanded, self.period, memory.diagnosis, one.needed(memory)
+            one.watch, reading, memory.commanded, self.period, memory.diagnosis, one.needed(memory)
         )
 
     def _mode(self, three: Bool[Array, ""], memories: list[TolerantMemory]) -> Int[Array, ""]:
@@ -122,7 +176,7 @@ class FaultTolerant(AbstractSampledController):
 
     def false_alarm_rate(self, reference: float, threshold: float) -> float:
         """False alarms in a sample at most, of all tests of all actuators; both in sigmas."""
-        return sum(false_alarm_rate(one.filter, reference, threshold) for one in self.actuators)
+        return sum(false_alarm_rate(one.watch, reference, threshold) for one in self.actuators)
 
     def telemetry(self, memory: FaultTolerantMemory) -> dict[str, Array]:
         """The verdict on each actuator, how near an alarm it is, and whether there is one."""

@@ -172,22 +172,38 @@ def _tolerant_thrusters(
     given = values["rate_noise_rad_s"]
     noise = max(thrusters.rate_noise, least) if given is None else given
     pulse = float(np.max(sizes * thrusters.pulse))
-    sets, settling = _settling(values, context, torque, failed_sets(torque), Steps(pulse, noise))
+    sets, settling = failed_sets(torque), None
+    wheels = None if context.wheels is None else context.wheels.wheels
+    if wheels is None:
+        sets, settling = _settling(values, context, torque, sets, Steps(pulse, noise))
+    else:
+        noise = float(np.hypot(noise, _noise_by_wheels(context, values["period_s"])))
     return TolerantThrusters(
-        filter=ThrusterFilter(context.model, thrusters.model, noise),
+        filter=ThrusterFilter(context.model, thrusters.model, noise, wheels),
         reconfiguration=Reconfiguration.of(torque, thrusters.cost, sets),
         rounding=PulseRounding(effect, thrusters.pulse),
         settling=settling,
     )
 
 
+def _noise_by_wheels(context: LawContext, period: float) -> float:
+    """The rate (rad/s) about any axis that noise of all tachometers looks like."""
+    known = cast(WheelContext, context.wheels)
+    effect = np.asarray(context.model.spacecraft.inverse_inertia) @ np.asarray(known.wheels.axes)
+    return float(np.sqrt(np.max(np.sum((effect * _momentum_noise(known, period)) ** 2, axis=1))))
+
+
+def _momentum_noise(known: WheelContext, period: float) -> Float[np.ndarray, " m"]:
+    """Standard deviation of each tachometer (N m s), or what stands for one without noise."""
+    least = LEAST_NOISE * period * np.asarray(known.wheels.torque_limit)
+    return np.maximum(known.momentum_noise, least)
+
+
 def _tolerant_wheels(
     values: Mapping[str, Any], context: LawContext, known: WheelContext
 ) -> TolerantWheels:
     """With the noise of their tachometers, and that of the rates which rotors have part in."""
-    wheels = known.wheels
-    least = LEAST_NOISE * values["period_s"] * np.asarray(wheels.torque_limit)
-    noise = np.maximum(known.momentum_noise, least)
+    wheels, noise = known.wheels, _momentum_noise(known, values["period_s"])
     if wheels.rotor_inertia is not None:  # of the part J_w a·ω of two samples
         noise = np.hypot(noise, np.sqrt(2) * np.asarray(wheels.rotor_inertia) * known.rate_noise)
     return TolerantWheels(

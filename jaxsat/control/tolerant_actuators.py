@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.control.diagnosis import AbstractResidualFilter, DiagnosisMemory, Reading
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
+from jaxsat.spacecraft import Reach
 from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
@@ -52,22 +53,27 @@ class Demand(NamedTuple):
     """What actuators of one kind are asked for: a `torque` on the body (N m), and `steady` (N m).
 
     The latter comes first; it makes up for what acts all the time. Where `three` is false no torque
-    about three axes can be had, and they do what they can do alone.
+    about three axes can be had, and they do what they can do alone. `use` is what each is to do for
+    the torque where that is shared with other actuators, None where it is not.
     """
 
     torque: Float[Array, "3"]
     steady: Float[Array, "3"]
     three: Bool[Array, ""]
+    use: Float[Array, " m"] | None = None
 
 
 class AbstractTolerantActuators(eqx.Module):
     """What the fault-tolerant law knows of actuators of one kind, and how it uses them.
 
-    The `filter` is what watches them. `law` is the quaternion feedback of the spacecraft without a
-    failure, with its gains, period and model.
+    `law` is the quaternion feedback of the spacecraft without a failure, with its gains, period and
+    model.
     """
 
-    filter: eqx.AbstractVar[AbstractResidualFilter]
+    @property
+    @abc.abstractmethod
+    def watch(self) -> AbstractResidualFilter:
+        """The filter of what is read of them."""
 
     @abc.abstractmethod
     def init(
@@ -116,13 +122,30 @@ class AbstractTolerantActuators(eqx.Module):
     def alone(self, memory: TolerantMemory) -> tuple[Bool[Array, ""], Int[Array, ""]]:
         """Whether they settle with torques in a plane alone, and the `TolerantMode` of that."""
 
+    @abc.abstractmethod
+    def reach(self, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory) -> Reach:
+        """What each can do to the body for a while, and what that costs."""
+
     def changed(self, memory: TolerantMemory) -> Bool[Array, ""]:
         """Whether something has failed."""
         return jnp.any(memory.diagnosis.condition.failed)
 
     def stored(self, reading: Reading) -> Float[Array, "3"] | None:
-        """The momentum (N m s) that they hold relative to the body; None for none ever."""
+        """The momentum (N m s) that they hold; None for none ever."""
         del reading
+
+    def overfull(
+        self,
+        state: PlantState,
+        reading: Reading,
+        law: QuaternionFeedback,
+        memory: TolerantMemory,
+        unloads: Bool[Array, ""],
+    ) -> tuple[Bool[Array, ""], Float[Array, "3"]]:
+        """Whether other actuators are to take momentum out, as they do or not, and by what torque
+        (N m)."""
+        del reading, law, memory
+        return jnp.zeros_like(unloads), jnp.zeros_like(state.omega)
 
     def slowed(
         self, state: PlantState, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory

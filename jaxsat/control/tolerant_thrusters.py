@@ -22,6 +22,7 @@ from jaxsat.control.tolerant_actuators import (
 )
 from jaxsat.core.checks import as_float
 from jaxsat.core.trees import choose
+from jaxsat.spacecraft import Reach
 from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
@@ -83,6 +84,11 @@ class TolerantThrusters(AbstractTolerantActuators):
     rounding: PulseRounding
     settling: SettlingLaws | None
 
+    @property
+    def watch(self) -> ThrusterFilter:
+        """The filter of rates."""
+        return self.filter
+
     def init(
         self, state: PlantState, reading: Reading, diagnosis: DiagnosisMemory
     ) -> TolerantMemory:
@@ -121,6 +127,13 @@ class TolerantThrusters(AbstractTolerantActuators):
         condition = memory.diagnosis.condition
         besides = self.filter.believed(condition, period)
         return -(self.filter.thrusters.torque @ condition.flow + besides)
+
+    def reach(self, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory) -> Reach:
+        """The duty of each, at the price of its propellant."""
+        del reading, law
+        high, duties = memory.ability.limit, self.reconfiguration.duties
+        torque = self.reconfiguration.torque
+        return Reach(torque, jnp.zeros_like(high), high, duties.price * duties.size)
 
     def act(
         self,

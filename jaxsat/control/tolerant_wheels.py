@@ -7,7 +7,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.diagnosis import MOST_RETURNS, DiagnosisMemory, Reading, WheelFilter
+from jaxsat.control.diagnosis import (
+    MOST_RETURNS,
+    DiagnosisMemory,
+    Reading,
+    WheelFilter,
+    momentum_with_rotors,
+)
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.tolerant_actuators import (
@@ -19,6 +25,7 @@ from jaxsat.control.tolerant_actuators import (
 from jaxsat.control.two_wheels import TwoWheels
 from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
 from jaxsat.core.checks import as_float, require_positive
+from jaxsat.spacecraft import Reach
 from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
@@ -26,6 +33,17 @@ OfEach = Float[Array, " m"]
 
 UNLOADING = 0.2
 """Times the natural frequency: rate at which momentum without effect on the body is taken out."""
+
+ROOM = 0.5
+"""Over the natural frequency: for so long at least a wheel is to make the torque that counts on it
+before its momentum comes to the limit."""
+
+FULL, EMPTY = 0.7, 0.2
+"""Of the largest momentum of a wheel: above the first thrusters begin to take momentum out, below
+the second they end."""
+
+REACTION = 0.5
+"""Of the torque of a wheel: what it makes at most against thrusters that take momentum out."""
 
 TURNING, SLOWLY = 2e-3, 0.5
 """Times the natural frequency: with two wheels, the rate that momentum about the axis without a
@@ -75,6 +93,11 @@ class TolerantWheels(AbstractTolerantActuators):
         """How a torque is shared among the wheels that are used."""
         return WheelAllocation(self.filter)
 
+    @property
+    def watch(self) -> WheelFilter:
+        """The filter of momenta."""
+        return self.filter
+
     def init(
         self, state: PlantState, reading: Reading, diagnosis: DiagnosisMemory
     ) -> TolerantMemory:
@@ -103,7 +126,7 @@ class TolerantWheels(AbstractTolerantActuators):
 
     def stored(self, reading: Reading) -> Float[Array, "3"]:
         """The momentum of the wheels with that of rotors which turn with the body, N m s."""
-        return self.filter.wheels.axes @ self._inertial_momentum(reading)
+        return self.filter.wheels.axes @ momentum_with_rotors(self.filter.wheels, reading)
 
     def able(
         self,
@@ -116,8 +139,42 @@ class TolerantWheels(AbstractTolerantActuators):
         """With what the wheels in use make together, and whether two of them settle."""
         momentum = cast(OfEach, reading.momentum)
         wheeled = self.allocation.find(diagnosis.condition, momentum, before.ability)
-        own = self._turning(state, self._inertial_momentum(reading), wheeled, law, before)
+        own = self._turning(
+            state, momentum_with_rotors(self.filter.wheels, reading), wheeled, law, before
+        )
         return before._replace(diagnosis=diagnosis, ability=wheeled, own=own)
+
+    def reach(self, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory) -> Reach:
+        """The torque of each (N m), which ends as its momentum comes to the limit."""
+        usable, limit = memory.ability.usable, self.filter.wheels.momentum_limit
+        low, high = -usable, usable
+        if limit is not None:
+            momentum = cast(OfEach, reading.momentum)
+            rate = law.natural_frequency / ROOM
+            low = -jnp.minimum(usable, jnp.maximum(limit - momentum, 0.0) * rate)
+            high = jnp.minimum(usable, jnp.maximum(limit + momentum, 0.0) * rate)
+        return Reach(self.filter.wheels.axes, low, high, jnp.zeros_like(usable))
+
+    def overfull(
+        self,
+        state: PlantState,
+        reading: Reading,
+        law: QuaternionFeedback,
+        memory: TolerantMemory,
+        unloads: Bool[Array, ""],
+    ) -> tuple[Bool[Array, ""], Float[Array, "3"]]:
+        """Whether wheels would hold much once the body rests, and the torque that lessens it."""
+        wheeled, limit = memory.ability, self.filter.wheels.momentum_limit
+        if limit is None:
+            return jnp.zeros_like(unloads), jnp.zeros_like(state.omega)
+        working = jnp.where(wheeled.working, momentum_with_rotors(self.filter.wheels, reading), 0.0)
+        total = law.model.spacecraft.inertia @ state.omega + self.filter.wheels.axes @ working
+        each = wheeled.shares @ total
+        fullest = jnp.max(jnp.abs(each) / limit)
+        unloads = fullest > jnp.where(unloads, EMPTY, FULL)
+        most = REACTION * wheeled.usable
+        wanted = jnp.clip(UNLOADING * law.natural_frequency * each, -most, most)
+        return unloads, jnp.where(unloads, -(self.filter.wheels.axes @ wanted), 0.0)
 
     def steady(self, memory: TolerantMemory, period: RealScalar) -> Float[Array, "3"]:
         """Nothing: what brakes a wheel is made up for by its own command."""
@@ -140,7 +197,10 @@ class TolerantWheels(AbstractTolerantActuators):
         plane = (wheeled.left == Left.PLANE) & ~demand.three
         torque = jnp.where(plane, self._by_two(state, reading, law, wheeled), demand.torque)
         unloading = UNLOADING * law.natural_frequency
-        shared = self.allocation.torques(wheeled, torque, momentum, unloading)
+        shared = self.allocation.shared(wheeled, torque)
+        if demand.use is not None:
+            shared = jnp.where(demand.three, demand.use, shared)
+        shared = self.allocation.balanced(wheeled, shared, momentum, unloading)
         shared = jnp.where(demand.three | by_two, shared, self.damping(state, law, now))
         pulse, probe = self._pulses(law, now)
         shared = shared + jnp.where(jnp.abs(shared) < jnp.abs(pulse), pulse, 0.0)
@@ -150,20 +210,12 @@ class TolerantWheels(AbstractTolerantActuators):
         own = now.own._replace(command=command, sign=-now.own.sign)
         return command, now._replace(commanded=late, probe=probe, own=own)
 
-    def _inertial_momentum(self, reading: Reading) -> OfEach:
-        """h + J_w aᵀω (N m s): with the inertia of the body without rotors, which the model has, it
-        makes up the total momentum, and motor and friction alone change it."""
-        wheels, momentum = self.filter.wheels, cast(OfEach, reading.momentum)
-        if wheels.rotor_inertia is None:
-            return momentum
-        return momentum + wheels.rotor_inertia * (wheels.axes.T @ reading.rate)
-
     def slowed(
         self, state: PlantState, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory
     ) -> QuaternionFeedback:
         """The law with the rate at which the momentum of the body fits into the wheels in use."""
         wheeled, inertia = memory.ability, law.model.spacecraft.inertia
-        working = jnp.where(wheeled.working, self._inertial_momentum(reading), 0.0)
+        working = jnp.where(wheeled.working, momentum_with_rotors(self.filter.wheels, reading), 0.0)
         held = inertia @ state.omega + self.filter.wheels.axes @ working
         free = self.allocation.largest_momentum(wheeled, held)
         if free is None:

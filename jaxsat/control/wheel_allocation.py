@@ -111,21 +111,20 @@ class WheelAllocation(eqx.Module):
         inverse = cofactors / (jnp.sum(filled[0] * cofactors[0]) + SMALLEST)
         return Wheeled(usable, left, normal, (weight[None] * axes).T @ inverse)
 
-    def torques(
-        self,
-        wheeled: Wheeled,
-        torque: Float[Array, "3"],
-        momentum: OfEach,
-        unloading: RealScalar,
-    ) -> OfEach:
-        """What each wheel is to do to the body (N m) for a `torque` (N m).
-
-        `unloading` (1/s) is the rate at which momentum without effect on the body is taken out, as
-        far as the torque leaves room.
-        """
+    def shared(self, wheeled: Wheeled, torque: Float[Array, "3"]) -> OfEach:
+        """What each wheel does to the body (N m) for a `torque` (N m), or its part in a plane."""
         reach = Reach(self.wheels.axes, -wheeled.usable, wheeled.usable)
         within_plane = self.wheels.axes @ (wheeled.shares @ torque)
-        nearest = allocate(reach, within_plane).use
+        return allocate(reach, within_plane).use
+
+    def balanced(
+        self, wheeled: Wheeled, nearest: OfEach, momentum: OfEach, unloading: RealScalar
+    ) -> OfEach:
+        """Torques (N m) with the `nearest` to those of a command, and what balances the momenta.
+
+        `unloading` (1/s) is the rate at which momentum without effect on the body is taken out, as
+        far as the command leaves room.
+        """
         held = jnp.where(wheeled.working, momentum, 0.0)
         idle = held - wheeled.shares @ (self.wheels.axes @ held)
         idle = jnp.where(wheeled.left == Left.THREE_AXES, unloading * idle, 0.0)

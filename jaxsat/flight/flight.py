@@ -171,7 +171,8 @@ class FlightController(eqx.Module):
 
     def begin_modulation(self) -> PyTree:
         """The modulator's memory before the first sample."""
-        thrusters, _ = self._thrusters(jnp.zeros(3))
+        rest = getattr(self.actuators, "rest", None)
+        thrusters, _ = self._thrusters(jnp.zeros(3 if rest is None else rest.shape[1]))
         if isinstance(thrusters, PulsedThrusters):
             return thrusters.modulation.init(thrusters.thrusters.count)
         return None

@@ -12,6 +12,7 @@ from jaxsat.report.run_plots import signal_plots
 from jaxsat.report.style import MOST_LINES, escape_mathematics
 from jaxsat.report.timeline import (
     DIAGNOSED,
+    diagnosed_names,
     diagnosed_part,
     failures_of,
     subject_title,
@@ -44,7 +45,7 @@ def failure_figure(dataset: xr.Dataset, *, title: str = "") -> Figure | None:
     time, size = dataset["time"].values, dataset["pointing_error_total"].values
     axis = Axis("Pointing error", "°", limits=(0.0, 1.45 * float(np.nanmax(size))))
     plots = [Plot("Pointing error", "", TIME, axis, [Line(time, size)]), _tests(dataset)]
-    if diagnosed_part(dataset) == "wheel":
+    if diagnosed_part(dataset) != "thruster":
         plots += signal_plots(dataset, "wheel_momentum")
     told = [*struck[:1], *verdicts(dataset)][:3]
     if len(struck) > 1:  # failures and what was isolated, without the alarms
@@ -126,11 +127,11 @@ def _draw_phases(dataset: xr.Dataset, axes: Axes) -> None:
 def _tests(dataset: xr.Dataset) -> Plot:
     """The CUSUM statistics, or those of the actuators that came nearest to an alarm."""
     time, values = dataset["time"].values, dataset["detection_statistic"].values
-    part, places = diagnosed_part(dataset), np.arange(values.shape[1])
+    places = np.arange(values.shape[1])
     if len(places) >= MOST_LINES:
         places = np.argsort(-np.nanmax(values, axis=0))[:3]
-    names = dataset[part].values
-    lines = [Line(time, values[:, place], f"{part} {names[place]}") for place in places]
+    names = diagnosed_names(dataset)
+    lines = [Line(time, values[:, place], names[place]) for place in places]
     lines.append(Line(time[[0, -1]], np.ones(2), "alarm"))
     top = 1.15 * max(1.0, float(np.nanmax(values)))
     return Plot("Tests", "", TIME, Axis("CUSUM over its threshold", "1", limits=(0.0, top)), lines)

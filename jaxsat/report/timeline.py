@@ -9,6 +9,7 @@ import xarray as xr
 from jaxsat.control.diagnosis import DiagnosedKind
 from jaxsat.report.facts import scenario_tables
 from jaxsat.report.plot import Timeline
+from jaxsat.store.labels import ALL_PARTS
 
 DIAGNOSED = tuple(kind.word for kind in DiagnosedKind)
 """Kinds of failure by their numbers, in words."""
@@ -53,19 +54,25 @@ def verdicts(dataset: xr.Dataset) -> list[tuple[float, str]]:
     alarm = [mode for mode, name in mode_names(dataset).items() if name == "alarm"]
     in_alarm = np.isin(dataset["mode"].values, alarm)
     events = [(float(time[row]), "alarm") for row in np.flatnonzero(np.diff(in_alarm * 1) > 0) + 1]
-    part = diagnosed_part(dataset)
-    names = dataset[part].values
+    names = diagnosed_names(dataset)
     for row, place in np.argwhere(np.diff(kinds, axis=0) != 0):
         kind = kinds[row + 1, place]
         if np.isfinite(kind):
             verdict = f"isolated, {DIAGNOSED[int(kind)]}" if kind >= 0 else "works again"
-            events.append((float(time[row + 1]), f"{part} {names[place]}: {verdict}"))
+            events.append((float(time[row + 1]), f"{names[place]}: {verdict}"))
     return sorted(events)[:MOST_VERDICTS]
 
 
 def diagnosed_part(dataset: xr.Dataset) -> str:
-    """What the law of a run diagnoses: "thruster" or "wheel"."""
+    """What the law of a run diagnoses: "thruster", "wheel", or "actuator" for both."""
     return str(dataset["diagnosed_kind"].dims[-1])
+
+
+def diagnosed_names(dataset: xr.Dataset) -> list[str]:
+    """The kind and name of each actuator that the law of a run diagnoses, such as "wheel A"."""
+    part = diagnosed_part(dataset)
+    names = dataset[part].values
+    return [str(name) if part == ALL_PARTS else f"{part} {name}" for name in names]
 
 
 def mode_names(dataset: xr.Dataset) -> dict[int, str]:

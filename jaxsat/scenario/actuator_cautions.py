@@ -48,6 +48,8 @@ def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
     working = sum(not one.failed for one in scenario.thruster)
     if not scenario.wheel or not working or not torques:
         return
+    if scenario.law.declaration.commands_actuators:  # it unloads wheels, and replaces them
+        return
     if not left_by_wheels(scenario.wheel, torques).any():
         message = (
             "should leave the thrusters a torque to make: the wheels make all that the law "

@@ -59,7 +59,7 @@ class Signals(eqx.Module):
     They are None for other actuators. What is told of estimates is None without
     `jaxsat.control.navigation`: truth less estimate of attitude (rotation vector), rate and
     gyro bias, and three of the standard deviations that the estimator claims. A law that
-    diagnoses thrusters tells of each the `jaxsat.control.diagnosis.DiagnosedKind`, -1 for one
+    diagnoses actuators tells of each the `jaxsat.control.diagnosis.DiagnosedKind`, -1 for one
     that works, and its CUSUM statistic over the threshold; `alarm` is 1 while the cause of an
     alarm is being isolated. `torque_range` is told by engines alone, of sampled loops. With a
     leading axis it is a history.
@@ -91,8 +91,8 @@ class Signals(eqx.Module):
     rate_estimate_3sigma: Float[Array, "*times 3"] | None = None
     bias_estimate_error: Float[Array, "*times 3"] | None = None
     bias_estimate_3sigma: Float[Array, "*times 3"] | None = None
-    diagnosed_kind: Float[Array, "*times m"] | None = None
-    detection_statistic: Float[Array, "*times m"] | None = None
+    diagnosed_kind: Float[Array, "*times diagnosed"] | None = None
+    detection_statistic: Float[Array, "*times diagnosed"] | None = None
     alarm: Float[Array, "*times"] | None = None
     torque_range: TorqueRange | None = None
 

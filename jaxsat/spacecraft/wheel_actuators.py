@@ -38,9 +38,7 @@ class ActuatorsWithWheels(AbstractActuators):
         converter=as_optional_float, default=None
     )
     thrusters: AbstractActuators | None = None
-    rest: Float[Array, "torques torques"] | None = eqx.field(
-        converter=as_optional_float, default=None
-    )
+    rest: Float[Array, "rest torques"] | None = eqx.field(converter=as_optional_float, default=None)
     limiting: Bool[Array, " wheels"] | None = None
 
     def __check_init__(self):
@@ -168,7 +166,7 @@ class PulsedActuatorsWithWheels(AbstractPulsedActuators):
 
     wheels: ActuatorsWithWheels
     thrusters: AbstractPulsedActuators
-    rest: Float[Array, "torques torques"] = eqx.field(converter=as_float)
+    rest: Float[Array, "rest torques"] = eqx.field(converter=as_float)
 
     @property
     def holds(self) -> int:

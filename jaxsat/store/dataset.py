@@ -17,7 +17,18 @@ from jaxsat.core.text import clean
 from jaxsat.core.tolerances import Tolerances, within
 from jaxsat.simulation import Assessment, Signals, Trajectory
 from jaxsat.store.files import OutputError, one_line, save_file
-from jaxsat.store.labels import AXES, ERRORS, PARTS, RANGES, TOTALS, VARIABLES, Label, part_names
+from jaxsat.store.labels import (
+    ALL_PARTS,
+    AXES,
+    DIAGNOSED_PARTS,
+    ERRORS,
+    PARTS,
+    RANGES,
+    TOTALS,
+    VARIABLES,
+    Label,
+    part_names,
+)
 from jaxsat.store.marker import read_unchanged
 from jaxsat.store.provenance import provenance_attributes
 
@@ -43,9 +54,10 @@ def trajectory_dataset(
         **_labelled(trajectory.signals, VARIABLES, ("time",)),
         **_labelled(trajectory.assessment, TOTALS, ()),
     }
-    if trajectory.signals.thrust_level is None:  # it is the wheels that are diagnosed
-        for name, one in labelled.items():
-            labelled[name] = None if one is None else _along_wheels(one)
+    axis = diagnosed_axis(trajectory.signals)
+    for name in ("diagnosed_kind", "detection_statistic"):
+        if (one := labelled[name]) is not None:
+            labelled[name] = xr.Variable(("time", axis), one.values, one.attrs)
     labelled |= pointing(np.asarray(trajectory.signals.quaternion))
     labelled |= _ranges(trajectory) | _errors(trajectory)
     variables = {name: variable for name, variable in labelled.items() if variable is not None}
@@ -64,6 +76,11 @@ def trajectory_dataset(
             sizes = (one.sizes[axis] for one in variables.values() if axis in one.dims)
             names = part_names(scenario, axis, next(sizes))
             labels[axis] = [int(name) for name in names] if _numbered(names) else names
+    if ALL_PARTS in axes:
+        kinds = [(kind, variables[name].shape[-1]) for kind, name in DIAGNOSED_PARTS.items()]
+        labels[ALL_PARTS] = [
+            f"{kind} {name}" for kind, count in kinds for name in part_names(scenario, kind, count)
+        ]
     return xr.Dataset(
         variables,
         coords={"time": time, **labels},
@@ -76,10 +93,13 @@ def _numbered(names: list[str]) -> bool:
     return all(name.isdecimal() for name in names)
 
 
-def _along_wheels(variable: xr.Variable) -> xr.Variable:
-    """With the axis of thrusters as that of wheels."""
-    dims = tuple("wheel" if axis == "thruster" else axis for axis in variable.dims)
-    return xr.Variable(dims, variable.values, variable.attrs)
+def diagnosed_axis(signals: Signals) -> str:
+    """The kind of actuator that a law diagnoses, or `ALL_PARTS` for thrusters and wheels."""
+    kinds, levels = signals.diagnosed_kind, signals.thrust_level
+    if levels is None:
+        return "wheel"
+    both = kinds is not None and kinds.shape[-1] != levels.shape[-1]
+    return ALL_PARTS if both else "thruster"
 
 
 def _ranges(trajectory: Trajectory) -> dict[str, xr.Variable]:

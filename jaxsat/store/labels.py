@@ -20,6 +20,12 @@ AXES: dict[str, tuple[str, ...]] = {
 PARTS = tuple(one.name for one in ACTUATORS)
 """The axes along which actuators stand, by their kind in a scenario."""
 
+ALL_PARTS = "actuator"
+"""The axis of what is told of thrusters and wheels together, in this order."""
+
+DIAGNOSED_PARTS = {"thruster": "thrust_level", "wheel": "wheel_momentum"}
+"""Those, and a variable with as many of each."""
+
 SETTLED, UNSETTLED = "settled", "unsettled"
 """How a case that reached its end is called; any other is called by its failure."""
 

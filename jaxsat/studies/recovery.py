@@ -17,6 +17,7 @@ from jaxsat.simulation.parts import failures_of
 from jaxsat.spacecraft import AbstractFailures
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.store import Column
+from jaxsat.store.labels import ALL_PARTS
 from jaxsat.studies.failure_codes import (
     AMOUNTLESS,
     DIAGNOSED,
@@ -114,6 +115,15 @@ class FailureRecovery:
     def _events(self) -> list[AbstractFailures]:
         return failures_of(self.loop)
 
+    @property
+    def _diagnosed(self) -> str:
+        """The kind of actuator of which verdicts are, or `ALL_PARTS` for thrusters and wheels."""
+        thrusters = _counts(self.loop)["thruster"]
+        if not thrusters:
+            return "wheel"
+        (verdicts,) = self.told.get("isolated_kind", (thrusters,))
+        return "thruster" if verdicts == thrusters else ALL_PARTS
+
     def columns(self) -> dict[str, Column]:
         """The columns of a store; those of `OF_RECORD` where the loop has them."""
         count = sum(one.count for one in self._events)
@@ -123,8 +133,9 @@ class FailureRecovery:
             return Column((count,), kind, unit, text, events, flags)
 
         kept = {name: OF_RECORD[name]._replace(shape=shape) for name, shape in self.told.items()}
-        if not _counts(self.loop)["thruster"]:
-            kept = {name: _of_wheels(column) for name, column in kept.items()}
+        kind = self._diagnosed
+        if kind != "thruster":
+            kept = {name: _of_others(column, kind) for name, column in kept.items()}
         return kept | {
             "failure_time": of_failure("float64", "s", "when each failure strikes"),
             "failed_part": of_failure("uint8", "1", "what each failure strikes", self.names),
@@ -195,10 +206,10 @@ class FailureRecovery:
         return np.select(list(reasons.values()), list(map(int, reasons)), int(Recovery.TOO_SLOW))
 
 
-def _of_wheels(column: Column) -> Column:
-    """A column of a law that diagnoses wheels."""
-    dims = tuple("wheel" if axis == "thruster" else axis for axis in column.dims)
-    return column._replace(dims=dims, long_name=column.long_name.replace("thruster", "wheel"))
+def _of_others(column: Column, kind: str) -> Column:
+    """A column of a law that diagnoses actuators of another kind than thrusters."""
+    dims = tuple(kind if axis == "thruster" else axis for axis in column.dims)
+    return column._replace(dims=dims, long_name=column.long_name.replace("thruster", kind))
 
 
 def failed_thrusters(

@@ -146,9 +146,9 @@ def test_a_weak_thruster_that_three_axes_need_is_used_and_not_given_up():
 
 @pytest.mark.parametrize(
     ("change", "key"),
-    [("wheel=[{axis=[0, 0, 1]}]", "wheel"), ("thruster=[]", "thruster")],
+    [("wheel=[{axis=[0, 0, 1]}]", "wheel.torque_limit_N_m"), ("thruster=[]", "thruster")],
 )
-def test_the_law_needs_thrusters_and_no_wheels(change, key):
+def test_the_law_needs_actuators_and_full_torques_of_wheels(change, key):
     with pytest.raises(ScenarioError) as caught:
         load("failures-12u", [change])
     assert any(

@@ -41,7 +41,7 @@ LAWS = {"RecedingRiccati": "weight = 50", "Moody": "kp = 0.3\nkd = 2.0", "Partly
 
 SAMPLED = (
     "one-torque-damping", "oscillatory-dispersed", "switching", "switching-rounded",
-    "thruster-dies", "two-torque-free", "wheels-fail",
+    "hybrid-wheels", "thruster-dies", "two-torque-free", "wheels-fail",
 )  # fmt: skip
 """Every law and every kind of actuators of the library once: thruster-dies pulses its thrusters."""
 

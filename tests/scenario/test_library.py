@@ -20,6 +20,7 @@ REAL = [
     "cubesat-12u",
     "failures-12u",
     "failures-telescope",
+    "hybrid-wheels",
     "one-torque-damping",
     "pulsed-two-torque",
     "thruster-dies",

@@ -11,7 +11,12 @@ from jaxsat.control.diagnosis.diagnosis import (
     false_alarm_rate,
 )
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
-from jaxsat.control.diagnosis.residual import AbstractResidualFilter, ActuatorCondition, Reading
+from jaxsat.control.diagnosis.residual import (
+    AbstractResidualFilter,
+    ActuatorCondition,
+    Reading,
+    momentum_with_rotors,
+)
 from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter, ThrusterModel
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 
@@ -31,4 +36,5 @@ __all__ = [
     "average_run_length",
     "cusum_threshold",
     "false_alarm_rate",
+    "momentum_with_rotors",
 ]

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.control.diagnosis.isolation import Hypotheses, Residual
+from jaxsat.spacecraft import Wheels
 
 RealScalar = Float[Array, ""]
 
@@ -33,6 +34,17 @@ class Reading(NamedTuple):
 
     rate: Float[Array, "3"]
     momentum: Float[Array, " wheels"] | None = None
+
+
+def momentum_with_rotors(wheels: Wheels, reading: Reading) -> Float[Array, " wheels"]:
+    """h + J_w aᵀω (N m s): with the inertia of the body without rotors it makes up the total
+    momentum, and motor and friction alone change it. Raises `ValueError` for a reading without.
+    """
+    if reading.momentum is None:
+        raise ValueError("Argument `reading` must have the momenta of wheels, but has none.")
+    if wheels.rotor_inertia is None:
+        return reading.momentum
+    return reading.momentum + wheels.rotor_inertia * (wheels.axes.T @ reading.rate)
 
 
 class ActuatorCondition(NamedTuple):
@@ -166,7 +178,7 @@ class AbstractResidualFilter(eqx.Module):
         left = 1 - gain
         innovation = jnp.where(started, seen - memory.estimate - ahead.change, 0.0)
         steady = None
-        if memory.steady is not None:
+        if memory.steady is not None and ahead.steady is not None:
             steady = jnp.where(started, memory.steady + ahead.steady, 0.0)
         residual = Residual(
             innovation,

@@ -7,7 +7,7 @@ thruster has these kinds of failure in the plane of (a, b) of `jaxsat.control.di
 """
 
 import math
-from typing import ClassVar, cast
+from typing import ClassVar, NamedTuple, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -29,9 +29,10 @@ from jaxsat.control.diagnosis.residual import (
     FilterMemory,
     Prediction,
     Reading,
+    momentum_with_rotors,
 )
 from jaxsat.core.checks import as_float, require_finite, require_positive
-from jaxsat.spacecraft import AbstractModulation
+from jaxsat.spacecraft import AbstractModulation, Wheels
 from jaxsat.spacecraft.dynamics import RigidBody
 
 RealScalar = Float[Array, ""]
@@ -110,14 +111,24 @@ def _parts(information, weighted, uncertainty) -> Float[Array, "kinds 2 m"]:
     )
 
 
+class Late(NamedTuple):
+    """On-time (s) of each failed thruster that was missing and may come late, and what wheels have.
+
+    `turned` (rad/s) is the rate that the momentum of wheels would give the body, None without.
+    """
+
+    on_time: Float[Array, " m"]
+    turned: Float[Array, "3"] | None = None
+
+
 class ThrusterFilter(AbstractResidualFilter):
     """A Kalman filter of the rate about three axes alike, with a scalar variance.
 
-    `model` is the plant as the law believes it, `rate_noise` (rad/s) the standard deviation of an
-    estimated rate. What a failed thruster does not make when it is commanded may come
-    late. For some samples its effect is in doubt, and is not taken for a failure of another. The
-    memory of its own is the on-time (s) of each failed thruster that was missing and may come late.
-    What is commanded are on-times, s.
+    With `wheels` it is that which the body would have if they held no momentum: their motors change
+    nothing in it, so that thrusters alone do. `model` is the plant as the law believes it,
+    `rate_noise` (rad/s) the standard deviation of such a rate. What a failed thruster does not make
+    when it is commanded may come late. For some samples its effect is in doubt, and is not taken
+    for a failure of another. What is commanded are on-times, s. The memory of its own is `Late`.
     """
 
     hypotheses: ClassVar[Hypotheses] = Hypotheses(
@@ -132,6 +143,7 @@ class ThrusterFilter(AbstractResidualFilter):
     model: RigidBody
     thrusters: ThrusterModel
     rate_noise: RealScalar = eqx.field(converter=as_float)
+    wheels: Wheels | None = None
 
     def __check_init__(self):
         require_positive("rate_noise", self.rate_noise)
@@ -147,15 +159,24 @@ class ThrusterFilter(AbstractResidualFilter):
         return self.rate_noise[None]
 
     def read(self, reading: Reading) -> Float[Array, "3 1"]:
-        """The rate, rad/s."""
-        return reading.rate[:, None]
+        """The rate (rad/s) that the body would have with the momentum of the wheels."""
+        turned = self._turned(reading)
+        return (reading.rate if turned is None else reading.rate + turned)[:, None]
+
+    def _turned(self, reading: Reading) -> Float[Array, "3"] | None:
+        """The rate (rad/s) that the momentum of wheels would give the body; None without."""
+        if self.wheels is None:
+            return None
+        momentum = momentum_with_rotors(self.wheels, reading)
+        return self.model.spacecraft.inverse_inertia @ (self.wheels.axes @ momentum)
 
     def init(self, reading: Reading) -> FilterMemory:
         """The filter's memory before the first estimated rate."""
         rate = self.read(reading)
         none = jnp.zeros((3, self.count), rate.dtype)
         no, variance = jnp.array(False), self.noise**2
-        return FilterMemory(rate, variance, none, none, none[0, 0], no, none[0])
+        own = Late(none[0], self._turned(reading))
+        return FilterMemory(rate, variance, none, none, none[0, 0], no, own)
 
     def predicted(
         self,
@@ -169,21 +190,27 @@ class ThrusterFilter(AbstractResidualFilter):
         on_time, body = commanded, self.model.spacecraft
         inverse = body.inverse_inertia
         effect = inverse @ self.thrusters.torque
-        middle = (memory.estimate[:, 0] + reading.rate) / 2
-        gyroscopic = -period * (inverse @ jnp.cross(middle, body.inertia @ middle))
+        turned = self._turned(reading)
+        middle = (memory.estimate[:, 0] + self.read(reading)[:, 0]) / 2
+        turning = middle if turned is None else middle - turned
+        gyroscopic = -period * (inverse @ jnp.cross(turning, body.inertia @ middle))
         expected = condition.part * on_time + condition.flow * period
         besides = self.believed(condition, period)
         change = effect @ expected + gyroscopic + period * (inverse @ besides)
         squares = jnp.sum((effect * expected[None]) ** 2) + jnp.sum(gyroscopic**2)
+        if turned is not None:
+            squares = squares + jnp.sum((turned - memory.own.turned) ** 2)
         missing = jnp.where(condition.failed, 1 - condition.part, -condition.part) * on_time
         return Prediction(
             change[:, None],
             squares,
             effect * missing[None],
             effect * period,
-            lambda _, left: jnp.where(condition.failed, left * memory.own + missing, 0.0),
+            lambda _, left: Late(
+                jnp.where(condition.failed, left * memory.own.on_time + missing, 0.0), turned
+            ),
             period,
-            passing=jnp.sum((effect * memory.own[None]) ** 2),
+            passing=jnp.sum((effect * memory.own.on_time[None]) ** 2),
         )
 
     def tracked(

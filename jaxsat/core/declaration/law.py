@@ -23,7 +23,7 @@ class LawDeclaration:
     - `any_plane`: the two torques are about `jaxsat.core.allocation.torque_directions` of the
       thrusters left, in whatever plane these are, instead of body x and y.
     - `commands_actuators`: the law allocates its torques itself and commands the duty of each
-      `[[thruster]]`, or the torque of each `[[wheel]]`.
+      `[[thruster]]` and the torque of each `[[wheel]]`.
     - `has_model`: whether the table `[control.model]` may say what the controller believes.
     - `measures_disturbance`: whether the key `measured_disturbance` may add the periodic
       disturbance to the model.

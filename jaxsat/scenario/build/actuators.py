@@ -57,7 +57,7 @@ def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedAct
     declaration = scenario.law.declaration
     torques = declaration.torques
     if scenario.wheel and declaration.commands_actuators:
-        return WheelDrives()
+        return _as_commanded(scenario)
     if scenario.wheel and torques:
         return _with_wheels(scenario, torques)
     if scenario.thruster:
@@ -73,6 +73,16 @@ def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedAct
     require_torque(part, location, actuators, jnp.zeros(torques or 2))
     require_events(part, location, actuators, jnp.zeros(torques or 2))
     return actuators
+
+
+def _as_commanded(scenario: Scenario) -> WheelDrives | PulsedActuatorsWithWheels:
+    """Wheels, and thrusters if there are any, under a law that commands each of them."""
+    if not scenario.thruster:
+        return WheelDrives()
+    thrusters, wheels = pulsed_thrusters(scenario, 3), len(scenario.wheel)
+    all_devices = np.eye(thrusters.thrusters.count + wheels)
+    drives = ActuatorsWithWheels(wheel_axes(scenario.wheel), all_devices[-wheels:])
+    return PulsedActuatorsWithWheels(drives, thrusters, all_devices[:-wheels])
 
 
 def _with_wheels(

@@ -142,7 +142,7 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
     torques = declaration.torques
     if declaration.commands_actuators:
         if wheels:
-            yield from _wheels_alone(law, wheels, thrusters or axes)
+            yield from _diagnosed_wheels(law, wheels, bool(thrusters), axes)
         return
     if wheels and torques == 1:
         yield at("wheel", f'must be left out under the law "{law}", which knows thrusters alone')
@@ -162,13 +162,13 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
         )
 
 
-def _wheels_alone(law, wheels, thrusters):
-    """Issues under a law that diagnoses wheels: they alone make torques about three axes."""
+def _diagnosed_wheels(law, wheels, thrusters, axes):
+    """Issues under a law that commands each: they make torques about three axes, or thrusters."""
     what = f'under the law "{law}", which diagnoses wheels'
-    if thrusters:
-        key = "spacecraft.thruster_torque_axes" if isinstance(thrusters[0], tuple) else "thruster"
-        yield at(key, f"must not be given {what}, got {len(thrusters)}")
-    if left_by_wheels(wheels, 3).any():
+    if axes:
+        key = "spacecraft.thruster_torque_axes"
+        yield at(key, f"must not be given {what} ([[thruster]] is diagnosed), got {len(axes)}")
+    if left_by_wheels(wheels, 3).any() and not thrusters:
         left = sum(not one.failed for one in wheels)
         message = f"must leave independent torques about body axes x, y and z {what}"
         yield at("wheel", f"{message}, got {left} of {len(wheels)}")

@@ -52,6 +52,7 @@ def unit_of(field):
         "one-torque-damping",
         "two-wheel-telescope",
         "wheels-fail",
+        "hybrid-wheels",
     ],
 )
 def test_a_flight_of_each_law_is_the_same_at_any_mass(name):

@@ -1,0 +1,135 @@
+"""What actuators of several kinds make together under the fault-tolerant law.
+
+Those that cost nothing make what they can of a torque, the others the rest at the least price; and
+what stores momentum is relieved of it by what stores none.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxsat.control.reconfiguration import FLAT, LEAST_SPARE, SMALL
+from jaxsat.control.tolerant_actuators import Demand
+from jaxsat.spacecraft import Reach, allocate
+
+RealScalar = Float[Array, ""]
+
+
+class MixMemory(NamedTuple):
+    """Whether torques about three axes were left, and whether momentum was being taken out."""
+
+    three: Bool[Array, ""]
+    unloads: Bool[Array, ""]
+
+    @staticmethod
+    def begin() -> "MixMemory":
+        """All work, and nothing is full."""
+        return MixMemory(jnp.array(True), jnp.array(False))
+
+
+class Mix(NamedTuple):
+    """What all kinds can do now, each its own.
+
+    Their `reaches`, the torque (N m) of each that makes up for what acts `steady`, which of them
+    make torques about `three` axes or settle `alone`, and which store momentum.
+    """
+
+    reaches: tuple[Reach, ...]
+    steady: tuple[Float[Array, "3"], ...]
+    three: tuple[Bool[Array, ""], ...]
+    alone: tuple[Bool[Array, ""], ...]
+    stores: tuple[bool, ...]
+
+    @property
+    def reach(self) -> Reach:
+        """That of all together."""
+        columns, low, high, price = zip(*self.reaches, strict=True)
+        return Reach(
+            jnp.concatenate(columns, axis=1),
+            jnp.concatenate(low),
+            jnp.concatenate(high),
+            jnp.concatenate(price),
+        )
+
+    def spans(self, before: MixMemory | None) -> Bool[Array, ""]:
+        """Whether all together make torques about three axes; `before` is None for one kind."""
+        if before is None:
+            return self.three[0]
+        three = jnp.any(jnp.stack(self.three))
+        return jax.lax.cond(three, lambda: jnp.array(True), lambda: self._spans(before.three))
+
+    def _spans(self, held: Bool[Array, ""]) -> Bool[Array, ""]:
+        """By allocation: both ways about each axis, with a part of the largest torque to spare.
+
+        Half of that is enough for what was so before, so that nothing changes to and fro.
+        """
+        reach = self.reach
+        each = jnp.maximum(jnp.abs(reach.low), jnp.abs(reach.high))
+        largest = jnp.max(jnp.abs(reach.columns) * each[None], axis=1)
+        most = jnp.max(largest)
+        spare = LEAST_SPARE * jnp.where(held, 0.5, 1.0)
+        ways = jnp.concatenate([jnp.eye(3), -jnp.eye(3)])
+        steady = sum(self.steady, jnp.zeros(3))
+
+        def also(way, spans):
+            unmade = allocate(reach, steady + spare * ways[way] * largest).unmade
+            return spans & (jnp.sum(unmade**2) < (SMALL * most) ** 2)
+
+        first = jnp.all(largest > FLAT * most)
+        return jax.lax.fori_loop(0, len(ways), also, first)
+
+    def _unloading(self, wanted: Float[Array, "3"]) -> Float[Array, " n"]:
+        """What those that store nothing do for the torque (N m) that takes momentum out."""
+        reach = self.reach
+        kinds = zip(self.reaches, self.stores, strict=True)
+        free = jnp.concatenate([jnp.full(one.low.shape, not stores) for one, stores in kinds])
+        reach = reach._replace(
+            low=jnp.where(free, reach.low, 0.0), high=jnp.where(free, reach.high, 0.0)
+        )
+        return jax.lax.cond(
+            jnp.any(wanted != 0),
+            lambda: allocate(reach, wanted).use,
+            lambda: jnp.zeros_like(reach.high),
+        )
+
+    def demands(
+        self, torque: Float[Array, "3"], unloading: Float[Array, "3"], three: Bool[Array, ""]
+    ) -> list[Demand]:
+        """What each kind is asked for, of a `torque` about three axes if they make one (N m).
+
+        While one kind settles alone, the others make up for what acts all the time at most.
+        """
+        if len(self.reaches) == 1:
+            return [Demand(torque, self.steady[0], three)]
+        reach = self.reach
+        first = self._unloading(unloading)
+        total = torque + sum(self.steady, jnp.zeros(3)) - reach.columns @ first
+        rest = allocate(reach._replace(high=reach.high - first), total).use
+        uses = jnp.split(first + rest, _ends(self.reaches))
+        settled = jnp.stack(self.alone)
+        demands = []
+        for number, (use, one, steady) in enumerate(
+            zip(uses, self.reaches, self.steady, strict=True)
+        ):
+            others = jnp.any(settled & (jnp.arange(len(settled)) != number)) & ~three
+            asked = jnp.where(others, 0.0, torque)
+            demands.append(
+                Demand(
+                    jnp.where(three, one.columns @ use, asked),
+                    jnp.where(three, 0.0, steady),
+                    three | others,
+                    jnp.where(three, use, 0.0),
+                )
+            )
+        return demands
+
+
+def _ends(reaches: tuple[Reach, ...]) -> list[int]:
+    """Where in a vector of all the uses of one kind end and those of the next begin."""
+    ends, place = [], 0
+    for one in reaches[:-1]:
+        place += one.low.shape[0]
+        ends.append(place)
+    return ends

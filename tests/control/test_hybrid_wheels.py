@@ -1,0 +1,164 @@
+"""The fault-tolerant law with wheels and thrusters: what both make together, and flights."""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from helpers.thruster_layouts import canted
+from jaxsat.control.diagnosis import DiagnosedKind
+from jaxsat.control.tolerant_actuators import TolerantMode
+from jaxsat.control.tolerant_mix import Mix, MixMemory
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import build_study
+from jaxsat.spacecraft import Reach
+from jaxsat.store import trajectory_dataset
+
+AXES = np.array([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]]).T / np.sqrt(2)
+TORQUE = canted()[0]
+FULL = 0.5 * np.abs(TORQUE).max()
+BEFORE = MixMemory(jnp.array(False), jnp.array(False))
+
+
+def mix(duty, usable, steady=(0.0, 0.0, 0.0), left=(False, False)):
+    """Thrusters up to a duty each, and wheels up to a torque each."""
+    duty, usable, none = (np.asarray(one, float) for one in (duty, usable, np.zeros(4)))
+    thrusters = Reach(TORQUE, 0 * duty, duty, np.linalg.norm(TORQUE, axis=0))
+    wheels = Reach(AXES, -usable, usable, none)
+    reaches = jax.tree.map(jnp.asarray, (thrusters, wheels))
+    truth = tuple(jnp.array(one) for one in left)
+    alone = (jnp.array(False), jnp.array(False))
+    return Mix(reaches, (jnp.asarray(steady), jnp.zeros(3)), truth, alone, (False, True))
+
+
+def feasible(duty, usable, torque):
+    """Whether SciPy finds uses within the bounds that make a torque."""
+    bounds = [*((0, one) for one in duty), *((-one, one) for one in usable)]
+    scale = np.abs(TORQUE).max()
+    columns = np.concatenate([TORQUE, AXES], axis=1) / scale
+    return linprog(np.zeros(12), A_eq=columns, b_eq=torque / scale, bounds=bounds).status == 0
+
+
+def test_three_axes_are_left_where_a_linear_programme_says_so():
+    """Of two wheels or fewer and up to three thrusters that are left, alone and with a flow."""
+    spans = jax.jit(lambda *given: mix_of(*given).spans(BEFORE))
+
+    def mix_of(duty, usable, steady):
+        one = mix(np.zeros(8), np.zeros(4))
+        thrusters, wheels = one.reaches
+        reaches = (thrusters._replace(high=duty), wheels._replace(low=-usable, high=usable))
+        return one._replace(reaches=reaches, steady=(steady, jnp.zeros(3)))
+
+    rng = np.random.default_rng(8)
+    answers = []
+    for wheels, thrusters in itertools.product((0, 1, 2), (1, 2, 3, 5)):
+        for _ in range(4):
+            usable = FULL * np.isin(np.arange(4), rng.choice(4, wheels, replace=False))
+            duty = 1.0 * np.isin(np.arange(8), rng.choice(8, thrusters, replace=False))
+            steady = 0.05 * rng.normal(size=3) * np.abs(TORQUE).max()
+            columns = np.concatenate([TORQUE * duty, AXES * usable], axis=1)
+            ways = [0.02 * way * np.abs(columns).max(axis=1) for way in (1, -1)]
+            wanted = [steady + np.eye(3)[axis] * way for axis in range(3) for way in ways]
+            expected = all(feasible(duty, usable, torque) for torque in wanted)
+            expected = expected and np.all(np.abs(columns).max(axis=1) > 0)
+            answers.append(expected)
+            assert bool(spans(duty, usable, steady)) == expected, (wheels, thrusters)
+    assert 5 < np.count_nonzero(answers) < len(answers) - 5
+
+
+def test_wheels_make_what_they_can_and_thrusters_the_rest():
+    rng = np.random.default_rng(9)
+    steady = np.array([0.1, -0.05, 0.02]) * FULL
+    three = jnp.array(True)
+
+    def shared(usable, torque, unloading):
+        one = mix(np.ones(8), np.zeros(4), steady)
+        wheels = one.reaches[1]._replace(low=-usable, high=usable)
+        return one._replace(reaches=(one.reaches[0], wheels)).demands(torque, unloading, three)
+
+    demands = jax.jit(shared)
+    for count in (4, 2, 1):
+        usable = FULL * (np.arange(4) < count)
+        for torque in 0.3 * FULL * rng.normal(size=(6, 3)):
+            thrusters, wheels = demands(usable, torque, np.zeros(3))
+            total = np.asarray(thrusters.torque + wheels.torque)
+            np.testing.assert_allclose(total, torque + steady, atol=1e-9 * FULL)
+            assert np.all(np.abs(wheels.use) <= usable * (1 + 1e-12))
+            np.testing.assert_allclose(TORQUE @ thrusters.use, thrusters.torque, atol=1e-12)
+            if count == 4:
+                np.testing.assert_array_equal(thrusters.use, 0)
+    thrusters, wheels = demands(FULL * np.ones(4), np.zeros(3), np.array([0.0, 0.0, 0.2 * FULL]))
+    np.testing.assert_allclose(thrusters.torque, [0, 0, 0.2 * FULL], atol=1e-9 * FULL)
+    np.testing.assert_allclose(wheels.torque, steady - thrusters.torque, atol=1e-9 * FULL)
+
+
+@pytest.mark.slow
+def test_three_wheels_fail_and_thrusters_take_their_axes():
+    run = build(load("hybrid-wheels"))
+    trajectory = run.simulate()
+    signals, times = trajectory.signals, np.asarray(trajectory.times)
+    mode, kind = np.asarray(signals.mode), np.asarray(signals.diagnosed_kind)
+    dead, stopped = DiagnosedKind.DEAD, DiagnosedKind.STOPPED
+    assert kind[-1].tolist() == [-1] * 8 + [dead, stopped, dead, -1]
+    assert set(mode) == {TolerantMode.THREE_AXES, TolerantMode.ALARM, TolerantMode.REALLOCATED}
+    propellant = np.asarray(signals.propellant)
+    assert np.all(propellant[times < 360] == 0)  # three wheels do without
+    assert 0 < propellant[-1] < 5e-3
+    assert float(trajectory.assessment.settled_from) < 600
+    size = 2 * np.linalg.norm(np.asarray(signals.quaternion)[times > 900, 1:], axis=1)
+    assert size.max() < 5e-4
+    data = trajectory_dataset(trajectory, modes=run.modes)
+    assert data["diagnosed_kind"].dims == ("time", "actuator")
+    assert data["actuator"].values[[0, 8]].tolist() == ["thruster 1", "wheel 1"]
+
+
+def wheels(momentum):
+    each = "torque_limit_N_m=0.4, momentum_limit_N_m_s=20, tachometer_noise_N_m_s=2e-3, "
+    each += f"coulomb_friction_N_m=0.01, momentum_N_m_s={momentum}"
+    axes = AXES.T * np.sqrt(2)
+    return "wheel=[" + ", ".join(f"{{axis={axis.tolist()}, {each}}}" for axis in axes) + "]"
+
+
+@pytest.mark.slow
+def test_thrusters_take_momentum_out_of_wheels_that_are_full():
+    """45 N m s about z: down to below a third, and the slew ends as without."""
+    changes = [wheels(16.0), "failure=[]", "initial.omega_rad_s=[0, 0, 0]"]
+    run = build(load("hybrid-wheels", [*changes, "simulation.duration_s=800"]))
+    trajectory = run.simulate()
+    signals, times = trajectory.signals, np.asarray(trajectory.times)
+    momentum = np.asarray(signals.wheel_momentum)
+    assert np.abs(momentum[-1]).max() < 6.0
+    assert not np.any(np.asarray(signals.diagnosed_kind) >= 0)
+    propellant = np.asarray(signals.propellant)
+    assert propellant[-1] == propellant[times > 400][0] > 0  # the dead band
+    assert float(trajectory.assessment.settled_from) < 650
+
+
+@pytest.mark.slow
+def test_a_stuck_thruster_and_two_lost_wheels_are_isolated_and_settle():
+    failures = [
+        "{of='wheel A', at_s=120, kind='dead'}",
+        "{of='thruster 3', at_s=250, kind='stuck-at', fraction=0.5}",
+        "{of='wheel B', at_s=360, kind='stopped'}",
+    ]
+    run = build(load("hybrid-wheels", [f"failure=[{', '.join(failures)}]"]))
+    trajectory = run.simulate()
+    kind = np.asarray(trajectory.signals.diagnosed_kind)[-1]
+    assert np.flatnonzero(kind >= 0).tolist() == [2, 8, 9]
+    assert kind[[2, 8, 9]].tolist() == [
+        DiagnosedKind.STUCK_AT, DiagnosedKind.DEAD, DiagnosedKind.STOPPED
+    ]  # fmt: skip
+    assert float(trajectory.assessment.settled_from) < 1080
+
+
+@pytest.mark.slow
+def test_cases_of_any_attitude_recover_without_a_false_alarm():
+    columns = build_study(load("hybrid-wheels"), 32, seed=2).values(np.arange(32))
+    assert np.all(np.isfinite(columns["settling_time"]))
+    assert not columns["false_alarms"].any()
+    assert not columns["isolated_kind"][:, :8].any()
+    assert np.all(columns["isolated_kind"][:, [8, 9, 10]] > 0)
