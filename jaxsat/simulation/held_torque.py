@@ -1,12 +1,17 @@
-"""What a sampled loop's torque was between the times that are saved."""
+"""What a sampled loop's torque and thrust were between the times that are saved."""
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
-from jaxsat.simulation.trajectory import TorqueRange
+from jaxsat.simulation.assessment import stop_gradient
+from jaxsat.simulation.trajectory import Signals, TorqueRange
+
+Numbers = Int[Array | np.ndarray, " times"]
 
 
 class HeldTorque(NamedTuple):
@@ -22,6 +27,12 @@ class HeldTorque(NamedTuple):
         """Before the first hold."""
         zero = jnp.zeros_like(torque)
         return HeldTorque(zero + jnp.inf, zero - jnp.inf, zero, zero[0])
+
+    @staticmethod
+    def of_ranges(ranges: TorqueRange) -> "HeldTorque":
+        """Of the ranges from every sample to the next; periods are the unit of time."""
+        least, largest, mean = (x[:-1] for x in (ranges.least, ranges.largest, ranges.mean))
+        return HeldTorque(least, largest, mean, np.ones_like(mean[:, 0]))
 
     def with_hold(
         self, length: Float[Array, ""], first: Float[Array, "3"], last: Float[Array, "3"]
@@ -39,14 +50,46 @@ class HeldTorque(NamedTuple):
         """The range of what was held; without anything held no numbers."""
         return TorqueRange(self.least, self.largest, self.integral / self.length)
 
-    def between(self, numbers: Int[Array, " times"], last: Float[Array, "3"]) -> TorqueRange:
+    def between(self, numbers: Numbers, last: Float[Array | np.ndarray, "3"]) -> TorqueRange:
         """Of many periods: the range from each of these samples to the next, then the `last`."""
-        count = numbers.shape[0] - 1
-        after = jnp.searchsorted(numbers, jnp.arange(self.length.shape[0]), side="right") - 1
-        options = {"num_segments": count, "indices_are_sorted": True}
-        least = jax.ops.segment_min(self.least, after, **options)
-        largest = jax.ops.segment_max(self.largest, after, **options)
-        integral = jax.ops.segment_sum(self.integral, after, **options)
-        length = jax.ops.segment_sum(self.length, after, **options)
-        found = TorqueRange(least, largest, integral / length[:, None])
-        return jax.tree.map(lambda x: jnp.concatenate([x, last[None]]), found)
+        length = over_parts(np.add, self.length, numbers)
+        parts = TorqueRange(
+            over_parts(np.minimum, self.least, numbers),
+            over_parts(np.maximum, self.largest, numbers),
+            over_parts(np.add, self.integral, numbers) / length[:, None],
+        )
+        return jax.tree.map(lambda x: _with_last(x, last), parts)
+
+
+def saved(signals: Signals, numbers: Numbers, held: HeldTorque) -> Signals:
+    """Signals of every sample at those of these numbers, ascending from the first to the last one.
+
+    Of thrust levels it is the mean, and of the torques that were `held` in each period the range,
+    from each to the next. NumPy arrays stay what they are.
+    """
+    kept = jax.tree.map(lambda x: x[numbers], signals)
+    ranges, level = held.between(numbers, stop_gradient(kept.torque[-1])), signals.thrust_level
+    kept = eqx.tree_at(lambda one: one.torque_range, kept, ranges, is_leaf=lambda x: x is None)
+    if level is None:
+        return kept
+    counts = numbers[1:] - numbers[:-1]
+    means = over_parts(np.add, level[:-1], numbers) / counts[:, None]
+    return eqx.tree_at(lambda one: one.thrust_level, kept, _with_last(means, level[-1]))
+
+
+def over_parts(combine: np.ufunc, values: Array | np.ndarray, numbers: Numbers):
+    """The sum, least or largest of the values (samples) from each of these samples to the next."""
+    if isinstance(values, np.ndarray):
+        return combine.reduceat(values, numbers[:-1], axis=0)
+    segment = {
+        np.add: jax.ops.segment_sum,
+        np.minimum: jax.ops.segment_min,
+        np.maximum: jax.ops.segment_max,
+    }[combine]
+    part = jnp.searchsorted(numbers, jnp.arange(values.shape[0]), side="right") - 1
+    return segment(values, part, num_segments=numbers.shape[0] - 1, indices_are_sorted=True)
+
+
+def _with_last(values: Array | np.ndarray, last: Array | np.ndarray):
+    xp = np if isinstance(values, np.ndarray) else jnp
+    return xp.concatenate([values, last[None]])

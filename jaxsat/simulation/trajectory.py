@@ -3,6 +3,7 @@
 import enum
 
 import equinox as eqx
+import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.simulation.assessment import Assessment, IntegrationError
@@ -38,9 +39,9 @@ class TorqueRange(eqx.Module):
     `mean` is weighted by time. At the last time all three are the torque there.
     """
 
-    least: Float[Array, "*times 3"]
-    largest: Float[Array, "*times 3"]
-    mean: Float[Array, "*times 3"]
+    least: Float[Array | np.ndarray, "*times 3"]
+    largest: Float[Array | np.ndarray, "*times 3"]
+    mean: Float[Array | np.ndarray, "*times 3"]
 
 
 class Signals(eqx.Module):

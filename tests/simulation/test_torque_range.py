@@ -1,5 +1,6 @@
 """What is told of a torque that changes between the saved times."""
 
+import itertools
 from typing import NamedTuple
 
 import equinox as eqx
@@ -13,6 +14,7 @@ from jaxsat.control import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.simulation import SampledLoop, simulate
+from jaxsat.simulation.held_torque import over_parts
 from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit
@@ -111,3 +113,13 @@ def test_a_failed_run_has_none_after_its_end():
     least = np.asarray(run.torque_range.least)
     assert np.isfinite(least[0]).all()
     assert np.isnan(least[-1]).all()
+
+
+@pytest.mark.parametrize("of", [np.asarray, jnp.asarray])
+def test_parts_of_unequal_length_are_those_of_a_plain_loop(of):
+    """In NumPy and in JAX: sums, least and largest from each number to the next."""
+    values, numbers = np.random.default_rng(3).normal(size=(9, 2)), np.array([0, 1, 4, 9])
+    for combine in (np.add, np.minimum, np.maximum):
+        found = over_parts(combine, of(values), of(numbers))
+        expected = [combine.reduce(values[a:b]) for a, b in itertools.pairwise(numbers)]
+        np.testing.assert_allclose(found, expected, rtol=1e-14)

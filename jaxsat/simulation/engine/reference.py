@@ -3,7 +3,6 @@
 What is run by diffrax imports it there.
 """
 
-import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -20,6 +19,7 @@ from jaxsat.simulation.engine.diffrax_run import Integrated, integrated
 from jaxsat.simulation.engine.interface import CostGradient, Mode
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import Outputs
+from jaxsat.simulation.held_torque import saved
 from jaxsat.simulation.methods import AdaptiveSteps, Adjoint, checkpoints
 
 
@@ -61,11 +61,10 @@ class ReferenceEngine(AbstractBatchEngine):
     ) -> tuple[Outputs, Signals]:
         """Outputs and history of one batch, both from the program that runs batches."""
         outputs, signals, held = _run(self, program, cases, gains)
-        seen = jax.tree.map(lambda x: x[:, instants], signals)
         if held is None:
-            return outputs, seen
-        ranges = jax.vmap(lambda held, last: held.between(jnp.asarray(instants), last))
-        return outputs, dataclasses.replace(seen, torque_range=ranges(held, seen.torque[:, -1]))
+            return outputs, jax.tree.map(lambda x: x[:, instants], signals)
+        numbers = jnp.asarray(instants)
+        return outputs, jax.vmap(lambda *case: saved(case[0], numbers, case[1]))(signals, held)
 
     def differentiate_batch(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Int, PyTree
+from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from jaxsat.core.checks import as_array, as_float, concrete
 from jaxsat.core.jax_internals import Tracer
@@ -25,7 +25,6 @@ from jaxsat.simulation import (
     Trajectory,
     default_method,
 )
-from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
 from jaxsat.simulation.engine.dense_output import require_dense_output
 from jaxsat.simulation.engine.diffrax_run import integrated
@@ -40,6 +39,7 @@ from jaxsat.simulation.engine.program import (
 from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.simulation.engine.runge_kutta import require_explicit
 from jaxsat.simulation.engine.stepper import AbstractStepper
+from jaxsat.simulation.held_torque import HeldTorque, saved
 from jaxsat.simulation.methods import AdaptiveSteps, Adjoint, checkpoints
 from jaxsat.spacecraft import AbstractPulsedActuators
 from jaxsat.spacecraft.dynamics import PlantState
@@ -91,9 +91,7 @@ def _by_diffrax(program: Program, case: PyTree, times, numbers, method, adjoint)
     outputs, signals, held = integrated(program, made, instants, method, adjoint)
     if held is None or numbers is None:
         return _trajectory(times, outputs, signals)
-    signals = _saved(signals, numbers)
-    ranges = held.between(numbers, stop_gradient(signals.torque[-1]))
-    return _trajectory(times, outputs, dataclasses.replace(signals, torque_range=ranges))
+    return _trajectory(times, outputs, saved(signals, numbers, held))
 
 
 def fly(
@@ -165,7 +163,8 @@ class _Flight(eqx.Module):
         if outputs.details.forced:
             return None
         if between > 1:
-            signals = _thinned(signals, between)
+            numbers = np.arange(0, self.program.intervals + 1, between)
+            signals = saved(signals, numbers, HeldTorque.of_ranges(signals.torque_range))
         with jax.debug_nans(False):  # NaN is what there is none of, such as a failed actuator
             outputs, signals = jax.tree.map(lambda x: as_array(np.asarray(x)), (outputs, signals))
         return _trajectory(times, outputs, signals)
@@ -250,37 +249,6 @@ def sample_numbers(loop: SampledLoop, times: Float[Array, " times"]) -> np.ndarr
     if np.abs(numbers * period - (known - known[0])).max() > 1e-6 * period:
         raise ValueError(f"Argument `times` must fall on multiples of the period {period} s.")
     return numbers
-
-
-def _saved(signals: Signals, numbers: Int[Array, " times"]) -> Signals:
-    """Signals at these samples; of thrust levels, the mean from each to the next."""
-    saved = jax.tree.map(lambda x: x[numbers], signals)
-    if signals.thrust_level is None:
-        return saved
-    level = signals.thrust_level
-    sums = jnp.concatenate([jnp.zeros_like(level[:1]), jnp.cumsum(level, axis=0)])
-    ends = jnp.append(numbers[1:], numbers[-1] + 1)
-    means = (sums[ends] - sums[numbers]) / (ends - numbers)[:, None]
-    return dataclasses.replace(saved, thrust_level=means)
-
-
-def _thinned(signals: Signals, every: int) -> Signals:
-    """Of a history at all samples every so many, with thrust levels and torques of all between."""
-    levels, ranges = signals.thrust_level, signals.torque_range
-    assert ranges is not None
-    kept = jax.tree.map(lambda x: x[::every], signals)
-
-    def each(combine: Callable, values) -> Any:
-        between = values[:-1].reshape(-1, every, *values.shape[1:])
-        return np.concatenate([combine(between, axis=1), values[-1:]])
-
-    if levels is not None:
-        kept = eqx.tree_at(lambda one: one.thrust_level, kept, each(np.mean, levels))
-    least, largest, mean = ranges.least, ranges.largest, ranges.mean
-    found = (each(np.min, least), each(np.max, largest), each(np.mean, mean))
-    where = lambda one: (one.least, one.largest, one.mean)  # noqa: E731
-    ranges = eqx.tree_at(where, ranges, found)
-    return eqx.tree_at(lambda one: one.torque_range, kept, ranges)
 
 
 def _trajectory(times, outputs: Outputs, signals: Signals) -> Trajectory:
