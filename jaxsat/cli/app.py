@@ -1,15 +1,25 @@
-"""The commands, and the handling of every exception that they raise."""
+"""The commands, and the handling of every exception that they raise.
+
+The last resort is for one that no command expected: it becomes one line and a file.
+"""
 
 import contextlib
+import os
+import platform
+import re
 import sys
+import tempfile
+import threading
+import traceback
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 
 from cyclopts import App, CycloptsError, UnusedCliTokensError
 
 import jaxsat
 from jaxsat.cli.bound import bound
-from jaxsat.cli.bugs import ending_of, report_error, thread_errors_reported
 from jaxsat.cli.compare import compare
 from jaxsat.cli.completion import completion
 from jaxsat.cli.computing import import_interruptibly
@@ -38,6 +48,13 @@ from jaxsat.cli.tune import tune
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.numerals import at_least_digits
 from jaxsat.core.process import no_collection
+from jaxsat.core.text import clean
+
+MAX_MESSAGE_LENGTH = 300
+"""Characters of an exception's message that are told; the file has all of it."""
+
+OUT_OF_MEMORY_TEXTS = ("RESOURCE_EXHAUSTED", "can't start new thread", "Cannot allocate memory")
+"""How libraries call a lack of memory or threads where they have no exception for it."""
 
 app = App(
     name="jaxsat",
@@ -91,24 +108,7 @@ def run(tokens: Sequence[str] | None = None) -> int:
         )
         return USER_MISTAKE
     except Exception as error:
-        return _failure(error)
-
-
-def _failure(error: Exception) -> int:
-    """Tell of a scenario or results that cannot be used; all else is a mistake of jaxsat's."""
-    if isinstance(error, JaxsatError):
-        from jaxsat.scenario import ScenarioError
-
-        if isinstance(error, ScenarioError):
-            print_problems(error)
-            return USER_MISTAKE
-        from jaxsat.store import OutputError  # slow to import
-
-        if isinstance(error, OutputError):
-            print_stderr(f"{error}{' (--elsewhere)' if error.elsewhere else ''}")
-            return FAILED_RUN if error.failure else USER_MISTAKE
-    report_error(error)
-    return FAILED_RUN
+        return report_error(error)
 
 
 def _command(tokens: Sequence[str] | None) -> int:
@@ -131,3 +131,101 @@ def _command(tokens: Sequence[str] | None) -> int:
 def _show_warning(message: Warning | str, *place: object) -> None:
     del place  # in the source, which says nothing to a user
     print_warning(str(message))
+
+
+def failure_of(error: BaseException) -> str | None:
+    """What to tell of an exception that means a lack of memory or a failing disk, else None."""
+    from jaxsat.store.files import FAILURES
+
+    if isinstance(error, BrokenPipeError):
+        return "a process that was to take part in this has gone"
+    if isinstance(error, OSError) and error.errno in FAILURES:
+        where = "" if error.filename is None else f"{error.filename}: "
+        return f"{where}{error.strerror}"
+    if isinstance(error, MemoryError) or any(sign in str(error) for sign in OUT_OF_MEMORY_TEXTS):
+        return "not enough memory; ask for fewer cases at once"
+    return None
+
+
+def ending_of(error: SystemExit) -> str:
+    """What ended Python, and where: "sys.exit(3) (law.py:12)"."""
+    code = "" if error.code is None else clean(repr(error.code), MAX_MESSAGE_LENGTH)
+    frames = traceback.extract_tb(error.__traceback__)
+    places = [f'"{one.filename}", line {one.lineno}' for one in frames]
+    places += [line for note in getattr(error, "__notes__", ()) for line in note.split("\n")]
+    matches = [match for place in places if (match := re.search(r'"(.+)", line (\d+)', place))]
+    where = f" ({matches[-1][1]}:{matches[-1][2]})" if matches else ""
+    return f"sys.exit({code}){where}"
+
+
+def report_error(error: Exception) -> int:
+    """Tell of an exception; gives the exit status.
+
+    One line for a scenario or results that cannot be used, or a lack of memory or disk. All else is
+    a mistake of jaxsat's, of which a file has the traceback, too.
+    """
+    if isinstance(error, JaxsatError):
+        from jaxsat.scenario import ScenarioError
+
+        if isinstance(error, ScenarioError):
+            print_problems(error)
+            return USER_MISTAKE
+        from jaxsat.store import OutputError  # slow to import
+
+        if isinstance(error, OutputError):
+            print_stderr(f"{error}{' (--elsewhere)' if error.elsewhere else ''}")
+            return FAILED_RUN if error.failure else USER_MISTAKE
+    failure = failure_of(error)
+    if failure is None:
+        report_bug(error)
+    else:
+        print_stderr(failure)
+    return FAILED_RUN
+
+
+def report_bug(error: BaseException) -> None:
+    """One line on standard error, and the traceback in a file that only its owner can read."""
+    kind, text = type(error).__name__, str(error).strip()
+    first = clean(text.split("\n")[0], MAX_MESSAGE_LENGTH)
+    what = f"{kind}: {first}" if first else kind
+    try:
+        place = f"its traceback is in {_written(error)}, please report it with that file"
+    except OSError as reason:
+        place = f"its traceback cannot be written ({reason.strerror or reason})"
+    print_stderr(f"{what}; this is a bug in jaxsat, {place}")
+
+
+@contextmanager
+def thread_errors_reported() -> Iterator[None]:
+    """Have exceptions that end a thread, or that Python cannot raise, told in the same way."""
+    messages: set[str] = set()
+
+    def tell(error: BaseException | None) -> None:
+        if not isinstance(error, Exception) or repr(error) in messages:
+            return
+        messages.add(repr(error))
+        report_error(error)
+
+    before = threading.excepthook, sys.unraisablehook
+    threading.excepthook = sys.unraisablehook = lambda raised: tell(raised.exc_value)
+    try:
+        yield
+    finally:
+        threading.excepthook, sys.unraisablehook = before
+
+
+def _written(error: BaseException) -> Path:
+    from jaxsat.store import command_line
+
+    try:
+        lines = traceback.format_exception(error)
+    except Exception as other:  # such as a __str__ or __repr__ that fails
+        lines = [f"{type(error).__name__}, of which {type(other).__name__} keeps the traceback\n"]
+    versions = [
+        f"jaxsat {jaxsat.__version__}, Python {platform.python_version()}, {platform.platform()}\n",
+        f"{command_line()}\n\n",
+    ]
+    number, name = tempfile.mkstemp(prefix="jaxsat-traceback-", suffix=".txt")  # O_EXCL, 0600
+    with os.fdopen(number, "w", encoding="utf-8", errors="backslashreplace") as file:
+        file.writelines([*versions, *lines])
+    return Path(name)
