@@ -161,10 +161,14 @@ def ending_of(error: SystemExit) -> str:
 def report_error(error: Exception) -> int:
     """Tell of an exception; gives the exit status.
 
-    One line for a scenario or results that cannot be used, or a lack of memory or disk. All else is
-    a mistake of jaxsat's, of which a file has the traceback, too.
+    One line for a scenario or results that cannot be used, a failure of what was rightly asked for,
+    or a lack of memory or disk. All else is a mistake of jaxsat's, of which a file has the
+    traceback, too.
     """
     if isinstance(error, JaxsatError):
+        if error.failure:
+            print_stderr(str(error))
+            return FAILED_RUN
         from jaxsat.scenario import ScenarioError
 
         if isinstance(error, ScenarioError):
@@ -174,7 +178,7 @@ def report_error(error: Exception) -> int:
 
         if isinstance(error, OutputError):
             print_stderr(f"{error}{' (--elsewhere)' if error.elsewhere else ''}")
-            return FAILED_RUN if error.failure else USER_MISTAKE
+            return USER_MISTAKE
     failure = failure_of(error)
     if failure is None:
         report_bug(error)

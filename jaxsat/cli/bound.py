@@ -13,7 +13,6 @@ from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
-    FailedRun,
     UserMistake,
     print_document,
     print_stderr,
@@ -101,7 +100,7 @@ def bound(
 def _best(scenario: "Scenario", objective: Objective, **keys: Any) -> "Bound | None":
     """What the library finds; its errors become mistakes and failures."""
     import jaxsat
-    from jaxsat.synthesis.bounds.run import UnsolvedBound, UnsuitableScenario
+    from jaxsat.synthesis.bounds.run import UnsuitableScenario
 
     try:
         return interruptibly(
@@ -111,8 +110,6 @@ def _best(scenario: "Scenario", objective: Objective, **keys: Any) -> "Bound | N
         raise unsuitable(error) from None
     except (ValueError, ModuleNotFoundError) as error:
         raise UserMistake(str(error)) from None
-    except UnsolvedBound as error:
-        raise FailedRun(str(error)) from None
 
 
 def unsuitable(error: "UnsuitableScenario") -> UserMistake:

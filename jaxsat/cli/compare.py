@@ -23,9 +23,8 @@ from jaxsat.cli.options import (
 )
 from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.study_executors import study_problems
 from jaxsat.cli.study_files import refuse_csv
-from jaxsat.cli.terminal import SUCCESS, FailedRun, UserMistake, print_document, print_stdout
+from jaxsat.cli.terminal import SUCCESS, UserMistake, print_document, print_stdout
 
 Level = Literal["nominal", "mc", "hard", "all"]
 Found = TypeVar("Found")
@@ -159,9 +158,8 @@ def _on_acceptance_set(
     )
     csv = acceptance.csv
     if csv is not None:
-        with study_problems():
-            content = interruptibly(lambda: comparison.table(out).to_csv(index=False))
-            save_file(csv, content, overwrite=results.overwrite, option="--csv")
+        content = interruptibly(lambda: comparison.table(out).to_csv(index=False))
+        save_file(csv, content, overwrite=results.overwrite, option="--csv")
     return comparison.as_data()
 
 
@@ -197,18 +195,15 @@ def _in_scenario(
 
 def _computed(out: Path, work: Callable[[], Found]) -> Found:
     """What the library finds; its errors become mistakes, and an interruption tells of `out`."""
-    from jaxsat.synthesis.bounds.run import UnsolvedBound
     from jaxsat.synthesis.comparison.run import UnsuitableLaw, UnsuitableSetting
 
     try:
-        with study_problems(), resumed_later(out):
+        with resumed_later(out):
             return interruptibly(work)
     except UnsuitableLaw as error:
         raise UserMistake(f"--law: {error}") from None
     except (UnsuitableSetting, ModuleNotFoundError) as error:
         raise UserMistake(str(error)) from None
-    except UnsolvedBound as error:
-        raise FailedRun(str(error)) from None
 
 
 def _chosen(names: Sequence[str], options: Iterable[str]) -> list[str]:

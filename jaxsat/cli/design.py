@@ -10,7 +10,6 @@ from jaxsat.cli.listening import execution, listener, resumed_later
 from jaxsat.cli.loading import load_vehicle
 from jaxsat.cli.options import OptionalSeed, Overrides, Resumable, Text, number, whole
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.study_executors import study_problems
 from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
@@ -83,7 +82,7 @@ def design(
     import jaxsat
 
     try:
-        with study_problems(), resumed_later(target):
+        with resumed_later(target):
             result = interruptibly(
                 lambda: jaxsat.design(
                     vehicle,

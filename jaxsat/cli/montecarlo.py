@@ -25,7 +25,7 @@ from jaxsat.cli.options import (
 from jaxsat.cli.places import refuse_nested, try_folder
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import PlannedReport, finish_report, planned_report
-from jaxsat.cli.study_executors import Sharing, chosen_executor, study_problems
+from jaxsat.cli.study_executors import Sharing, chosen_executor
 from jaxsat.cli.study_files import (
     figures_folder,
     refuse_csv,
@@ -287,15 +287,14 @@ def _run(
 ) -> int:
     from jaxsat.studies import run_study
 
-    with study_problems():
-        return interruptibly(
-            lambda: run_study(
-                study,
-                target,
-                executor=executor,
-                until=rule,
-                report=lambda progress: show_progress(progress_text(progress)),
-                tell=tell_repair,
-                elsewhere=elsewhere,
-            )
+    return interruptibly(
+        lambda: run_study(
+            study,
+            target,
+            executor=executor,
+            until=rule,
+            report=lambda progress: show_progress(progress_text(progress)),
+            tell=tell_repair,
+            elsewhere=elsewhere,
         )
+    )

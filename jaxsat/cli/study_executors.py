@@ -1,14 +1,12 @@
 """The executors of a study, from the options of the commands."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cyclopts import Parameter
 
 from jaxsat.cli.options import BatchSize, OptionalBatchSize, Text, Workers
-from jaxsat.cli.terminal import FailedRun, UserMistake, print_stderr
+from jaxsat.cli.terminal import UserMistake, print_stderr
 from jaxsat.core.process import processors
 
 if TYPE_CHECKING:
@@ -79,17 +77,6 @@ def chosen_executor(
         return Processes(count, min(workers or share, share))
     workers = min(workers or processors(), processors())
     return Threads(workers) if workers > 1 else Serial()
-
-
-@contextmanager
-def study_problems() -> Iterator[None]:
-    """Inside, stores that cannot be used and workers that do not live are the command's problem."""
-    from jaxsat.studies import ClusterError
-
-    try:
-        yield
-    except ClusterError as error:
-        raise FailedRun(str(error)) from None
 
 
 def _cluster(place: str) -> "AbstractExecutor":

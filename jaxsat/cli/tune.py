@@ -9,7 +9,6 @@ from jaxsat.cli.options import BatchSize, Flag, Overrides, Resumable
 from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.terminal import (
     SUCCESS,
-    FailedRun,
     UserMistake,
     print_document,
     print_stdout,
@@ -58,7 +57,6 @@ def tune(
 
     import jaxsat
     from jaxsat.synthesis.tuning.run import TUNED
-    from jaxsat.synthesis.tuning.unusable import NoGradient
 
     try:
         with resumed_later(target / TUNED, "the best gains so far are in {}"):
@@ -74,8 +72,6 @@ def tune(
                     listener=listener(target, results),
                 )
             )
-    except NoGradient as error:
-        raise FailedRun(str(error)) from None
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if not results.quiet:

@@ -15,6 +15,9 @@ class JaxsatError(Exception):
     ScenarioError
     """
 
+    failure: bool = False
+    """Whether something failed although it was rightly asked for, such as a full disk."""
+
 
 FOREIGN = (Exception, SystemExit)
 """What code that is not jaxsat's may end with: also by `sys.exit`, which is no success here."""

@@ -26,6 +26,8 @@ PATIENCE_S = 10.0
 class ClusterError(JaxsatError):
     """Workers that cannot be reached or do not live; the message says what happened."""
 
+    failure = True
+
 
 class AbstractExecutor(abc.ABC):
     """Computes chunks, a bounded number at a time, in any order."""

@@ -35,6 +35,8 @@ class UnsuitableScenario(JaxsatError, ValueError):
 class UnsolvedBound(JaxsatError):
     """A manoeuvre for which CasADi fails."""
 
+    failure = True
+
 
 def bound(
     scenario: Scenario,

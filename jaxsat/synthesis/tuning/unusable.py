@@ -21,6 +21,8 @@ LISTED = 8
 class NoGradient(JaxsatError):
     """No case of a step has a usable gradient, at none of its points."""
 
+    failure = True
+
 
 class Unusable(NamedTuple):
     """Cases at one point of the search whose cost or derivative is not finite.
