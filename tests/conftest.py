@@ -15,7 +15,9 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
-from helpers import compiling
+import pytest
+
+from helpers import compiling, tools
 
 SHARED_COMPILATIONS = {
     "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2",
@@ -37,23 +39,29 @@ def _share_compilations() -> None:
 compiling.skip_most_optimisations()
 _share_compilations()
 
-import jax  # noqa: E402
-import pytest  # noqa: E402
-from hypothesis import settings  # noqa: E402
-
-from helpers import tools, typechecking  # noqa: E402
-
 pytest.register_assert_rewrite("scenario.mistakes", "compiler.rule_checks")
 
-jax.config.update("jax_enable_x64", True)
-jax.config.update("jax_numpy_rank_promotion", "raise")
 
-typechecking.install()
+def pytest_configure(config):
+    """Set up the processes that run tests; xdist's controller only gives tests out."""
+    if not getattr(config.option, "numprocesses", None):
+        _set_up()
 
-gc.set_threshold(200_000, 50, 50)  # tracing makes objects by the million, few of them in circles
 
-settings.register_profile("jaxsat", deadline=None, max_examples=50, derandomize=True)
-settings.load_profile("jaxsat")
+def _set_up() -> None:
+    import jax
+    from hypothesis import settings
+
+    from helpers import typechecking
+
+    jax.config.update("jax_enable_x64", True)
+    jax.config.update("jax_numpy_rank_promotion", "raise")
+    typechecking.install()
+    # Tracing makes objects by the million, few of them in circles.
+    gc.set_threshold(200_000, 50, 50)
+    settings.register_profile("jaxsat", deadline=None, max_examples=50, derandomize=True)
+    settings.load_profile("jaxsat")
+
 
 # In a shell's background job or under nohup, programs started by tests would ignore these as well.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -120,6 +128,8 @@ def _programs_do_not_fill_the_memory():
     global _left
     yield
     if sys.platform == "linux" and _resident() > max(MAX_MEMORY, _left + MIN_GAIN):
+        import jax
+
         jax.clear_caches()
         gc.collect()
         ctypes.CDLL(None).malloc_trim(0)

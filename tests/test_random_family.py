@@ -7,11 +7,14 @@ import pytest
 from jaxsat.scenario.holding import missing_torque
 from random_family import LEAST_COUPLING, family_member, family_scenario
 
-MEMBERS = [family_member(number) for number in range(12)]
+
+@pytest.fixture(scope="module")
+def members():
+    return [family_member(number) for number in range(12)]
 
 
-def test_members_are_as_said():
-    for member in MEMBERS:
+def test_members_are_as_said(members):
+    for member in members:
         low, middle, high = np.linalg.eigvalsh(member.inertia)
         one, other = member.torque_axes
         assert low + middle >= high > 0
@@ -20,24 +23,24 @@ def test_members_are_as_said():
         assert member.limit > 0
 
 
-def test_a_member_is_a_function_of_seed_and_number_alone():
+def test_a_member_is_a_function_of_seed_and_number_alone(members):
     again = family_member(5)
-    np.testing.assert_array_equal(again.inertia, MEMBERS[5].inertia)
-    assert again[3:] == MEMBERS[5][3:]
-    assert family_member(5, 1).limit != MEMBERS[5].limit
+    np.testing.assert_array_equal(again.inertia, members[5].inertia)
+    assert again[3:] == members[5][3:]
+    assert family_member(5, 1).limit != members[5].limit
     with jax.enable_x64(False):
-        np.testing.assert_array_equal(family_member(5).inertia, MEMBERS[5].inertia)
+        np.testing.assert_array_equal(family_member(5).inertia, members[5].inertia)
 
 
 @pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
-def test_gravity_gradient_acts_in_low_orbit_alone():
-    acts = [family_scenario(one, "three-slew").disturbance.gravity_gradient for one in MEMBERS]
-    assert acts == [one.orbit_rate > 0 for one in MEMBERS]
+def test_gravity_gradient_acts_in_low_orbit_alone(members):
+    acts = [family_scenario(one, "three-slew").disturbance.gravity_gradient for one in members]
+    assert acts == [one.orbit_rate > 0 for one in members]
     assert {True, False} == {*acts}
 
 
-def test_the_orbit_frame_can_be_held():
-    for member in MEMBERS:
+def test_the_orbit_frame_can_be_held(members):
+    for member in members:
         if member.orbit_rate:
             normal = np.cross(*member.torque_axes)
             normal /= np.linalg.norm(normal)
@@ -46,9 +49,9 @@ def test_the_orbit_frame_can_be_held():
 
 
 @pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
-def test_dispersions_are_those_of_the_acceptance_set_in_its_own_units():
+def test_dispersions_are_those_of_the_acceptance_set_in_its_own_units(members):
     """Rates times τ, and torques over the torque that τ is made of, are the paper's at 5 N m."""
-    for member in MEMBERS[:3]:
+    for member in members[:3]:
         scenario = family_scenario(member, "three-slew")
         rates = scenario.dispersion.omega_rad_s
         assert rates.high * member.unit == pytest.approx(0.1 * 8.3050, rel=1e-4)
