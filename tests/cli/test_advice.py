@@ -49,6 +49,7 @@ def command_of(chain):
     return functools.reduce(lambda found, name: found[name], chain, app)
 
 
+@functools.cache
 def options_of(chain):
     arguments = command_of(chain).assemble_argument_collection()
     return {name for argument in arguments for name in argument.names} | {"--help", "--version"}

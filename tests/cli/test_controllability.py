@@ -149,8 +149,8 @@ def test_a_direction_near_an_axis_has_no_negative_zero():
 def test_more_digits_are_printed_where_they_are_asked_for(command_line):
     found = {}
     for digits in ((), ("--digits", "12")):
-        status, out, _ = command_line("controllability", "paper-rate", *digits)
+        status, out, _ = command_line("controllability", "wheels-fail", *digits)
         assert status == 0
-        found[digits] = [len(one) for one in re.findall(r"margin 0\.0*([1-9]\d*)", out)]
+        found[digits] = [len(one) for one in re.findall(r"\d of \d +0\.0*([1-9]\d*)", out)]
     assert set(found[()]) == {3}
     assert max(found[("--digits", "12")]) >= 10

@@ -1,5 +1,6 @@
 """Holds against a drift that is too large to balance, against motions integrated by SciPy."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -104,11 +105,13 @@ def test_the_first_hold_is_judged_once_when_the_drift_is_known():
 def test_oscillating_before_a_hold_is_no_age_of_it():
     """The drift is learnt while holding: the first hold is judged however late it begins."""
     age, step = KNOWN_PERIODS * 2 * np.pi / 0.3, 0.1
-    hold, judged = HoldRecord.none(jnp.zeros(3)), []
     begins, ends = 3 * age, 4.5 * age
-    for clock in np.arange(0, ends, step):
-        now = UnbalancedDrift.of(hold, jnp.array(clock), *map(jnp.array, (0.3, DRIFT, 0.0)))
-        assert bool(now.drifts) == (clock > begins + age)
-        hold = hold.after(jnp.array(clock >= begins), jnp.array(clock), now)
-        judged += [clock] if now.judged else []
-    assert judged == pytest.approx([begins + age], abs=2 * step)
+    clocks = np.arange(0, ends, step)
+
+    def cycle(hold, clock):
+        now = UnbalancedDrift.of(hold, clock, *map(jnp.array, (0.3, DRIFT, 0.0)))
+        return hold.after(clock >= begins, clock, now), (now.drifts, now.judged)
+
+    _, (drifts, judged) = jax.lax.scan(cycle, HoldRecord.none(jnp.zeros(3)), clocks)
+    np.testing.assert_array_equal(drifts, clocks > begins + age)
+    assert clocks[judged] == pytest.approx([begins + age], abs=2 * step)

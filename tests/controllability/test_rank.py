@@ -53,9 +53,9 @@ def test_separatrix_planes_exactly():
 @pytest.mark.parametrize("moments", [(9, 5, 7), (5, 5, 7), (4, 4, 4)], ids=str)
 def test_lie_brackets_in_local_coordinates_agree(moments, axes):
     inertia, turned = rotated(moments, axes, (1, 2, 0, 1))
-    algebra = GibbsAlgebra(inertia, turned)
-    assert algebra.closure_rank() == fraction_rank(inertia, turned)
-    assert analyse(np.array(inertia, float), columns(turned)).rank == algebra.closure_rank()
+    rank = GibbsAlgebra(inertia, turned).closure_rank()
+    assert rank == fraction_rank(inertia, turned)
+    assert rank == analyse(np.array(inertia, float), columns(turned)).rank
 
 
 def test_separatrix_plane_in_local_coordinates():

@@ -308,11 +308,11 @@ def after_two_periods(loop, gain, x, quaternion, omega):
         rate = changed.plant_rate(t, plant, hold, jnp.zeros_like(hold.length))
         return jax.tree.map(lambda one, slope: one + hold.length * slope, plant, rate), carry
 
-    state = start
-    for number in range(2):
+    def period(number, state):
         t = number * changed.controller.period
-        state, _, _ = changed.period(jnp.array(number), t, state, step, None)
-    return leaves(state.plant)
+        return changed.period(number, t, state, step, None)[0]
+
+    return leaves(jax.lax.fori_loop(0, 2, period, start).plant)
 
 
 def leaves(plant):

@@ -72,7 +72,7 @@ BEYOND = {
     "tracker_outage_start": (-1.0, 2e8),
     "tracker_outage": (-1.0, 2e8),
 }
-"""For every quantity a number too low and one too high, in the scenarios of `base`."""
+"""For every quantity a number too low and one too high, in the scenarios of `scenario`."""
 
 
 def test_every_quantity_has_its_test():
@@ -102,55 +102,86 @@ GYROS = (
 )
 
 
-def base(name):
-    if (name.startswith("fail") and "wheel" not in name) or name in (*OF_RODS, *OF_GYROS):
-        return "cubesat-12u"
-    return "benchmark-three-axis" if name == "rate_error" else "switching"
-
-
-def changes(name):
+def scenario(name):
+    """The scenario in which a quantity may be drawn: its name, and what is changed in it."""
     if name in OF_RODS:
-        return RODS
+        return "cubesat-12u", RODS
     if name in OF_GYROS:
-        return GYROS
-    if base(name) != "switching":
-        return ()
+        return "cubesat-12u", GYROS
+    if name.startswith("fail") and "wheel" not in name:
+        return "cubesat-12u", ()
+    if name == "rate_error":
+        return "benchmark-three-axis", ()
     if name.startswith(("gyro", "tracker")):
-        return (*SENSORS, "sampling.rate_noise_rad_s=0", "sampling.attitude_noise_rad=0")
-    found = ("sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5")
-    return (*found, *(WHEELS if "wheel" in name or "rotor" in name else ()))
+        noise = ("sampling.rate_noise_rad_s=0", "sampling.attitude_noise_rad=0")
+        return "switching", (*SENSORS, *noise)
+    sampling = ("sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5")
+    return "switching", (*sampling, *(WHEELS if "wheel" in name or "rotor" in name else ()))
+
+
+def problems(names, distributions, *more):
+    """What is wrong with the distributions of quantities that share a scenario: key and message."""
+    base, changed = scenario(names[0])
+    keys = {name: f"dispersion.{DISPERSIBLE[name].key}" for name in names}
+    drawn = [f"{keys[name]}={distributions[name]}" for name in names]
+    with pytest.raises(ScenarioError) as caught:
+        load(base, [*more, *changed, *drawn], purpose="study")
+    return {
+        name: [
+            (problem.key.removeprefix(key).removeprefix("."), problem.message)
+            for problem in caught.value.problems
+            if f"{problem.key}.".startswith(f"{key}.")
+        ]
+        for name, key in keys.items()
+    }
 
 
 def refused(name, distribution, *more):
-    key = f"dispersion.{DISPERSIBLE[name].key}"
-    with pytest.raises(ScenarioError) as caught:
-        load(base(name), [*more, *changes(name), f"{key}={distribution}"], purpose="study")
-    problem, *_ = caught.value.problems
-    return problem.key.removeprefix(key).removeprefix("."), problem.message
+    return problems([name], {name: distribution}, *more)[name][0]
+
+
+OF_ONE_SCENARIO = [
+    [name for name in BEYOND if scenario(name) == one]
+    for one in dict.fromkeys(map(scenario, BEYOND))
+]
 
 
 @pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")  # of two wheels' momentum
-@pytest.mark.parametrize("name", BEYOND)
-def test_supports_are_held_against_the_ranges_of_the_keys(name):
-    fine = NOMINAL.get(name, 0.0)
-    low, high = BEYOND[name]
-    for other, word, uniform in ((low, "least", (low, fine)), (high, "most", (fine, high))):
-        end = "low" if other == low else "high"
-        table = f"{{distribution='uniform', low={uniform[0]}, high={uniform[1]}}}"
-        key, message = refused(name, table)
-        assert key == end
-        assert f"must be at {word} " in message
-        assert f"got {other:.6g}" in message
-        assert refused(name, f"{{distribution='normal', mean={other}, sigma=1}}")[0] == "mean"
-        for kind, text in (
-            ("discrete", f"values=[{fine}, {other}], weights=[1, 1]"),
-            ("truncated-normal", f"mean=0, sigma=1e6, low={uniform[0]}, high={uniform[1]}"),
-        ):
-            found = refused(name, f"{{distribution='{kind}', {text}}}")
-            assert found[0] == ("values" if kind == "discrete" else end)
-    with pytest.raises(ValueError, match=f"`{name}` must be at least"):
-        loop = build(load(base(name), changes(name))).loop
-        Dispersions({name: Uniform(low, fine)}).check(loop)
+@pytest.mark.parametrize("names", OF_ONE_SCENARIO, ids=lambda names: names[0])
+@pytest.mark.parametrize(("end", "word"), [("low", "least"), ("high", "most")])
+def test_supports_are_held_against_the_ranges_of_the_keys(names, end, word):
+    beyond = {name: BEYOND[name][end == "high"] for name in names}
+    fine = {name: NOMINAL.get(name, 0.0) for name in names}
+    ends = {
+        name: f"low={min(fine[name], other)}, high={max(fine[name], other)}"
+        for name, other in beyond.items()
+    }
+    of_kinds = {
+        "uniform": (end, ends),
+        "normal": ("mean", {name: f"mean={other}, sigma=1" for name, other in beyond.items()}),
+        "discrete": (
+            "values",
+            {name: f"values=[{fine[name]}, {beyond[name]}], weights=[1, 1]" for name in names},
+        ),
+        "truncated-normal": (end, {name: f"mean=0, sigma=1e6, {ends[name]}" for name in names}),
+    }
+    for kind, (key, texts) in of_kinds.items():
+        tables = {name: f"{{distribution='{kind}', {text}}}" for name, text in texts.items()}
+        for name, wrong in problems(names, tables).items():
+            assert [found for found, _ in wrong] == [key], (name, kind)
+            if kind == "uniform":
+                assert f"must be at {word} " in wrong[0][1]
+                assert f"got {beyond[name]:.6g}" in wrong[0][1]
+
+
+@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
+@pytest.mark.parametrize("names", OF_ONE_SCENARIO, ids=lambda names: names[0])
+def test_distributions_made_in_python_are_held_against_them_as_well(names):
+    loop = build(load(*scenario(names[0]))).loop
+    for name in names:
+        beyond = Uniform(BEYOND[name][0], NOMINAL.get(name, 0.0))
+        with pytest.raises(ValueError, match=f"`{name}` must be at least"):
+            Dispersions({name: beyond}).check(loop)
 
 
 @pytest.mark.parametrize(
