@@ -1,5 +1,6 @@
 """What is left of wheels and how they share a torque, against NumPy's singular values."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -30,13 +31,21 @@ def condition(count, failed=(), part=None, flow=None):
     )
 
 
+find = eqx.filter_jit(WheelAllocation.find)
+
+
+@eqx.filter_jit
+def torques(made, found, torque, momentum, unloading):
+    return made.balanced(found, made.shared(found, torque), momentum, unloading)
+
+
 @pytest.mark.parametrize("seed", [1, 3, 4])
 def test_shares_are_the_weighted_least_squares(seed):
     rng = np.random.default_rng(seed)
     axes = rng.normal(size=(3, 5))
     part = rng.uniform(0.3, 1.0, 5)
     made = allocation(axes)
-    found = made.find(condition(5, (2,), part), jnp.zeros(5))
+    found = find(made, condition(5, (2,), part), jnp.zeros(5))
     assert int(found.left) == Left.THREE_AXES
     kept = np.arange(5) != 2
     root = np.sqrt(np.where(np.arange(5) == 2, 0.0, part))
@@ -45,7 +54,7 @@ def test_shares_are_the_weighted_least_squares(seed):
     np.testing.assert_allclose(found.shares, expected, atol=1e-12)
     torque = 0.01 * rng.normal(size=3)
     momentum = jnp.asarray(rng.normal(size=5))
-    shared = np.asarray(made.torques(found, jnp.asarray(torque), momentum, jnp.array(0.01)))
+    shared = np.asarray(torques(made, found, jnp.asarray(torque), momentum, jnp.array(0.01)))
     np.testing.assert_allclose(unit @ shared, torque, atol=1e-14)
     assert shared[2] == 0
     full = np.where(kept, part, 0.0)
@@ -58,7 +67,7 @@ def test_shares_are_the_weighted_least_squares(seed):
     [((), 0), ((0,), 0), ((0, 1), 1), ((0, 2), 1), ((0, 1, 2), 2), ((0, 1, 2, 3), 2)],
 )
 def test_what_is_left_is_what_singular_values_say(failed, left):
-    found = allocation().find(condition(4, failed), jnp.zeros(4))
+    found = find(allocation(), condition(4, failed), jnp.zeros(4))
     assert int(found.left) == left
     kept = np.delete(PYRAMID, failed, axis=1)
     assert np.linalg.matrix_rank(kept) == (3, 2, len(kept.T))[left]
@@ -68,15 +77,15 @@ def test_what_is_left_is_what_singular_values_say(failed, left):
         np.testing.assert_allclose(normal @ kept, 0.0, atol=1e-12)
         assert np.linalg.norm(normal) == pytest.approx(1)
         torque = kept @ np.array([0.02, -0.05])
-        shared = allocation().torques(found, jnp.asarray(torque), jnp.ones(4), jnp.array(0.0))
+        shared = torques(allocation(), found, jnp.asarray(torque), jnp.ones(4), jnp.array(0.0))
         np.testing.assert_allclose(np.delete(shared, failed), [0.02, -0.05], atol=1e-14)
 
 
 def test_torques_beyond_the_limits_keep_their_direction():
     made = allocation()
-    found = made.find(condition(4, (0,)), jnp.zeros(4))
+    found = find(made, condition(4, (0,)), jnp.zeros(4))
     torque = np.array([0.9, -0.4, 0.5])
-    shared = np.asarray(made.torques(found, jnp.asarray(torque), jnp.zeros(4), jnp.array(0.0)))
+    shared = np.asarray(torques(made, found, jnp.asarray(torque), jnp.zeros(4), jnp.array(0.0)))
     assert np.abs(shared).max() == pytest.approx(0.4)
     total = PYRAMID @ shared
     np.testing.assert_allclose(np.cross(total, torque), 0.0, atol=1e-12)
@@ -99,17 +108,17 @@ def test_a_motor_makes_the_torque_beside_friction_and_in_part():
 
 def test_a_braked_wheel_is_left_out_and_does_not_come_and_go():
     made, momentum = allocation(), jnp.zeros(4)
-    used = made.find(condition(4, (), None, [0.85, 0, 0, 0]), momentum)
+    used = find(made, condition(4, (), None, [0.85, 0, 0, 0]), momentum)
     assert float(used.usable[0]) == pytest.approx(0.15 * 0.4)
     at_less = condition(4, (), None, [0.93, 0, 0, 0])
-    assert float(made.find(at_less, momentum).usable[0]) == 0
-    assert float(made.find(at_less, momentum, used).usable[0]) > 0
-    assert float(made.find(condition(4, (), None, [0.96, 0, 0, 0]), momentum, used).usable[0]) == 0
+    assert float(find(made, at_less, momentum).usable[0]) == 0
+    assert float(find(made, at_less, momentum, used).usable[0]) > 0
+    assert float(find(made, condition(4, (), None, [0.96, 0, 0, 0]), momentum, used).usable[0]) == 0
 
 
 def test_the_momentum_of_a_slew_fits_into_the_wheels_in_every_direction():
     made, rng = allocation(), np.random.default_rng(3)
-    found = made.find(condition(4, (1,)), jnp.zeros(4))
+    found = find(made, condition(4, (1,)), jnp.zeros(4))
     most = float(made.largest_momentum(found, jnp.zeros(3)))
     ways = rng.normal(size=(20000, 3))
     ways /= np.linalg.norm(ways, axis=1)[:, None]
