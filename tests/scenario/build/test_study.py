@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 
+from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
 from jaxsat.core.declaration.sensors import DELAY, WHITE_NOISE
 from jaxsat.core.solvers import class_name
@@ -34,6 +35,12 @@ def test_units_make_the_keys_of_quantities():
     densities = {"rad/s/√Hz": "_rad_s_sqrt_Hz", "rad/s²/√Hz": "_rad_s2_sqrt_Hz"}
     plain = {"1": "", "rad": "_rad", "rad/s": "_rad_s", "N m": "_N_m", "N m s": "_N_m_s", "s": "_s"}
     assert found == plain | densities
+
+
+def test_effectors_change_what_their_declarations_name():
+    for actuator in EFFECTORS:
+        declared = {one.name for one in actuator.dispersible if one.field is None}
+        assert set(actuator.effector.dispersible) == declared
 
 
 def test_what_is_sampled_can_be_dispersed_under_the_same_key():
