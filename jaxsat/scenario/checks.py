@@ -32,7 +32,7 @@ UNIT_LENGTH = 0.01
 
 @rule("spacecraft.thruster_torque_axes")
 def _torque_axes_are_directions(axes):
-    for number, row in enumerate(axes or ()):
+    for number, row in enumerate([] if axes is None else axes):
         length = math.hypot(*row)
         if abs(length - 1) > UNIT_LENGTH:
             direction = shown([float(f"{one / length:.6g}") for one in row])
