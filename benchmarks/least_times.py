@@ -68,7 +68,7 @@ def main() -> None:
         scenario = comparison_scenario(SETTING._replace(torque_limit=limit))
         run = build(scenario)
         tolerances = build_tolerances(scenario) if end == "settled" else None
-        axes = run.loop.actuators.torque_axes  # pyright: ignore[reportAttributeAccessIssue]
+        axes = run.loop.plant.effectors[0].torque_axes  # pyright: ignore[reportAttributeAccessIssue]
         keys = {"guesses": GUESSES, "tolerances": tolerances}
         planner = Planner(run.loop.plant, axes, limit, **keys)
         if end not in codes:

@@ -68,7 +68,7 @@ def dispersed(rng: np.random.Generator, level: str) -> Run:
     )
     plant = dataclasses.replace(loop.plant, spacecraft=Spacecraft(inertia), disturbance=periodic)
     leans, gains = rng.uniform(-lean, lean, (1, 2)), rng.uniform(-error, error, 1)
-    actuators = loop.actuators.misaligned(jnp.asarray(leans), jnp.asarray(gains))
+    actuators = loop.plant.effectors[0].misaligned(jnp.asarray(leans), jnp.asarray(gains))
     return dataclasses.replace(
         run, loop=dataclasses.replace(loop, plant=plant, actuators=actuators)
     )

@@ -69,7 +69,7 @@ def main() -> None:
     chosen = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     run = build(load("acceptance-nominal", [f"spacecraft.torque_limit_N_m={chosen.torque_limit}"]))
-    axes = run.loop.actuators.torque_axes  # pyright: ignore[reportAttributeAccessIssue]
+    axes = run.loop.plant.effectors[0].torque_axes  # pyright: ignore[reportAttributeAccessIssue]
     planner = Planner(run.loop.plant, axes, chosen.torque_limit, guesses=chosen.guesses)
     cases = starts(chosen.starts, chosen.seed)
 

@@ -78,7 +78,7 @@ def drawn(copies: Dispersed, cases: StudyCase) -> tuple[jax.Array, jax.Array]:
 
     def one(case):
         loop = cast(SampledLoop, copies(case).loop)
-        actuators = cast(Actuators, loop.actuators)
+        actuators = cast(Actuators, loop.plant.effectors[0])
         return loop.plant.spacecraft.inertia, actuators.torque_axes
 
     return jax.vmap(one)(cases)

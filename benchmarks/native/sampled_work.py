@@ -47,7 +47,7 @@ class Sampled:
     """sampled.c, for the cases of a study, or pulsed.c where thrusters push."""
 
     def __init__(self, study: Study, count: int):
-        actuators = study.case_factory.loop.actuators
+        actuators = study.case_factory.loop.plant.effectors[0]
         pulsed = isinstance(actuators, PulsedThrusters)
         self.columns = COLUMNS + (USED if pulsed else 0)
         program, cases = study.program, study.cases(np.arange(count))
@@ -79,7 +79,7 @@ def _rows(copies) -> np.ndarray:
     plant, start = copies.loop.plant, copies.start
     wave = plant.disturbance
     inertia = np.asarray(plant.spacecraft.inertia)[:, *np.triu_indices(3)]
-    actuators = copies.loop.actuators
+    actuators = copies.loop.plant.effectors[0]
     pulsed = isinstance(actuators, PulsedThrusters)
     axes = np.asarray(actuators.thrusters.torque if pulsed else actuators.torque_axes)
     axes = axes.reshape(len(axes), -1)
@@ -103,9 +103,9 @@ def _numbers(loop, program) -> np.ndarray:
     assert fit.samples == 10
     shared, again = ([x.frequency, x.tilt_gain, x.rate_gain] for x in (early, late))
     assert np.array_equal(shared, again)
-    if isinstance(loop.actuators, Actuators):
-        assert np.array_equal(loop.actuators.thrust_map, np.eye(2))
-        assert loop.actuators.limit == law.torque_limit
+    if isinstance(loop.plant.effectors[0], Actuators):
+        assert np.array_equal(loop.plant.effectors[0].thrust_map, np.eye(2))
+        assert loop.plant.effectors[0].limit == law.torque_limit
     parts = [
         *(orbit.rate, *moments, *shared, *_of_oscillator(early), *_of_oscillator(late)),
         *(handover.enter_rate, handover.enter_angle, handover.enter_turn),

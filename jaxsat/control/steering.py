@@ -8,7 +8,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.core.checks import as_float, as_optional_float, require_positive
+from jaxsat.core.errors import ArgumentError
 from jaxsat.spacecraft import (
+    AbstractDistribution,
     ControlMomentGyros,
     GyroStates,
     Magnetorquers,
@@ -17,6 +19,7 @@ from jaxsat.spacecraft import (
     inverse_of,
     wheel_momentum,
 )
+from jaxsat.spacecraft.distribution import Shares, torque_of
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.environment import DipoleField
 
@@ -41,6 +44,35 @@ class AbstractSteering(eqx.Module):
 
         `state` is what the law is told of the plant.
         """
+
+
+class Steered(AbstractDistribution):
+    """Effectors that share in a torque by a `steering` of their own, in its order, then others.
+
+    What steering leaves of the command goes to the other effectors as `rest` shares it; with None
+    it stays unmade.
+    """
+
+    steering: tuple[AbstractSteering, ...] = ()
+    rest: AbstractDistribution | None = None
+
+    def __call__(self, t, state, command, effectors) -> Shares:
+        """By steering, and the others; raises `ValueError` for a steering without its effector."""
+        steered = {}
+        for one in self.steering:
+            steered[one.kind], command = one(t, state, command)
+        kinds = [one.kind for one in effectors]
+        for kind in steered:
+            if kind not in kinds:
+                raise ArgumentError("steering", f"must be of effectors among {kinds}", kind)
+        others = tuple(one for one in effectors if one.kind not in steered)
+        if self.rest is None:
+            shares = Shares(tuple(one.idle() for one in others), torque_of(command))
+        else:
+            shares = self.rest(t, state, command, others)
+        left = iter(shares.uses)
+        uses = tuple(steered[kind] if kind in steered else next(left) for kind in kinds)
+        return Shares(uses, shares.left)
 
 
 class MagneticSteering(AbstractSteering):

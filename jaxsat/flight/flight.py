@@ -14,12 +14,12 @@ from jaxsat.core.attitude import AbstractAttitude, Quaternion
 from jaxsat.core.errors import JaxsatError
 from jaxsat.simulation import SampledLoop
 from jaxsat.spacecraft import (
-    AbstractActuators,
-    AbstractPulsedActuators,
+    AbstractDistribution,
+    AbstractEffector,
     Actuators,
-    PulsedActuatorsWithWheels,
     PulsedThrusters,
     WheelMomenta,
+    Wheels,
 )
 from jaxsat.spacecraft.dynamics import PlantState
 
@@ -90,7 +90,8 @@ class FlightController(eqx.Module):
     """The parts of a sampled loop that a flight computer runs, one after the other."""
 
     law: AbstractSampledController
-    actuators: AbstractActuators | AbstractPulsedActuators
+    distribution: AbstractDistribution
+    effectors: tuple[AbstractEffector, ...]
     estimator: AbstractEstimator | None = None
     attitude_sigma: Float[Array, ""] | None = None
 
@@ -107,18 +108,16 @@ class FlightController(eqx.Module):
                 f"control.law: {type(loop.controller).__name__} must be replaced by another law in "
                 f"flight code: {loop.controller.no_flight_code}"
             )
-        if loop.steering:
-            one = loop.steering[0]
+        for one in getattr(loop.distribution, "steering", ()):
             raise CannotExport(
                 f"{one.kind}: must be left out of what becomes flight code, which has no part that "
                 f"steers it, got {type(one).__name__}"
             )
+        parts = (loop.controller, loop.distribution, loop.plant.effectors)
         navigation = loop.navigation
         if navigation is None:
-            return FlightController(loop.controller, loop.actuators)
-        return FlightController(
-            loop.controller, loop.actuators, navigation.estimator, navigation.attitude_sigma
-        )
+            return FlightController(*parts)
+        return FlightController(*parts, navigation.estimator, navigation.attitude_sigma)
 
     def estimate(self, now: Input, memory: PyTree) -> tuple[Seen, PyTree]:
         """What the law is told, and the estimator's memory."""
@@ -134,30 +133,20 @@ class FlightController(eqx.Module):
         return command, self.law.mode(memory), memory
 
     def allocate(self, command: Array, memory: PyTree) -> tuple[dict[str, Array], PyTree]:
-        """The actuators' commands by the names of `SampleCommands`, and the modulator's memory."""
-        asked = self.actuators.commands(command)
-        found = {f"{kind}_torque": each for kind, each in asked.items()}
-        thrusters, command = self._thrusters(command)
-        if isinstance(thrusters, PulsedThrusters):
-            duty = thrusters.duties(command)
-            period, least = self.law.period, thrusters.thrusters.min_on_time
-            pulses, memory = thrusters.modulation(duty, memory, period, least)
-            return found | dict(
-                zip(("valve_on", "valve_off", "level"), pulses, strict=True)
-            ), memory
-        if isinstance(thrusters, Actuators):
-            return found | {"thrust": thrusters.thrust(command)}, memory
+        """The effectors' commands by the names of `SampleCommands`, and the modulator's memory."""
+        level = Seen(Quaternion(jnp.eye(4)[0]), jnp.zeros(3)).as_state()  # of no matter here
+        uses = self.distribution(jnp.zeros(()), level, command, self.effectors).uses
+        found: dict[str, Array] = {}
+        for one, use in zip(self.effectors, uses, strict=True):
+            if isinstance(one, Wheels):
+                found["wheel_torque"] = use
+            elif isinstance(one, Actuators):
+                found["thrust"] = one.thrust(use)
+            elif isinstance(one, PulsedThrusters):
+                period, least = self.law.period, one.thrusters.min_on_time
+                pulses, memory = one.modulation(one.duties(use), memory, period, least)
+                found |= zip(("valve_on", "valve_off", "level"), pulses, strict=True)
         return found, memory
-
-    def _thrusters(self, command: Array) -> tuple[Any, Array]:
-        """The thrusters and their part of a command."""
-        actuators = self.actuators
-        if isinstance(actuators, PulsedActuatorsWithWheels):
-            return actuators.thrusters, actuators.rest @ command
-        rest = getattr(actuators, "rest", None)
-        if rest is not None:
-            return getattr(actuators, "thrusters", None), rest @ command
-        return actuators, command
 
     def begin_law(self, seen: Seen) -> PyTree:
         """The law's memory before the first sample."""
@@ -171,11 +160,8 @@ class FlightController(eqx.Module):
 
     def begin_modulation(self) -> PyTree:
         """The modulator's memory before the first sample."""
-        rest = getattr(self.actuators, "rest", None)
-        thrusters, _ = self._thrusters(jnp.zeros(3 if rest is None else rest.shape[1]))
-        if isinstance(thrusters, PulsedThrusters):
-            return thrusters.modulation.init(thrusters.thrusters.count)
-        return None
+        pulsed = (one for one in self.effectors if isinstance(one, PulsedThrusters))
+        return next((one.modulation.init(one.count) for one in pulsed), None)
 
 
 class Measured(NamedTuple):

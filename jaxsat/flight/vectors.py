@@ -18,8 +18,8 @@ from jaxsat.flight.flight import Begin, Input, Measured, Seen, State
 from jaxsat.flight.program import FlightProgram
 from jaxsat.simulation import SampledLoop
 from jaxsat.simulation.engine.runge_kutta import explicit_step, tableau_of
-from jaxsat.spacecraft import PulsedActuatorsWithWheels, PulsedThrusters, wheel_momentum
-from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft import PulsedThrusters, wheel_momentum
+from jaxsat.spacecraft.dynamics import OfEach, PlantState
 
 CASES, SAMPLES, EDGES = 8, 1280, 512
 """Closed-loop runs, samples that are kept of each, and edge cases."""
@@ -132,11 +132,10 @@ def _recording(loop: SampledLoop) -> SampledLoop:
     return eqx.tree_at(lambda x: x.navigation.estimator, loop, estimator)
 
 
-def _modulation(loop: SampledLoop, actuators: Any) -> PyTree:
-    thrusters = loop.actuators
-    if isinstance(thrusters, PulsedActuatorsWithWheels):
-        thrusters = thrusters.thrusters
-    return actuators.modulation if isinstance(thrusters, PulsedThrusters) else None
+def _modulation(loop: SampledLoop, memories: OfEach) -> PyTree:
+    parts = zip(loop.plant.effectors, memories, strict=True)
+    pulsed = (memory for one, memory in parts if isinstance(one, PulsedThrusters))
+    return next((memory.modulation for memory in pulsed), None)
 
 
 def _closed_loops(
@@ -201,7 +200,7 @@ def _after(loop: SampledLoop, number, period: float, state):
 def _observed(loop: SampledLoop, number, before: Any, following: Any) -> tuple[Input, State]:
     """Input and state of one sample, from the loop's states before and after its period."""
     time, told = following.memory.given
-    state = State(before.memory.memory, None, _modulation(loop, before.actuators))
+    state = State(before.memory.memory, None, _modulation(loop, before.effectors))
     measured: Any = Seen(told.attitude, told.omega, wheel_momentum(told))
     if before.navigation is not None:
         rate, attitude, seen = following.navigation.memory.given

@@ -1,31 +1,17 @@
 """Holds of a sampled loop divided where something fails, or an effector comes to an edge."""
 
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.simulation.located_edges import Integrate, through_located_parts
-from jaxsat.spacecraft import AbstractActuators, Hold
+from jaxsat.spacecraft import Hold
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody
-
-
-class Asked(NamedTuple):
-    """What is asked of actuators until the next sample.
-
-    `torque` (N m) is the command of `actuators` that fail in flight under an ideal torque, None for
-    others, whose torque the hold has. `effectors` is that of each effector of the body.
-    """
-
-    torque: Float[Array, " torques"] | None = None
-    effectors: OfEach = ()
 
 
 def through_hold(
     body: RigidBody,
-    actuators: AbstractActuators | None,
-    asked: Asked,
+    commands: OfEach,
     t: Float[Array, ""],
     hold: Hold,
     plant: PlantState,
@@ -35,19 +21,16 @@ def through_hold(
     """The plant and the carry at the end of a hold that begins at time `t` (s).
 
     `integrate` goes through each part in which nothing fails and no effector of the `body` changes
-    its mode under what is `asked`.
+    its mode under its command.
     """
-    ideal = jnp.zeros(0) if actuators is None else actuators.failure_times
-    times = [one - t for one in (ideal, *body.failure_times)]  # from the begin of the hold on
-    at = jnp.concatenate(times)
+    times = [one - t for one in body.failure_times]  # from the begin of the hold on
+    at = jnp.concatenate([*times, jnp.zeros(0)])
 
     def through(elapsed, t, hold, plant, carry):
-        first, *others = [one <= elapsed for one in times]
-        if actuators is not None and asked.torque is not None:
-            hold = hold._replace(torque=actuators.after_failures(first)(asked.torque))
-        plant = body.after_failures(plant, tuple(others))
-        left, commands = body.driven(plant, asked.effectors, tuple(others))
-        return _between_failures(left, commands, t, hold, plant, integrate, carry)
+        struck = tuple(one <= elapsed for one in times)
+        plant = body.after_failures(plant, struck)
+        left, now = body.driven(plant, body.later(commands, elapsed), struck)
+        return _between_failures(left, now, t, hold, plant, integrate, carry)
 
     if not at.size:
         return through(jnp.zeros_like(t), t, hold, plant, carry)
@@ -82,18 +65,20 @@ def _between_failures(
         return through_located_parts(body, commands, t, hold, plant, integrate, carry)
     parts = list(zip(body.effectors, plant.of_each, commands, strict=True))
 
-    def pieces(elapsed):
-        return tuple(one.held_piece(own, command, elapsed) for one, own, command in parts)
+    def pieces(begin, elapsed):
+        held = [one.held_piece(own, command, elapsed) for one, own, command in parts]
+        return body.later(tuple(held), begin)
 
     count = sum(one.edge_count for one in body.effectors)
     if not count:
-        return integrate(t, hold._replace(pieces=pieces(hold.length)), plant, carry)
+        held = pieces(jnp.zeros_like(hold.length), hold.length)
+        return integrate(t, hold._replace(pieces=held), plant, carry)
     edges = jnp.concatenate([one.edges(own, asked, hold.length) for one, own, asked in parts])
 
     def part(_, now):
         begin, plant, carry = now
         end = jnp.min(jnp.where(edges > begin, edges, hold.length))
-        one = hold.part(begin, end - begin)._replace(pieces=pieces((begin + end) / 2))
+        one = hold.part(begin, end - begin)._replace(pieces=pieces(begin, (begin + end) / 2))
         plant, carry = integrate(t + begin, one, plant, carry)
         reached = tuple(
             one.snapped(own, command, end, now)

@@ -116,15 +116,15 @@ def through_located_parts(
     tolerance, rounds = RESOLUTION * end, TRIES * (1 + edges)
 
     def judged(elapsed, plant: PlantState, modes: OfEach) -> _Judged:
-        pieces, torque = body.pieces(modes, commands), hold.torque_after(elapsed)
-        acceleration = body.acceleration(t + elapsed, plant, torque, pieces)
+        pieces = body.later(body.pieces(modes, commands), elapsed)
+        acceleration = body.acceleration(t + elapsed, plant, pieces=pieces)
         parts = list(zip(body.effectors, modes, plant.of_each, commands, strict=True))
         margins = tuple(one.margins(m, s, c, acceleration) for one, m, s, c in parts)
         speeds = tuple(one.approach(m, s, c, acceleration) for one, m, s, c in parts)
         return _Judged(margins, _flat(margins), _flat(speeds), acceleration)
 
     def begun(elapsed, plant, carry, modes: OfEach) -> _Search:
-        modes = body.modes(t + elapsed, plant, hold.torque_after(elapsed), commands, modes)
+        modes = body.modes(t + elapsed, plant, body.later(commands, elapsed), modes)
         least = jnp.min(judged(elapsed, plant, modes).flat)
         zero, no = jnp.zeros_like(end), jnp.array(False)
         bracket = _Bracket(elapsed, end, least, least, zero, jnp.array(0), zero, no, no)
@@ -134,7 +134,7 @@ def through_located_parts(
         last, bracket = number == rounds - 1, now.bracket
         x = jnp.where(last, end, bracket.next_try(end, tolerance))
         one = hold.part(now.begin, x - now.begin)
-        one = one._replace(pieces=body.pieces(now.modes, commands))
+        one = one._replace(pieces=body.later(body.pieces(now.modes, commands), now.begin))
         plant, carry = integrate(t + now.begin, one, now.plant, now.carry)
         found = judged(x, plant, now.modes)
         least = jnp.min(found.flat)
@@ -155,7 +155,7 @@ def through_located_parts(
         return jax.lax.cond(now.begin < end, lambda x: part(number, x), lambda x: x, now)
 
     zero = jnp.zeros_like(end)
-    modes = body.modes(t, plant, hold.torque_after(zero), commands)
+    modes = body.modes(t, plant, commands)
     found = jax.lax.fori_loop(0, rounds, one, begun(zero, plant, carry, modes))
     return found.plant, found.carry
 

@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jaxsat.control import AbstractBacksteppingLaw, AbstractController
 from jaxsat.control.controller import AbstractIntegratingFactor, Memory
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.spacecraft import AbstractActuators, Actuators, ActuatorsWithWheels
+from jaxsat.spacecraft import AbstractDistribution, Direct
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody, Struck
 
 
@@ -34,7 +34,7 @@ class AbstractLoop(eqx.Module):
 
 class Motion(NamedTuple):
     """A loop at one instant: time derivative of its state, the plant's state with its ω_r (rad/s)
-    and rate error η (rad/s), and the torque of thrusters and wheels on the body (N m)."""
+    and rate error η (rad/s), and the torque of effectors on the body (N m)."""
 
     rate: PyTree
     plant: PlantState
@@ -96,13 +96,13 @@ class LoopState(NamedTuple):
 
 
 class _Acting(NamedTuple):
-    """The plant's body as it is once failures have struck, the torque of thrusters on it (N m), and
-    the command and the piece of each effector."""
+    """The plant's body as it is once failures have struck, the command and the piece of each
+    effector, and the torque (N m) that effectors do not make, see `Shares.torque_unmade`."""
 
     body: RigidBody
-    torque: Float[Array, "3"]
     commands: OfEach
     pieces: OfEach
+    unmade: Float[Array, "3"] | None
 
 
 NEVER = 1e9
@@ -110,16 +110,16 @@ NEVER = 1e9
 
 
 class ContinuousLoop(AbstractContinuousLoop):
-    """Plant, continuous controller and thrusters.
+    """A plant under a continuous controller.
 
-    `struck` tells which failures of thrusters and then of the plant's effectors have struck, see
-    `smooth_piece`; None is those whose time has come. Raises `ValueError` for an effector whose
-    command must be held.
+    The `distribution` makes of a command that of each effector of the plant. `struck` tells which
+    failures have struck, effector by effector, see `smooth_piece`; None is those whose time has
+    come. Raises `ValueError` for an effector whose command must be held.
     """
 
     plant: RigidBody
     controller: AbstractController
-    actuators: AbstractActuators
+    distribution: AbstractDistribution = Direct()
     struck: Bool[Array, " f"] | None = None
 
     def __check_init__(self):
@@ -133,10 +133,8 @@ class ContinuousLoop(AbstractContinuousLoop):
         A thruster or wheel that reaches the limit of its torque is no corner here: a smooth law
         passes it in few steps.
         """
-        own = (Actuators, ActuatorsWithWheels)
-        corners = 0 if isinstance(self.actuators, own) else self.actuators.event_count
-        corners += self.failure_times.size + self.plant.event_count
-        return not corners and self.controller.is_smooth()
+        sharp = [one.event_count for one in self.plant.effectors if not one.mild_corners]
+        return not sum(sharp) + self.failure_times.size and self.controller.is_smooth()
 
     def start(self, state: PlantState) -> LoopState:
         """The plant's state and the controller's first memory."""
@@ -150,31 +148,27 @@ class ContinuousLoop(AbstractContinuousLoop):
 
     @property
     def failure_times(self) -> Float[Array, " f"]:
-        """When something fails, s: of the actuators, then of each effector of the plant."""
-        return jnp.concatenate([self.actuators.failure_times, *self.plant.failure_times])
+        """When something fails, s: of each effector of the plant."""
+        return jnp.concatenate([*self.plant.failure_times, jnp.zeros(0)])
 
-    def _struck(self, t: Float[Array, ""]) -> tuple[Bool[Array, " a"], Struck]:
-        """Which failures of the actuators and of each effector have struck."""
-        times = self.failure_times
-        struck = t >= times if self.struck is None else self.struck
-        sizes = [self.actuators.failure_times.size, *(x.size for x in self.plant.failure_times)]
-        first, *others = [
-            struck[end - size : end] for size, end in zip(sizes, np.cumsum(sizes), strict=True)
-        ]
-        return first, tuple(others)
+    def _struck(self, t: Float[Array, ""]) -> Struck:
+        """Which failures of each effector have struck."""
+        struck = t >= self.failure_times if self.struck is None else self.struck
+        sizes = [one.size for one in self.plant.failure_times]
+        ends = zip(sizes, np.cumsum(sizes, dtype=int), strict=True)
+        return tuple(struck[end - size : end] for size, end in ends)
 
     def plant_state(self, t: Float[Array, ""], state: LoopState) -> PlantState:
         """With the wheels that have seized at rest."""
-        return self.plant.after_failures(state.plant, self._struck(t)[1])
+        return self.plant.after_failures(state.plant, self._struck(t))
 
     def _acting(self, t: Float[Array, ""], plant: PlantState, command) -> _Acting:
         """What acts on the plant at time `t` (s) on a command."""
-        thrusters, others = self._struck(t)
-        torque = self.actuators.after_failures(thrusters)(command)
-        asked = self.plant.commands(self.actuators.commands(command))
-        body, asked = self.plant.driven(plant, asked, others)
-        pieces = body.pieces(body.modes(t, plant, torque, asked), asked)
-        return _Acting(body, torque, asked, pieces)
+        effectors = self.plant.effectors
+        shares = self.distribution(t, plant, command, effectors)
+        body, commands = self.plant.driven(plant, shares.uses, self._struck(t))
+        pieces = body.pieces(body.modes(t, plant, commands), commands)
+        return _Acting(body, commands, pieces, shares.torque_unmade(effectors))
 
     def motion(self, t: Float[Array, ""], state: LoopState) -> Motion:
         """Equations (1) and (36) under the controller's torque."""
@@ -184,11 +178,11 @@ class ContinuousLoop(AbstractContinuousLoop):
         plant = self.plant_state(t, state)
         command, memory_rate = self.controller(t, plant, state.memory)
         acting = self._acting(t, plant, command)
-        body, torque, _, pieces = acting
-        rate = body.rate(t, plant, torque, pieces)
+        body, pieces = acting.body, acting.pieces
+        rate = body.rate(t, plant, pieces=pieces)
         relative_rate = self.plant.relative_rate(plant)
         error = self.controller.rate_error(plant)
-        torque = body.control_torque(t, plant, torque, pieces, rate.omega)
+        torque = body.control_torque(t, plant, pieces, rate.omega)
         motion = Motion(LoopState(rate, memory_rate), plant, relative_rate, error, torque)
         return motion, acting
 
@@ -199,37 +193,35 @@ class ContinuousLoop(AbstractContinuousLoop):
             self.plant, self.controller, t, motion.plant, state.memory, motion.torque
         )
         made = acting.body.signals(motion.plant, acting.pieces, motion.rate.plant.omega)
-        command, _ = self.controller(t, motion.plant, state.memory)
-        return dataclasses.replace(signals, torque_unmade=self.actuators.unmade(command), **made)
+        return dataclasses.replace(signals, torque_unmade=acting.unmade, **made)
 
     def event_functions(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
-        """Those of controller, actuators and effectors, and the time since each failure."""
+        """Those of controller, distribution and effectors, and the time since each failure."""
         plant = self.plant_state(t, state)
         command, _ = self.controller(t, plant, state.memory)
         own = self.controller.event_functions(plant)
-        events = [own, self.actuators.event_functions(command)]
+        events = [own, self.distribution.event_functions(command)]
         if self.plant.event_count:
-            body, torque, asked, pieces = self._acting(t, plant, command)
-            acceleration = body.acceleration(t, plant, torque, pieces)
-            events.append(body.event_functions(plant, asked, acceleration))
+            body, commands, pieces, _ = self._acting(t, plant, command)
+            acceleration = body.acceleration(t, plant, pieces=pieces)
+            events.append(body.event_functions(plant, commands, acceleration))
         if self.failure_times.size:
             events.append(t - jnp.minimum(self.failure_times, NEVER))
         return jnp.concatenate(events)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ContinuousLoop":
-        """Controller, actuators and effectors held in a piece of theirs each, failures as they
+        """Controller, distribution and effectors held in a piece of theirs each, failures as they
         are."""
-        failures = self.failure_times.size
+        failures, effectors = self.failure_times.size, self.plant.event_count
         signs, struck = signs[: signs.size - failures], signs[signs.size - failures :]
-        effectors = signs.size - self.plant.event_count
-        count = effectors - self.actuators.event_count
-        held = (
-            self.controller.smooth_piece(signs[:count]),
-            self.actuators.smooth_piece(signs[count:effectors]),
+        own = signs.size - effectors - self.distribution.event_count
+        law, shared, others = jnp.split(signs, [own, signs.size - effectors])
+        return ContinuousLoop(
+            self.plant.smooth_piece(others),
+            self.controller.smooth_piece(law),
+            self.distribution.smooth_piece(shared),
+            struck if failures else None,
         )
-        made = eqx.tree_at(lambda loop: (loop.controller, loop.actuators), self, held)
-        plant = self.plant.smooth_piece(signs[effectors:])
-        return dataclasses.replace(made, plant=plant, struck=struck if failures else None)
 
     def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
         """That of the controller."""

@@ -18,6 +18,5 @@ def parts_of(kind: type[Part], tree: PyTree) -> list[Part]:
 
 
 def failures_of(loop: AbstractLoop) -> list[AbstractFailures]:
-    """The failures in flight of a loop: of its thrusters, then of each effector of the plant."""
-    actuators = getattr(loop, "actuators", None)
-    return parts_of(AbstractFailures, (actuators, loop.plant.effectors))
+    """The failures in flight of a loop, effector by effector."""
+    return parts_of(AbstractFailures, loop.plant.effectors)

@@ -9,10 +9,17 @@ from jaxsat.spacecraft.actuators import (
     AbstractSmoothActuators,
     ActuatorContext,
     Actuators,
-    NoThrusters,
+    PluginActuators,
 )
 from jaxsat.spacecraft.allocation import Allocated, allocate
-from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
+from jaxsat.spacecraft.distribution import AbstractDistribution, Direct, WheelsFirst
+from jaxsat.spacecraft.effector import (
+    AbstractEffector,
+    Consumption,
+    Effect,
+    EffectorContext,
+    Reach,
+)
 from jaxsat.spacecraft.failures import (
     AbstractFailures,
     FailureEvents,
@@ -22,7 +29,7 @@ from jaxsat.spacecraft.gimbals import (
     GimbalFailures,
     GyroStates,
 )
-from jaxsat.spacecraft.holds import AbstractPulsedActuators, Consumption, Hold, Usage
+from jaxsat.spacecraft.holds import Hold, hold_by_hold, mean_size
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 from jaxsat.spacecraft.magnetorquers import MagnetorquerFailures, Magnetorquers
 from jaxsat.spacecraft.modulation import (
@@ -43,28 +50,23 @@ from jaxsat.spacecraft.thrusters import (
     one_thruster_coupling,
     two_thruster_coupling,
 )
-from jaxsat.spacecraft.wheel_actuators import (
-    ActuatorsWithWheels,
-    PulsedActuatorsWithWheels,
-    WheelDrives,
-)
 from jaxsat.spacecraft.wheel_failures import WheelFailures
 from jaxsat.spacecraft.wheels import WheelMomenta, Wheels, wheel_momentum
 
 __all__ = [
     "AbstractActuators",
+    "AbstractDistribution",
     "AbstractEffector",
     "AbstractFailures",
     "AbstractModulation",
-    "AbstractPulsedActuators",
     "AbstractSmoothActuators",
     "ActuatorContext",
     "Actuators",
-    "ActuatorsWithWheels",
     "Allocated",
     "Consumption",
     "ControlMomentGyros",
     "DeltaSigma",
+    "Direct",
     "DrawnSensors",
     "Effect",
     "EffectorContext",
@@ -79,10 +81,9 @@ __all__ = [
     "LeastPropellant",
     "MagnetorquerFailures",
     "Magnetorquers",
-    "NoThrusters",
+    "PluginActuators",
     "PulseWidth",
     "PulseWidthPulseFrequency",
-    "PulsedActuatorsWithWheels",
     "PulsedThrusters",
     "Pulses",
     "Reach",
@@ -92,14 +93,15 @@ __all__ = [
     "Tachometers",
     "ThrusterSet",
     "Thrusters",
-    "Usage",
-    "WheelDrives",
     "WheelFailureKind",
     "WheelFailures",
     "WheelMomenta",
     "Wheels",
+    "WheelsFirst",
     "allocate",
+    "hold_by_hold",
     "inverse_of",
+    "mean_size",
     "one_thruster_coupling",
     "two_thruster_coupling",
     "wheel_momentum",

@@ -1,8 +1,8 @@
-"""From the torque a law commands to the torque the body feels."""
+"""Thrusters of either sign that make their torque exactly, and actuators of a user's own."""
 
 import abc
 import dataclasses
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.smooth import sat
 from jaxsat.spacecraft.allocation import first_at_limit, share_within
 from jaxsat.spacecraft.axes import turned_axes
-from jaxsat.spacecraft.effector import Reach
+from jaxsat.spacecraft.effector import AbstractEffector, Effect, Reach
 from jaxsat.spacecraft.failures import FailureEvents
 from jaxsat.spacecraft.thrusters import Thrusters
 
@@ -44,32 +44,6 @@ class AbstractActuators(eqx.Module):
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractActuators":
         """These actuators held on the side of each corner that `signs` tells."""
 
-    @property
-    def failure_times(self) -> Float[Array, " f"]:
-        """When something of them fails under a continuous law, s; here never."""
-        return jnp.zeros(0)
-
-    def after_failures(self, struck: Bool[Array, " f"]) -> "AbstractActuators":
-        """These actuators once those failures have struck; here themselves."""
-        del struck
-        return self
-
-    def commands(self, command: Float[Array, " torques"]) -> dict[str, Array]:
-        """What each kind of effector of the body is asked for, by its kind; here none is."""
-        del command
-        return {}
-
-    def unmade(self, command: Float[Array, " torques"]) -> Float[Array, "3"] | None:
-        """The torque of a command beyond what actuators make within their limits, as whoever
-        allocates knows them, N m; None for actuators that do not tell."""
-        del command
-        return None
-
-    def reach(self, struck: Bool[Array, " f"]) -> Reach:
-        """What thrusters can do once these failures have struck; here there are none."""
-        del struck
-        return Reach.none()
-
 
 class AbstractSmoothActuators(AbstractActuators):
     """Actuators without corners, or under a sampled law, which needs none of them told."""
@@ -89,8 +63,8 @@ class AbstractSmoothActuators(AbstractActuators):
         return self
 
 
-class Actuators(AbstractActuators):
-    """Thrusters that turn a commanded torque into a body torque.
+class Actuators(AbstractEffector):
+    """Thrusters of either sign that turn a commanded torque into a body torque.
 
     The command is (u1, u2) about body x and y, or a torque about each body axis. `torque_axes`
     (3, m) are the directions of the working thrusters' torques, `thrust_map` (m, 2) or (m, 3)
@@ -104,6 +78,10 @@ class Actuators(AbstractActuators):
     direction. With None each thruster is clipped at its own limit, as in equation (5): that is so
     for commands of two torques.
     """
+
+    kind: ClassVar[str] = "thruster"
+    even: ClassVar[bool] = True
+    mild_corners: ClassVar[bool] = True
 
     torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
     thrust_map: Float[Array, "m torques"] = eqx.field(converter=as_float)
@@ -127,7 +105,12 @@ class Actuators(AbstractActuators):
         """
         axes = thrusters.torque_axes
         shares = allocation_matrix(np.asarray(axes), torques)
-        return Actuators(axes, shares, limit, shared_axes=axes if torques == 3 else None)
+        return Actuators(
+            torque_axes=axes,
+            thrust_map=shares,
+            limit=limit,
+            shared_axes=axes if torques == 3 else None,
+        )
 
     def misaligned(
         self, angles: Float[Array, "m 2"], gain_errors: Float[Array, " m"]
@@ -141,17 +124,27 @@ class Actuators(AbstractActuators):
         return dataclasses.replace(self, torque_axes=axes)
 
     @property
+    def count(self) -> int:
+        """How many thrusters there are."""
+        return self.torque_axes.shape[1]
+
+    @property
+    def command_size(self) -> int:
+        """Two torques or three, which thrusters share."""
+        return self.thrust_map.shape[1]
+
+    @property
     def event_count(self) -> int:
         """One for each thruster."""
-        return self.torque_axes.shape[1]
+        return self.count
 
     def thrust(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
         """The torque that each thruster is commanded, within its limit, N m."""
         return self._shared(command)[0]
 
-    def unmade(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+    def unmade(self, use: Float[Array, " torques"]) -> Float[Array, "3"]:
         """What is beyond the thrusters' limits, N m."""
-        return self._shared(command)[1]
+        return self._shared(use)[1]
 
     def _shared(
         self, command: Float[Array, " torques"]
@@ -171,21 +164,33 @@ class Actuators(AbstractActuators):
             thrust = self.gain * thrust + self.level * full
         return self.torque_axes @ thrust
 
-    @property
-    def failure_times(self) -> Float[Array, " f"]:
-        """When each failure strikes, s."""
-        return jnp.zeros(0) if self.failures is None else self.failures.at
+    def piece(self, mode: tuple, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+        """The body torque, N m."""
+        del mode
+        return self(command)
 
-    def after_failures(self, struck: Bool[Array, " f"]) -> "Actuators":
-        """These thrusters once those failures have struck."""
+    def effect(self, piece: Float[Array, "3"], t, plant, state: None) -> Effect:
+        """The torque."""
+        del t, plant, state
+        return Effect(piece)
+
+    def driven(
+        self, state: None, command: Float[Array, " torques"], struck: Bool[Array, " f"]
+    ) -> "tuple[Actuators, Float[Array, ' torques']]":
+        """These thrusters once those failures have struck, and the command as it is."""
+        del state
+        return self._after_failures(struck), command
+
+    def _after_failures(self, struck: Bool[Array, " f"]) -> "Actuators":
         if self.failures is None:
             return self
         gain, level, axes = self.failures.two_signed(struck, self.torque_axes)
         return dataclasses.replace(self, torque_axes=axes, gain=gain, level=level, failures=None)
 
-    def reach(self, struck: Bool[Array, " f"]) -> Reach:
+    def reach(self, t, plant, state: None, struck, span) -> Reach:
         """The torque of each thruster (N m), of either sign."""
-        now = self.after_failures(struck)
+        del t, plant, state, span
+        now = self._after_failures(struck)
         gain, level = 1.0, 0.0
         if now.gain is not None and now.level is not None:
             gain, level = jnp.abs(now.gain), now.level
@@ -194,8 +199,9 @@ class Actuators(AbstractActuators):
         each = jnp.zeros(now.torque_axes.shape[1])
         return Reach(now.torque_axes, each + held - room, each + held + room)
 
-    def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
+    def event_functions(self, state: None, command, acceleration) -> Float[Array, " m"]:
         """Positive for each thruster of which more than its limit is asked, or the first of all."""
+        del state, acceleration
         shares = self.thrust_map @ command
         if self.shared_axes is not None:
             return first_at_limit(shares, self.limit * jnp.ones_like(shares))
@@ -206,16 +212,52 @@ class Actuators(AbstractActuators):
         return dataclasses.replace(self, saturated=signs)
 
 
-class NoThrusters(AbstractSmoothActuators):
-    """What wheels and magnetorquers do not make stays unmade."""
+class PluginActuators(AbstractEffector):
+    """Actuators that do not come with jaxsat, as an effector that takes so many `torques`."""
 
-    def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
-        """Zero."""
-        return jnp.zeros(3, command.dtype)
+    kind: ClassVar[str] = "thruster"
+    even: ClassVar[bool] = True
 
-    def unmade(self, command: Float[Array, "3"]) -> Float[Array, "3"]:
-        """All that is left for them, N m."""
-        return command
+    actuators: AbstractActuators
+    torques: int = eqx.field(static=True)
+    failures: None = None
+
+    @property
+    def count(self) -> int:
+        """One for each torque."""
+        return self.torques
+
+    def driven(
+        self, state: None, command: Float[Array, " torques"], struck: Bool[Array, "0"]
+    ) -> "tuple[PluginActuators, Float[Array, ' torques']]":
+        """Themselves: they do not fail."""
+        del state, struck
+        return self, command
+
+    def piece(self, mode: tuple, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+        """The body torque, N m."""
+        del mode
+        return self.actuators(command)
+
+    def effect(self, piece: Float[Array, "3"], t, plant, state: None) -> Effect:
+        """The torque."""
+        del t, plant, state
+        return Effect(piece)
+
+    @property
+    def event_count(self) -> int:
+        """As they say."""
+        return self.actuators.event_count
+
+    def event_functions(self, state: None, command, acceleration) -> Float[Array, " m"]:
+        """As they say."""
+        del state, acceleration
+        return self.actuators.event_functions(command)
+
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "PluginActuators":
+        """The actuators held on the side of each corner that `signs` tells."""
+        held = self.actuators.smooth_piece(signs)
+        return PluginActuators(actuators=held, torques=self.torques)
 
 
 class ActuatorContext(NamedTuple):

@@ -5,7 +5,8 @@ section 3.4).
 How a body and its effectors exchange torque and momentum: `jaxsat.spacecraft.effector`.
 """
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Sequence
 from typing import TypeVar
 
 import equinox as eqx
@@ -52,6 +53,11 @@ class RigidBody(eqx.Module):
         if any(one is not None for one in free):
             require_inertia("inertia less that of all rotors", self._inertia(free))
 
+    @property
+    def stores_momentum(self) -> bool:
+        """Whether any of its effectors does."""
+        return any(one.momentum(one.init()) is not None for one in self.effectors)
+
     def find(self, kind: type[Kind]) -> Kind | None:
         """Its effector of this class; None without one."""
         return next((one for one in self.effectors if isinstance(one, kind)), None)
@@ -76,6 +82,14 @@ class RigidBody(eqx.Module):
         """Each effector with its state: none of them where the state has none."""
         states = state.of_each if self.effectors else ()
         return list(zip(self.effectors, states, strict=True)) if states else []
+
+    @staticmethod
+    def _sum(
+        torques: Sequence[Float[Array, "3"]], first: Float[Array, "3"] | None
+    ) -> Float[Array, "3"]:
+        """The sum of torques after a first one (N m); None is none."""
+        torques = [*(() if first is None else (first,)), *torques]
+        return sum(torques[1:], torques[0]) if torques else jnp.zeros(3)
 
     def _inertia(self, corrections: list[Float[Array, "3 3"] | None]) -> Float[Array, "3 3"]:
         """J + Σ D, kg m²."""
@@ -123,9 +137,10 @@ class RigidBody(eqx.Module):
     def _moved(state: PlantState, effectors: OfEach) -> PlantState:
         return PlantState(state.attitude, state.omega, effectors)
 
-    def commands(self, asked: Mapping[str, Array]) -> OfEach:
-        """The command of each effector: by its kind, or that which asks for nothing."""
-        return tuple(asked[one.kind] if one.kind in asked else one.idle() for one in self.effectors)
+    def later(self, commands: OfEach, elapsed: RealScalar) -> OfEach:
+        """Commands, or pieces, so many seconds after they began to stay."""
+        parts = zip(self.effectors, commands, strict=True)
+        return tuple(one.later(command, elapsed) for one, command in parts)
 
     # Failures in flight.
 
@@ -139,7 +154,7 @@ class RigidBody(eqx.Module):
 
         Once more, it changes nothing.
         """
-        if all(one.failures is None for one in self.effectors):
+        if not any(one.blows and one.failures is not None for one in self.effectors):
             return state
         parts = list(zip(self.effectors, state.of_each, struck, strict=True))
         blows = [one.blow(own, mine) for one, own, mine in parts]
@@ -160,6 +175,8 @@ class RigidBody(eqx.Module):
 
     def with_effectors(self, effectors: tuple[AbstractEffector, ...]) -> "RigidBody":
         """The same body with these in place of its effectors."""
+        if len(effectors) != len(self.effectors):
+            return dataclasses.replace(self, effectors=effectors)
         return eqx.tree_at(lambda x: x.effectors, self, effectors) if effectors else self
 
     # Motion.
@@ -168,18 +185,17 @@ class RigidBody(eqx.Module):
         self,
         t: RealScalar,
         state: PlantState,
-        torque: Float[Array, "3"],
         commands: OfEach,
         modes: OfEach | None = None,
     ) -> OfEach:
-        """How the effectors move on their commands while all else makes a torque (N m).
+        """How the effectors move on their commands at time `t` (s).
 
         By their states, or from the `modes` on in which they were.
         """
         if modes is None:
             modes = tuple(one.mode(own) for one, own in self._with(state))
         for _ in range(max((one.mode_passes for one in self.effectors), default=0)):
-            acceleration = self.acceleration(t, state, torque, self.pieces(modes, commands))
+            acceleration = self.acceleration(t, state, pieces=self.pieces(modes, commands))
             modes = self.modes_after(modes, state, commands, acceleration)
         return modes
 
@@ -196,23 +212,31 @@ class RigidBody(eqx.Module):
         return tuple(one.piece(mode, command) for one, mode, command in parts)
 
     def acceleration(
-        self, t: RealScalar, state: PlantState, torque: Float[Array, "3"], pieces: OfEach = ()
+        self,
+        t: RealScalar,
+        state: PlantState,
+        torque: Float[Array, "3"] | None = None,
+        pieces: OfEach = (),
     ) -> Float[Array, "3"]:
-        """dω/dt (rad/s²) at time `t` (s) under a thruster torque (N m), effectors in `pieces`.
+        """dω/dt (rad/s²) at time `t` (s) with effectors in `pieces` and a `torque` (N m) besides.
 
-        Without pieces they make no torque and keep their momenta.
+        Without pieces effectors make no torque and keep their momenta.
         """
         effects = [
             one.effect(piece, t, state, own)
             for (one, own), piece in zip(self._with(state), pieces, strict=False)
         ]
-        total = sum((effect.torque for effect in effects), torque)
+        total = self._sum([effect.torque for effect in effects], torque)
         total = total + self.disturbance_torque(t, state)
         total = total - jnp.cross(state.omega, self.total_momentum(state))
         return self._solved(self._inertia([effect.inertia for effect in effects]), total)
 
     def rate(
-        self, t: RealScalar, state: PlantState, torque: Float[Array, "3"], pieces: OfEach = ()
+        self,
+        t: RealScalar,
+        state: PlantState,
+        torque: Float[Array, "3"] | None = None,
+        pieces: OfEach = (),
     ) -> PlantState:
         """Time derivative of the state; the arguments are those of `acceleration`."""
         acceleration = self.acceleration(t, state, torque, pieces)
@@ -226,14 +250,13 @@ class RigidBody(eqx.Module):
         self,
         t: RealScalar,
         state: PlantState,
-        torque: Float[Array, "3"],
         pieces: OfEach,
         acceleration: Float[Array, "3"],
     ) -> Float[Array, "3"]:
-        """The torque of thrusters and effectors on the body where dω/dt is this, N m."""
+        """The torque of effectors on the body where dω/dt is this, N m."""
         parts = zip(self.effectors, pieces, state.of_each, strict=True)
         made = [one.torque(piece, t, state, own, acceleration) for one, piece, own in parts]
-        return sum(made, torque)
+        return self._sum(made, None)
 
     def stored(self, state: PlantState) -> dict[str, Array]:
         """What effectors store, by the names of fields of `Signals`."""

@@ -16,6 +16,10 @@ comes from a continuous law. Its *mode* tells how it moves (a wheel rests, or is
 may depend on dω/dt. Its *piece* is made of mode and command, and is what the torque depends on
 until the mode changes. Its *failures* make of it another effector that fails no more. Its *reach*
 is what it can do now, which is all that allocation and controllability know of it.
+
+Under a sampled law its *plan* of a period is made of what it is asked for and of its *memory*. That
+of most is the command, which stays; that of thrusters that pulse has commands from instant to
+instant, each of which stays in a *hold*.
 """
 
 import abc
@@ -31,6 +35,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.spacecraft.environment.orbit import CircularOrbit
+from jaxsat.spacecraft.holds import hold_by_hold
 from jaxsat.spacecraft.spacecraft import PlantState
 
 RealScalar = Float[Array, ""]
@@ -42,6 +47,25 @@ class Effect(NamedTuple):
 
     torque: Float[Array, "3"]
     inertia: Float[Array, "3 3"] | None = None
+
+
+class Consumption(NamedTuple):
+    """Since the start of the run: propellant (kg), and how often each valve opened."""
+
+    propellant: RealScalar
+    openings: Float[Array, " m"]
+
+
+class Ahead(NamedTuple):
+    """What a plan has from an instant in its period on.
+
+    A command that stays until the instant `until` (s from the sample) at the earliest, and what the
+    effector needs to know once it is over.
+    """
+
+    until: RealScalar
+    command: PyTree
+    own: PyTree = None
 
 
 class EffectorContext(NamedTuple):
@@ -78,6 +102,8 @@ class Reach(NamedTuple):
 class AbstractEffector(eqx.Module):
     """A set of `count` devices of one `kind`, each of which has one number as its command.
 
+    Thrusters may share a command of two or three torques themselves: see `command_size`.
+
     What a kind does not have, a state, modes, edges, corners, it need not define. One that a
     scenario can have is declared in `jaxsat.core.declaration`, and has a class method
     `from_tables(tables, context)`, which gives the effector and its state at the start, of checked
@@ -93,6 +119,18 @@ class AbstractEffector(eqx.Module):
     dispersible: ClassVar[Mapping[str, Dispersible]] = MappingProxyType({})
     """What the quantities change that its declaration names as dispersible."""
 
+    even: ClassVar[bool] = False
+    """Whether its torque depends on command and time alone, and changes evenly in a hold."""
+
+    blows: ClassVar[bool] = False
+    """Whether a failure may give the body an impulse: see `blow`."""
+
+    mild_corners: ClassVar[bool] = False
+    """Whether steps may pass its corners, see `event_functions`, without much loss."""
+
+    plans_delay: ClassVar[bool] = False
+    """Whether `plan` shifts the commands by the delay of a law, else the loop does."""
+
     failures: eqx.AbstractVar[Any]
     """`AbstractFailures` of its kind, None for none in flight."""
 
@@ -101,15 +139,20 @@ class AbstractEffector(eqx.Module):
     def count(self) -> int:
         """How many devices there are."""
 
+    @property
+    def command_size(self) -> int:
+        """How many numbers command it: one for each device."""
+        return self.count
+
     # State and command.
 
     def init(self) -> PyTree:
         """The state at rest; None for a kind without a state."""
         return None
 
-    def idle(self) -> Float[Array, " count"]:
+    def idle(self) -> Float[Array, " size"]:
         """The command that asks for nothing."""
-        return jnp.zeros(self.count)
+        return jnp.zeros(self.command_size)
 
     def with_momenta(self, state: PyTree, change: Callable[[Array], Array]) -> PyTree:
         """The state, its rate or its error with `change` of each momentum in it, N m s.
@@ -128,11 +171,17 @@ class AbstractEffector(eqx.Module):
         """D where all devices move freely, kg m²; None for none ever."""
         return None
 
+    def unmade(self, use: Float[Array, " size"]) -> Float[Array, "3"] | None:
+        """The torque of what is asked for that is beyond the limits, as whoever allocates knows
+        them, N m; None for a kind that is asked for something else, or does not tell."""
+        del use
+        return None
+
     # Failures in flight.
 
     @property
     def failure_times(self) -> Float[Array, " f"]:
-        """When each failure strikes, s."""
+        """When each failure strikes, s; none of those that divide a plan into holds."""
         return jnp.zeros(0) if self.failures is None else self.failures.at
 
     def last_drawn_kind(self, sampled: bool) -> AbstractFailureKind | None:
@@ -153,8 +202,8 @@ class AbstractEffector(eqx.Module):
 
     @abc.abstractmethod
     def driven(
-        self, state: PyTree, command: Float[Array, " count"], struck: Bool[Array, " f"]
-    ) -> "tuple[AbstractEffector, Float[Array, ' count']]":
+        self, state: PyTree, command: PyTree, struck: Bool[Array, " f"]
+    ) -> "tuple[AbstractEffector, PyTree]":
         """The effector that fails no more once these failures have struck, and its command."""
 
     def reach(
@@ -185,14 +234,14 @@ class AbstractEffector(eqx.Module):
         return ()
 
     def mode_after(
-        self, mode: PyTree, state: PyTree, command: Array, acceleration: Float[Array, "3"]
+        self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
     ) -> PyTree:
         """The mode after one that devices have left where the body has this dω/dt (rad/s²)."""
         del state, command, acceleration
         return mode
 
     @abc.abstractmethod
-    def piece(self, mode: PyTree, command: Float[Array, " count"]) -> PyTree:
+    def piece(self, mode: PyTree, command: PyTree) -> PyTree:
         """What the torque depends on while the devices stay in their mode."""
 
     @abc.abstractmethod
@@ -230,6 +279,73 @@ class AbstractEffector(eqx.Module):
         del state
         return {}
 
+    # The period of a sampled law: a plan, and commands that stay in a hold.
+
+    @property
+    def holds(self) -> int:
+        """In how many holds its plan divides a period at most."""
+        return 1
+
+    def init_memory(self) -> PyTree:
+        """What is remembered from sample to sample, at the start; None for nothing."""
+        return None
+
+    def plan(
+        self,
+        t: RealScalar,
+        use: Float[Array, " size"],
+        memory: PyTree,
+        period: RealScalar,
+        delay: RealScalar | None,
+    ) -> PyTree:
+        """The plan of the period (s) that begins at time `t` (s), for what a law asks for.
+
+        What it asks for is ready `delay` s after the begin; None is at once.
+        """
+        del t, memory, period, delay
+        return use
+
+    def begin(self, plan: PyTree) -> PyTree:
+        """What runs through the holds of a plan, as its period begins."""
+        del plan
+        return None
+
+    def ahead(self, plan: PyTree, running: PyTree, now: RealScalar, period: RealScalar) -> Ahead:
+        """The command from `now` (s from the sample) on."""
+        del running, now
+        return Ahead(period, plan)
+
+    def passed(
+        self, plan: PyTree, running: PyTree, ahead: Ahead, now: RealScalar, end: RealScalar
+    ) -> PyTree:
+        """What runs through the plan after a hold from `now` to `end` (s from the sample)."""
+        del plan, ahead, now, end
+        return running
+
+    def finish(self, plan: PyTree, running: PyTree) -> tuple[PyTree, PyTree]:
+        """The memory for the next period, and the command that does the mean of the period."""
+        del running
+        return None, plan
+
+    def run(self, plan: PyTree, period: RealScalar) -> PyTree:
+        """What has run through a plan at the end of its period (s)."""
+
+        def step(now, running):
+            ahead = self.ahead(plan, running, now, period)
+            return ahead.until, self.passed(plan, running, ahead, now, ahead.until)
+
+        return hold_by_hold(self.holds, period, step, self.begin(plan))[0]
+
+    def consumption(self, memory: PyTree) -> Consumption | None:
+        """What has been used up to a sample; None for a kind that uses nothing."""
+        del memory
+        return None
+
+    def later(self, command: PyTree, elapsed: RealScalar) -> PyTree:
+        """The command, or the piece, `elapsed` seconds after it began to stay."""
+        del elapsed
+        return command
+
     # A command that is held: modes that depend on time alone.
 
     @property
@@ -242,18 +358,18 @@ class AbstractEffector(eqx.Module):
         """Whether the edges of a hold depend on how the body turns, and must be searched."""
         return False
 
-    def edges(self, state: PyTree, command: Array, period: RealScalar) -> Float[Array, " edges"]:
+    def edges(self, state: PyTree, command: PyTree, period: RealScalar) -> Float[Array, " edges"]:
         """Instants (s) in [0, `period`] at which the piece changes under a command that stays."""
         del state, command
         return jnp.zeros(0, period.dtype)
 
-    def held_piece(self, state: PyTree, command: Array, elapsed: RealScalar) -> PyTree:
+    def held_piece(self, state: PyTree, command: PyTree, elapsed: RealScalar) -> PyTree:
         """The piece `elapsed` seconds after a command began to stay in a state."""
         del elapsed
         return self.piece(self.mode(state), command)
 
     def snapped(
-        self, state: PyTree, command: Array, elapsed: RealScalar, reached: PyTree
+        self, state: PyTree, command: PyTree, elapsed: RealScalar, reached: PyTree
     ) -> PyTree:
         """The state `reached` at an edge, where known, exactly."""
         del state, command, elapsed
@@ -262,14 +378,14 @@ class AbstractEffector(eqx.Module):
     # A command that is held: modes that depend on how the body turns.
 
     def margins(
-        self, mode: PyTree, state: PyTree, command: Array, acceleration: Float[Array, "3"]
+        self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
     ) -> Float[Array, "..."]:
         """How far devices are from leaving their mode: below zero for one that has left it."""
         del mode, state, command, acceleration
         return jnp.zeros(0)
 
     def approach(
-        self, mode: PyTree, state: PyTree, command: Array, acceleration: Float[Array, "3"]
+        self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
     ) -> Float[Array, "..."]:
         """d/dt of each margin that goes to zero before something jumps, zero for others."""
         return jnp.zeros_like(self.margins(mode, state, command, acceleration))
@@ -287,7 +403,7 @@ class AbstractEffector(eqx.Module):
         return 0
 
     def event_functions(
-        self, state: PyTree, command: Array, acceleration: Float[Array, "3"]
+        self, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
     ) -> Float[Array, " m"]:
         """Functions whose zeros are the corners."""
         del state, command

@@ -1,15 +1,14 @@
 """Thrusters that open and shut inside a control period, at their true instants."""
 
-from typing import NamedTuple, cast
+from typing import ClassVar, NamedTuple, cast
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.smooth import at_least, within
-from jaxsat.spacecraft.effector import Reach
+from jaxsat.spacecraft.effector import AbstractEffector, Ahead, Consumption, Effect, Reach
 from jaxsat.spacecraft.failures import Condition, FailureEvents
-from jaxsat.spacecraft.holds import AbstractPulsedActuators, Consumption, Hold, Usage
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 from jaxsat.spacecraft.modulation import AbstractModulation, Pulses
 from jaxsat.spacecraft.thrusters import ThrusterSet
@@ -39,37 +38,77 @@ class ThrusterMemory(NamedTuple):
 class PulsePlan(NamedTuple):
     """Pulses of a period that begins at `t` (s), and those of the last one that go on in it.
 
-    `memory` is that of the next period but for what is used until then.
+    `before` is the level of each thruster as in `ThrusterMemory`, `memory` is that of the next
+    period but for what is used until then.
     """
 
     t: RealScalar
     period: RealScalar
     pulses: Pulses
+    before: Float[Array, " m"] | None
     memory: ThrusterMemory
 
 
 class Running(NamedTuple):
-    """Time since the sample (s), and what has been up to then in this period.
+    """What has been up to an instant of a period.
 
     The `level` of each thruster is as in `ThrusterMemory`, `propellant` (kg) what was used,
     `on_time` ∫ level dt (s) and `impulse` ∫ torque dt (N m s).
     """
 
-    now: RealScalar
     level: Float[Array, " m"] | None
     propellant: RealScalar
     on_time: Float[Array, " m"]
     impulse: Float[Array, "3"]
 
 
-class PulsedThrusters(AbstractPulsedActuators):
+class _Level(NamedTuple):
+    """Levels in a hold: at its begin, how they change (1/s), to what `target`, and when (s) each
+    arrives there. Without ramps they are the target."""
+
+    level: Float[Array, " m"]
+    slope: Float[Array, " m"] | None
+    target: Float[Array, " m"]
+    arrival: Float[Array, " m"] | None
+
+
+class Usage(NamedTuple):
+    """What thrusters did in a period.
+
+    `level` is the mean thrust of each in parts of its full one. Since the start of the run
+    `propellant` (kg) was used, and each valve opened `openings` times.
+    """
+
+    level: Float[Array, " m"]
+    propellant: RealScalar
+    openings: Float[Array, " m"]
+
+
+class ThrusterTorque(NamedTuple):
+    """The torque of all thrusters (N m), and how it changes (N m/s), None for a torque that stays.
+
+    `usage` is that of a period of which it is the mean.
+    """
+
+    torque: Float[Array, "3"]
+    rate: Float[Array, "3"] | None = None
+    usage: Usage | None = None
+
+
+class PulsedThrusters(AbstractEffector):
     """Allocation, modulation, valves and failures of a set of thrusters that push.
+
+    They run once a period, and what stays in a hold is a `ThrusterTorque`.
 
     Without an `allocation` the law commands the duty of each.
     Where valves may be `late`, by a delay of theirs, of the law or of a failure, pulses reach into
     the next period. A delay of more than a period counts as one; thrust must rise and fall within a
     period.
     """
+
+    kind: ClassVar[str] = "thruster"
+    even: ClassVar[bool] = True
+    plans_delay: ClassVar[bool] = True
 
     thrusters: ThrusterSet
     allocation: LeastPropellant | None
@@ -82,9 +121,24 @@ class PulsedThrusters(AbstractPulsedActuators):
             raise ValueError("Argument `late` must be true for thrusters with a `valve_delay`.")
 
     @property
+    def count(self) -> int:
+        """How many thrusters there are."""
+        return self.thrusters.count
+
+    @property
+    def command_size(self) -> int:
+        """So many torques as are shared, or a duty for each thruster."""
+        return self.allocation.command_map.shape[1] if self.allocation else self.count
+
+    @property
+    def failure_times(self) -> Float[Array, "0"]:
+        """None: failures divide the plan into holds."""
+        return jnp.zeros(0)
+
+    @property
     def holds(self) -> int:
         """One more than there are edges: of commands, failures, and ends of ramps."""
-        count = self.thrusters.count
+        count = self.count
         edges = self.modulation.edges(self.allocation.between if self.allocation else count, count)
         if self.late:
             edges = 2 * (edges + count)
@@ -93,15 +147,13 @@ class PulsedThrusters(AbstractPulsedActuators):
             edges += edges + count
         return edges + 1
 
-    def init(self) -> ThrusterMemory:
+    def init_memory(self) -> ThrusterMemory:
         """All valves shut, nothing used."""
-        count = self.thrusters.count
+        count = self.count
         zero, modulation = jnp.zeros(count), self.modulation.init(count)
         pulses = None
         if self.late:
-            command = jnp.zeros(self.allocation.command_map.shape[1] if self.allocation else count)
-            period = jnp.ones_like(zero[0])
-            first = self._pulses(command, modulation, period)[0]
+            first = self._pulses(self.idle(), modulation, jnp.ones_like(zero[0]))[0]
             pulses = Pulses(first.on, 0 * first.off, 0 * first.level)
         level = zero if self.thrusters.ramps else None
         return ThrusterMemory(modulation, pulses, level, zero > 0, zero[0], zero)
@@ -112,9 +164,9 @@ class PulsedThrusters(AbstractPulsedActuators):
             return within(command, jnp.zeros_like(command), jnp.ones_like(command))
         return self.allocation(command)[0]
 
-    def unmade(self, command: Float[Array, " torques"]) -> Float[Array, "3"] | None:
+    def unmade(self, use: Float[Array, " torques"]) -> Float[Array, "3"] | None:
         """What no duties make, N m; None where the law commands these."""
-        return None if self.allocation is None else self.allocation(command)[1]
+        return None if self.allocation is None else self.allocation(use)[1]
 
     def _pulses(self, command, modulation, period) -> tuple[Pulses, PyTree]:
         """Pulses, and the modulator's next memory; a valve that is open to the end stays so."""
@@ -123,9 +175,9 @@ class PulsedThrusters(AbstractPulsedActuators):
         to_end = pulses.off >= period * (1 - ROUNDING)
         return pulses._replace(off=jnp.where(to_end, period, pulses.off)), modulation
 
-    def plan(self, t, command, memory, period, delay):
+    def plan(self, t, use, memory, period, delay) -> PulsePlan:
         """Pulses as commanded, shifted by what the valves are late."""
-        pulses, modulation = self._pulses(command, memory.modulation, period)
+        pulses, modulation = self._pulses(use, memory.modulation, period)
         real = pulses.off > pulses.on
         begins = real & ~((pulses.on <= 0) & memory.open[None])
         counted = 1.0 if self.modulation.counts_openings() else 0.0
@@ -140,10 +192,7 @@ class PulsedThrusters(AbstractPulsedActuators):
             pulses = self._late(t, pulses, memory.pulses, period, delay)
         elif delay is not None:
             raise ValueError("Argument `late` must be true for a loop with a delay.")
-        zero = jnp.zeros_like(memory.openings)
-        torque = jnp.zeros(3, zero.dtype)
-        running = Running(zero[0], memory.level, zero[0], zero, torque)
-        return PulsePlan(t, period, pulses, following), running
+        return PulsePlan(t, period, pulses, memory.level, following)
 
     def _late(self, t, pulses, before, period, delay) -> Pulses:
         late = self._condition(t, jnp.zeros_like(period)).delay
@@ -161,21 +210,23 @@ class PulsedThrusters(AbstractPulsedActuators):
             return Condition.sound(self.thrusters.torque)
         return self.failures.condition(t, now, self.thrusters.torque)
 
-    def reach(self, struck: Bool[Array, " f"]) -> Reach:
+    def reach(self, t, plant, state: None, struck, span) -> Reach:
         """The duty of each, from what leaks to what is left of full thrust."""
+        del t, plant, state, span
         condition = Condition.sound(self.thrusters.torque)
         if self.failures is not None:
             condition = self.failures.at_work(struck, self.thrusters.torque)
         high = jnp.maximum(condition.gain, condition.floor)
         return Reach(condition.torque, condition.floor, high, self.thrusters.flow)
 
-    def under_way(self, plan, running):
-        """Whether time is left."""
-        return running.now < plan.period
+    def begin(self, plan: PulsePlan) -> Running:
+        """Nothing has been used in this period."""
+        zero = jnp.zeros_like(plan.memory.openings)
+        return Running(plan.before, zero[0], zero, jnp.zeros(3, zero.dtype))
 
-    def advance(self, plan, running):
+    def ahead(self, plan: PulsePlan, running: Running, now, period) -> Ahead:
         """Up to the next edge of a command, of a failure or of a ramp."""
-        now, pulses = running.now, plan.pulses
+        pulses = plan.pulses
         condition = self._condition(plan.t, now)
         acting = (pulses.on <= now) & (now < pulses.off)
         commanded = jnp.sum(jnp.where(acting, pulses.level, 0.0), axis=0)
@@ -184,25 +235,24 @@ class PulsedThrusters(AbstractPulsedActuators):
         if self.failures is not None:
             edges.append(self.failures.at - plan.t)
         if not self.thrusters.ramps:
-            end = _next(edges, now, plan.period)
-            torque = condition.torque @ target
-            hold = Hold(now, end - now, torque)
-            return hold, self._later(running, end, hold.length, None, target, torque)
+            torque = ThrusterTorque(condition.torque @ target)
+            return Ahead(_next(edges, now, period), torque, _Level(target, None, target, None))
         level, slope, arrival = self._ramps(now, cast(Array, running.level), target)
-        end = _next([*edges, arrival], now, plan.period)
-        length = end - now
-        hold = Hold(now, length, condition.torque @ level, condition.torque @ slope)
-        arrived = arrival <= end + ROUNDING * plan.period
-        after = jnp.where(arrived, target, level + slope * length)
-        mean = level + slope * (length / 2)
-        torque = hold.torque_after(length / 2)
-        return hold, self._later(running, end, length, after, mean, torque)
+        torque = ThrusterTorque(condition.torque @ level, condition.torque @ slope)
+        until = _next([*edges, arrival], now, period)
+        return Ahead(until, torque, _Level(level, slope, target, arrival))
 
-    def _later(self, running: Running, end, length, level, mean, torque) -> Running:
-        """At the end (s) of a hold with these mean levels and this mean torque."""
+    def passed(self, plan: PulsePlan, running: Running, ahead: Ahead, now, end) -> Running:
+        """With what was used in the hold."""
+        length, (level, slope, target, arrival) = end - now, ahead.own
+        after, mean, torque = None, level, ahead.command.torque
+        if slope is not None and arrival is not None:
+            arrived = arrival <= end + ROUNDING * plan.period
+            after = jnp.where(arrived, target, level + slope * length)
+            mean = level + slope * (length / 2)
+            torque = self.later(ahead.command, length / 2).torque
         return Running(
-            end,
-            level,
+            after,
             running.propellant + length * jnp.sum(self.thrusters.flow * mean),
             running.on_time + length * mean,
             running.impulse + length * torque,
@@ -218,21 +268,55 @@ class PulsedThrusters(AbstractPulsedActuators):
         arrival = now + jnp.abs(target - level) * times
         return jnp.where(moves, level, target), jnp.where(moves, slope, 0.0), arrival
 
-    def finish(self, plan, running):
-        """What has been used is summed up."""
+    def finish(self, plan: PulsePlan, running: Running) -> tuple[ThrusterMemory, ThrusterTorque]:
+        """What has been used is summed up, and the mean torque with the usage of the period."""
         propellant = plan.memory.propellant + running.propellant
         memory = plan.memory._replace(level=running.level, propellant=propellant)
-        usage = Usage(
-            running.impulse / plan.period,
-            running.on_time / plan.period,
-            propellant,
-            memory.openings,
-        )
-        return memory, usage
+        usage = Usage(running.on_time / plan.period, propellant, memory.openings)
+        return memory, ThrusterTorque(running.impulse / plan.period, usage=usage)
 
-    def consumption(self, memory):
+    def consumption(self, memory: ThrusterMemory) -> Consumption:
         """As the memory has it."""
         return Consumption(memory.propellant, memory.openings)
+
+    # What stays in a hold.
+
+    def driven(
+        self, state: None, command: ThrusterTorque, struck: Bool[Array, "0"]
+    ) -> "tuple[PulsedThrusters, ThrusterTorque]":
+        """Themselves: what has failed is in the torque."""
+        del state, struck
+        return self, command
+
+    def later(self, command: ThrusterTorque, elapsed: RealScalar) -> ThrusterTorque:
+        """The torque `elapsed` seconds on."""
+        if command.rate is None:
+            return command
+        return command._replace(torque=command.torque + elapsed * command.rate)
+
+    def piece(self, mode: tuple, command: ThrusterTorque) -> ThrusterTorque:
+        """The torque as it is."""
+        del mode
+        return command
+
+    def effect(self, piece: ThrusterTorque, t, plant, state: None) -> Effect:
+        """The torque."""
+        del t, plant, state
+        return Effect(piece.torque)
+
+    def signals(self, piece: ThrusterTorque, state: None, acceleration) -> dict[str, Array]:
+        """The usage of a period, where it is known."""
+        del state, acceleration
+        if piece.usage is None:
+            return {}
+        level, propellant, openings = piece.usage
+        return {"thrust_level": level, "propellant": propellant, "valve_openings": openings}
+
+    def require_continuous(self) -> None:
+        """Raise `ValueError`: valves open and shut between samples."""
+        raise ValueError(
+            "Thrusters that pulse must have a sampled law, which a continuous controller is not."
+        )
 
 
 def _next(edges, now, period) -> RealScalar:

@@ -69,6 +69,7 @@ class Wheels(AbstractEffector):
     """
 
     kind: ClassVar[str] = "wheel"
+    blows: ClassVar[bool] = True
     dispersible: ClassVar[Mapping[str, Dispersible]] = {
         "wheel_momentum": Dispersible(_with_momentum, _momentum_limits)
     }

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxsat.simulation import AbstractLoop, SampledLoop, Signals
-from jaxsat.spacecraft import AbstractPulsedActuators, Wheels
+from jaxsat.spacecraft import Wheels
 from jaxsat.store import Column, labels
 
 DRAWN = "drawn_"
@@ -109,10 +109,10 @@ def history_of(signals: Signals, name: str) -> Array | np.ndarray:
 def columns_of(loop: AbstractLoop) -> dict[str, Column]:
     """The columns that every study of such a loop has, besides what is drawn and histories."""
     columns = dict(COLUMNS)
-    actuators = loop.actuators if isinstance(loop, SampledLoop) else None
-    if isinstance(actuators, AbstractPulsedActuators):
-        used = jax.eval_shape(lambda: actuators.consumption(actuators.init()))
-        columns |= _of_size(CONSUMPTION, used.openings.shape)
+    effectors = loop.plant.effectors
+    used = jax.eval_shape(lambda: [one.consumption(one.init_memory()) for one in effectors])
+    for one in used:
+        columns |= {} if one is None else _of_size(CONSUMPTION, one.openings.shape)
     wheels = loop.plant.find(Wheels)
     return columns if wheels is None else columns | _of_size(PEAK_MOMENTUM, (wheels.count,))
 

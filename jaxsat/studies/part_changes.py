@@ -25,8 +25,8 @@ from jaxsat.studies.perturbed import (
 
 def thrusters_of(loop: AbstractLoop) -> list[Actuators | ThrusterSet]:
     """All that the loop has of thrusters."""
-    actuators = with_thrusters(loop).actuators
-    return [*parts_of(Actuators, actuators), *parts_of(ThrusterSet, actuators)]
+    effectors = loop.plant.effectors
+    return [*parts_of(Actuators, effectors), *parts_of(ThrusterSet, effectors)]
 
 
 def thruster_count(thrusters: Actuators | ThrusterSet) -> int:
@@ -69,8 +69,8 @@ def _with_thrusters_changed(
     def changed(part):
         return change(part) if isinstance(part, kinds) else part
 
-    actuators = map_parts(changed, kinds, with_thrusters(perturbed.loop).actuators)
-    return in_loop(perturbed, lambda loop: loop.actuators, actuators)
+    effectors = map_parts(changed, kinds, perturbed.loop.plant.effectors)
+    return in_loop(perturbed, lambda loop: loop.plant.effectors, effectors)
 
 
 def set_field(part_of: Callable[[AbstractLoop], Any], quantity: DispersibleQuantity):

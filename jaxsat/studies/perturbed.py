@@ -35,7 +35,7 @@ def controller_of(loop: AbstractLoop):
 
 
 def with_thrusters(loop: AbstractLoop) -> ContinuousLoop | SampledLoop:
-    """The loop as one of those that have actuators, which `obstacle` has made sure of."""
+    """The loop as one whose law commands effectors, which `obstacle` has made sure of."""
     return cast(ContinuousLoop | SampledLoop, loop)
 
 

@@ -30,7 +30,6 @@ from jaxsat.studies.failure_codes import (
 from jaxsat.studies.torques_left import (
     UNRECOVERABLE,
     TorquesLeft,
-    thruster_reach,
     torques_left,
 )
 
@@ -118,7 +117,7 @@ class FailureRecovery:
     @property
     def _diagnosed(self) -> str:
         """The kind of actuator of which verdicts are, or `ALL_PARTS` for thrusters and wheels."""
-        thrusters = _counts(self.loop)["thruster"]
+        thrusters = _counts(self.loop).get("thruster", 0)
         if not thrusters:
             return "wheel"
         (verdicts,) = self.told.get("isolated_kind", (thrusters,))
@@ -257,8 +256,7 @@ def _errors(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> dict[Rec
 
 def _counts(loop: AbstractLoop) -> dict[str, int]:
     """How many parts of each kind may fail, in the order of `failures_of`."""
-    thrusters = {"thruster": thruster_reach(loop).low.size}
-    return thrusters | {one.kind: one.count for one in loop.plant.effectors}
+    return {one.kind: one.count for one in loop.plant.effectors}
 
 
 def _told(loop: AbstractLoop, start: PlantState) -> Mapping[str, jax.ShapeDtypeStruct]:

@@ -1,8 +1,8 @@
 """What torques failures in flight leave in each case of a study, by controllability."""
 
 import enum
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,8 +13,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.controllability import actuator_set, judge_ranges, torque_reserve
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import AbstractLoop
-from jaxsat.simulation.parts import parts_of
-from jaxsat.spacecraft import AbstractEffector, AbstractFailures, Reach, Wheels
+from jaxsat.spacecraft import AbstractEffector, Reach, Wheels
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.studies.failure_codes import NEVER, first_code
 
@@ -84,7 +83,7 @@ class _Exchanger(NamedTuple):
     @staticmethod
     def of(loop: AbstractLoop, effector: AbstractEffector, reach: _Reaches) -> "_Exchanger":
         """By its reach in every case. A wheel that had failed before, as a law knows, is lost."""
-        before = _at_rest(effector, jnp.zeros(effector.failure_times.shape, bool))
+        before = _sound(effector)
         size = np.linalg.norm(reach.columns, axis=1, keepdims=True)
         kept = (reach.low < 0) & (reach.high >= LEAST_TORQUE * np.asarray(before.high))
         kept = kept & (reach.high > 0) & (size[:, 0] > 0)
@@ -121,11 +120,13 @@ def torques_left(
     dispersed ones that are not quite parallel are no more of them. `momentum` (N m s) is that of
     body and effectors at the start.
     """
-    thrusters, *others = _reaches_left(loop, struck)
-    torques, low, high = _levels(thrusters, thruster_reach(loop))
+    parts = list(zip(loop.plant.effectors, _reaches_left(loop, struck), strict=True))
+    none = _Reaches.of(Reach.none(), len(struck["failure_kind"])), Reach.none()
+    levels = [_levels(*none), *(_levels(each, _sound(one)) for one, each in parts if one.even)]
+    torques, low, high = (np.concatenate(each, axis=-1) for each in zip(*levels, strict=True))
     exchangers = [
         _Exchanger.of(loop, one, reach)
-        for one, reach in zip(loop.plant.effectors, others, strict=True)
+        for one, reach in parts
         if one.momentum(one.init()) is not None
     ]
     known: dict[bytes, int] = {}
@@ -148,37 +149,28 @@ def torques_left(
     return found
 
 
-def thruster_reach(loop: AbstractLoop) -> Reach:
-    """What the thrusters of a loop can do before anything fails."""
-    actuators = getattr(loop, "actuators", None)
-    if actuators is None:
-        return Reach.none()
-    count = sum(one.count for one in parts_of(AbstractFailures, actuators))
-    return actuators.reach(jnp.zeros(count, bool))
-
-
 def _reaches_left(loop: AbstractLoop, struck: Mapping[str, np.ndarray]) -> list[_Reaches]:
-    """What thrusters and each effector can do in every case, once all failures have struck.
+    """What each effector can do at rest in every case, once all failures have struck.
 
-    Of effectors it is what they can do at rest.
+    The failures of one are after those of another; the last may have more than its own number.
     """
-    actuators = getattr(loop, "actuators", None)
-    sound, cases = thruster_reach(loop), len(struck["failure_kind"])
-    found, before = [sound], sound.low.size
-    events = sum(one.count for one in parts_of(AbstractFailures, actuators))
-    if events:
-        first = {name: values[:, :events] for name, values in struck.items()}
-        found = [_in_cases(actuators, 0, before, first, lambda part, hit: part.reach(hit))]
+    found, before, cases = [], 0, len(struck["failure_kind"])
+    last = [one for one in loop.plant.effectors if one.failures is not None][-1:]
     for one in loop.plant.effectors:
-        later = {name: values[:, events:] for name, values in struck.items()}
-        found.append(
-            _at_rest(one, jnp.zeros(0, bool))
-            if one.failures is None
-            else _in_cases(one, before, one.count, later, _at_rest)
-        )
+        reach = _sound(one)
+        if one.failures is not None:
+            count = None if one is last[0] else one.failures.count
+            reach = _in_cases(one, before, {name: x[:, :count] for name, x in struck.items()})
+            struck = {name: x[:, count:] for name, x in struck.items()}
+        found.append(_Reaches.of(reach, cases))
         before += one.count
+    return found
 
-    return [_Reaches.of(reach, cases) for reach in found]
+
+def _sound(one: AbstractEffector) -> Reach:
+    """What an effector can do before anything fails."""
+    count = 0 if one.failures is None else one.failures.count
+    return _at_rest(one, jnp.zeros(count, bool))
 
 
 def _at_rest(one: AbstractEffector, hit: Bool[Array, " f"]) -> Reach:
@@ -186,30 +178,22 @@ def _at_rest(one: AbstractEffector, hit: Bool[Array, " f"]) -> Reach:
     return one.reach(zero, PlantState(level, jnp.zeros(3)), one.init(), hit, zero)
 
 
-def _in_cases(
-    part: Any,
-    before: int,
-    count: int,
-    struck: Mapping[str, np.ndarray],
-    reach: Callable[[Any, Bool[Array, " f"]], Reach],
-) -> Reach:
-    """The reach of a part in every case, `count` devices of which come after so many others.
+def _in_cases(one: AbstractEffector, before: int, struck: Mapping[str, np.ndarray]) -> Reach:
+    """The reach of an effector in every case; its devices come after so many others.
 
-    In what is struck devices are counted over all parts.
+    In what is struck devices are counted over all effectors.
     """
-    (failures,) = parts_of(AbstractFailures, part)
     place = struck["failed_part"] - before
-    mine = (struck["failure_kind"] != NEVER) & (place >= 0) & (place < count)
-    kinds = np.where(mine, struck["failure_kind"] - first_code(failures.kinds), -1)
+    mine = (struck["failure_kind"] != NEVER) & (place >= 0) & (place < one.count)
+    kinds = np.where(mine, struck["failure_kind"] - first_code(one.failures.kinds), -1)
 
-    def one(number, at, kind, amount):
-        struck_by = failures.with_events(number, at, kind, amount)
-        failing = eqx.tree_at(lambda x: parts_of(AbstractFailures, x)[0], part, struck_by)
-        return reach(failing, kind >= 0)
+    def reach(number, at, kind, amount):
+        events = one.failures.with_events(number, at, kind, amount)
+        return _at_rest(eqx.tree_at(lambda x: x.failures, one, events), kind >= 0)
 
     at = np.where(mine, struck["failure_time"], np.inf)
     numbers = (1.0 * place, at, 1.0 * kinds, np.nan_to_num(struck["failure_amount"]))
-    return jax.vmap(one)(*map(jnp.asarray, numbers))
+    return jax.vmap(reach)(*map(jnp.asarray, numbers))
 
 
 def _levels(
@@ -235,7 +219,7 @@ def _holds_momentum(loop: AbstractLoop, here: _Exchanger) -> bool:
     """
     kept, runaway = here.kept, here.runaway
     outside = any(one.momentum(one.init()) is None for one in loop.plant.effectors)
-    if not runaway.any() or outside or thruster_reach(loop).low.size:
+    if not runaway.any() or outside:
         return True
     limit = here.effector.momentum_limit if isinstance(here.effector, Wheels) else None
     if limit is None or not np.all(np.isfinite(np.asarray(limit)[runaway])):

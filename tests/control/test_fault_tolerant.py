@@ -44,8 +44,8 @@ def test_law_and_detector_see_estimates_and_commands_alone():
     other = eqx.tree_at(
         lambda loop: (
             loop.plant.spacecraft.inertia,
-            loop.actuators.thrusters.torque,
-            loop.actuators.failures.at,
+            loop.plant.effectors[0].thrusters.torque,
+            loop.plant.effectors[0].failures.at,
         ),
         one,
         replace_fn=lambda x: 0.7 * x - (200.0 if x.shape == (1,) else 0.0),

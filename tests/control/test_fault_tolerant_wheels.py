@@ -11,12 +11,13 @@ import pytest
 
 from jaxsat.control.diagnosis import DiagnosedKind
 from jaxsat.control.tolerant_actuators import TolerantMode
+from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation import simulate
-from jaxsat.spacecraft import WheelDrives, WheelMomenta, Wheels
+from jaxsat.spacecraft import WheelMomenta, Wheels
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.store import trajectory_dataset
 
@@ -200,8 +201,9 @@ def test_the_law_needs_wheels_about_three_axes_with_limits_and_nothing_else(chan
 
 def test_the_law_commands_the_motor_of_each_wheel():
     loop = build(load("wheels-fail")).loop
-    assert isinstance(loop.actuators, WheelDrives)
-    command = jnp.arange(4.0)
-    np.testing.assert_array_equal(loop.actuators.commands(command)["wheel"], command)
-    np.testing.assert_array_equal(loop.actuators(command), np.zeros(3))
-    assert loop.actuators.event_count == 0
+    command, told = jnp.arange(4.0), PlantState(Quaternion([1.0, 0, 0, 0]), np.zeros(3))
+    (wheels,) = loop.plant.effectors
+    assert isinstance(wheels, Wheels)
+    shares = loop.distribution(jnp.zeros(()), told, command, loop.plant.effectors)
+    (asked,) = shares.uses
+    np.testing.assert_array_equal(asked, command)

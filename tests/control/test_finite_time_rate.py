@@ -101,7 +101,9 @@ def test_flight_stops_all_rates(inertia):
     plant = body(inertia, disturbance=paper_disturbance(third=False))
     omega = np.array([0.1, -0.09, 0.08])
     times = jnp.linspace(0, 60, 601)
-    run = simulate(SampledLoop(plant, controller, actuators(LIMIT)), _state(omega), times).signals
+    run = simulate(
+        SampledLoop(plant.with_effectors((actuators(LIMIT),)), controller), _state(omega), times
+    ).signals
     c = jnp.array((inertia[0] - inertia[1]) / inertia[2])
     bound = float(controller.law.time_to_zero(jnp.array(0.08), c))
     # The time a full torque needs to turn the first rates round bounds the catching up.

@@ -133,7 +133,7 @@ def test_closed_loop_follows_the_averaged_equations(demand):
     law = oscillator(demand, largest_amplitude=1.0)
     model = law.form.model
     controller = OscillatoryLaw(law, ThirdAxisEstimator(law.form, None, None), jnp.inf, 0.02)
-    loop = SampledLoop(model, controller, actuators())
+    loop = SampledLoop(model.with_effectors((actuators(),)), controller)
     start = PlantState(WZ([0.0, 0.0], 0.05), [0.0, -ORBIT_RATE, 0.0])
     times = jnp.linspace(0, 400, 401)
     run = simulate(loop, start, times).signals
@@ -198,7 +198,9 @@ def test_gradient_with_respect_to_gains():
         law = oscillator(**dict(zip(fields, gains, strict=True)))
         estimator = ThirdAxisEstimator(law.form, ripple_observer(), paper_fit())
         controller = OscillatoryLaw(law, estimator, jnp.array(50.0), 0.1)
-        final = simulate(SampledLoop(law.form.model, controller, actuators()), start, times).signals
+        final = simulate(
+            SampledLoop(law.form.model.with_effectors((actuators(),)), controller), start, times
+        ).signals
         return jnp.stack([final.z[-1], final.omega[-1, 2], final.w[-1, 0]])
 
     gains = jnp.array([NU, 0.5, 2.0, 2.0])

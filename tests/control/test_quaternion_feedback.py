@@ -18,7 +18,7 @@ def flown(start, *, max_rate=np.inf, limit=np.inf, period=0.01, seconds=30.0):
     model = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0011))
     law = QuaternionFeedback(model, FREQUENCY, DAMPING, max_rate, period)
     actuators = Actuators.of(Thrusters(np.eye(3)), limit, torques=3)
-    loop = SampledLoop(model, law, actuators, substeps=1)
+    loop = SampledLoop(model.with_effectors((actuators,)), law, substeps=1)
     samples = round(seconds / period)
     return simulate(loop, start, np.arange(0, samples + 1, 10) * period)
 

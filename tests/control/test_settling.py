@@ -31,7 +31,9 @@ def paper_start():
 def flight(name, limit, horizon, start=None, disturbance=None, **options):
     controller = MAKERS[name](body(), limit, **options)
     disturbance = paper_disturbance() if disturbance is None else disturbance
-    loop = SampledLoop(body(disturbance=disturbance), controller, actuators(limit), 1)
+    loop = SampledLoop(
+        body(disturbance=disturbance).with_effectors((actuators(limit),)), controller, substeps=1
+    )
     times = 0.1 * jnp.arange(round(horizon * 10) + 1)
     return simulate(loop, paper_start() if start is None else start, times)
 

@@ -136,7 +136,7 @@ def test_flight_from_rest_ends_in_the_orbit_frame(seed):
     """From rest in a random attitude, thrusters of 5 N m, in about the time planned."""
     attitude = Rotation.random(random_state=seed)
     start = PlantState(Quaternion(scalar_first(attitude)), jnp.zeros(3))
-    loop = SampledLoop(body(), ThreeSlewLaw(planner(), 0.1), actuators(5.0))
+    loop = SampledLoop(body().with_effectors((actuators(5.0),)), ThreeSlewLaw(planner(), 0.1))
     times = jnp.linspace(0, 150, 1501)
     run = simulate(loop, start, times).signals
     over = int(jnp.argmax(run.mode == slews.Leg.SLEWED))

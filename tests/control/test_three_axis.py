@@ -123,7 +123,7 @@ def test_smooth_three_axis_law_at_torque_level(relation, limit):
     exact = simulate_three_axis_smooth(times, width=0.2, torque_limit=limit, **case)
     law = three_axis_law(case, saturation_width=1.0, tilt_width=0.2)
     assert law.is_smooth()
-    loop = ContinuousLoop(bodies(case)[0], law, actuators(limit))
+    loop = ContinuousLoop(bodies(case)[0].with_effectors((actuators(limit),)), law)
     run = simulate(loop, three_axis_start(case), jnp.array(times), method=adaptive()).signals
     assert state_error(run, exact, case).max() < 1e-7
     np.testing.assert_allclose(run.torque[:, :2], exact.torque, atol=1e-6)

@@ -129,7 +129,7 @@ def loop_of(law: AbstractSampledController) -> SampledLoop:
     """A spacecraft under a law, told the truth."""
     plant = RigidBody(Spacecraft(as_float([449.5, 264.6, 312.5])), ExactOrbit(1.1e-3))
     axes = jnp.array([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]])
-    return SampledLoop(plant, law, Actuators(axes, jnp.eye(2), 2.0), substeps=1)
+    return SampledLoop(plant.with_effectors((Actuators(axes, jnp.eye(2), 2.0),)), law, substeps=1)
 
 
 def start() -> PlantState:

@@ -64,7 +64,9 @@ def three_axis_loop(case):
 
 def rate_loop(case, measured=(True, True, False), width=0.0, limit=jnp.inf):
     plant, model = bodies(case, measured)
-    return ContinuousLoop(plant, RateLaw(model, case["k1"], case["k2"], width), actuators(limit))
+    return ContinuousLoop(
+        plant.with_effectors((actuators(limit),)), RateLaw(model, case["k1"], case["k2"], width)
+    )
 
 
 def rate_start(case):

@@ -25,7 +25,7 @@ def switching_loop(case, *, limit=5.0, period=0.1, upper=7.9e-3, lower=1.4e-3, i
         list(limit / J),
         list(5 * limit / J),
     )
-    return SampledLoop(plant, law, actuators(limit))
+    return SampledLoop(plant.with_effectors((actuators(limit),)), law)
 
 
 def start(attitude="as_quaternion"):

@@ -18,12 +18,12 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import ContinuousLoop, SampledLoop, adaptive, simulate
 from jaxsat.spacecraft import (
     Actuators,
-    ActuatorsWithWheels,
     PulsedThrusters,
     PulseWidth,
     Spacecraft,
     Thrusters,
     Wheels,
+    WheelsFirst,
 )
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit, GravityGradient
@@ -87,7 +87,9 @@ def test_pulses():
     period, count, step = 0.2, 60, 2e-4
     law = Schedule(jnp.asarray(commands(count + 1, 3e-3, 1)), jnp.array(period))
     actuators = PulsedThrusters(thruster_set(torque, 0.01), allocated(torque), PulseWidth())
-    loop = SampledLoop(RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0)), law, actuators)
+    loop = SampledLoop(
+        RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0)).with_effectors((actuators,)), law
+    )
     run = simulate(loop, PlantState(Quaternion(START), OMEGA), np.arange(count + 1) * period)
     on_times = np.asarray(run.signals.thrust_level)[:count] * period
     given = {"period": period, "step": step, "on_times": on_times.tolist()}
@@ -115,7 +117,7 @@ def test_wheels(friction):
     )
     plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
     law = Schedule(jnp.asarray(-motors @ axes.T), jnp.array(period))
-    loop = SampledLoop(plant, law, ActuatorsWithWheels.of(axes, 3), substeps=8)
+    loop = SampledLoop(plant, law, WheelsFirst.of(axes, 3), substeps=8)
     start = PlantState(Quaternion(START), OMEGA, rotor * speeds)
     run = simulate(loop, start, np.arange(count + 1) * period)
     given = {"period": period, "step": step, "torques": motors[:count].tolist()}
@@ -132,7 +134,7 @@ def test_gravity_gradient():
     orbit = ExactOrbit(rate)
     plant = RigidBody(Spacecraft(INERTIA), orbit, GravityGradient(jnp.array(rate)))
     still = Actuators.of(Thrusters(jnp.eye(3)))
-    loop = ContinuousLoop(plant, Coast(), still)
+    loop = ContinuousLoop(plant.with_effectors((still,)), Coast())
     at_start = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])  # orbit axes as rows
     inertial = Rotation.from_quat(START[[1, 2, 3, 0]])  # whose inverse turns components into body
     relative = (Rotation.from_matrix(at_start) * inertial).as_quat()[[3, 0, 1, 2]]

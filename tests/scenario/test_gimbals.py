@@ -24,7 +24,7 @@ def test_gyros_of_a_scenario_are_steered():
     data["gimbal"][0] |= {"angle_rad": 0.2, "failed": True}
     run = build(Scenario.model_validate(data))
     assert isinstance(run.loop, SampledLoop)
-    (gyros,), (steering,) = run.loop.plant.effectors, run.loop.steering
+    (gyros,), (steering,) = run.loop.plant.effectors, run.loop.distribution.steering
     assert isinstance(gyros, ControlMomentGyros)
     assert isinstance(steering, GimbalSteering)
     np.testing.assert_array_equal(steering.working, [0.0, 1.0, 1.0, 1.0])

@@ -18,7 +18,7 @@ def made(data) -> SampledLoop:
 
 
 def steering_of(data) -> MagneticSteering:
-    (steering,) = made(data).steering
+    (steering,) = made(data).distribution.steering
     assert isinstance(steering, MagneticSteering)
     return steering
 

@@ -193,7 +193,7 @@ def test_the_torques_add_up_in_the_plant(own):
 
 
 def test_actuators_displace_the_thrusters_and_keep_their_limit(own):
-    actuators = build(load(own)).loop.actuators
+    actuators = build(load(own)).loop.plant.effectors[0].actuators
     np.testing.assert_array_equal(actuators(jnp.array([0.3, -0.2])), [0.5, 0.0, 0.0])
     np.testing.assert_array_equal(actuators(jnp.array([99.0, -99.0])), [5.0, -5.0, 0.0])
 

@@ -47,7 +47,7 @@ def test_a_law_beside_the_scenario_is_simulated_and_written_out_again(own):
     scenario = load(own, ["simulation.duration_s=60"], purpose="study")
     run = build(scenario)
     trajectory = run.simulate()
-    assert run.loop.actuators.thrust_map.shape == (3, 3)
+    assert run.loop.plant.effectors[0].thrust_map.shape == (3, 3)
     assert np.abs(np.asarray(trajectory.signals.omega)[-1]).max() < 1e-6
     copy = own.with_name("copy.toml")
     copy.write_text(dump(scenario), encoding="utf-8")

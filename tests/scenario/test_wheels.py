@@ -5,15 +5,16 @@ import numpy as np
 import pytest
 
 from jaxsat.control import AbstractController
+from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioError, dump
-from jaxsat.scenario.build.actuators import build_actuators
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build, build_uncontrolled
 from jaxsat.scenario.layout import torque_limit
 from jaxsat.scenario.overrides import apply_overrides, parse_override
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation import ContinuousLoop, SampledLoop
-from jaxsat.spacecraft import ActuatorsWithWheels, PulsedActuatorsWithWheels, Wheels, wheel_momentum
+from jaxsat.spacecraft import PulsedThrusters, Wheels, WheelsFirst, wheel_momentum
+from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.store import trajectory_dataset
 
 X, Y = "{axis=[2.0,0.0,0.0]}", "{axis=[0.0,1.0,0.0]}"
@@ -32,8 +33,9 @@ def test_the_telescope_flies_the_law_whose_third_rate_its_wheels_hold():
     np.testing.assert_array_equal(wheels.momentum_limit, [20.0, 20.0, 20.0])
     assert wheels.coulomb_friction is None
     np.testing.assert_array_equal(wheel_momentum(run.start), np.zeros(3))
-    np.testing.assert_array_equal(loop.actuators.wheel_map, np.eye(3)[:, :2])
-    assert loop.actuators.thrusters is None
+    assert isinstance(loop.distribution, WheelsFirst)
+    np.testing.assert_array_equal(loop.distribution.wheel_map, np.eye(3)[:, :2])
+    assert loop.plant.effectors == (wheels,)
 
 
 @pytest.mark.slow
@@ -62,12 +64,15 @@ def test_a_sampled_law_shares_its_command_among_wheels_and_their_history_is_save
 
 
 def test_thrusters_make_what_wheels_leave():
-    one_wheel = load("switching", [f"wheel=[{X}]"])
-    mixed = build_actuators(one_wheel)
-    assert isinstance(mixed, ActuatorsWithWheels)
-    command = jnp.array([0.3, -0.2])
-    np.testing.assert_allclose(mixed.commands(command)["wheel"], [0.3])
-    np.testing.assert_allclose(mixed(command), [0, -0.2, 0], atol=1e-15)
+    mixed = build(load("switching", [f"wheel=[{X}]"])).loop
+    assert isinstance(mixed.distribution, WheelsFirst)
+    told, command = PlantState(Quaternion([1.0, 0, 0, 0]), np.zeros(3)), jnp.array([0.3, -0.2])
+    thrusters, wheels = mixed.plant.effectors
+    shares = mixed.distribution(jnp.zeros(()), told, command, mixed.plant.effectors)
+    left, asked = shares.uses
+    assert isinstance(wheels, Wheels)
+    np.testing.assert_allclose(asked, [0.3])
+    np.testing.assert_allclose(thrusters(left), [0, -0.2, 0], atol=1e-15)
     pushing = ",".join(
         f"{{torque_axis=[{x},{y},0.0],torque_N_m=1.0}}"
         for x, y in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
@@ -78,10 +83,12 @@ def test_thrusters_make_what_wheels_leave():
     changes = [parse_override(f"thruster=[{pushing}]"), parse_override(f"wheel=[{X}]")]
     data, blocked = apply_overrides(document, changes)
     assert not blocked
-    pulsed = build_actuators(Scenario.model_validate(data))
-    assert isinstance(pulsed, PulsedActuatorsWithWheels)
-    np.testing.assert_allclose(pulsed.commands(command)["wheel"], [0.3])
-    np.testing.assert_allclose(pulsed.rest, [[0, 0], [0, 1]])
+    pulsed = build(Scenario.model_validate(data)).loop
+    thrusters, wheels = pulsed.plant.effectors
+    assert isinstance(thrusters, PulsedThrusters)
+    assert isinstance(wheels, Wheels)
+    np.testing.assert_allclose(pulsed.distribution.wheels(command), [0.3])
+    np.testing.assert_allclose(pulsed.distribution.rest, [[0, 0], [0, 1]])
 
 
 def test_the_limit_of_a_law_is_what_wheels_make_about_both_axes_at_once():

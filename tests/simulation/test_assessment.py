@@ -140,7 +140,7 @@ def test_the_constraint_torque_is_what_euler_lacks(general):
 def test_gradients_go_past_the_assessment():
     """Reverse mode through a run whose settling is judged."""
 
-    loop = ContinuousLoop(bodies(PAPER_THREE_AXIS)[0], Coast(), actuators())
+    loop = ContinuousLoop(bodies(PAPER_THREE_AXIS)[0].with_effectors((actuators(),)), Coast())
 
     def last(factor):
         begin = three_axis_start(PAPER_THREE_AXIS)

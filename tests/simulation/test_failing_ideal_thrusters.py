@@ -54,7 +54,7 @@ class Struck(AbstractCaseFactory):
     def __call__(self, case, gains):
         del gains
         events = FailureEvents(*case.reshape(4, 2), jnp.stack([jnp.asarray(TURNED)] * 2))
-        loop = eqx.tree_at(lambda loop: loop.actuators.failures, self.loop, events)
+        loop = eqx.tree_at(lambda loop: loop.plant.effectors[0].failures, self.loop, events)
         return Case(loop, self.start, {"failure": case}, jnp.array(True))
 
 
@@ -63,7 +63,7 @@ def factory():
     actuators = dataclasses.replace(Actuators.of(Thrusters(AXES), LIMIT, torques=3), failures=never)
     plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0))
     start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA)
-    return Struck(ContinuousLoop(plant, Waves(), actuators), start)
+    return Struck(ContinuousLoop(plant.with_effectors((actuators,)), Waves()), start)
 
 
 K, NEVER = FailureKind, np.inf
@@ -156,7 +156,7 @@ def test_a_step_ends_where_a_thruster_fails():
     events = FailureEvents([0.0], [1.23456], [K.DEAD], [0.0], AXES[None, :, :2])
     actuators = dataclasses.replace(Actuators.of(Thrusters(AXES[:, :2]), LIMIT), failures=events)
     plant = RigidBody(Spacecraft([2.0, 3.0, 4.0]), ExactOrbit(0.0))
-    loop = ContinuousLoop(plant, Push(), actuators)
+    loop = ContinuousLoop(plant.with_effectors((actuators,)), Push())
     assert not loop.is_smooth()
     start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [0.0, 0.0, 0.0])
     run = simulate(loop, start, np.array([0.0, 1.0, 2.0, 3.0]))
@@ -217,8 +217,10 @@ def held_truth(case):
 @pytest.mark.slow
 def test_engines_agree_with_an_independent_program_under_a_sampled_law():
     cases = factory()
-    plant, actuators = cases.loop.plant, cases.loop.actuators
-    loop = SampledLoop(plant, SampledWaves(PERIOD), actuators, 2, delay=LATE)
+    plant, actuators = cases.loop.plant, cases.loop.plant.effectors[0]
+    loop = SampledLoop(
+        plant.with_effectors((actuators,)), SampledWaves(PERIOD), substeps=2, delay=LATE
+    )
     cases = Struck(loop, cases.start)
     program = program_of(cases, loop, SECONDS)
     stepper = SampledStepper(diffrax.Dopri8())

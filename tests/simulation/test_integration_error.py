@@ -51,7 +51,7 @@ class NoTorque(AbstractSampledController):
 def free(substeps, *disturbance):
     plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), *disturbance)
     thrusters = Actuators.of(Thrusters(jnp.eye(3)).without([3]))
-    return SampledLoop(plant, NoTorque(), thrusters, substeps=substeps)
+    return SampledLoop(plant.with_effectors((thrusters,)), NoTorque(), substeps=substeps)
 
 
 def shaken(substeps):

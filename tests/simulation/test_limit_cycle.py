@@ -28,7 +28,7 @@ def test_a_pulse_at_each_end_of_the_dead_band_makes_the_rate_of_the_formula(rate
     model = RigidBody(Spacecraft([INERTIA, 0.55, 0.62]), ExactOrbit(0.0))
     actuators = PulsedThrusters(thruster_set(torque, MIN_ON), allocated(torque), PulseWidth())
     law = QuaternionFeedback(model, FREQUENCY, DAMPING, 0.5, PERIOD)
-    loop = SampledLoop(model, law, actuators, substeps=1)
+    loop = SampledLoop(model.with_effectors((actuators,)), law, substeps=1)
     start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [rate, 0.0, 0.0])
     found = simulate(loop, start, np.arange(3001) * PERIOD)
     omega = np.asarray(found.signals.omega)

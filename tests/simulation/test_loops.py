@@ -23,7 +23,8 @@ LOOPS = {
     "error": lambda: (three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)),
     "limited": lambda: (
         ContinuousLoop(
-            bodies(PAPER_THREE_AXIS)[0], three_axis_law(PAPER_THREE_AXIS), actuators(3.0)
+            bodies(PAPER_THREE_AXIS)[0].with_effectors((actuators(3.0),)),
+            three_axis_law(PAPER_THREE_AXIS),
         ),
         three_axis_start(PAPER_THREE_AXIS),
     ),

@@ -51,7 +51,7 @@ class Damper(AbstractSampledController):
 def damped(**options):
     plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0))
     thrusters = Actuators.of(Thrusters(jnp.eye(3)).without([3]))
-    return SampledLoop(plant, Damper(0.5, 0.7), thrusters, substeps=2, **options)
+    return SampledLoop(plant.with_effectors((thrusters,)), Damper(0.5, 0.7), substeps=2, **options)
 
 
 SPIN = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [0.3, 0.0, 0.0])
@@ -188,9 +188,10 @@ def test_misaligned_thrusters_make_a_torque_that_allocation_does_not_know():
 def test_a_noisy_delayed_misaligned_loop_is_the_plain_one_when_all_errors_are_zero():
     plain = switching_loop(CASE)
     full = SampledLoop(
-        plain.plant,
+        plain.plant.with_effectors(
+            (plain.plant.effectors[0].misaligned(jnp.zeros((2, 2)), jnp.zeros(2)),)
+        ),
         plain.controller,
-        plain.actuators.misaligned(jnp.zeros((2, 2)), jnp.zeros(2)),
         sensors=Sensors(0.0, 0.0, key_of_seed(1)),
         delay=0.0,
     )

@@ -61,7 +61,7 @@ class Counter(list):
 
 
 def coasting():
-    return ContinuousLoop(bodies(PAPER_THREE_AXIS)[0], Coast(), actuators())
+    return ContinuousLoop(bodies(PAPER_THREE_AXIS)[0].with_effectors((actuators(),)), Coast())
 
 
 @pytest.mark.slow
@@ -75,7 +75,7 @@ def test_nothing_retraces_when_only_numbers_change():
             CountingTorque(jnp.full(3, 0.01 * scale), counter),
         )
         law = three_axis_law(PAPER_THREE_AXIS, saturation_width=scale)
-        loop = ContinuousLoop(body, law, actuators(5.0 * scale))
+        loop = ContinuousLoop(body.with_effectors((actuators(5.0 * scale),)), law)
         loop = eqx.tree_at(lambda loop: loop.controller.k3, loop, replace(0.05 * scale))
         start = PlantState(Quaternion([1.0, 0.1 * scale, 0.0, 0.0]), [0.01 * scale, 0.0, 0.0])
         method = adaptive(1e-6 * scale, 1e-6, min_step=1e-6 * scale)
@@ -95,7 +95,7 @@ def test_nothing_retraces_when_only_numbers_change():
 def test_a_run_that_diverges_is_coded_and_blank_from_there_on():
     """A torque of 1 N m on 1 kg m² passes a rate limit of 2.5 rad/s at 2.5 s."""
     body = RigidBody(Spacecraft([1.0, 1.0, 1.0]), ExactOrbit(0.0), ConstantTorque([1.0, 0, 0]))
-    loop = ContinuousLoop(body, Coast(), actuators())
+    loop = ContinuousLoop(body.with_effectors((actuators(),)), Coast())
     start = PlantState(Quaternion([1.0, 0, 0, 0]), [0.0, 0.0, 0.0])
     result = simulate(loop, start, TIMES, method=fixed(0.01), state_limit=2.5)
     assert result.outcome is Outcome.STATE_LIMIT
@@ -108,7 +108,7 @@ def test_a_run_that_diverges_is_coded_and_blank_from_there_on():
 @pytest.mark.parametrize("method", [fixed(0.01), adaptive(1e-8, 1e-8)])
 def test_a_run_that_turns_into_nan_is_coded(method):
     body = RigidBody(Spacecraft([1.0, 2.0, 3.0]), ExactOrbit(0.0), ConstantTorque([1.0, 0, 0]))
-    loop = ContinuousLoop(body, Coast(), actuators())
+    loop = ContinuousLoop(body.with_effectors((actuators(),)), Coast())
     start = PlantState(Quaternion([1.0, 0, 0, 0]), [jnp.nan, 0.0, 0.0])
     result = simulate(loop, start, TIMES, method=method)
     assert result.outcome is not Outcome.SUCCESS
@@ -153,7 +153,10 @@ def test_error_coordinates_and_torque_level_are_one_loop():
     plant, start = bodies(case)[0], three_axis_start(case)
     runs = [
         simulate(loop, start, TIMES * 3, method=adaptive(1e-11, 1e-11)).signals
-        for loop in (ErrorCoordinateLoop(plant, law), ContinuousLoop(plant, law, actuators()))
+        for loop in (
+            ErrorCoordinateLoop(plant, law),
+            ContinuousLoop(plant.with_effectors((actuators(),)), law),
+        )
     ]
     for name in ("w", "z", "omega", "torque", "rate_error", "lyapunov"):
         np.testing.assert_allclose(getattr(runs[0], name), getattr(runs[1], name), atol=1e-8)
@@ -239,7 +242,7 @@ def smooth_three_axis(gains):
     *gains, tilt_width = gains
     case = {**PAPER_THREE_AXIS, **dict(zip(THREE_AXIS_GAINS, gains, strict=True))}
     law = three_axis_law(case, saturation_width=1.0, tilt_width=tilt_width)
-    return ContinuousLoop(bodies(case)[0], law, actuators())
+    return ContinuousLoop(bodies(case)[0].with_effectors((actuators(),)), law)
 
 
 def printed_rate(gains):

@@ -44,7 +44,7 @@ class BangBang(AbstractSampledController):
 def flown(every, delay=None, size=0.1, **options):
     plant = RigidBody(Spacecraft((2.0, 3.0, 4.0)), ExactOrbit(0.0))
     thrusters = Actuators.of(Thrusters(jnp.eye(3)).without([3]))
-    loop = SampledLoop(plant, BangBang(size), thrusters, 1, delay=delay)
+    loop = SampledLoop(plant.with_effectors((thrusters,)), BangBang(size), substeps=1, delay=delay)
     start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), [0.0, 0.0, 0.0])
     return simulate(loop, start, np.arange(0, SAMPLES + 1, every) * PERIOD, **options)
 

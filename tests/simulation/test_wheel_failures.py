@@ -146,8 +146,8 @@ def test_what_a_wheel_does_after_each_failure():
         """The torque of each wheel once failures have struck."""
         state = body.after_failures(state, (struck,))
         body, commands = body.driven(state, (asked,), (struck,))
-        pieces = body.pieces(body.modes(t, state, jnp.zeros(3), commands), commands)
-        acceleration = body.acceleration(t, state, jnp.zeros(3), pieces)
+        pieces = body.pieces(body.modes(t, state, commands), commands)
+        acceleration = body.acceleration(t, state, pieces=pieces)
         return body.signals(state, pieces, acceleration)["wheel_torque"]
 
     def torque(kind, amount=0.0, number=0):

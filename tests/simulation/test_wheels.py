@@ -16,14 +16,13 @@ from jaxsat.core.checks import as_float
 from jaxsat.simulation import SampledLoop, fixed, simulate
 from jaxsat.spacecraft import (
     Actuators,
-    ActuatorsWithWheels,
     IdealThrottle,
-    PulsedActuatorsWithWheels,
     PulsedThrusters,
     Spacecraft,
     Thrusters,
     WheelMomenta,
     Wheels,
+    WheelsFirst,
 )
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ConstantTorque, ExactOrbit
@@ -91,7 +90,7 @@ def expected(commands, period=PERIOD, external=PUSH, wheels=WHEELS):
     )
 
 
-SHARED = ActuatorsWithWheels.of(AXES, 3, wheel_limit=0.25)
+SHARED = WheelsFirst.of(AXES, 3, wheel_limit=0.25)
 
 
 @pytest.mark.slow
@@ -141,22 +140,25 @@ def test_a_delay_shifts_what_wheels_are_asked():
 def test_wheels_beside_pulses_move_as_beside_held_torques(delay):
     """A wheel about x and a throttle, which is the same torque held, for the rest."""
     torque, axis = pairs(), np.array([[1.0], [0.0], [0.0]])
-    plant = RigidBody(
-        Spacecraft(INERTIA),
-        ExactOrbit(0.0),
-        effectors=(Wheels(axis, 0.1, 0.12, coulomb_friction=0.02),),
-    )
-    held = ActuatorsWithWheels.of(axis, 3, 0.1, Actuators.of(Thrusters(np.eye(3)), torques=3))
+    wheels = Wheels(axis, 0.1, 0.12, coulomb_friction=0.02)
+    plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0))
+    held = Actuators.of(Thrusters(np.eye(3)), torques=3)
     throttle = PulsedThrusters(
         thruster_set(torque, 0.0), allocated(torque), IdealThrottle(), late=delay is not None
     )
-    alone = ActuatorsWithWheels(held.axes, held.wheel_map, held.wheel_limit)
-    pulsed = PulsedActuatorsWithWheels(alone, throttle, held.rest)
-    begin = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, (WheelMomenta([0.05]),))
+    shared = WheelsFirst.of(axis, 3, 0.1, others=True)
+    begin = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, (None, WheelMomenta([0.05])))
     method, times = fixed(PERIOD, diffrax.Dopri8()), np.arange(13) * PERIOD
     found, expected = (
-        simulate(SampledLoop(plant, Waves(PERIOD), x, 4, delay=delay), begin, times, method=method)
-        for x in (pulsed, held)
+        simulate(
+            SampledLoop(
+                plant.with_effectors((thrusters, wheels)), Waves(PERIOD), shared, 4, delay=delay
+            ),
+            begin,
+            times,
+            method=method,
+        )
+        for thrusters in (throttle, held)
     )
     for name in ("omega", "wheel_momentum", "wheel_torque"):
         np.testing.assert_allclose(

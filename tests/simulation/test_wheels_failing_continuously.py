@@ -23,12 +23,12 @@ from jaxsat.simulation.engine import (
     program_of,
 )
 from jaxsat.spacecraft import (
-    ActuatorsWithWheels,
     Spacecraft,
     WheelFailureKind,
     WheelFailures,
     WheelMomenta,
     Wheels,
+    WheelsFirst,
 )
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit
@@ -74,7 +74,7 @@ def factory():
     wheels = Wheels(AXES, LIMIT, MOMENTUM_LIMIT, ROTOR, VISCOUS, failures=never)
     plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
     start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA, (WheelMomenta(MOMENTA),))
-    loop = ContinuousLoop(plant, Waves(), ActuatorsWithWheels.of(AXES, 3, wheel_limit=LIMIT))
+    loop = ContinuousLoop(plant, Waves(), WheelsFirst.of(AXES, 3, wheel_limit=LIMIT))
     return Struck(loop, start)
 
 
@@ -247,4 +247,4 @@ def test_coulomb_friction_needs_a_command_that_is_held():
     wheels = eqx.tree_at(lambda wheels: wheels.failures, made.loop.plant.effectors[0], rubs)
     plant = made.loop.plant.with_effectors((wheels,))
     with pytest.raises(ValueError, match="Coulomb friction"):
-        ContinuousLoop(plant, Waves(), made.loop.actuators)
+        ContinuousLoop(plant, Waves(), made.loop.distribution)

@@ -8,15 +8,19 @@ from scipy.optimize import linprog
 
 from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.compiler import Mapped
+from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft import (
     Actuators,
-    ActuatorsWithWheels,
+    Direct,
     PulsedThrusters,
     PulseWidth,
     Reach,
     Thrusters,
+    Wheels,
+    WheelsFirst,
     allocate,
 )
+from jaxsat.spacecraft.dynamics import PlantState
 
 AMOUNTS = (0.3, 0.9, 1.0, 1.5, 10.0)
 """Of the greatest torque in a direction: within, at and beyond what can be made."""
@@ -192,8 +196,8 @@ def test_devices_without_bounds_share_what_is_left_at_a_bound():
 def test_a_command_that_fits_is_shared_to_the_bit_as_without_limits():
     axes = np.array([[1, -1, -1, 1], [1, 1, -1, -1], [1, 1, 1, 1]]) / np.sqrt(3)
     command = jnp.array([0.03, -0.02, 0.01])
-    free = ActuatorsWithWheels.of(axes, 3).commands(command)["wheel"]
-    bound = ActuatorsWithWheels.of(axes, 3, 0.1).commands(command)["wheel"]
+    free = WheelsFirst.of(axes, 3).wheels(command)
+    bound = WheelsFirst.of(axes, 3, 0.1).wheels(command)
     np.testing.assert_array_equal(free, bound)
 
 
@@ -222,25 +226,33 @@ def test_what_is_not_made_is_told_of_every_kind():
     """Command = torque + what is not made; nothing, exactly, within the limits."""
     axes = np.array([[1, -1, -1, 1], [1, 1, -1, -1], [1, 1, 1, 1]]) / np.sqrt(3)
     ideal = Actuators.of(Thrusters(np.eye(3)), 0.2, torques=3)
-    alone = ActuatorsWithWheels.of(axes, 3, 0.1)
-    mixed = ActuatorsWithWheels.of(np.eye(3)[:, :2], 3, 0.1, ideal)
     clipped = Actuators.of(Thrusters(np.eye(3)[:, :2]), 0.2)
     push = pairs((0.1, 0.15, 0.2))
     pulsed = PulsedThrusters(thruster_set(push), allocated(push), PulseWidth())
+    two, many = Wheels(np.eye(3)[:, :2]), Wheels(axes)
+    mixed = WheelsFirst.of(two.axes, 3, 0.1, others=True)
     small, large = np.array([0.02, -0.03, 0.01]), np.array([0.9, -0.7, 0.4])
+    told = PlantState(Quaternion([1.0, 0, 0, 0]), np.zeros(3))
 
-    def torque(actuators, command):
-        wheels = {id(alone): axes, id(mixed): np.eye(3)[:, :2]}.get(id(actuators))
-        if actuators is pulsed:
-            return push @ actuators.duties(command)
-        made = actuators(command)
-        return made if wheels is None else made + wheels @ actuators.commands(command)["wheel"]
+    def torque(one, use):
+        if isinstance(one, Wheels):
+            return one.axes @ use
+        return push @ one.duties(use) if one is pulsed else one(use)
 
-    for actuators in (ideal, alone, mixed, clipped, pulsed):
-        count = 2 if actuators is clipped else 3
+    for distribution, *effectors in (
+        (Direct(), ideal),
+        (WheelsFirst.of(axes, 3, 0.1), many),
+        (mixed, ideal, two),
+        (mixed, two),
+        (Direct(), clipped),
+        (Direct(), pulsed),
+    ):
+        count = 2 if clipped in effectors else 3
         for command in (small, large):
             given = jnp.asarray(command[:count])
-            unmade = np.asarray(actuators.unmade(given))
+            shares = distribution(jnp.zeros(()), told, given, tuple(effectors))
+            unmade = np.asarray(shares.torque_unmade(tuple(effectors)))
+            made = sum(torque(one, use) for one, use in zip(effectors, shares.uses, strict=True))
             whole = np.pad(given, (0, 3 - count))
-            np.testing.assert_allclose(torque(actuators, given) + unmade, whole, atol=1e-14)
-            assert unmade.any() == (command is large)
+            np.testing.assert_allclose(made + unmade, whole, atol=1e-14)
+            assert unmade.any() == (command is large or (len(effectors) == 1 and two in effectors))

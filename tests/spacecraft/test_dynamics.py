@@ -119,7 +119,7 @@ def test_gravity_gradient_does_the_work_of_its_potential(inertia, rotation):
 
 def coast(inertia, attitude, omega, orbit_rate=0.0):
     body = RigidBody(Spacecraft(inertia), ExactOrbit(orbit_rate))
-    return ContinuousLoop(body, Coast(), ACTUATORS), PlantState(attitude, omega)
+    return ContinuousLoop(body.with_effectors((ACTUATORS,)), Coast()), PlantState(attitude, omega)
 
 
 INERTIA = np.array([[400.0, 30.0, -20.0], [30.0, 250.0, 15.0], [-20.0, 15.0, 320.0]])
@@ -183,7 +183,7 @@ def test_attitude_parameterisations_agree_with_scipy_on_so3(orbit, held, paramet
     body = RigidBody(
         Spacecraft(INERTIA), orbit, ConstantTorque([0.3, -0.2, 0.1]), third_rate_held=held
     )
-    loop = ContinuousLoop(body, Coast(), ACTUATORS)
+    loop = ContinuousLoop(body.with_effectors((ACTUATORS,)), Coast())
     omega0 = np.array([0.02, -0.03, 0.0 if held else 0.01])
     wz0 = WZ([0.2, -0.3], 0.4)
     times = np.linspace(0, 40, 41)

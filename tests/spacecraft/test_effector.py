@@ -11,13 +11,13 @@ from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 
 from jaxsat.control import Coast
+from jaxsat.control.steering import Steered
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.simulation import ContinuousLoop, adaptive, simulate
 from jaxsat.spacecraft import (
     AbstractEffector,
     Effect,
-    NoThrusters,
     Spacecraft,
     WheelFailureKind,
     WheelFailures,
@@ -25,7 +25,7 @@ from jaxsat.spacecraft import (
     Wheels,
 )
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment import ConstantTorque, ExactOrbit
 
 INERTIA = np.array([[5.0, 0.2, -0.1], [0.2, 4.0, 0.3], [-0.1, 0.3, 3.0]])
 AXES = np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.4], [0.2, 0.0, 1.0]])
@@ -46,13 +46,13 @@ def wheels(numbers, stops):
 @jax.jit
 def told(bodies, states, commands, struck):
     """What a body does after failures have struck: its state, modes and rates."""
-    t, push, found = jnp.array(0.0), jnp.array([0.05, -0.02, 0.01]), []
+    t, found = jnp.array(0.0), []
     for body, state, command, those in zip(bodies, states, commands, struck, strict=True):
         after = body.after_failures(state, those)
         left, asked = body.driven(after, command, those)
-        pieces = left.pieces(left.modes(t, after, push, asked), asked)
-        rate = left.rate(t, after, push, pieces)
-        made = left.control_torque(t, after, push, pieces, rate.omega)
+        pieces = left.pieces(left.modes(t, after, asked), asked)
+        rate = left.rate(t, after, pieces=pieces)
+        made = left.control_torque(t, after, pieces, rate.omega)
         own = [jnp.concatenate([x.momentum for x in y.of_each]) for y in (after, rate)]
         found.append((after.omega, rate.omega, left.total_momentum(after), made, *own))
     return found
@@ -66,7 +66,8 @@ def test_wheels_in_two_effectors_are_the_same_wheels_in_one():
         bodies, states, commands, struck = [], [], [], []
         for parts in ([[0, 1, 2]], [[0], [1, 2]]):
             effectors = tuple(wheels(numbers, stops=0) for numbers in parts)
-            bodies.append(RigidBody(Spacecraft(INERTIA), orbit, effectors=effectors))
+            push = ConstantTorque([0.05, -0.02, 0.01])
+            bodies.append(RigidBody(Spacecraft(INERTIA), orbit, push, effectors=effectors))
             momenta = tuple(WheelMomenta(MOMENTA[numbers]) for numbers in parts)
             states.append(PlantState(attitude, OMEGA, momenta))
             commands.append(tuple(command[np.array(numbers)] for numbers in parts))
@@ -120,7 +121,7 @@ def test_an_effector_of_a_users_own_flies():
     body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(BallDamper(ball, friction),))
     start = PlantState(Quaternion([1.0, 0.0, 0.0, 0.0]), OMEGA)
     times = np.linspace(0.0, 20.0, 6)
-    loop = ContinuousLoop(body, Coast(), NoThrusters())
+    loop = ContinuousLoop(body, Coast(), Steered())
     found = simulate(loop, start, times, method=adaptive(1e-11, 1e-12, diffrax.Dopri8()))
     assert int(found.code) == 0
 

@@ -189,14 +189,11 @@ def test_failures_in_sequence_strike_inside_a_period():
 
     @jax.jit
     def one(memory, t):
-        plan, running = thrusters.plan(t, jnp.zeros(3), memory, period, None)
-        (last,) = thrusters.hold_by_hold(
-            plan, running, lambda now: (thrusters.advance(plan, now)[1],)
-        )
-        memory, usage = thrusters.finish(plan, last)
-        return memory, usage.level * period
+        plan = thrusters.plan(t, jnp.zeros(3), memory, period, None)
+        memory, mean = thrusters.finish(plan, thrusters.run(plan, period))
+        return memory, mean.usage.level * period
 
-    _, used = jax.lax.scan(one, thrusters.init(), period * jnp.arange(4.0))
+    _, used = jax.lax.scan(one, thrusters.init_memory(), period * jnp.arange(4.0))
     made = np.zeros(len(torque.T))
     made[2] = 0.4 + 0.25 * 0.26
     np.testing.assert_allclose(used.sum(axis=0), made, rtol=1e-12, atol=1e-15)

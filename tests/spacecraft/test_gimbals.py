@@ -15,13 +15,14 @@ from jaxsat.control.steering import GimbalSteering
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import ContinuousLoop, adaptive, simulate
 from jaxsat.spacecraft import (
-    AbstractSmoothActuators,
+    AbstractDistribution,
     ControlMomentGyros,
     GimbalFailureKind,
     GimbalFailures,
     GyroStates,
     Spacecraft,
 )
+from jaxsat.spacecraft.distribution import Shares
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit
 
@@ -45,14 +46,11 @@ def gyros(failing=False):
     return ControlMomentGyros(GIMBAL, SPIN, ROTORS, LIMIT, events if failing else None)
 
 
-class Rates(AbstractSmoothActuators):
+class Rates(AbstractDistribution):
     """Gimbals that are asked for the same rates all the time."""
 
-    def __call__(self, command):
-        return jnp.zeros(3)
-
-    def commands(self, command):
-        return {"gimbal": jnp.asarray(ASKED)}
+    def __call__(self, t, state, command, effectors):
+        return Shares((jnp.asarray(ASKED),))
 
 
 def stored(t, failing):

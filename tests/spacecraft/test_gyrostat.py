@@ -18,11 +18,11 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import ContinuousLoop, adaptive, fixed, simulate
 from jaxsat.spacecraft import (
     Actuators,
-    ActuatorsWithWheels,
     Spacecraft,
     Thrusters,
     WheelMomenta,
     Wheels,
+    WheelsFirst,
 )
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit, NoDisturbance
@@ -56,7 +56,7 @@ def test_total_momentum_stays_in_inertial_axes():
     """Four oblique wheels with friction and torque limits, and no external torque."""
     wheels = Wheels(AXES, 2.5, None, 0.05, 2e-4)
     body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
-    loop = ContinuousLoop(body, Wave(), ActuatorsWithWheels.of(AXES, 3, wheel_limit=2.0))
+    loop = ContinuousLoop(body, Wave(), WheelsFirst.of(AXES, 3, wheel_limit=2.0))
     start = PlantState(
         Quaternion([1.0, 0, 0, 0]), [0.03, -0.05, 0.08], (WheelMomenta([3.0, -2.0, 5.0, 1.0]),)
     )
@@ -78,7 +78,7 @@ def test_two_wheels_without_momentum_leave_none_about_their_normal():
         def torque(self, t, state):
             return super().torque(t, state)[:2]
 
-    loop = ContinuousLoop(body, TwoWaves(), ActuatorsWithWheels.of(axes, 2))
+    loop = ContinuousLoop(body, TwoWaves(), WheelsFirst.of(axes, 2))
     start = PlantState(Quaternion([1.0, 0, 0, 0]), [0.0, 0.0, 0.0])
     run = simulate(loop, start, jnp.linspace(0, 60, 61), method=fixed(0.05, diffrax.Dopri8()))
     omega = np.array(run.signals.omega)
@@ -96,12 +96,14 @@ def test_the_papers_law_on_two_wheels_without_momentum_is_its_run_with_the_third
     held = RigidBody(held.spacecraft, held.orbit, NoDisturbance(), True)
     start = three_axis_start(PAPER_THREE_AXIS)
     times, method = jnp.linspace(0, 200, 21), adaptive(1e-12, 1e-13)
-    expected = simulate(ContinuousLoop(held, law, actuators()), start, times, method=method)
+    expected = simulate(
+        ContinuousLoop(held.with_effectors((actuators(),)), law), start, times, method=method
+    )
     axes = np.eye(3)[:, :2]
     body = RigidBody(held.spacecraft, held.orbit, NoDisturbance(), effectors=(Wheels(axes),))
     balanced = -(held.spacecraft.inertia @ start.omega)[:2]
     start = PlantState(start.attitude, start.omega, (WheelMomenta(balanced),))
-    loop = ContinuousLoop(body, law, ActuatorsWithWheels.of(axes, 2))
+    loop = ContinuousLoop(body, law, WheelsFirst.of(axes, 2))
     found = simulate(loop, start, times, method=method).signals
     for name in ("w", "z", "omega", "torque"):
         np.testing.assert_allclose(  # relative: |w| is 12 where the third axes point apart
@@ -124,7 +126,7 @@ def test_continuous_saturation_ends_and_begins_where_the_command_says():
     """h' = -cos(t/2): at -1 from t = 2 arcsin(1/2) = π/3 until the command turns at t = π."""
     wheels = Wheels(np.eye(3), momentum_limit=1.0)
     body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
-    loop = ContinuousLoop(body, Push(), ActuatorsWithWheels.of(np.eye(3), 3))
+    loop = ContinuousLoop(body, Push(), WheelsFirst.of(np.eye(3), 3))
     assert not loop.is_smooth()
     start = PlantState(Quaternion([1.0, 0, 0, 0]), [0.0, 0.0, 0.0])
     times = np.array([0.0, 1.0, 2.0, np.pi, 4.0, 5.0])
@@ -153,4 +155,4 @@ def test_what_cannot_be_is_told():
         RigidBody(spacecraft, orbit, third_rate_held=True, effectors=(wheels,))
     body = RigidBody(spacecraft, orbit, effectors=(wheels,))
     with pytest.raises(ValueError, match="Coulomb"):
-        ContinuousLoop(body, Coast(), Actuators.of(Thrusters(np.eye(3))))
+        ContinuousLoop(body.with_effectors((Actuators.of(Thrusters(np.eye(3))), wheels)), Coast())

@@ -23,6 +23,7 @@ from jaxsat.spacecraft import (
     PulseWidth,
     PulseWidthPulseFrequency,
     Spacecraft,
+    hold_by_hold,
 )
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit
@@ -80,7 +81,9 @@ def loop_of(torque, modulation, valves, least, size, failures=None, late=False, 
     thrusters = thruster_set(torque, least, **valves)
     actuators = PulsedThrusters(thrusters, allocated(torque), modulation, failures, late)
     plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0))
-    return SampledLoop(plant, Waves(PERIOD, np.full(3, size)), actuators, substeps)
+    return SampledLoop(
+        plant.with_effectors((actuators,)), Waves(PERIOD, np.full(3, size)), substeps=substeps
+    )
 
 
 def flown(loop):
@@ -182,14 +185,19 @@ def test_a_period_has_as_many_holds_as_it_can_need(modulation):
 
         def period(carry, command, actuators=actuators):
             memory, t = carry
-            plan, running = actuators.plan(t, command, memory, jnp.array(PERIOD), None)
-            (last,) = actuators.hold_by_hold(
-                plan, running, lambda now: (actuators.advance(plan, now)[1],)
-            )
-            return (actuators.finish(plan, last)[0], t + PERIOD), last.now
+            plan = actuators.plan(t, command, memory, jnp.array(PERIOD), None)
+
+            def step(now, ended, running):
+                ahead = actuators.ahead(plan, running, now, plan.period)
+                running = actuators.passed(plan, running, ahead, now, ahead.until)
+                return ahead.until, ahead.until, running
+
+            begun = (jnp.array(0.0), actuators.begin(plan))
+            ended, last = hold_by_hold(actuators.holds, plan.period, step, *begun)
+            return (actuators.finish(plan, last)[0], t + PERIOD), ended
 
         def flown(commands, actuators=actuators, period=period):
-            return jax.lax.scan(period, (actuators.init(), jnp.array(0.0)), commands)[1]
+            return jax.lax.scan(period, (actuators.init_memory(), jnp.array(0.0)), commands)[1]
 
         np.testing.assert_array_equal(jax.jit(jax.vmap(flown))(jnp.asarray(commands)), PERIOD)
 
@@ -210,10 +218,9 @@ COUNTED = {
 def test_openings_are_counted_not_periods(name):
     modulation, period, least, duties, openings = COUNTED[name]
     actuators = PulsedThrusters(thruster_set(np.eye(3)[:, :1], least), None, modulation)
-    memory = actuators.init()
+    memory = actuators.init_memory()
     for duty in duties:
-        plan, _ = actuators.plan(0.0, jnp.array([duty]), memory, jnp.asarray(period), None)
-        memory = plan.memory
+        memory = actuators.plan(0.0, jnp.array([duty]), memory, jnp.asarray(period), None).memory
     np.testing.assert_array_equal(memory.openings, [openings])
 
 
@@ -222,9 +229,9 @@ def test_openings_of_a_schmitt_trigger_are_those_of_its_equations():
     duties = np.random.default_rng(4).uniform(0, 1, 20)
     duties[[3, 7]], duties[[5, 6]] = 0.0, 1.0
     actuators = PulsedThrusters(thruster_set(np.eye(3)[:, :1]), None, MODULATIONS["pwpf"][0])
-    memory, level, valve, count = actuators.init(), 0.0, 0, 0
+    memory, level, valve, count = actuators.init_memory(), 0.0, 0, 0
     for duty in duties:
-        memory = actuators.plan(0.0, jnp.array([duty]), memory, jnp.array(PERIOD), None)[0].memory
+        memory = actuators.plan(0.0, jnp.array([duty]), memory, jnp.array(PERIOD), None).memory
         for _ in range(1000):
             goal = SCHMITT["gain"] * (duty - valve)
             level += PERIOD / 1000 * (goal - level) / SCHMITT["lag"]

@@ -80,6 +80,7 @@ def test_failures_take_what_they_should_from_the_reach():
     np.testing.assert_allclose(left.low, [-0.8, -2.0, -1.0])
     np.testing.assert_allclose(left.high, [-0.8, 2.0, 1.0])
     struck = FailureEvents([0, 1], [1.0, 1.0], kinds, [0.25, 0.5], np.zeros((2, 3, 3)))
-    left = Actuators(AXES, np.eye(3), 2.0, failures=struck).reach(jnp.array([True, True]))
+    thrusters = Actuators(AXES, np.eye(3), 2.0, failures=struck)
+    left = thrusters.reach(ZERO, PLANT, None, jnp.array([True, True]), ZERO)
     np.testing.assert_allclose(left.low, [0.5, -1.0, -2.0])
     np.testing.assert_allclose(left.high, [0.5, 1.0, 2.0])

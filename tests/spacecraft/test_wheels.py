@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxsat.spacecraft import Actuators, ActuatorsWithWheels, Thrusters, WheelMomenta, Wheels
+from jaxsat.core.attitude import Quaternion
+from jaxsat.spacecraft import Actuators, Thrusters, WheelMomenta, Wheels, WheelsFirst
+from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.wheel_motion import snapped
 from oracle.gyrostat import wheel_motion, wheel_torque
 
@@ -184,57 +186,64 @@ PYRAMID = np.array([[1, -1, -1, 1], [1, 1, -1, -1], [1, 1, 1, 1]]) / np.sqrt(3)
 def test_a_command_is_shared_by_least_squares_and_keeps_its_direction():
     command = jnp.array([0.3, -0.2, 0.1])
     limits = np.array([1.0, 0.05, 1.0, 1.0])
-    shared = ActuatorsWithWheels.of(PYRAMID, 3, wheel_limit=limits.tolist())
-    u = np.array(shared.commands(command)["wheel"])
+    shared = WheelsFirst.of(PYRAMID, 3, wheel_limit=limits.tolist())
+    u = np.array(shared.wheels(command))
     expected = limits * (np.linalg.pinv(PYRAMID * limits) @ np.asarray(command))
     np.testing.assert_allclose(u, expected, atol=1e-15)
     assert expected[3] * 2.4 > limits[3]
-    u = np.array(shared.commands(2.4 * command)["wheel"])
+    u = np.array(shared.wheels(2.4 * command))
     assert u[3] == limits[3]
     rest = np.linalg.solve(PYRAMID[:, :3], 2.4 * np.array(command) - PYRAMID[:, 3] * u[3])
     np.testing.assert_allclose(u[:3], rest, atol=1e-14)
-    assert not shared(command).any()
-    weak = ActuatorsWithWheels.of(PYRAMID, 3, wheel_limit=[0.01, 0.05, 0.01, 0.01])
-    u = np.array(weak.commands(command)["wheel"])
+    assert shared.rest is None
+    weak = WheelsFirst.of(PYRAMID, 3, wheel_limit=[0.01, 0.05, 0.01, 0.01])
+    u = np.array(weak.wheels(command))
     np.testing.assert_allclose(np.cross(PYRAMID @ u, command), 0, atol=1e-16)
     assert (PYRAMID @ u) @ np.array(command) > 0
-    one_failed = ActuatorsWithWheels.of(PYRAMID, 3, failed=(2,))
-    u = np.array(one_failed.commands(command)["wheel"])
+    one_failed = WheelsFirst.of(PYRAMID, 3, failed=(2,))
+    u = np.array(one_failed.wheels(command))
     assert u[1] == 0
     np.testing.assert_allclose(PYRAMID @ u, command, atol=1e-15)
 
 
 def test_what_wheels_cannot_make_is_left_to_thrusters():
     thrusters = Actuators.of(Thrusters(np.eye(3)), torques=3)
+    wheels = Wheels(PYRAMID[:, :2])
+
+    def left(distribution, command):
+        told = PlantState(Quaternion([1.0, 0, 0, 0]), np.zeros(3))
+        uses = distribution(jnp.zeros(()), told, command, (thrusters, wheels)).uses
+        np.testing.assert_array_equal(uses[1], distribution.wheels(command))
+        return uses[0]
+
     two = np.array([[1.0, 0.6], [0.0, 0.8], [0.0, 0.0]])
-    mixed = ActuatorsWithWheels.of(two, 3, thrusters=thrusters)
+    mixed = WheelsFirst.of(two, 3, others=True)
     command = jnp.array([0.3, -0.2, 0.1])
-    np.testing.assert_allclose(two @ mixed.commands(command)["wheel"], [0.3, -0.2, 0], atol=1e-15)
-    np.testing.assert_allclose(mixed(command), [0, 0, 0.1], atol=1e-15)
+    np.testing.assert_allclose(two @ mixed.wheels(command), [0.3, -0.2, 0], atol=1e-15)
+    np.testing.assert_allclose(left(mixed, command), [0, 0, 0.1], atol=1e-15)
     with pytest.raises(ValueError, match="x, y and z"):
-        ActuatorsWithWheels.of(two, 3)
-    everything = ActuatorsWithWheels.of(two, 2, thrusters=thrusters)
-    np.testing.assert_allclose(two @ everything.commands(command[:2])["wheel"], [0.3, -0.2, 0])
-    assert not everything(command[:2]).any()
-    none_left = ActuatorsWithWheels.of(two, 3, thrusters=thrusters, failed=(1, 2))
-    np.testing.assert_allclose(none_left(command), command)
+        WheelsFirst.of(two, 3)
+    everything = WheelsFirst.of(two, 2, others=True)
+    np.testing.assert_allclose(two @ everything.wheels(command[:2]), [0.3, -0.2, 0])
+    assert not left(everything, command[:2]).any()
+    none_left = WheelsFirst.of(two, 3, failed=(1, 2), others=True)
+    np.testing.assert_allclose(left(none_left, command), command)
     plane = np.array([[1, -0.5, -0.5], [0, 0.75**0.5, -(0.75**0.5)], [0, 0, 0]])
-    redundant = ActuatorsWithWheels.of(plane, 2)
-    np.testing.assert_allclose(plane @ redundant.commands(command[:2])["wheel"], [0.3, -0.2, 0])
+    redundant = WheelsFirst.of(plane, 2)
+    np.testing.assert_allclose(plane @ redundant.wheels(command[:2]), [0.3, -0.2, 0])
 
 
 @pytest.mark.parametrize("size", [0.1, 1.0, 3.0])
 def test_actuators_are_their_smooth_piece_where_their_event_functions_say_so(size):
     thrusters = Actuators.of(Thrusters(np.eye(3)), 0.02, torques=3)
-    mixed = ActuatorsWithWheels.of(np.eye(3)[:, :2], 3, wheel_limit=0.1, thrusters=thrusters)
+    mixed = WheelsFirst.of(np.eye(3)[:, :2], 3, wheel_limit=0.1, others=True)
     command = size * jnp.array([0.11, 0.12, 0.03])
     events = mixed.event_functions(command)
-    assert events.shape == (mixed.event_count,) == (5,)
+    assert events.shape == (mixed.event_count,) == (2,)
     piece = mixed.smooth_piece(events > 0)
-    np.testing.assert_allclose(piece.commands(command)["wheel"], mixed.commands(command)["wheel"])
-    np.testing.assert_allclose(piece(command), mixed(command))
-    spare = ActuatorsWithWheels.of(PYRAMID, 3, wheel_limit=[0.1, 0.02, 0.1, 0.1])
+    np.testing.assert_allclose(piece.wheels(command), mixed.wheels(command))
+    at_limits = thrusters.smooth_piece(thrusters.event_functions(None, command, None) > 0)
+    np.testing.assert_allclose(at_limits(command), thrusters(command))
+    spare = WheelsFirst.of(PYRAMID, 3, wheel_limit=[0.1, 0.02, 0.1, 0.1])
     piece = spare.smooth_piece(spare.event_functions(command) > 0)
-    np.testing.assert_array_equal(
-        piece.commands(command)["wheel"], spare.commands(command)["wheel"]
-    )
+    np.testing.assert_array_equal(piece.wheels(command), spare.wheels(command))

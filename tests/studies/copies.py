@@ -24,13 +24,19 @@ from jaxsat.studies import (
 
 def sampled():
     plain = switching_loop(CASE, internal=InternalModel([0.7, 0.8]))
-    return SampledLoop(plain.plant, plain.controller, plain.actuators, sensors=Sensors(), delay=0.0)
+    return SampledLoop(
+        plain.plant,
+        plain.controller,
+        sensors=Sensors(),
+        delay=0.0,
+    )
 
 
 def backstepping():
     plain = switching_loop(CASE)
     return ContinuousLoop(
-        bodies(PAPER_THREE_AXIS)[0], three_axis_law(PAPER_THREE_AXIS), plain.actuators
+        bodies(PAPER_THREE_AXIS)[0].with_effectors((plain.plant.effectors[0],)),
+        three_axis_law(PAPER_THREE_AXIS),
     )
 
 

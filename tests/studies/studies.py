@@ -26,7 +26,9 @@ from jaxsat.studies import (
 def tumbling_loop():
     torque = PeriodicTorque([0.5, 0.2, 0.1], [0.7, 0.8, 0.1])
     plant = RigidBody(Spacecraft([449.5, 264.6, 312.5]), ExactOrbit(0.0011), torque)
-    return ContinuousLoop(plant, Coast(), Actuators.of(Thrusters(jnp.eye(3)).without([3])))
+    return ContinuousLoop(
+        plant.with_effectors((Actuators.of(Thrusters(jnp.eye(3)).without([3])),)), Coast()
+    )
 
 
 def tumbling(count=100, chunk=16, design=None, seed=4, batch_size=8, duration=20.0, **also):

@@ -64,7 +64,7 @@ REACHES = {
     "products_of_inertia": lambda c: (
         c.loop.plant.spacecraft.inertia[:, [0, 0, 1], [1, 2, 2]] / 264.6
     ),
-    "torque_gain": lambda c: np.linalg.norm(c.loop.actuators.torque_axes, axis=1) - 1,
+    "torque_gain": lambda c: np.linalg.norm(c.loop.plant.effectors[0].torque_axes, axis=1) - 1,
     "disturbance_amplitude": lambda c: periodic(c).amplitude / np.array([0.01, 0.02, 0.001]) - 1,
     "disturbance_frequency": lambda c: periodic(c).frequency / np.array([0.7, 0.8, 0.1]) - 1,
     "disturbance_phase": lambda c: periodic(c).phase,
@@ -136,7 +136,7 @@ def test_a_dispersed_quantity_reaches_the_model(name):
 def test_misalignment_reaches_the_torque_axes():
     """Of each thruster its own pair, towards two directions across it that stay the same."""
     copy = copies_of(sampled(), 5, misalignment=Uniform(-0.02, 0.02))
-    axes = np.asarray(copy.loop.actuators.torque_axes)
+    axes = np.asarray(copy.loop.plant.effectors[0].torque_axes)
     drawn = np.asarray(copy.drawn["misalignment"]).reshape(5, 2, 2)
     for j in range(2):
         across = np.delete(axes[:, :, j], j, axis=1) / axes[:, j, j, None]
@@ -144,8 +144,8 @@ def test_misalignment_reaches_the_torque_axes():
         np.testing.assert_allclose(drawn[:, j] @ directions, across, atol=1e-15)
         np.testing.assert_allclose(directions @ directions.T, np.eye(2), atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(axes, axis=1), 1.0, rtol=1e-14)
-    nominal = sampled().actuators.thrust_map
-    np.testing.assert_array_equal(copy.loop.actuators.thrust_map, jnp.stack([nominal] * 5))
+    nominal = sampled().plant.effectors[0].thrust_map
+    np.testing.assert_array_equal(copy.loop.plant.effectors[0].thrust_map, jnp.stack([nominal] * 5))
 
 
 def test_an_attitude_error_is_a_rotation_vector():
@@ -176,7 +176,9 @@ def test_dispersions_add_up_and_leave_the_rest_alone():
             REACHES[name](jax.tree.map(np.asarray, copy)), copy.drawn[name], rtol=1e-9, atol=1e-12
         )
     nominal = sampled()
-    np.testing.assert_array_equal(copy.loop.actuators.torque_axes[1], nominal.actuators.torque_axes)
+    np.testing.assert_array_equal(
+        copy.loop.plant.effectors[0].torque_axes[1], nominal.plant.effectors[0].torque_axes
+    )
     periodic = copy.loop.plant.disturbance.terms[0]
     np.testing.assert_array_equal(periodic.amplitude[1], nominal.plant.disturbance.amplitude)
 
@@ -257,7 +259,9 @@ def test_rotors_are_dispersed_in_the_plant_alone_and_stay_a_part_of_the_body():
     """Draws of more than the body has, 264.6 kg m² about y, are drawn again."""
     loop, axes = sampled(), np.eye(3)[:, :2]
     wheels = Wheels(axes, rotor_inertia=[100.0, 50.0])
-    loop = dataclasses.replace(loop, plant=dataclasses.replace(loop.plant, effectors=(wheels,)))
+    loop = dataclasses.replace(
+        loop, plant=dataclasses.replace(loop.plant, effectors=(*loop.plant.effectors, wheels))
+    )
     copy = copies_of(loop, 60, rotor_inertia=Uniform([-0.5, -0.9], [0.5, 9.0]))
     found = np.asarray(copy.loop.plant.find(Wheels).rotor_inertia)
     np.testing.assert_allclose(found, [100.0, 50.0] * (1 + np.asarray(copy.drawn["rotor_inertia"])))

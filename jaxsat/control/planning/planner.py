@@ -106,7 +106,7 @@ class Planner(eqx.Module):
         require_counts(guesses=self.guesses, intervals=self.intervals)
         if self.intervals % 2:
             raise ArgumentError("intervals", "must be even", self.intervals)
-        if self.model.effectors:
+        if self.model.stores_momentum:
             raise ArgumentError("model", "must have no wheels")
 
     def quickest(self, t: RealScalar, state: PlantState) -> Plan:

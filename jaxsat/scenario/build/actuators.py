@@ -1,6 +1,5 @@
 """From a scenario to its actuators."""
 
-import dataclasses
 import math
 from typing import cast
 
@@ -8,14 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.control.controller import WheelContext
-from jaxsat.control.steering import AbstractSteering, GimbalSteering, MagneticSteering
+from jaxsat.control.steering import AbstractSteering, GimbalSteering, MagneticSteering, Steered
 from jaxsat.core.allocation import (
+    allocation_matrix,
     direction_matrix,
     least_squares_map,
     torque_directions,
     unit_columns,
 )
-from jaxsat.core.checks import as_array, as_float
+from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import STEERED
 from jaxsat.scenario.build.plant import place_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
@@ -32,39 +32,38 @@ from jaxsat.scenario.parts.wheels import (
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft import (
-    AbstractActuators,
-    AbstractPulsedActuators,
+    AbstractDistribution,
+    AbstractEffector,
     ActuatorContext,
     Actuators,
-    ActuatorsWithWheels,
     ControlMomentGyros,
+    Direct,
     EffectorContext,
     Magnetorquers,
-    NoThrusters,
-    PulsedActuatorsWithWheels,
+    PluginActuators,
     Thrusters,
-    WheelDrives,
     Wheels,
+    WheelsFirst,
 )
 from jaxsat.spacecraft.dynamics import RigidBody
 
 
-def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedActuators:
-    """The thrusters left, and how they share the torque that the law commands.
+def build_thrusters(scenario: Scenario) -> AbstractEffector | None:
+    """The thrusters left, as an effector, or what the scenario has in place of ideal ones.
 
-    Or what the scenario has in place of thrusters that make that torque exactly.
+    None where the law commands others, or they make all that it commands.
     """
-    declaration = scenario.law.declaration
-    torques = declaration.torques
-    if scenario.wheel and declaration.commands_actuators:
-        return _as_commanded(scenario)
-    if scenario.wheel and torques:
-        return _with_wheels(scenario, torques)
+    torques, wheels = scenario.law.declaration.torques, scenario.wheel
+    none = not (scenario.thruster or scenario.spacecraft.thruster_torque_axes)
+    if wheels and scenario.law.declaration.commands_actuators:
+        if not scenario.thruster:
+            return None
+    elif wheels and torques and (none or wheels_make_all(wheels, torques)):
+        return None
     if scenario.thruster:
         return pulsed_thrusters(scenario, torques)
-    steered = any(getattr(scenario, name) for name in STEERED)
-    if steered and not scenario.spacecraft.thruster_torque_axes:
-        return NoThrusters()
+    if none and any(getattr(scenario, name) for name in STEERED):
+        return None
     ideal, table = ideal_thrusters(scenario, torques), scenario.actuators
     if table is None:
         return failing(scenario, ideal)
@@ -72,59 +71,59 @@ def build_actuators(scenario: Scenario) -> AbstractActuators | AbstractPulsedAct
     actuators = made_part(part, location, table, ActuatorContext(ideal, torques))
     require_torque(part, location, actuators, jnp.zeros(torques or 2))
     require_events(part, location, actuators, jnp.zeros(torques or 2))
-    return actuators
+    return PluginActuators(actuators=actuators, torques=torques or 2)
 
 
-def _as_commanded(scenario: Scenario) -> WheelDrives | PulsedActuatorsWithWheels:
-    """Wheels, and thrusters if there are any, under a law that commands each of them."""
-    if not scenario.thruster:
-        return WheelDrives()
-    thrusters, wheels = pulsed_thrusters(scenario, 3), len(scenario.wheel)
-    all_devices = np.eye(thrusters.thrusters.count + wheels)
-    drives = ActuatorsWithWheels(wheel_axes(scenario.wheel), all_devices[-wheels:])
-    return PulsedActuatorsWithWheels(drives, thrusters, all_devices[:-wheels])
+def build_distribution(scenario: Scenario, plant: RigidBody) -> AbstractDistribution:
+    """Who of the effectors does what of the law's command: steering first, wheels, thrusters."""
+    declaration = scenario.law.declaration
+    rest: AbstractDistribution | None = Direct()
+    thrusters = any(one.kind == "thruster" for one in plant.effectors)
+    if not (scenario.wheel and declaration.commands_actuators):
+        if scenario.wheel and declaration.torques:
+            rest = _wheels_first(scenario)
+        elif not thrusters:
+            rest = None
+    steering = _steering(scenario, plant)
+    return Steered(steering, rest) if steering or rest is None else rest
 
 
-def _with_wheels(
-    scenario: Scenario, torques: int
-) -> ActuatorsWithWheels | PulsedActuatorsWithWheels:
-    """Wheels that make what they can of the law's command, and thrusters for the rest."""
-    tables = scenario.wheel
-    axes, failed = wheel_axes(tables), failed_wheels(tables)
+def _wheels_first(scenario: Scenario) -> WheelsFirst:
+    """Wheels that make what they can of the law's command; thrusters, if any, get the rest."""
+    tables, torques = scenario.wheel, scenario.law.declaration.torques
     limits = np.array([one.torque_limit_N_m or np.inf for one in tables])
     limit = limits if np.isfinite(limits).any() else None
-    if wheels_make_all(tables, torques):
-        return ActuatorsWithWheels.of(axes, torques, limit, failed=failed)
-    thrusters = bool(scenario.thruster or scenario.spacecraft.thruster_torque_axes)
-    ideal = failing(scenario, ideal_thrusters(scenario, torques)) if thrusters else NoThrusters()
-    mixed = ActuatorsWithWheels.of(axes, torques, limit, ideal, failed)
-    if not scenario.thruster or mixed.rest is None:
-        return mixed
-    alone = dataclasses.replace(mixed, thrusters=None, rest=None)
-    return PulsedActuatorsWithWheels(alone, pulsed_thrusters(scenario, torques), mixed.rest)
+    whole = wheels_make_all(tables, torques)
+    return WheelsFirst.of(wheel_axes(tables), torques, limit, failed_wheels(tables), not whole)
 
 
 def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
     """The thrusters left as makers of torques; any will do where no torque is commanded."""
     table = scenario.spacecraft
-    limit = math.inf if table.torque_limit_N_m is None else table.torque_limit_N_m
     if scenario.thruster:
         axes = unit_columns(working_torques(scenario.thruster))
-        return Actuators(axes, jnp.zeros((axes.shape[1], torques or 2)), as_float(limit))
-    axes = np.array(table.thruster_torque_axes or (), dtype=float).reshape(-1, 3).T
-    thrusters = Thrusters(axes).without(table.failed_thrusters)
-    any_plane = scenario.law.declaration.any_plane
-    if torques and any(getattr(scenario, name) for name in ("wheel", *STEERED)):
-        columns = np.asarray(thrusters.torque_axes)
-        shares, all_axes = least_squares_map(columns, torques), columns if torques == 3 else None
-        return Actuators(columns, shares, as_float(limit), shared_axes=all_axes)
-    if not torques:
-        return Actuators(thrusters.torque_axes, jnp.zeros((thrusters.count, 2)), as_float(limit))
-    if any_plane:
-        columns = np.asarray(thrusters.torque_axes)
-        shared = as_array(direction_matrix(columns, torque_directions(columns)))
-        return Actuators(thrusters.torque_axes, shared, as_float(limit))
-    return Actuators.of(thrusters, limit, torques)
+    else:
+        rows = np.array(table.thruster_torque_axes or (), dtype=float).reshape(-1, 3)
+        axes = np.asarray(Thrusters(rows.T).without(table.failed_thrusters).torque_axes)
+    limit = math.inf if table.torque_limit_N_m is None else table.torque_limit_N_m
+    shares, together = _shares(scenario, axes, torques)
+    return Actuators(
+        torque_axes=axes,
+        thrust_map=shares,
+        limit=as_float(limit),
+        shared_axes=axes if together else None,
+    )
+
+
+def _shares(scenario: Scenario, axes: np.ndarray, torques: int) -> tuple[np.ndarray, bool]:
+    """How thrusters along these axes share a command, and whether they make up for each other."""
+    if scenario.thruster or not torques:
+        return np.zeros((axes.shape[1], torques or 2)), False
+    if any(getattr(scenario, name) for name in ("wheel", *STEERED)):
+        return least_squares_map(axes, torques), torques == 3
+    if scenario.law.declaration.any_plane:
+        return direction_matrix(axes, torque_directions(axes)), False
+    return allocation_matrix(axes, torques), torques == 3
 
 
 def wheel_context(scenario: Scenario) -> WheelContext | None:
@@ -137,7 +136,7 @@ def wheel_context(scenario: Scenario) -> WheelContext | None:
     return WheelContext(wheels, failed, tachometer_noise(scenario), delay, rate_noise(scenario))
 
 
-def build_steering(scenario: Scenario, plant: RigidBody) -> tuple[AbstractSteering, ...]:
+def _steering(scenario: Scenario, plant: RigidBody) -> tuple[AbstractSteering, ...]:
     """What steers effectors of the plant, in the order in which they are asked."""
     steering: list[AbstractSteering] = []
     torquers, gyros = plant.find(Magnetorquers), plant.find(ControlMomentGyros)

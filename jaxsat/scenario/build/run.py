@@ -22,7 +22,7 @@ from jaxsat.core.errors import PrecisionError
 from jaxsat.core.ranges import MAX_FIXED_STEPS
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.scenario.build.actuators import build_actuators, build_steering, ideal_thrusters
+from jaxsat.scenario.build.actuators import build_distribution, build_thrusters, ideal_thrusters
 from jaxsat.scenario.build.controller import build_controller
 from jaxsat.scenario.build.errors import BuildError, at_key, made_of_numbers
 from jaxsat.scenario.build.plant import build_effectors, build_plant
@@ -47,7 +47,7 @@ from jaxsat.simulation import (
 )
 from jaxsat.simulation.engine import fly
 from jaxsat.simulation.methods import MIN_STEP
-from jaxsat.spacecraft import AbstractActuators
+from jaxsat.spacecraft import AbstractEffector
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
@@ -98,7 +98,7 @@ _latest: list[tuple[weakref.ref[Scenario], Run]] = []
 def _build(scenario: Scenario) -> Run:
     loop = build_loop(scenario)
     with at_key("initial"):
-        start = made_of_numbers(build_start(scenario))
+        start = made_of_numbers(build_start(scenario, loop.plant.effectors))
     law = scenario.law
     if is_plugin(law.name):
         controller = (
@@ -117,11 +117,12 @@ def build_uncontrolled(scenario: Scenario) -> tuple[ContinuousLoop, PlantState]:
     """
     with at_key("spacecraft"):
         plant = build_plant(scenario)
-        plant = plant.with_effectors(tuple(one.without_corners() for one in plant.effectors))
-        loop = ContinuousLoop(plant, Coast(), ideal_thrusters(scenario, torques=0))
+        others = tuple(one.without_corners() for one in plant.effectors)
+        plant = plant.with_effectors((ideal_thrusters(scenario, torques=0), *others))
+        loop = ContinuousLoop(plant, Coast())
     simulation = scenario.simulation.model_copy(update={"attitude": "quaternion"})
     with at_key("initial"):
-        start = build_start(scenario.model_copy(update={"simulation": simulation}))
+        start = build_start(scenario.model_copy(update={"simulation": simulation}), plant.effectors)
     return made_of_numbers(loop), made_of_numbers(start)
 
 
@@ -142,31 +143,33 @@ def _closed(
     plant: RigidBody,
     controller: AbstractController | AbstractSampledController,
 ) -> AbstractLoop:
-    if isinstance(controller, AbstractSampledController):
-        substeps = substeps_of(scenario)
-        sensors, delay = build_sampling(scenario)
-        navigation = build_navigation(scenario)
-        actuators = build_actuators(scenario)
-        steering = build_steering(scenario, plant)
-        tachometers = build_tachometers(scenario)
-        return SampledLoop(
-            plant,
-            controller,
-            actuators,
-            substeps,
-            sensors,
-            delay,
-            navigation,
-            steering,
-            tachometers,
-        )
-    if uses_error_coordinates(flattened(scenario) | {"control.law": scenario.law}):
+    sampled = isinstance(controller, AbstractSampledController)
+    if not sampled and uses_error_coordinates(flattened(scenario) | {"control.law": scenario.law}):
         return ErrorCoordinateLoop(plant, cast(AbstractBacksteppingLaw, controller))
-    return ContinuousLoop(plant, controller, cast(AbstractActuators, build_actuators(scenario)))
+    thrusters = build_thrusters(scenario)
+    if thrusters is not None:
+        plant = plant.with_effectors((thrusters, *plant.effectors))
+    distribution = build_distribution(scenario, plant)
+    if not sampled:
+        return ContinuousLoop(plant, controller, distribution)
+    sensors, delay = build_sampling(scenario)
+    return SampledLoop(
+        plant,
+        controller,
+        distribution,
+        substeps_of(scenario),
+        sensors,
+        delay,
+        build_navigation(scenario),
+        build_tachometers(scenario),
+    )
 
 
-def build_start(scenario: Scenario) -> PlantState:
-    """The state at time zero in the attitude parameters that are integrated."""
+def build_start(scenario: Scenario, effectors: tuple[AbstractEffector, ...] = ()) -> PlantState:
+    """The state at time zero in the attitude parameters that are integrated.
+
+    With the states of all these effectors of the plant, None for those at rest.
+    """
     table = scenario.initial
     if table.quaternion is None:
         w, z = cast(tuple[float, ...], table.w), cast(float, table.z_rad)
@@ -175,8 +178,9 @@ def build_start(scenario: Scenario) -> PlantState:
         attitude = Quaternion(as_float(table.quaternion))
     in_wz = scenario.simulation.attitude == "wz"
     attitude = attitude.as_wz() if in_wz else attitude.as_quaternion()
-    states = tuple(state for _, state in build_effectors(scenario))
-    return PlantState(attitude, as_float(table.omega_rad_s), states or None)
+    states = {one.kind: state for one, state in build_effectors(scenario)}
+    own = tuple(states.get(one.kind) for one in effectors)
+    return PlantState(attitude, as_float(table.omega_rad_s), own or None)
 
 
 def build_tolerances(scenario: Scenario) -> Tolerances:

@@ -47,11 +47,11 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     as_commanded = scenario.law.declaration.commands_actuators
     commanded = command_torques(scenario, torques or 3)
     return PulsedThrusters(
-        thrusters,
-        None if as_commanded else LeastPropellant.of(*commanded, tabled=True),
-        _modulation(scenario),
-        thruster_failures(scenario.failure, scenario.thruster),
-        late or thrusters.valve_delay is not None,
+        thrusters=thrusters,
+        allocation=None if as_commanded else LeastPropellant.of(*commanded, tabled=True),
+        modulation=_modulation(scenario),
+        failures=thruster_failures(scenario.failure, scenario.thruster),
+        late=late or thrusters.valve_delay is not None,
     )
 
 

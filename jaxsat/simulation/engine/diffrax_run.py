@@ -222,7 +222,7 @@ def _over_hold(program: Program, loop: SampledLoop, solver, number, t, hold, pla
     def alone(rate, begin, length, count: int, state):
         return _equal_steps(solver, rate, begin, length, count, state, lambda none, *_: none, ())[0]
 
-    both, rate = (plant, record.integrals), held_rate(program, loop, hold, t)
+    both, rate = (plant, record.integrals), held_rate(program, loop, hold, t, plant)
     length, steps = hold.length, loop.substeps
     (after, integrals), record = _equal_steps(solver, rate, t, length, steps, both, observe, record)
     same, still = stop_gradient((loop, hold))

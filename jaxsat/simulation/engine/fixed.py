@@ -140,7 +140,7 @@ class SampledStepper(AbstractStepper):
 
         def integrate(number, t, hold, plant, carry):
             integrals, since, held, error = carry
-            rate, both = held_rate(program, loop, hold, t), (plant, integrals)
+            rate, both = held_rate(program, loop, hold, t, plant), (plant, integrals)
             begun = plant
             first = loop.torque(t, plant, hold, jnp.zeros_like(hold.length))
             (plant, integrals), since = _equal_steps(

@@ -14,7 +14,7 @@ from jaxsat.simulation import (
 from jaxsat.simulation.engine.details import effort_rates
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import Integrals, RunningCost
-from jaxsat.spacecraft import AbstractPulsedActuators, Consumption, Hold
+from jaxsat.spacecraft import Consumption, Hold
 from jaxsat.spacecraft.dynamics import PlantState
 
 
@@ -33,10 +33,12 @@ def plant_state(loop: AbstractLoop, t: float | Float[Array, ""], state: PyTree) 
 
 
 def consumption(loop: AbstractLoop, state: PyTree) -> Consumption | None:
-    """What actuators that pulse have used up to a state of the loop; None for others."""
-    if not isinstance(loop, SampledLoop) or not isinstance(loop.actuators, AbstractPulsedActuators):
+    """What the effector that uses propellant has used up to a state of the loop; None without."""
+    if not isinstance(loop, SampledLoop):
         return None
-    return loop.actuators.consumption(state.actuators)
+    parts = zip(loop.plant.effectors, state.effectors, strict=True)
+    used = [one.consumption(memory) for one, memory in parts]
+    return next((one for one in used if one is not None), None)
 
 
 def augmented_rate(program: Program, loop: AbstractContinuousLoop):
@@ -66,14 +68,21 @@ def running_cost(
     return cost(wz.w, wz.z, relative_rate, torque)
 
 
-def held_rate(program: Program, loop: SampledLoop, hold: Hold, begin: Float[Array, ""]):
-    """Right-hand side for the plant and its integrals in a hold that begins at `begin` (s)."""
+def held_rate(
+    program: Program, loop: SampledLoop, hold: Hold, begin: Float[Array, ""], start: PlantState
+):
+    """Right-hand side for the plant and its integrals in a hold.
+
+    It begins at `begin` (s) with the plant in the state `start`.
+    """
+
+    mean = loop.mean_torque_size(begin, start, hold)
 
     def rate(t, both):
         state, _ = both
         torque = loop.torque(t, state, hold, t - begin)
         cost = running_cost(program.running_cost, state, loop.plant.relative_rate(state), torque)
-        size = jnp.abs(torque) if hold.pieces else hold.mean_size()
+        size = jnp.abs(torque) if mean is None else mean
         effort = effort_rates(program.detailed, loop.plant, t, state, torque, size)
         return loop.plant_rate(t, state, hold, t - begin), Integrals(cost, effort)
 

@@ -41,7 +41,6 @@ from jaxsat.simulation.engine.runge_kutta import require_explicit
 from jaxsat.simulation.engine.stepper import AbstractStepper
 from jaxsat.simulation.held_torque import HeldTorque, saved
 from jaxsat.simulation.methods import AdaptiveSteps, Adjoint, checkpoints
-from jaxsat.spacecraft import AbstractPulsedActuators
 from jaxsat.spacecraft.dynamics import PlantState
 
 
@@ -192,7 +191,7 @@ def _planned(
         return stepper, None
     if isinstance(loop, SampledLoop):
         interval, every = loop.controller.period, int(sample_numbers(loop, times)[1])
-        pulsed = isinstance(loop.actuators, AbstractPulsedActuators)
+        pulsed = any(one.init_memory() is not None for one in loop.plant.effectors)
     program, case = _program(loop, start, interval, every * len(gaps), tolerances)
     flight = _Flight(program, stepper, case, every, pulsed)
     obstacle = native_obstacle(stepper, program, flight.cases, lanes=1)

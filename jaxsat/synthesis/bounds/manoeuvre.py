@@ -99,10 +99,10 @@ def manoeuvre_of(
         raise ValueError("Bounds need thrusters with a limit, but the loop has ideal ones.")
     if plant.find(Wheels) is not None:
         raise ValueError("Bounds are those of thrusters alone, but the spacecraft has wheels.")
-    thrusters = loop.actuators
-    if not isinstance(thrusters, Actuators):
-        name = type(thrusters).__name__
-        raise ValueError(f"Bounds need thrusters that make their torque exactly, but got {name}.")
+    thrusters = plant.find(Actuators)
+    if thrusters is None:
+        names = [type(one).__name__ for one in plant.effectors]
+        raise ValueError(f"Bounds need thrusters that make their torque exactly, but got {names}.")
     periodic, constant, gradients = _torques(plant.disturbance)
     zero = np.zeros(3)
 

@@ -237,8 +237,8 @@ def solution_of(plan: Plan) -> Solution:
 def _planner(loop: AbstractLoop, tolerances: Tolerances | None) -> Planner | None:
     if not isinstance(loop, ContinuousLoop | SampledLoop):
         return None
-    plant, thrusters = loop.plant, loop.actuators
-    if not isinstance(thrusters, Actuators) or plant.third_rate_held:
+    plant, thrusters = loop.plant, loop.plant.find(Actuators)
+    if thrusters is None or plant.third_rate_held:
         return None
     if plant.find(Wheels) is not None or thrusters.torque_axes.shape[1] < 2:
         return None

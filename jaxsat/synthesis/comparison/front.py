@@ -4,7 +4,7 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -101,8 +101,8 @@ def front(
     runs = {law: build(_finely_saved(scenario_under(scenario, law))) for law in laws}
     loop, start = build_uncontrolled(scenario)
     tolerances = build_tolerances(scenario) if end == "settled" else None
-    manoeuvre, thrusters = manoeuvre_of(loop, start, tolerances=tolerances), loop.actuators
-    assert isinstance(thrusters, Actuators)
+    manoeuvre = manoeuvre_of(loop, start, tolerances=tolerances)
+    thrusters = cast(Actuators, loop.plant.find(Actuators))
     keys: dict[str, Any] = {"guesses": guesses, "tolerances": tolerances}
     planner = Planner(loop.plant, thrusters.torque_axes, thrusters.limit, **keys)
     report("least time")
@@ -195,7 +195,7 @@ def _flown(law: str, run: Run) -> FlownPoint:
     if not math.isfinite(settled):
         return FlownPoint(law, settled, math.nan)
     times, torque = np.asarray(run_result.times), np.asarray(run_result.signals.torque)
-    axes = np.asarray(run.loop.actuators.torque_axes)  # pyright: ignore[reportAttributeAccessIssue]
+    axes = np.asarray(cast(Actuators, run.loop.plant.find(Actuators)).torque_axes)
     sizes = np.abs(np.linalg.lstsq(axes, torque.T)[0]).sum(axis=0)
     if isinstance(run.loop, SampledLoop):
         sums = np.concatenate([[0.0], np.cumsum(sizes[:-1] * np.diff(times))])

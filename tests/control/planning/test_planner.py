@@ -199,7 +199,7 @@ def test_a_bad_case_spoils_no_other_and_machine_code_makes_the_same_plans():
 def test_the_papers_start_at_the_least_time_known():
     """30.48 s at 5 N m by IPOPT; the disturbance and the orbit are part of the plan."""
     run = build(load("acceptance-nominal"))
-    made = Planner(run.loop.plant, run.loop.actuators.torque_axes, 5.0)
+    made = Planner(run.loop.plant, run.loop.plant.effectors[0].torque_axes, 5.0)
     plan = quickest(made, run.start)
     assert plan.status == PlanStatus.SOLVED
     assert 30.47 < plan.duration < 30.48 * 1.005

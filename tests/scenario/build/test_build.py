@@ -35,7 +35,7 @@ def test_plant_and_law_hold_the_numbers_of_the_file():
     np.testing.assert_allclose(law.three_axis_slope_limit, [25 / 450, 25 / 260])
     assert run.loop.substeps == 7
     assert class_name(run.method.solver) == "Tsit5"
-    assert float(run.loop.actuators.limit) == 5
+    assert float(run.loop.plant.effectors[0].limit) == 5
 
 
 def test_a_scenario_is_built_once_by_all_that_use_it(monkeypatch):
@@ -67,7 +67,7 @@ def test_coasting_needs_no_thrusters():
     changes = ["spacecraft.failed_thrusters=[1,2,3]", "control.law=coast",
                "simulation.duration_s=10"]  # fmt: skip
     run = build(load("paper-rate", changes))
-    assert isinstance(run.loop.actuators, Actuators)
+    assert isinstance(run.loop.plant.effectors[0], Actuators)
     trajectory = run.simulate()
     assert trajectory.outcome == 0
     assert not np.any(np.asarray(trajectory.signals.torque))

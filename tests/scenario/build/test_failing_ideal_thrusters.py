@@ -24,7 +24,7 @@ def test_events_strike_the_torques_that_work():
     loop = build(scenario).loop
     assert isinstance(loop, ContinuousLoop)
     assert not loop.is_smooth()
-    failures = loop.actuators.failures
+    failures = loop.plant.effectors[0].failures
     assert isinstance(failures, FailureEvents)
     np.testing.assert_array_equal(failures.thruster, [1, 0])
     np.testing.assert_array_equal(failures.at, [5, 9])
@@ -36,7 +36,7 @@ def test_events_strike_the_torques_that_work():
 def test_they_strike_under_a_sampled_law():
     loop = build(load("switching", ["failure=[{of='thruster 1',at_s=5.0,kind='dead'}]"])).loop
     assert isinstance(loop, SampledLoop)
-    np.testing.assert_array_equal(loop.actuators.failure_times, [5.0])
+    np.testing.assert_array_equal(loop.plant.effectors[0].failure_times, [5.0])
 
 
 def test_the_printed_law_flies_at_torque_level_where_something_fails():
@@ -77,4 +77,4 @@ def test_what_cannot_be_is_told(name, changes, said):
 def test_reversal_is_of_torques_of_either_sign():
     with pytest.raises(ScenarioError, match="must be one of dead, degraded, stuck-on, stuck-at"):
         load("cubesat-12u", ["failure=[{of='thruster 1',at_s=5.0,kind='reversed'}]"])
-    assert isinstance(build(load("cubesat-12u")).loop.actuators, PulsedThrusters)
+    assert isinstance(build(load("cubesat-12u")).loop.plant.effectors[0], PulsedThrusters)

@@ -57,7 +57,7 @@ def test_each_failure_strikes_its_own_part_and_a_file_reads_back(tmp_path):
     scenario = mixed(tmp_path)
     assert load(written(tmp_path, dump(scenario))) == scenario
     loop = build(scenario).loop
-    wheels, thrusters = loop.plant.find(Wheels).failures, loop.actuators.thrusters.failures
+    wheels, thrusters = loop.plant.find(Wheels).failures, loop.plant.effectors[0].failures
     assert isinstance(wheels, WheelFailures)
     np.testing.assert_array_equal(wheels.wheel, [0, 1, 1])
     np.testing.assert_array_equal(wheels.at, [8.05, 4, 6])
@@ -101,7 +101,7 @@ def test_failures_of_both_kinds_of_part_are_drawn_in_one_study(tmp_path):
     copies = jax.vmap(lambda case: study.case_factory(case, None))(study.cases(cases))
     wheels, thrusters = (
         copies.loop.plant.find(Wheels).failures,
-        copies.loop.actuators.thrusters.failures,
+        copies.loop.plant.effectors[0].failures,
     )
     drawn = outputs.drawn
     for name, field in (("failure_time", "at"), ("failure_kind", "kind")):

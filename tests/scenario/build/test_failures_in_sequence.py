@@ -41,13 +41,13 @@ def test_a_failure_of_a_two_sided_thruster_has_one_time(tmp_path):
     copies, _ = study_program(scenario, build(scenario), seed=1)
     assert copies.dimensions() == {"failure_time": 1}
     case = StudyCase(np.zeros(1, np.uint32)[0], np.array([0.25]))
-    np.testing.assert_allclose(copies(case, None).loop.actuators.failures.at, [4.5])
+    np.testing.assert_allclose(copies(case, None).loop.plant.effectors[0].failures.at, [4.5])
 
 
 def test_events_strike_both_ways_but_for_what_is_stuck(tmp_path):
     """Of the four columns, whatever the order of the tables; the two of `pitch` come last."""
     struck = ("thruster pitch", "dead", 9.0), ("thruster pitch", "stuck-on", 4.0)
-    events = build(pushing(tmp_path, tables(*struck), "pwm")).loop.actuators.failures
+    events = build(pushing(tmp_path, tables(*struck), "pwm")).loop.plant.effectors[0].failures
     assert events.count == 2
     instants, torque = jnp.array([3.0, 5.0, 10.0]), jnp.eye(3, 4)
     conditions = [events.condition(t, 0 * t, torque) for t in instants]

@@ -84,7 +84,7 @@ def test_a_file_with_thrusters_reads_back(tmp_path):
 @pytest.mark.slow
 def test_a_failure_is_an_event_of_the_run(tmp_path):
     run = build(pushing(tmp_path, FAILURE, "pwm"))
-    actuators = run.loop.actuators
+    actuators = run.loop.plant.effectors[0]
     assert isinstance(actuators, PulsedThrusters)
     events = actuators.failures
     assert [int(k) for k in events.kind] == [FailureKind.STUCK_ON]
@@ -120,7 +120,7 @@ high = 0.01
     assert isinstance(study, Study)
     outputs = study.evaluate(np.arange(8))
     copies = jax.vmap(lambda case: study.case_factory(case, None))(study.cases(np.arange(8)))
-    events = copies.loop.actuators.failures
+    events = copies.loop.plant.effectors[0].failures
     for name, reached in (
         ("failure_time", events.at),
         ("failed_thruster", events.thruster),
@@ -147,7 +147,7 @@ def turned_by(events):
 def test_a_thruster_is_turned_by_its_force_or_by_its_torque(tmp_path):
     quarter = 'at_s = 1\nkind = "turned"\nturn_rad = [0, 1.5707963267948966, 0]\n'
     texts = [f'[[failure]]\nof = "thruster {name}"\n{quarter}' for name in ("1", "pitch")]
-    events = build(pushing(tmp_path, "".join(texts))).loop.actuators.failures
+    events = build(pushing(tmp_path, "".join(texts))).loop.plant.effectors[0].failures
     turned = turned_by(events)
     # A quarter turn about y leaves the force (0, -2.5, 0) at (0, 0, 2) and torques along y alone.
     expected = [[5, 0, 0], [-5, 0, 0], [0, 5, 0], [0, -5, 0]]
@@ -155,7 +155,7 @@ def test_a_thruster_is_turned_by_its_force_or_by_its_torque(tmp_path):
     texts = [
         text.replace("[0, 1.5707963267948966, 0]", "[1.5707963267948966, 0, 0]") for text in texts
     ]
-    events = build(pushing(tmp_path, "".join(texts))).loop.actuators.failures
+    events = build(pushing(tmp_path, "".join(texts))).loop.plant.effectors[0].failures
     turned = turned_by(events)
     # About x the force points along -z through the centre, the torque of the second along z.
     np.testing.assert_allclose(turned, [[0, 0, 0], [0, 0, 0], [0, 0, 5], [0, 0, -5]], atol=1e-12)
@@ -196,6 +196,6 @@ def test_mistakes_are_told(tmp_path, old, new, key, message):
 
 def test_the_default_is_pulse_width(tmp_path):
     scenario = load(written(tmp_path, HEAD, PAIRS, REST))
-    modulation = build(scenario).loop.actuators.modulation
+    modulation = build(scenario).loop.plant.effectors[0].modulation
     assert not isinstance(modulation, IdealThrottle)
     assert modulation.counts_openings()

@@ -94,7 +94,7 @@ def test_the_motion_needs_nothing_of_the_law():
     assert "independent torques" in refused("paper-three-axis", *changes)
     scenario = load("paper-three-axis", changes, purpose="motion")
     loop, start = build_uncontrolled(scenario)
-    assert loop.actuators.torque_axes.shape == (3, 1)
+    assert loop.plant.effectors[0].torque_axes.shape == (3, 1)
     np.testing.assert_array_equal(start.attitude.q, [0, 1, 0, 0])
     found = refused("paper-three-axis", *changes, "spacecraft.inertia_kg_m2=[1,2,-3]",
                     purpose="motion")  # fmt: skip

@@ -109,9 +109,10 @@ def smooth_law():
 def sampled_example():
     plain = switching_loop(CASE)
     loop = SampledLoop(
-        plain.plant,
+        plain.plant.with_effectors(
+            (plain.plant.effectors[0].misaligned(jnp.full((2, 2), 0.01), jnp.array([0.05, -0.05])),)
+        ),
         plain.controller,
-        plain.actuators.misaligned(jnp.full((2, 2), 0.01), jnp.array([0.05, -0.05])),
         substeps=2,
         sensors=Sensors(1e-5, 5e-5, key_of_seed(9)),
         delay=0.03,
@@ -134,7 +135,7 @@ def estimated_example():
 
 def continuous_example():
     plant, law = smooth_law()
-    loop = ContinuousLoop(plant, law, actuators(3.0))
+    loop = ContinuousLoop(plant.with_effectors((actuators(3.0),)), law)
     scan = ScanEngine(FixedStepper(substeps=100), BATCH)
     reference = ReferenceEngine(adaptive(1e-10, 1e-10, diffrax.Tsit5()), batch_size=BATCH)
     begin = three_axis_start(PAPER_THREE_AXIS)

@@ -41,7 +41,7 @@ class Damped(AbstractFeedbackLaw):
 
 def damped_loop():
     plant, _ = smooth_law()
-    loop = ContinuousLoop(plant, Damped(jnp.array(1.0)), actuators())
+    loop = ContinuousLoop(plant.with_effectors((actuators(),)), Damped(jnp.array(1.0)))
     return loop, three_axis_start(PAPER_THREE_AXIS)
 
 

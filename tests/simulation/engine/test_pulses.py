@@ -43,9 +43,9 @@ class Struck(AbstractCaseFactory):
 
     def __call__(self, case, gains):
         del gains
-        events = self.loop.actuators.failures
+        events = self.loop.plant.effectors[0].failures
         events = eqx.tree_at(lambda one: (one.at, one.thruster), events, (case[:1], case[1:]))
-        loop = eqx.tree_at(lambda loop: loop.actuators.failures, self.loop, events)
+        loop = eqx.tree_at(lambda loop: loop.plant.effectors[0].failures, self.loop, events)
         return Case(loop, self.start, {"failure": case}, jnp.array(True))
 
 
@@ -57,7 +57,7 @@ def factory(modulation, kind, **valves):
     actuators = PulsedThrusters(thrusters, allocated(torque), modulation, events, late)
     model = RigidBody(Spacecraft([0.30, 0.55, 0.62]), ExactOrbit(0.0011))
     law = QuaternionFeedback(model, 0.1, 1.0, 0.05, PERIOD)
-    loop = SampledLoop(model, law, actuators, substeps=1)
+    loop = SampledLoop(model.with_effectors((actuators,)), law, substeps=1)
     return Struck(loop, PlantState(Quaternion([0.6, 0.48, -0.64, 0.0]), [0.01, -0.02, 0.015]))
 
 
@@ -102,7 +102,7 @@ def test_a_case_of_a_study_is_a_run_of_its_own():
     loop, start, *_ = cases(jnp.asarray(CASES[1]), None)
     run = simulate(loop, start, np.array([0.0, SECONDS]))
     np.testing.assert_allclose(run.signals.omega[-1], found.omega[0], atol=1e-11)
-    used = run.final.actuators
+    (used,) = run.final.effectors
     np.testing.assert_allclose(used.propellant, found.propellant[0], rtol=1e-9)
     np.testing.assert_array_equal(used.openings, found.valve_openings[0])
     assert used.propellant > 0

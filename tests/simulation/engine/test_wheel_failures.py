@@ -14,10 +14,8 @@ from jaxsat.simulation.engine import (
     program_of,
 )
 from jaxsat.spacecraft import (
-    ActuatorsWithWheels,
     FailureEvents,
     FailureKind,
-    PulsedActuatorsWithWheels,
     PulsedThrusters,
     PulseWidth,
     Spacecraft,
@@ -25,6 +23,7 @@ from jaxsat.spacecraft import (
     WheelFailures,
     WheelMomenta,
     Wheels,
+    WheelsFirst,
 )
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit
@@ -48,7 +47,10 @@ class Struck(AbstractCaseFactory):
         events = FailureEvents(thruster[1], thruster[0], thruster[2], 0.4 + 0 * case[:1], torque)
         wheels = WheelFailures(wheel[1], wheel[0], wheel[2], 0.4 + 0 * case[:1])
         loop = eqx.tree_at(
-            lambda loop: (loop.actuators.thrusters.failures, loop.plant.find(Wheels).failures),
+            lambda loop: (
+                loop.plant.effectors[0].failures,
+                loop.plant.find(Wheels).failures,
+            ),
             self.loop,
             (events, wheels),
         )
@@ -58,17 +60,14 @@ class Struck(AbstractCaseFactory):
 def factory():
     nothing = WheelFailures([0.0], [np.inf], [0.0], [0.0])
     wheels = Wheels(AXES, 0.25, [0.3, 0.35], 0.01, 2e-4, 0.01, nothing)
-    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
     events = FailureEvents([0.0], [np.inf], [0.0], [0.0], TORQUE[None])
     thrusters = PulsedThrusters(thruster_set(TORQUE, 0.01), allocated(TORQUE), PulseWidth(), events)
-    rest = np.diag([0.0, 0.0, 1.0])
-    shared = ActuatorsWithWheels.of(AXES, 2, 0.25)
-    alone = ActuatorsWithWheels(
-        shared.axes, np.pad(shared.wheel_map, ((0, 0), (0, 1))), shared.wheel_limit
-    )
-    mixed = PulsedActuatorsWithWheels(alone, thrusters, rest)
+    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(thrusters, wheels))
+    shared = WheelsFirst.of(AXES, 2, 0.25)
+    rest, wheel_map = np.diag([0.0, 0.0, 1.0]), np.pad(shared.wheel_map, ((0, 0), (0, 1)))
+    mixed = WheelsFirst(shared.axes, wheel_map, shared.wheel_limit, rest)
     start = PlantState(
-        Quaternion([1.0, 0.0, 0.0, 0.0]), [0.05, -0.03, 0.1], (WheelMomenta([0.1, -0.2]),)
+        Quaternion([1.0, 0.0, 0.0, 0.0]), [0.05, -0.03, 0.1], (None, WheelMomenta([0.1, -0.2]))
     )
     return Struck(SampledLoop(body, Sampled(0.5), mixed, 2), start)
 

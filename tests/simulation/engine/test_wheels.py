@@ -25,7 +25,7 @@ from jaxsat.simulation.engine import (
     Tolerance,
     program_of,
 )
-from jaxsat.spacecraft import ActuatorsWithWheels, Spacecraft, WheelMomenta, Wheels
+from jaxsat.spacecraft import Spacecraft, WheelMomenta, Wheels, WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit
 from simulation.engine.examples import WIDE
@@ -72,7 +72,7 @@ class Sampled(AbstractSampledController):
 
 
 LIMITS = [0.3, 0.35, 0.4]
-ACTUATORS = ActuatorsWithWheels.of(AXES, 3, wheel_limit=0.25)
+SHARED = WheelsFirst.of(AXES, 3, wheel_limit=0.25)
 
 
 def body(coulomb=None):
@@ -83,12 +83,12 @@ def body(coulomb=None):
 def continuous():
     stepper = AdaptiveStepper(tolerance=Tolerance(1e-11, 1e-11))
     reference = ReferenceEngine(adaptive(1e-11, 1e-11, min_step=1e-10), batch_size=3)
-    return ContinuousLoop(body(), Damping(), ACTUATORS), stepper, reference, 1e-7
+    return ContinuousLoop(body(), Damping(), SHARED), stepper, reference, 1e-7
 
 
 def sampled():
     reference = ReferenceEngine(fixed(0.5, diffrax.Bosh3()), batch_size=3)
-    loop = SampledLoop(body([0.02, 0.01, 0.03]), Sampled(0.5), ACTUATORS, 2)
+    loop = SampledLoop(body([0.02, 0.01, 0.03]), Sampled(0.5), SHARED, 2)
     return loop, SampledStepper(diffrax.Bosh3()), reference, 1e-12
 
 

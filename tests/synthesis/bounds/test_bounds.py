@@ -121,7 +121,11 @@ def test_no_plan_is_quicker_than_the_bound(tolerances):
     body, axes, limit, start = random_body(np.random.default_rng(5))
     made = planner(body, axes, limit)
     thrusters = Actuators(jnp.asarray(axes), jnp.eye(2), limit)
-    loop = SampledLoop(made.model, _Replayed(jnp.zeros((1, 2)), jnp.ones(())), thrusters, 1)
+    loop = SampledLoop(
+        made.model.with_effectors((thrusters,)),
+        _Replayed(jnp.zeros((1, 2)), jnp.ones(())),
+        substeps=1,
+    )
     manoeuvre = manoeuvre_of(loop, start, tolerances=tolerances)
     longest = 100 * math.sqrt(np.trace(body) / limit)
     plans = plans_of(loop, start, BoundObjective.TIME, longest, tolerances)
@@ -181,7 +185,9 @@ def test_flight_is_that_of_the_plant(paper, changes):
     assert verification.largest_thrust <= 5 * (1 + 1e-6)
     thrust = jnp.asarray(solution.thrust)
     controller = _Replayed(thrust, jnp.asarray(solution.duration / len(thrust)))
-    loop = SampledLoop(own.plant, controller, paper[0].loop.actuators, 20)
+    loop = SampledLoop(
+        own.plant.with_effectors((paper[0].loop.plant.effectors[0],)), controller, substeps=20
+    )
     run = simulate(loop, start, controller.period * jnp.arange(len(thrust) + 1))
     np.testing.assert_allclose(run.signals.omega, solution.states[:, 4:], atol=2e-6)
     assert np.linalg.norm(run.signals.w[-1]) < 1e-4
@@ -284,7 +290,7 @@ def test_one_torque_stops_the_rotation(paper):
     assert found.verification.largest_thrust <= 5 * (1 + 1e-6)
     thrust = jnp.asarray(found.solution.thrust)
     controller = _Replayed(thrust, jnp.asarray(found.solution.duration / len(thrust)))
-    actuators = dataclasses.replace(own.actuators, thrust_map=jnp.ones((1, 1)))
-    loop = SampledLoop(own.plant, controller, actuators, 20)
+    actuators = dataclasses.replace(own.plant.effectors[0], thrust_map=jnp.ones((1, 1)))
+    loop = SampledLoop(own.plant.with_effectors((actuators,)), controller, substeps=20)
     run = simulate(loop, start, controller.period * jnp.arange(len(thrust) + 1))
     assert np.linalg.norm(run.signals.omega[-1]) < 1e-6

@@ -1,0 +1,198 @@
+"""Who of the effectors does what of a law's command."""
+
+import abc
+import dataclasses
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float
+
+from jaxsat.core.allocation import (
+    least_squares_map,
+    unit_columns,
+    what_is_left,
+)
+from jaxsat.core.checks import as_array, as_float, as_optional_float, require_positive
+from jaxsat.core.errors import ArgumentError
+from jaxsat.spacecraft.allocation import first_at_limit, share_within
+from jaxsat.spacecraft.effector import AbstractEffector
+from jaxsat.spacecraft.spacecraft import OfEach, PlantState
+from jaxsat.spacecraft.wheels import Wheels
+
+
+class Shares(NamedTuple):
+    """What each effector is asked for, and the torque (N m) of which none is, None for none."""
+
+    uses: OfEach
+    left: Float[Array, "3"] | None = None
+
+    def torque_unmade(self, effectors: tuple[AbstractEffector, ...]) -> Float[Array, "3"] | None:
+        """The torque of a command that effectors do not make, N m; None where it tells of devices.
+
+        It is what none is asked for, and what is beyond the limits of each.
+        """
+        beyond = [one.unmade(use) for one, use in zip(effectors, self.uses, strict=True)]
+        parts = [one for one in (self.left, *beyond) if one is not None]
+        return sum(parts[1:], parts[0]) if parts else None
+
+
+class AbstractDistribution(eqx.Module):
+    """From a law's command to what each effector of the body is asked for.
+
+    A distribution whose uses have corners as functions of the command tells them.
+    """
+
+    @abc.abstractmethod
+    def __call__(
+        self,
+        t: Float[Array, ""],
+        state: PlantState,
+        command: Float[Array, " torques"],
+        effectors: tuple[AbstractEffector, ...],
+    ) -> Shares:
+        """What each of the effectors is asked for at time `t` (s), in the order of the body.
+
+        `state` is what the law is told of the plant.
+        """
+
+    @property
+    def event_count(self) -> int:
+        """How many corners the uses have as functions of the command."""
+        return 0
+
+    def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
+        """Functions of the command whose zeros are the corners."""
+        return jnp.zeros(0, command.dtype)
+
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractDistribution":
+        """The distribution held on the side of each corner that `signs` tells."""
+        del signs
+        return self
+
+
+class Direct(AbstractDistribution):
+    """The command has what each effector is asked for, one after the other.
+
+    Effectors after its end are asked for nothing. So a law may command three torques of thrusters
+    that share them, each of the wheels, or duties of thrusters and then torques of wheels.
+    """
+
+    def __call__(self, t, state, command, effectors) -> Shares:
+        """Parts of the command; raises `ValueError` where it ends within what an effector takes."""
+        del t, state
+        uses, left = [], command
+        for one in effectors:
+            size = one.command_size if left.shape[0] else 0
+            if size > left.shape[0]:
+                rule = f"must have {size} numbers for {one.kind}s"
+                raise ArgumentError("command", rule, f"{left.shape[0]} of {command.shape[0]}")
+            uses.append(left[:size] if size else one.idle())
+            left = left[size:]
+        if left.shape[0]:
+            rule = "must have no more numbers than effectors take"
+            raise ArgumentError("command", rule, f"{left.shape[0]} of {command.shape[0]} more")
+        return Shares(tuple(uses))
+
+
+class WheelsFirst(AbstractDistribution):
+    """Wheels make as much of a commanded torque as they can, and thrusters the rest.
+
+    `wheel_map` (wheels, torques) shares the command, two torques or three, among the wheels, of
+    which those that have failed have rows of zeros. Where that exceeds the `wheel_limit` (N m, None
+    for no limit) of one, `allocate` shares it: others make up for it and, of a torque that they
+    cannot make, the greatest part is made, in its direction. `axes` (3, wheels) has zeros for those
+    that have failed. `rest` (torques, torques) gives the part of the command that is left to other
+    effectors, which is shared as by `Direct`; None where nothing is. `limiting` holds which wheel
+    is at its limit, see `smooth_piece`.
+    """
+
+    axes: Float[Array, "3 wheels"] = eqx.field(converter=as_float)
+    wheel_map: Float[Array, "wheels torques"] = eqx.field(converter=as_float)
+    wheel_limit: Float[Array, " wheels"] | None = eqx.field(
+        converter=as_optional_float, default=None
+    )
+    rest: Float[Array, "torques torques"] | None = eqx.field(
+        converter=as_optional_float, default=None
+    )
+    limiting: Bool[Array, " wheels"] | None = None
+
+    def __check_init__(self):
+        if self.wheel_limit is not None:
+            require_positive("wheel_limit", self.wheel_limit)
+
+    @staticmethod
+    def of(
+        axes: ArrayLike | list,
+        torques: int,
+        wheel_limit: ArrayLike | list | None = None,
+        failed: tuple[int, ...] = (),
+        others: bool = False,
+    ) -> "WheelsFirst":
+        """Wheels along `axes` (3, wheels), of which those numbered `failed` (from 1) do nothing.
+
+        Least squares share what all of them can make. Raises `ValueError` where that leaves
+        something to `others` and there are none.
+        """
+        known = unit_columns(np.asarray(axes, float))
+        working = [number not in failed for number in range(1, known.shape[1] + 1)]
+        shares = np.zeros((known.shape[1], torques))
+        limit = None if wheel_limit is None else as_float(wheel_limit) * jnp.ones(known.shape[1])
+        limits = None if limit is None else np.asarray(limit)[working]
+        shares[working] = least_squares_map(known[:, working], torques, limits)
+        rest = what_is_left(known, shares)
+        left = known * np.array(working)
+        if not rest.any():
+            return WheelsFirst(left, as_array(shares), limit)
+        if not others:
+            which = "x and y" if torques == 2 else "x, y and z"
+            raise ValueError(
+                f"The wheels left must make independent torques about body axes {which}, "
+                f"but their axes are the columns of {known[:, working].round(6).tolist()}."
+            )
+        return WheelsFirst(left, as_array(shares), limit, as_array(rest))
+
+    def __call__(self, t, state, command, effectors) -> Shares:
+        """The torque that each wheel is to put on the body (N m), and what is left to others."""
+        others = tuple(one for one in effectors if not isinstance(one, Wheels))
+        wheels, left = self._shared(command)
+        rest = command[:0] if self.rest is None else self.rest @ command
+        if not others:
+            left, rest = left + torque_of(rest), rest[:0]
+        uses = iter(Direct()(t, state, rest, others).uses)
+        each = tuple(wheels if isinstance(one, Wheels) else next(uses) for one in effectors)
+        return Shares(each, left)
+
+    def wheels(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"]:
+        """The torque that each wheel is to put on the body for a command, N m."""
+        return self._shared(command)[0]
+
+    def _shared(
+        self, command: Float[Array, " torques"]
+    ) -> tuple[Float[Array, " wheels"], Float[Array, "3"]]:
+        """That, and what wheels do not make of their part for their limits, N m."""
+        shares = self.wheel_map @ command
+        if self.wheel_limit is None:
+            return shares, jnp.zeros(3, shares.dtype)
+        return share_within(self.axes, self.wheel_limit, shares, self.limiting)
+
+    @property
+    def event_count(self) -> int:
+        """One for each wheel with a limit."""
+        return 0 if self.wheel_limit is None else self.wheel_map.shape[0]
+
+    def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
+        """Positive for the wheel that is first at its limit."""
+        if self.wheel_limit is None:
+            return jnp.zeros(0, command.dtype)
+        return first_at_limit(self.wheel_map @ command, self.wheel_limit)
+
+    def smooth_piece(self, signs: Bool[Array, " m"]) -> "WheelsFirst":
+        """The same, bounded by one wheel or by none."""
+        return self if self.wheel_limit is None else dataclasses.replace(self, limiting=signs)
+
+
+def torque_of(command: Float[Array, " torques"]) -> Float[Array, "3"]:
+    """A command of none, two or three torques about the first body axes, as a torque (N m)."""
+    return jnp.pad(command, (0, 3 - command.shape[0]))
