@@ -190,9 +190,14 @@ def _gyro_cluster(scenario: Scenario) -> GyroCluster | None:
     """The control moment gyros at the start; None where there are none."""
     for gyros, state in build_effectors(scenario) if scenario.gimbal else ():
         if isinstance(gyros, ControlMomentGyros):
-            axes = (gyros.gimbal_axes, gyros.spin_axes, state.momentum, gyros.rate_limit)
-            turning = np.array([not one.failed for one in scenario.gimbal])
-            return GyroCluster(*map(np.asarray, axes), np.asarray(state.angle), turning)
+            return GyroCluster(
+                gimbal_axes=np.asarray(gyros.gimbal_axes),
+                spin_axes=np.asarray(gyros.spin_axes),
+                momentum=np.asarray(state.momentum),
+                rate_limit=np.asarray(gyros.rate_limit),
+                angle=np.asarray(state.angle),
+                turning=np.array([not one.failed for one in scenario.gimbal]),
+            )
     return None
 
 

@@ -89,7 +89,8 @@ def _solved(
         _beginning(*fixed),
     )
     free = _free(devices, last)
-    bounds = tuple(jnp.where(jnp.isfinite(x), x, 0.0) for x in (devices.low, devices.high))
+    low, high = (jnp.where(jnp.isfinite(x), x, 0.0) for x in (devices.low, devices.high))
+    bounds = (low, high)
     made = part_up_to(last.facets[0], devices.units, bounds, 0 * first, first)
     made = made + part_up_to(last.facets[1], devices.units, bounds, made, torque + first - made)
     each = jnp.where(last.side > 0, devices.high, jnp.where(last.side < 0, devices.low, 0.0))
