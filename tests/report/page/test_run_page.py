@@ -10,7 +10,7 @@ from jaxsat.report.decimation import kept_samples
 from jaxsat.report.facts import settled_meaning
 from jaxsat.report.page import html, report_page
 from jaxsat.report.page.replay import body_box, craft
-from jaxsat.report.run_document import run_verdict
+from jaxsat.report.run_document import run_document, run_verdict
 from jaxsat.store import OutputError
 
 NASTY = '</script><script>alert("1")</script><b>&amp; $$x$$ \\[y\\]'
@@ -35,6 +35,18 @@ def test_the_verdict_says_when_it_settled_within_what_and_by_which_law(run_file,
 def test_parts_keep_the_names_that_they_were_given():
     more = run_verdict(run_dataset(), {}, [(3.0, "wheel RW-A dead")]).more
     assert more[0] == "Wheel RW-A dead at 3 s."
+
+
+def test_a_torque_that_is_not_made_is_counted():
+    run = run_dataset()
+    unmade = np.zeros((len(run["time"]), 3))
+    run["torque_unmade"] = (("time", "body_axis"), unmade)
+    assert "torque not made" not in str(run_document(run))
+    count = len(unmade) // 4
+    unmade[:count] = [0.0, 0.3, 0.4]
+    run["torque_unmade"] = (("time", "body_axis"), unmade)
+    told = f"at most 0.5 N m beyond what actuators make, at {100 * count / len(unmade):.3g} %"
+    assert told in str(run_document(run))
 
 
 @pytest.mark.slow
