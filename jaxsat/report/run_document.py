@@ -107,6 +107,8 @@ def _actuation(dataset: xr.Dataset) -> dict[str, str]:
             if signal.peak and signal.name in dataset:
                 largest = _numbers(abs(dataset[signal.name]).max("time"))
                 rows[f"{actuator.name}s"] = f"at most {largest} {shown_unit(signal.units)}"
+    if "propellant" in dataset and (used := float(dataset["propellant"].max())) > 0:
+        rows["propellant"] = f"{number_text(used, 3)} kg"
     if "constraint_effort" in dataset:
         peak = float(abs(dataset["constraint_torque"]).max())
         effort = number_text(dataset["constraint_effort"].values)

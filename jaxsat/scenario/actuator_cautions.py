@@ -69,7 +69,8 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
         or not law.regulates_attitude
     ):
         return
-    if law.torques and left_by_wheels(wheels, law.torques).any():
+    unloaded = law.commands_actuators and scenario.thruster
+    if unloaded or (law.torques and left_by_wheels(wheels, law.torques).any()):
         return  # thrusters take part
     axes, limit = wheel_axes(tuple(one for one in wheels if not one.failed)), np.array(limits)
     most, worst = 1 + ROUNDING, None

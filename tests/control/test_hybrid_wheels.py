@@ -125,7 +125,7 @@ def wheels(momentum):
 
 @pytest.mark.slow
 def test_thrusters_take_momentum_out_of_wheels_that_are_full():
-    """45 N m s about z: down to below a third, and the slew ends as without."""
+    """45 N m s about z, 1.2 times what wheels hold where the slew ends: it ends as without."""
     changes = [wheels(16.0), "failure=[]", "initial.omega_rad_s=[0, 0, 0]"]
     run = build(load("hybrid-wheels", [*changes, "simulation.duration_s=800"]))
     trajectory = run.simulate()

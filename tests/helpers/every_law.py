@@ -22,7 +22,7 @@ KEYS = {
 }
 """Of `[control]`: those without a default."""
 
-BODIES = {"fault-tolerant": "failures-12u"}
+BODIES = {"fault-tolerant": "hybrid-wheels"}
 """Scenarios of the library whose actuators a law commands itself."""
 
 LEFT = {
