@@ -183,8 +183,12 @@ class _DataFlow:
                 self._loop(step, control)
 
     def _loop(self, loop: Loop, control: int) -> None:
-        """Until nothing changes: what a parameter needs, others may need in the next turn."""
-        after, memories = [self.of([x]) for x in loop.before], dict(self.memories)
+        """Until nothing changes: what a parameter needs, others may need in the next turn.
+
+        What was found in the turn before of a loop around this one is needed for certain.
+        """
+        after = [self.of([x, y]) for x, y in zip(loop.before, loop.params, strict=True)]
+        memories = dict(self.memories)
         while True:
             self._note(loop.params, after)
             self.block(loop.condition, control)
