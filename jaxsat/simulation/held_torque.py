@@ -17,10 +17,10 @@ Numbers = Int[Array | np.ndarray, " times"]
 class HeldTorque(NamedTuple):
     """The torques that a period has held so far (N m): bounds, ∫T dt (N m s), and how long (s)."""
 
-    least: Float[Array, "3"]
-    largest: Float[Array, "3"]
-    integral: Float[Array, "3"]
-    length: Float[Array, ""]
+    least: Float[Array | np.ndarray, "3"]
+    largest: Float[Array | np.ndarray, "3"]
+    integral: Float[Array | np.ndarray, "3"]
+    length: Float[Array | np.ndarray, ""]
 
     @staticmethod
     def none(torque: Float[Array, "3"]) -> "HeldTorque":

@@ -83,6 +83,7 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
     for name in names:  # one at a time, which keeps memory small
         measure.add(name.removeprefix(DRAWN), column(name))
     of_cost, of_settling = measure.ranked()
+    errors = largest_errors({name: column(name) for name in ERRORS if name in dataset})
     return Summary(
         cases=len(numbers),
         settled=wilson(int(settled.sum()), len(numbers)),
@@ -93,7 +94,8 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
         cost_sensitivity=of_cost,
         settling_sensitivity=of_settling,
         recovery=summarise_recovery(dataset, numbers),
-        **largest_errors({name: column(name) for name in ERRORS if name in dataset}),
+        rate_error=errors["rate_error"],
+        attitude_error=errors["attitude_error"],
         **{
             name: _percentiles(over_parts(column(name)[success])) if name in dataset else {}
             for name, over_parts in OF_ACTUATORS.items()
