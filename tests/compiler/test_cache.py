@@ -142,7 +142,8 @@ def test_what_killed_writers_left_goes_after_a_while(folder, made):
 
 
 def test_the_entries_unused_for_longest_go(folder, made, monkeypatch):
-    monkeypatch.setattr(cache, "ENTRIES", 3)
+    size = cache._BYTES + len(f"code of {TEXT}")
+    monkeypatch.setattr(cache, "MOST_BYTES", int(3.5 * size))
     for number in range(5):
         cache.object_code(TEXT + "\n" * number)
         for entry in entries(folder):

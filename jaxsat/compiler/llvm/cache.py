@@ -23,8 +23,8 @@ from pathlib import Path
 from jaxsat.compiler.llvm import target
 from jaxsat.compiler.llvm.private import private_folder, read, remove_abandoned, write
 
-ENTRIES = 256
-"""How many are kept; the ones unused for longest go."""
+MOST_BYTES = 2**30
+"""Of all entries; the ones unused for longest go."""
 
 KINDS = (".o", ".kernel")
 """How the names of entries end: machine code, and kernels (`kept`)."""
@@ -114,13 +114,18 @@ def _hash(name: str, content: bytes) -> bytes:
 
 def _remove_oldest(place: Path) -> None:
     remove_abandoned(place)
-    times = {}
-    for entry in (found for kind in KINDS for found in place.glob(f"*{kind}")):
-        with contextlib.suppress(FileNotFoundError):  # another process has removed it
-            times[entry] = entry.lstat().st_mtime
-    for entry in sorted(times, key=times.__getitem__)[:-ENTRIES]:
-        with contextlib.suppress(OSError):
-            entry.unlink()
+    entries = []
+    with os.scandir(place) as files:
+        for entry in (file for file in files if file.name.endswith(KINDS)):
+            with contextlib.suppress(FileNotFoundError):  # another process has removed it
+                status = entry.stat(follow_symlinks=False)
+                entries.append((status.st_mtime_ns, status.st_size, entry.path))
+    room = MOST_BYTES
+    for _, size, path in sorted(entries, reverse=True):
+        room -= size
+        if room < 0:
+            with contextlib.suppress(OSError):
+                os.unlink(path)
 
 
 def _tell(error: OSError) -> None:
