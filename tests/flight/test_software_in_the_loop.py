@@ -107,6 +107,7 @@ def test_closed_loops_with_the_compiled_law_are_the_same_to_the_bit(
     one = jax.tree.map(lambda x: np.asarray(x)[0], outside)
     guided = Mapped(with_given, (number, one, zero, first.memory), [], contract=False)
     commands = np.stack([zero] * CASES)
+    mode = jax.jit(jax.vmap(loop.controller.mode))
     modes: set[int] = set()
     for i in range(periods):
         numbers = np.full(CASES, i, np.int32)
@@ -115,7 +116,7 @@ def test_closed_loops_with_the_compiled_law_are_the_same_to_the_bit(
         command, memory = call(arrays, told[0], seen, outside.memory.memory)
         outside = guided((numbers, outside, command, memory), [])
         inside = plain((numbers, inside), [])
-        modes.update(np.asarray(jax.vmap(loop.controller.mode)(inside.memory)).tolist())
+        modes.update(np.asarray(mode(inside.memory)).tolist())
     same = eqx.tree_at(lambda x: x.memory, outside, outside.memory.memory)
     for found, wanted in zip(jax.tree.leaves(same), jax.tree.leaves(inside), strict=True):
         np.testing.assert_array_equal(found, wanted)
