@@ -134,14 +134,14 @@ def where(chunk):
     time.sleep(0.2)
     return jnp.ones(1).device.id
 
-assert sorted({device for _, device in Devices(4).run(where, range(8))}) == [0, 1, 2, 3]
+assert sorted({device for _, device in Devices(2).run(where, range(4))}) == [0, 1]
 main()
 """
 
 
 @pytest.mark.slow
 def test_processes_and_devices_give_the_same_bits(jaxsat, tmp_path):
-    """Two processes; four pretended devices; and too many devices, which are refused.
+    """Two processes; two pretended devices; and too many devices, which are refused.
 
     Through XLA: machine code of our own knows no devices.
     """
@@ -149,10 +149,10 @@ def test_processes_and_devices_give_the_same_bits(jaxsat, tmp_path):
     tokens += ["--set", "simulation.solver.name=heun"]  # of few stages
     assert jaxsat(*tokens, "--out", "plain")[0] == 0
     plain = of_store(tmp_path / "plain")
-    runs = [("two", ["--processes", "2"], {}, MAIN)]
-    devices = "--xla_force_host_platform_device_count=4"
+    runs = [("processes", ["--processes", "2"], {}, MAIN)]
+    devices = "--xla_force_host_platform_device_count=2"
     flags = {"XLA_FLAGS": f"{os.environ.get('XLA_FLAGS', '')} {devices}"}
-    runs.append(("four", ["--devices", "4"], flags, DEVICES_IN_USE))
+    runs.append(("devices", ["--devices", "2"], flags, DEVICES_IN_USE))
     for name, more, variables, program in runs:
         whole = command(*tokens, "--out", name, *more, program=program)
         subprocess.run(whole, env=environment(**variables), check=True)

@@ -312,7 +312,7 @@ def test_every_engine_gives_the_same(own, tmp_path):
     }
     for name in ("native", "diffrax"):
         np.testing.assert_allclose(found[name], found["scan"], rtol=1e-6)
-    there = costs(study(scenario, "scan"), tmp_path / "there.zarr", Processes(2))
+    there = costs(study(scenario, "scan"), tmp_path / "there.zarr", Processes(1))
     np.testing.assert_array_equal(there, found["scan"])
 
 
