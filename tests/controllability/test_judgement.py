@@ -34,9 +34,10 @@ def wheels(*axes, momentum=(0.0, 0.0, 0.0), **options):
 def test_four_thrusters_that_all_turn_about_z_lose_something():
     [case] = failure_table(PAPER, actuator_set(TURNING_ABOUT_Z), most_failed=0)
     assert case.lost == "torque along -z; reached through the drift, by no law"
-    assert (case.rank, case.verdict, case.directions) == (6, "by drift", 0)
-    assert case.judgement.laws == "none"
-    sentence = verdict_sentence(case.judgement)
+    judgement = case.judgement
+    assert (judgement.rank, judgement.verdict, case.directions) == (6, "by drift", 0)
+    assert judgement.laws == "none"
+    sentence = verdict_sentence(judgement)
     assert "none towards -z" in sentence
     assert "No law of jaxsat" in sentence
     # About the axis of largest moment the drift does not bring it back, although the rank is 6.
@@ -146,7 +147,7 @@ def test_no_actuator_lost_is_ever_a_gain():
     assert len({case.failed for case in cases}) == 64
     for a, b in itertools.permutations(cases, 2):
         if set(a.failed) < set(b.failed) and ("w1" in a.failed) == ("w1" in b.failed):
-            assert order.index(b.verdict) <= order.index(a.verdict)
+            assert order.index(b.judgement.verdict) <= order.index(a.judgement.verdict)
             assert b.directions <= a.directions
 
 
@@ -155,7 +156,7 @@ def test_single_and_double_failures_of_many():
     many = actuator_set(rng.normal(size=(3, 12)), wheel_axes=np.eye(3), momentum=[0, 0, 0.1])
     cases = failure_table(PAPER, many, most_failed=2)
     assert len(cases) == 1 + 15 + 15 * 14 // 2
-    assert {case.verdict for case in cases} == {"controllable"}
+    assert {case.judgement.verdict for case in cases} == {"controllable"}
     with pytest.raises(ValueError, match="at most 14"):
         failure_table(PAPER, many)
 
@@ -163,7 +164,7 @@ def test_single_and_double_failures_of_many():
 def test_exports_of_wheels_have_their_own_dimension():
     cases = failure_table(PAPER, wheels(X, Y, Z, momentum=[0, 0, 0.3]))
     assert [case.judgement.dimension for case in cases] == [6, 5, 5, 5, 4, 4, 4, 6]
-    assert [case.verdict for case in cases[:5]] == [
+    assert [case.judgement.verdict for case in cases[:5]] == [
         "controllable",
         *["some attitudes"] * 3,
         "uncontrollable",
