@@ -29,6 +29,7 @@ REAL = (
     "cubesat-12u",
     "failures-12u",
     "failures-telescope",
+    "hybrid-wheels",
     "pulsed-two-torque",
     "thruster-dies",
     "wheels-fail",
