@@ -35,7 +35,7 @@ DARKEST_BAND = 0.3
 FAINT = {"color": "#999999", "linestyle": "-", "linewidth": 0.8, "zorder": 1.5}
 
 WIDTH = 7.0
-LEFT, RIGHT, TOP, BOTTOM = 1.0, 0.15, 0.27, 0.45
+LEFT, RIGHT, TOP, BOTTOM = 1.25, 0.15, 0.27, 0.45
 """Inches around the panels of a figure."""
 
 BAR = 0.6
@@ -44,13 +44,13 @@ BAR = 0.6
 TICKS, ROW, GAP = 0.22, 0.17, 0.17
 """Inches of the numbers below a panel, of a line of text above one, and between panels at least."""
 
-LABEL_AT = 0.52
+LABEL_AT = 0.77
 """Inches from a panel to what its axis is called; numbers at ticks have this room."""
 
 TITLE_WIDTH, LABEL_WIDTH, LEGEND_WIDTH, HANDLE = 110, 22, 100, 7
 """Characters of a line above a panel, beside one, and in a legend; of a line drawn in a legend."""
 
-NAME = 9
+NAME = 12
 """Characters of the name of a strip."""
 
 MARK_ROWS = 4
@@ -198,12 +198,12 @@ def _paint(figure: Figure, panel: Axes, plot: Plot) -> None:
 
 
 def _beside(axis: Axis) -> str:
-    """What stands beside an axis, in up to three lines, its unit always."""
+    """What stands beside an axis, in up to three lines; a long one without a unit in two."""
     unit = f"({'–' if axis.unit == '1' else axis.unit})" if axis.unit else ""
     lines = textwrap.wrap(f"{axis.label} {unit}", LABEL_WIDTH)
     if len(lines) > 3:
-        lines = textwrap.wrap(axis.label, LABEL_WIDTH, max_lines=3 - bool(unit), placeholder="…")
-        lines += [unit] if unit else []
+        lines = textwrap.wrap(axis.label, LABEL_WIDTH, max_lines=2, placeholder="…")
+        lines += [unit] if axis.unit not in ("", "1") else []
     return "\n".join(map(escape_mathematics, lines))
 
 
