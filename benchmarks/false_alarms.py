@@ -17,6 +17,7 @@ import jax
 import numpy as np
 from scipy.stats import chi2
 
+from jaxsat.control.diagnosis import false_alarm_rate
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 
@@ -64,14 +65,23 @@ def main() -> None:
     orbits = options.cases * samples * period / ORBIT
     print(f"{orbits:.1f} orbits of {ORBIT:.0f} s with {ORBIT / period:.0f} samples each")
     print(f"false alarms: {alarms}, below {upper_limit(alarms) / orbits:.2g} in an orbit (95 %)")
-    tests = law.diagnosis.tests_of_each * np.count_nonzero(tested)
-    print(f"{tests} tests, {law.diagnosis.tests_of_each} of each actuator that is in use")
+    watches = [one.watch for one in law.actuators]
+    ends = np.cumsum([one.count for one in watches])[:-1]
+    in_use = [np.count_nonzero(one) for one in np.split(tested, ends)]
+    for watch, count in zip(watches, in_use, strict=True):
+        each = 1 + len(watch.hypotheses.tests) + watch.hypotheses.weak_losses
+        print(f"{each * count} tests, {each} of each actuator that is in use")
     reference = float(law.diagnosis.reference)
-    in_use = np.count_nonzero(tested) / law.diagnosis.filter.count
     print("threshold   exceeded in an orbit   by the closed form, where the model is true")
     for level in range(2, len(above)):
-        rate = law.diagnosis.false_alarm_rate(reference, level)
-        expected = in_use * rate * ORBIT / period
+        expected = (
+            ORBIT
+            / period
+            * sum(
+                count / watch.count * false_alarm_rate(watch, reference, level)
+                for watch, count in zip(watches, in_use, strict=True)
+            )
+        )
         print(f"{level:9d}   {above[level] / orbits:20.3g}   {expected:20.3g}")
 
 

@@ -27,6 +27,9 @@ FLAT = 1e-9
 NONE = 1e-11
 """Of a torque: what is below counts as zero."""
 
+BEYOND = 1e-10
+"""Of a torque: where a device comes to its bound within so much more, it counts as being there."""
+
 
 class Bounded(NamedTuple):
     """Devices along `units`, with torques from `low` to `high` and a `weight` in the squares."""
@@ -81,24 +84,37 @@ def least_squares_within(
 def _solved(
     devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"]
 ) -> tuple[OfEach, Float[Array, "3"]]:
-    """At the last set of devices at their bounds, where all derivatives are."""
+    """At the last set of devices at their bounds, where all derivatives are.
+
+    A device that is just at its bound counts as being there, as it is for a torque slightly
+    `BEYOND`, where the others can make up for that.
+    """
     fixed = jax.lax.stop_gradient((devices, torque, first))
-    last = jax.lax.while_loop(
-        lambda at: at.goes & (at.rounds < ROUNDS_A_DEVICE * (devices.low.shape[0] + 1)),
-        lambda at: _round(*fixed[:2], at),
-        _beginning(*fixed),
-    )
-    free = _free(devices, last)
+    last = _ended(*fixed[:2], _beginning(*fixed))
+    beyond = _ended(*fixed[:2], _continued(last, fixed[1] + fixed[2]))
+    each, made = _at(*fixed, beyond)
+    off = made - devices.units @ within(each, devices.low, devices.high)
+    good = jnp.max(jnp.abs(off)) <= NONE * jnp.max(jnp.abs(made))
+    chosen = jax.tree.map(lambda x, y: jnp.where(good, x, y), beyond, last)
+    each, made = _at(devices, torque, first, chosen)
+    return each, torque + first - made
+
+
+def _at(
+    devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"], at: Active
+) -> tuple[OfEach, Float[Array, "3"]]:
+    """Torques of each with these devices at their bounds, and what all are to make together."""
+    free = _free(devices, at)
     low, high = (jnp.where(jnp.isfinite(x), x, 0.0) for x in (devices.low, devices.high))
     bounds = (low, high)
-    made = part_up_to(last.facets[0], devices.units, bounds, 0 * first, first)
-    made = made + part_up_to(last.facets[1], devices.units, bounds, made, torque + first - made)
-    each = jnp.where(last.side > 0, devices.high, jnp.where(last.side < 0, devices.low, 0.0))
+    made = part_up_to(at.facets[0], devices.units, bounds, 0 * first, first)
+    made = made + part_up_to(at.facets[1], devices.units, bounds, made, torque + first - made)
+    each = jnp.where(at.side > 0, devices.high, jnp.where(at.side < 0, devices.low, 0.0))
     inverse = _inverse(devices, free, _span(devices, free))
     for _ in range(3):  # the second and third take away what rounding has left
         lacks = made - devices.units @ each
         each = each + jnp.where(free, devices.weight * ((inverse @ lacks) @ devices.units), 0.0)
-    return each, torque + first - made
+    return each, made
 
 
 def _beginning(devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"]) -> Active:
@@ -113,6 +129,25 @@ def _beginning(devices: Bounded, torque: Float[Array, "3"], first: Float[Array, 
         jnp.where(comes_first, 0, 1),
         jnp.array(0),
         comes_first | jnp.any(torque != 0),
+    )
+
+
+def _continued(last: Active, torque: Float[Array, "3"]) -> Active:
+    """On a little in the direction of all that is to be made, unless no more could be made."""
+    return last._replace(
+        ahead=BEYOND * torque,
+        rounds=jnp.array(0),
+        leg=jnp.array(1),
+        goes=jnp.all(last.facets == 0) & jnp.any(torque != 0),
+    )
+
+
+def _ended(devices: Bounded, torque: Float[Array, "3"], at: Active) -> Active:
+    """After all rounds."""
+    return jax.lax.while_loop(
+        lambda at: at.goes & (at.rounds < ROUNDS_A_DEVICE * (devices.low.shape[0] + 1)),
+        lambda at: _round(devices, torque, at),
+        at,
     )
 
 

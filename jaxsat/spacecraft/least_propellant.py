@@ -208,7 +208,7 @@ def part_up_to(
     speed = jnp.sum(facet * wanted)
     ends = speed > 0
     part = (farthest - jnp.sum(facet * made)) / jnp.where(ends, speed, 1.0)
-    return jnp.where(ends, part, 1.0) * wanted
+    return jnp.where(ends & (part < 1), part, 1.0) * wanted
 
 
 def _beginning(

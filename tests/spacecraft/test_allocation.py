@@ -256,3 +256,18 @@ def test_what_is_not_made_is_told_of_every_kind():
             whole = np.pad(given, (0, 3 - count))
             np.testing.assert_allclose(made + unmade, whole, atol=1e-14)
             assert unmade.any() == (command is large or (len(effectors) == 1 and two in effectors))
+
+
+def test_devices_just_at_their_bounds_have_the_derivative_of_both_sides():
+    """The largest torque about x, turned: the wheels at their bounds stay, the others make up."""
+    axes = np.array([[1.0, 0, -1, 0], [0, 1, 0, -1], [1, 1, 1, 1]]) / np.sqrt(2)
+    reach = Reach(jnp.asarray(axes), -jnp.ones(4), jnp.ones(4))
+    largest = allocate(reach, jnp.array([9.0, 0.0, 0.0])).made[0]
+
+    def use(angle):
+        return allocate(reach, largest * jnp.array([1.0, angle, 0.3 * angle])).use
+
+    width = 1e-6
+    right, left = (use(width) - use(0.0)) / width, (use(0.0) - use(-width)) / width
+    np.testing.assert_allclose(right, left, atol=1e-8)
+    np.testing.assert_allclose(jax.jacfwd(use)(0.0), right, atol=1e-8)
