@@ -66,12 +66,12 @@ def dispersed(rng: np.random.Generator, level: str) -> Run:
         amplitude=periodic.amplitude * rng.uniform(0, disturbance, 3),
         phase=jnp.asarray(rng.uniform(0, 2 * np.pi, 3)),
     )
-    plant = dataclasses.replace(loop.plant, spacecraft=Spacecraft(inertia), disturbance=periodic)
     leans, gains = rng.uniform(-lean, lean, (1, 2)), rng.uniform(-error, error, 1)
     actuators = loop.plant.effectors[0].misaligned(jnp.asarray(leans), jnp.asarray(gains))
-    return dataclasses.replace(
-        run, loop=dataclasses.replace(loop, plant=plant, actuators=actuators)
+    plant = dataclasses.replace(
+        loop.plant, spacecraft=Spacecraft(inertia), disturbance=periodic, effectors=(actuators,)
     )
+    return dataclasses.replace(run, loop=dataclasses.replace(loop, plant=plant))
 
 
 def main() -> None:

@@ -56,7 +56,7 @@ class Derivatives:
 
     def _differs(self, x, way, rest, value, slope):
         """What is wrong, nothing where all is well, and None where there is no derivative."""
-        least = max(1e-6 * np.abs(value).max(), 1e-12)
+        least = max(1e-4 * np.abs(value).max(), 1e-12)
         smooth, best, before = False, np.inf, np.inf
         for width in WIDTHS:
             step = width * way

@@ -50,7 +50,9 @@ def error_loop():
 
 
 def continuous_loop():
-    return ContinuousLoop(*smooth_law(), actuators(3.0)), three_axis_start(PAPER_THREE_AXIS)
+    plant, law = smooth_law()
+    loop = ContinuousLoop(plant.with_effectors((actuators(3.0),)), law)
+    return loop, three_axis_start(PAPER_THREE_AXIS)
 
 
 def sampled_loop():
