@@ -208,7 +208,8 @@ class Printer:
             if i != bound.counter:
                 body.place(param, before)
         name = body.place(step.params[bound.counter], befores[bound.counter])
-        body.line(f"for (; {name} < {bound.end}; {name}++) {{")
+        turn = f"({name})++" if name.startswith("*") else f"{name}++"
+        body.line(f"for (; {name} < {bound.end}; {turn}) {{")
         with body.inside():
             self.block(step.condition)
             if not bound.is_whole:
