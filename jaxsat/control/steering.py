@@ -80,8 +80,9 @@ class MagneticSteering(AbstractSteering):
 
     τ = `wanted` u - `unloading` A h: a part of the law's command u (N m), and what takes momentum h
     along `wheel_axes` A out of the wheels, in parts a second. `shares` (k, 3) makes a dipole of the
-    magnetorquers along `axes`. Where that exceeds the `dipole_limit` (A m²) of one, others make up
-    for it; of a torque that they cannot make, the greatest part is. What they then make is left out
+    magnetorquers along `axes`. Of all dipoles with the same torque these have the least sum of
+    squares over the `dipole_limit` (A m²) of each, within the limits; of a torque that cannot be
+    made, the greatest part is. What they then make is left out
     of the command of all other actuators, so that the body feels the law's torque. B is that of the
     `field` at the attitude that the law is told. Sidi, Spacecraft Dynamics and Control, 1997,
     sections 7.4 and 7.5: the cross-product law.

@@ -41,17 +41,18 @@ def law(c, omega, inertia, rate, frequency, damping):
 
 
 def dipole_of(command, b, axes, limits, working):
-    """Return what is asked of each magnetorquer for a torque: (b × τ) / b², within the limits.
+    """Return what is asked of each magnetorquer for what of a torque τ is across the field b.
 
-    What three of them may change without an effect on the torque is along one direction.
+    As much of it as the limits allow, by the least sum of squares of dipole over limit: what three
+    of them may change without an effect on the torque is along one direction.
     """
     asked = np.zeros(axes.shape[1])
     asked[working] = np.linalg.pinv(axes[:, working]) @ np.cross(b, command) / (b @ b)
-    if np.all(np.abs(asked) <= limits):
-        return asked
     idle = np.zeros(axes.shape[1])
     made = cross(b / np.linalg.norm(b)) @ axes[:, working]
     idle[working] = null_space(made, rcond=1e-9).sum(axis=1)
+    if not np.any(idle):
+        return asked * min(1.0, *(limits / np.maximum(np.abs(asked), 1e-300)))
     bounds = np.concatenate([limits, limits])
     changes = np.column_stack([asked, idle])
     found = linprog(
@@ -61,7 +62,8 @@ def dipole_of(command, b, axes, limits, working):
     part = found.x[0]
     ends = (np.array([[-1.0], [1.0]]) * limits - part * asked)[:, idle != 0] / idle[idle != 0]
     low, high = np.max(ends.min(axis=0), initial=-np.inf), np.min(ends.max(axis=0), initial=np.inf)
-    return part * asked + np.clip(0.0, low, max(low, high)) * idle
+    least = -part * np.sum(asked * idle / limits**2) / np.sum((idle / limits) ** 2)
+    return part * asked + np.clip(least, low, max(low, high)) * idle
 
 
 def after(asked, limits, failures, t):
