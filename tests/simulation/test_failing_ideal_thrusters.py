@@ -102,8 +102,10 @@ class ThreeThrusters:
 
 
 def asked(t, omega):
+    """The torque in its direction, as far as the thruster that is most in use reaches."""
     wave = np.array([np.sin(t), np.cos(0.7 * t), 0.3 + 0.1 * np.sin(2 * t)])
-    return np.clip(-0.4 * omega + 0.35 * wave, -LIMIT, LIMIT)
+    wanted = -0.4 * omega + 0.35 * wave
+    return wanted * min(1.0, LIMIT / np.max(np.abs(wanted)))
 
 
 def events_of(case):
