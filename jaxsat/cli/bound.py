@@ -85,7 +85,7 @@ def bound(
         limit = chosen.simulation.duration_s if longest is None else longest
         print_stderr(f"none of {starts} starts found a solution in {limit:g} s; give more starts")
         return FAILED_RUN
-    from jaxsat.report.bound_document import bound_document
+    from jaxsat.report.front import bound_document
     from jaxsat.synthesis.bounds.run import end_text, tolerances_at
 
     meaning = end_text(tolerances_at(chosen, end), target == "attitude")

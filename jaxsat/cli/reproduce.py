@@ -84,7 +84,7 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
 
 
 def _write(folder: "OutputFolder", datasets: "dict[str, xr.Dataset]") -> "Document":
-    from jaxsat.report.markdown import markdown_page
+    from jaxsat.report.printers import markdown_page
     from jaxsat.report.reproduction import claims_document, judge
     from jaxsat.report.reproduction.figures import paper_figures
     from jaxsat.report.saving import save_figures

@@ -61,7 +61,7 @@ def print_text(text: str) -> None:
 
 def print_document(document: "Document") -> None:
     """Write a document to standard output."""
-    from jaxsat.report.terminal import terminal_text
+    from jaxsat.report.printers import terminal_text
 
     _print(terminal_text(document))
 

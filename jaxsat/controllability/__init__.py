@@ -1,11 +1,6 @@
 """Controllability of a spacecraft from its inertia and torque axes alone."""
 
 from jaxsat.controllability.actuators import ActuatorSet, actuator_set, thruster_torques
-from jaxsat.controllability.closed_forms import (
-    ClosedForm,
-    one_thruster_condition,
-    two_thruster_condition,
-)
 from jaxsat.controllability.closure import (
     controllability_margin,
     generating_vectors,
@@ -13,8 +8,18 @@ from jaxsat.controllability.closure import (
     singular_values,
     symmetric_product,
 )
-from jaxsat.controllability.cone import TorqueCone, torque_cone
-from jaxsat.controllability.decision import turn_time
+from jaxsat.controllability.cone import (
+    TorqueCone,
+    momentum_barrier,
+    separatrix_normals,
+    torque_cone,
+)
+from jaxsat.controllability.decision import (
+    ClosedForm,
+    one_thruster_condition,
+    turn_time,
+    two_thruster_condition,
+)
 from jaxsat.controllability.drift import (
     DriftTrajectory,
     EnergyCounterexample,
@@ -26,7 +31,6 @@ from jaxsat.controllability.drift import (
     energy_history,
     recurrence,
 )
-from jaxsat.controllability.drift_barrier import momentum_barrier, separatrix_normals
 from jaxsat.controllability.failures import (
     FailureCase,
     failure_arrays,
@@ -46,6 +50,7 @@ from jaxsat.controllability.lie import (
     control_fields,
     lie_bracket,
     pack,
+    rank_at_state,
     tangent_matrix,
     to_tangent,
 )
@@ -71,7 +76,6 @@ from jaxsat.controllability.maps import (
     uncontrollable_single_directions,
 )
 from jaxsat.controllability.net_force import NetForce, net_force
-from jaxsat.controllability.pointwise import rank_at_state
 from jaxsat.controllability.rank import Analysis, analyse, ranks_away_from_rest
 from jaxsat.controllability.torque_ranges import judge_ranges, opposing_share, torque_reserve
 from jaxsat.controllability.wheels import MomentumLevelSet, momentum_level_set

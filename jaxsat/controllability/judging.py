@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxsat.controllability.actuators import ActuatorSet
-from jaxsat.controllability.cone import ROUNDING, TorqueCone, torque_cone
+from jaxsat.controllability.cone import ROUNDING, TorqueCone, momentum_barrier, torque_cone
 from jaxsat.controllability.decision import (
     RANK_OF_DIMENSION,
     RankDecision,
@@ -14,7 +14,6 @@ from jaxsat.controllability.decision import (
     decided_turn_time,
     turn_time,
 )
-from jaxsat.controllability.drift_barrier import momentum_barrier
 from jaxsat.controllability.judgement import Judgement, Laws, Verdict
 from jaxsat.controllability.layout import (
     TOLERANCE,

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, PyTree
 
 from jaxsat.compiler.llvm.mapped import compiled_over_cases
 from jaxsat.controllability.closure import controllability_margin
-from jaxsat.controllability.drift_barrier import separatrix_normals
+from jaxsat.controllability.cone import separatrix_normals
 from jaxsat.core.once import latest
 
 

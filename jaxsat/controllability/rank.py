@@ -6,25 +6,23 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.controllability.closed_forms import (
-    ClosedForm,
-    one_thruster_condition,
-    two_thruster_condition,
-)
 from jaxsat.controllability.decision import (
     RANK_OF_DIMENSION,
+    ClosedForm,
     closure_growth,
     decide_rank,
     decided_turn_time,
+    one_thruster_condition,
+    two_thruster_condition,
 )
 from jaxsat.controllability.layout import TOLERANCE, Numbers, TorqueLayout, make_layout
+from jaxsat.controllability.lie import rank_at_state
 from jaxsat.controllability.linear import (
     LinearControllability,
     NoEquilibriumError,
     linear_controllability,
 )
 from jaxsat.controllability.local import LocalControllability, small_time_local_controllability
-from jaxsat.controllability.pointwise import rank_at_state
 from jaxsat.controllability.wording import rank_verdict
 from jaxsat.core.once import once_property
 

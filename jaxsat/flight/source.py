@@ -9,7 +9,7 @@ from jaxsat.compiler.c.contexts import Context
 from jaxsat.compiler.c.expressions import literal
 from jaxsat.compiler.c.functions import Unit, python_function
 from jaxsat.compiler.c.naming import Names, comment, identifier
-from jaxsat.compiler.c.text import in_lines, wrapped
+from jaxsat.compiler.c.tidying import in_lines, wrapped
 from jaxsat.compiler.ir import Value
 from jaxsat.flight.program import FlightProgram, ProgramStage
 

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from jaxsat.core.text import capitalised
-from jaxsat.report.cells import fraction_cell, interval_cell, interval_of
 from jaxsat.report.document import Cell, Document, Shown, Table, Verdict
+from jaxsat.report.facts import fraction_cell, interval_cell, interval_of
 from jaxsat.studies import percent_texts
 
 ENDS = {"settled": "settled", "rest": "exact rest, which no law reaches"}

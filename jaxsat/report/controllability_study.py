@@ -35,10 +35,10 @@ from jaxsat.controllability import (
 from jaxsat.report.controllability_document import (
     controllability_document,
     controllability_lines,
+    failure_dataset,
 )
 from jaxsat.report.document import Document
-from jaxsat.report.failure_dataset import failure_dataset
-from jaxsat.report.markdown import markdown_page
+from jaxsat.report.printers import markdown_page
 from jaxsat.report.saving import save_figures
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.actuator_set import all_actuators

@@ -5,9 +5,9 @@ from typing import Any
 
 from jaxsat.core.numerals import number_text, vector_text
 from jaxsat.core.text import capitalised
-from jaxsat.report.cells import interval_of
 from jaxsat.report.comparison_document import LAW_COLUMNS, LAWS_NOTE, law_cells
 from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
+from jaxsat.report.facts import interval_of
 from jaxsat.report.study_document import percentile_table
 
 DESIGNED = "designed.toml"

@@ -17,8 +17,7 @@ from matplotlib.ticker import LogFormatterSciNotation
 from matplotlib.transforms import ScaledTranslation
 
 from jaxsat.core.text import clean
-from jaxsat.report.decimation import kept_samples, largest_of_parts
-from jaxsat.report.plot import Axis, Line, Plot, Strips, Timeline
+from jaxsat.report.plot import Axis, Line, Plot, Strips, Timeline, kept_samples, largest_of_parts
 from jaxsat.report.style import (
     MAX_TITLE_LENGTH,
     SETTINGS,

@@ -1,11 +1,13 @@
-"""Time against effort, of plans and of laws, as a document and a figure of `front.json`."""
+"""The least time or effort of a manoeuvre, and time against effort, of plans and of laws: documents
+and a figure of the records that `bound` and `front` write."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from jaxsat.core.numerals import number_text
 from jaxsat.report.comparison_document import ENDS
-from jaxsat.report.document import Cell, Document, Table, Verdict
+from jaxsat.report.document import Cell, Document, Facts, Table, Verdict
 from jaxsat.report.saving import save_figures
 from jaxsat.report.style import (
     FURTHER_LINES,
@@ -15,6 +17,31 @@ from jaxsat.report.style import (
     escape_mathematics,
     set_title,
 )
+
+UNITS = {"time": "s", "effort": "N m s"}
+
+
+def bound_document(title: str, record: Mapping[str, Any]) -> Document:
+    """The best manoeuvre, where it ends when it is flown again, and the other local optima."""
+    flight, value = record["flown_again"], number_text(record["value"])
+    unit = UNITS[record["objective"]]
+    where = f"{flight['angle']:.1e} rad and {flight['rate']:.1e} rad/s from rest in the orbit frame"
+    if record["target"] == "rates":
+        where = f"with {flight['rate']:.1e} rad/s"
+    elif record["end"] == "settled":
+        tilt, turn, rate = (number_text(flight[one], 3) for one in ("tilt", "turn", "rate"))
+        where = f"at {tilt} rad of tilt, {turn} rad of turn and {rate} rad/s"
+    listed = ", ".join(map(number_text, record["local_optima"]))
+    facts = {
+        "duration": f"{number_text(record['duration_s'])} s",
+        "effort": f"{number_text(flight['effort'])} N m s",
+        "end": record["end_meaning"],
+        "flown again": f"ends {where}",
+        "local optima": f"{listed} {unit}, of {record['starts']} starts",
+    }
+    text = f"Least {record['objective']}: {value} {unit}, not certified."
+    return Document(title, Verdict(None, text), [Facts("Best found", facts)])
+
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,9 +10,8 @@ import xarray as xr
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.numerals import number_text, vector_text
 from jaxsat.core.text import capitalised
-from jaxsat.report.cells import step_error
 from jaxsat.report.document import Document, Facts, Verdict
-from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude
+from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude, step_error
 from jaxsat.report.run_plots import has_effectors, shown_unit
 from jaxsat.report.timeline import failures_of
 from jaxsat.store import time_at_rest, time_to_settle

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from jaxsat.core.numerals import number_text
-from jaxsat.report.cells import INTERVALS, fraction_cell, interval_cell, step_error
 from jaxsat.report.document import Cell, Document, Lines, Shown, Table, Verdict
-from jaxsat.report.facts import settled_meaning
+from jaxsat.report.facts import INTERVALS, fraction_cell, interval_cell, settled_meaning, step_error
 from jaxsat.studies import (
     Interval,
     KindRecovery,

@@ -4,8 +4,8 @@ other methods ran, `baselines.json`."""
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from jaxsat.report.cells import INTERVALS, fraction_cell, interval_cell, interval_of
 from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
+from jaxsat.report.facts import INTERVALS, fraction_cell, interval_cell, interval_of
 
 DOMINANT_FRACTION = 0.5
 """Part of the cost from which on it is told where it comes from."""

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         time_to_settle,
         trajectory_dataset,
     )
-    from jaxsat.store.reading import study_columns
+    from jaxsat.store.ledger import study_columns
     from jaxsat.store.store import StudyStore
     from jaxsat.store.tables import case_table, open_study, save_case_table
 
@@ -36,7 +36,7 @@ _LATER = {
     "open_trajectory": "dataset",
     "save_case_table": "tables",
     "save_dataset": "dataset",
-    "study_columns": "reading",
+    "study_columns": "ledger",
     "time_at_rest": "dataset",
     "time_to_settle": "dataset",
     "trajectory_dataset": "dataset",

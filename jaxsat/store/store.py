@@ -24,9 +24,8 @@ from jaxsat.store.chunks import (
     chunk_numbers,
     encoded,
 )
-from jaxsat.store.differences import OTHER_PROGRAM, differences
 from jaxsat.store.files import OutputError, reason, system_failure, write_file
-from jaxsat.store.header import Header, read_header, run_record
+from jaxsat.store.header import OTHER_PROGRAM, Header, differences, read_header, run_record
 from jaxsat.store.ledger import (
     ChunkRecord,
     Ledger,

@@ -17,7 +17,7 @@ from jaxsat.store.chunks import CASE, CASE_COLUMN, DONE, STATUS
 from jaxsat.store.files import save_file
 from jaxsat.store.header import read_header
 from jaxsat.store.labels import SETTLED, UNSETTLED, flags_of
-from jaxsat.store.reading import StudyColumn, study_columns
+from jaxsat.store.ledger import StudyColumn, study_columns
 
 
 class _LazyColumn(BackendArray):

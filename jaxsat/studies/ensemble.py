@@ -17,7 +17,7 @@ from jaxsat.core.pointing import pointing_error
 from jaxsat.simulation.engine import AbstractEngine, Outputs, Program, Replay, program_identity
 from jaxsat.store import Column, OutputError, StudyStore, machine
 from jaxsat.store.chunks import Coordinate, chunk_numbers
-from jaxsat.store.differences import differences
+from jaxsat.store.header import differences
 from jaxsat.store.labels import components, distinct
 from jaxsat.studies.columns import (
     DRAWN,

@@ -15,7 +15,7 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.study import EngineName
 from jaxsat.scenario.resolution import excessive_error
 from jaxsat.store import OutputError, ResumableFolder, study_columns
-from jaxsat.store.differences import differences
+from jaxsat.store.header import differences
 from jaxsat.studies import AbstractExecutor, AbstractStopRule, Study, Work, run_study
 from jaxsat.studies.columns import ERRORS
 from jaxsat.studies.summary import largest_errors

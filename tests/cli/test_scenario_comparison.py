@@ -8,7 +8,7 @@ import pytest
 from jaxsat.report.document import Table
 from jaxsat.report.page.batches import comparison_section
 from jaxsat.store import open_study
-from jaxsat.store.study_names import named_store
+from jaxsat.store.labels import named_store
 
 LAWS = ("quaternion-feedback", "fault-tolerant")
 

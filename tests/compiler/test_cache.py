@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from jaxsat.compiler import Mapped
-from jaxsat.compiler.llvm import cache, private, target
+from jaxsat.compiler.llvm import cache, target
+from jaxsat.compiler.llvm import cache as private
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no owners and modes")
 TEXT = "define void @nothing() {\nret void\n}\n"

@@ -12,7 +12,8 @@ from jax import lax
 
 from compiler.wrong_arguments import COUNT, narrow
 from jaxsat.compiler import CannotLower, Mapped
-from jaxsat.compiler.llvm import emitter, memory
+from jaxsat.compiler.llvm import emitter
+from jaxsat.compiler.rules import indexing
 
 STACKED = """
 import sys, threading
@@ -20,7 +21,7 @@ import jax, jax.numpy as jnp, numpy as np
 from jax import lax
 jax.config.update("jax_enable_x64", True)
 from jaxsat.compiler import CannotLower, Mapped
-from jaxsat.compiler.llvm import emitter, memory
+from jaxsat.compiler.llvm import emitter
 
 rows = int(sys.argv[1])
 
@@ -79,7 +80,7 @@ def test_the_stack_holds_little_and_the_arena_has_a_limit(monkeypatch):
     on_stack = function(3000)
     assert in_arena(on_stack) == 0
     np.testing.assert_array_equal(large(x, 1.0), on_stack(x, 1.0))
-    monkeypatch.setattr(memory, "LARGEST", 2000)
+    monkeypatch.setattr(indexing, "LARGEST", 2000)
     with pytest.raises(CannotLower, match="An array of 3000 numbers is larger than 2000"):
         function(3000)
     monkeypatch.undo()
@@ -123,7 +124,7 @@ def test_a_constant_array_has_one_name_in_all_functions():
     found = Mapped(function, x[0], 4.0)(x, 4.0)
     np.testing.assert_array_equal(found, jax.vmap(function, (0, None))(x, 4.0))
     module = emitter.Module(4)
-    first, second = (memory.memory_of(np.dtype(float), 3, True, x[n : n + 3]) for n in (0, 1))
+    first, second = (indexing.memory_of(np.dtype(float), 3, True, x[n : n + 3]) for n in (0, 1))
     names = [module.constant(one) for one in (first, second, first)]
     assert names == ["@c0", "@c1", "@c0"]
     assert module.text("").count("internal constant") == 2

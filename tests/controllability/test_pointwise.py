@@ -15,7 +15,7 @@ from jaxsat.controllability import (
     pack,
     tangent_matrix,
 )
-from jaxsat.controllability.pointwise import rank_at_state
+from jaxsat.controllability.lie import rank_at_state
 
 from .fields import random_state
 from .oracles import GibbsAlgebra

@@ -17,7 +17,7 @@ from jaxsat.compiler import functions
 from jaxsat.compiler.c import naming
 from jaxsat.compiler.llvm.threads import _shared
 from jaxsat.control.planning import guesses
-from jaxsat.controllability import analyse, pointwise, torque_cone
+from jaxsat.controllability import analyse, lie, torque_cone
 from jaxsat.core import process
 from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.laws import LAWS
@@ -54,7 +54,7 @@ FUNCTIONS = [
     (statistics._order_statistics, lambda: (100, 95.0, 0.9)),
     (guesses.random_numbers, lambda: (4,)),
     (descent._transformation, lambda: (OptimiserSettings(), 10)),
-    (pointwise._monomials, lambda: (2,)),
+    (lie._monomials, lambda: (2,)),
     (naming._statements, lambda: (__file__,)),
     (naming._tree, lambda: (__file__,)),
     (_versions, tuple),

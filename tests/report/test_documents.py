@@ -3,9 +3,8 @@
 from markdown_it import MarkdownIt
 
 from jaxsat.report.document import Document, Facts, Lines, Listing, Shown, Table, Verdict
-from jaxsat.report.markdown import markdown_page
 from jaxsat.report.page.html import render
-from jaxsat.report.terminal import terminal_text
+from jaxsat.report.printers import markdown_page, terminal_text
 
 NASTY = "a|b <b>*c*</b> \x1b[31m"
 TABLE = Table(

@@ -19,7 +19,7 @@ from jaxsat.store import (
 )
 from jaxsat.store import arrays as arrays_module
 from jaxsat.store import store as store_module
-from jaxsat.store.differences import differences
+from jaxsat.store.header import differences
 from jaxsat.store.temporary import lock_folder, remove_stale, temporary_folder
 from store.stores import IDENTITY, made, values
 

@@ -9,9 +9,9 @@ from jaxsat.compiler.c.body import Body
 from jaxsat.compiler.c.contexts import base_of, has_rows
 from jaxsat.compiler.c.expressions import UNARY, Expression
 from jaxsat.compiler.c.helpers import TYPES
-from jaxsat.compiler.c.text import braced, dimensions
+from jaxsat.compiler.c.naming import element_of, name_of
+from jaxsat.compiler.c.tidying import braced, dimensions
 from jaxsat.compiler.c.unit import AbstractUnit
-from jaxsat.compiler.c.wishes import element_of, name_of
 from jaxsat.compiler.ir import Block, Load, Memory, Scalar, Store, Value, blocks_in
 
 CONSTANT = ("p", "in", "now")

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from jaxsat.compiler.c.wishes import name_of
+from jaxsat.compiler.c.naming import name_of
 from jaxsat.compiler.ir import Call, Function, Scalar, Value
 from jaxsat.compiler.trace import Trace
 

@@ -6,15 +6,13 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from jaxsat.compiler.c.array_functions import count_of, loop_text
 from jaxsat.compiler.c.contexts import Context, arrays_in, contexts, squeezed
 from jaxsat.compiler.c.expressions import Expression, literal
-from jaxsat.compiler.c.helpers import TYPES, helper
-from jaxsat.compiler.c.naming import Names, comment, docstring, identifier
+from jaxsat.compiler.c.helpers import TYPES, count_of, helper, loop_text
+from jaxsat.compiler.c.naming import Names, comment, docstring, identifier, name_of
 from jaxsat.compiler.c.printer import Printer
-from jaxsat.compiler.c.text import braced, dimensions, in_lines
+from jaxsat.compiler.c.tidying import braced, dimensions, in_lines
 from jaxsat.compiler.c.unit import POINTERS, AbstractUnit, CallSignature
-from jaxsat.compiler.c.wishes import name_of
 from jaxsat.compiler.ir import Function, Memory, Scalar, Value
 from jaxsat.compiler.trace import Trace
 

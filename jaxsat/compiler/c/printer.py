@@ -7,13 +7,12 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxsat.compiler.c.arrays import Arrays
-from jaxsat.compiler.c.body import Body
+from jaxsat.compiler.c.body import Body, Uses
 from jaxsat.compiler.c.contexts import arrays_in, squeezed
 from jaxsat.compiler.c.expressions import UNARY, Expression, called, operation
 from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.naming import Names
 from jaxsat.compiler.c.unit import POINTERS, AbstractUnit
-from jaxsat.compiler.c.uses import Uses
 from jaxsat.compiler.ir import (
     Block,
     BlockSwitch,

@@ -25,8 +25,15 @@ from jaxsat.compiler.ir import (
     numbers_of,
     uses,
 )
-from jaxsat.compiler.llvm.case_arrays import copy_text, gather_text, scatter_text
-from jaxsat.compiler.llvm.emitter import ALIGNMENT, Module
+from jaxsat.compiler.llvm.drivers import copy_text, gather_text, scatter_text
+from jaxsat.compiler.llvm.emitter import (
+    ALIGNMENT,
+    Module,
+    memory_type,
+    scalar_type,
+    suffix,
+    vector_type,
+)
 from jaxsat.compiler.llvm.function_emitter import FunctionEmitter
 from jaxsat.compiler.llvm.locations import (
     CONTEXT,
@@ -40,7 +47,6 @@ from jaxsat.compiler.llvm.locations import (
     parameter_locations,
     rematerialise,
 )
-from jaxsat.compiler.llvm.words import memory_type, scalar_type, suffix, vector_type
 from jaxsat.compiler.lowering import bugs_in
 from jaxsat.compiler.passes.dead_code import DeadCodeElimination, dependencies
 from jaxsat.compiler.passes.scheduling import merge_cold_branches, move_invariants, schedule

@@ -22,9 +22,10 @@ from jaxsat.compiler.ir import (
     Value,
     is_uniform,
 )
-from jaxsat.compiler.llvm.emitter import COLD, AbstractEmitter, Module
-from jaxsat.compiler.llvm.locations import CONTEXT, Known, rematerialise
-from jaxsat.compiler.llvm.words import (
+from jaxsat.compiler.llvm.emitter import (
+    COLD,
+    AbstractEmitter,
+    Module,
     constant,
     conversion,
     memory_type,
@@ -33,6 +34,7 @@ from jaxsat.compiler.llvm.words import (
     type_of,
     vector_type,
 )
+from jaxsat.compiler.llvm.locations import CONTEXT, Known, rematerialise
 from jaxsat.compiler.operations import OPERATIONS
 
 DOUBLE = np.dtype(np.float64)

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jaxsat.compiler.ir import Block, Function, Value
-from jaxsat.compiler.llvm.emitter import AbstractEmitter
-from jaxsat.compiler.llvm.words import memory_type
+from jaxsat.compiler.llvm.emitter import AbstractEmitter, memory_type
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ import numpy as np
 
 from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.ir import Memory, Scalar, Value, is_uniform
-from jaxsat.compiler.llvm.memory import memory_of, stored
 from jaxsat.compiler.lowering import (
     Elements,
     arrays_of,
@@ -24,6 +23,7 @@ from jaxsat.compiler.lowering import (
 )
 from jaxsat.compiler.operations import BOOL, INT
 from jaxsat.compiler.rules.elementwise import extremum
+from jaxsat.compiler.rules.indexing import memory_of, stored
 from jaxsat.core.jaxprs import Equation, Jaxpr, Literal
 
 UNROLLED = 64

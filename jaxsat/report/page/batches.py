@@ -38,8 +38,8 @@ from jaxsat.report.tuning_document import tuning_document
 from jaxsat.report.tuning_plots import gain_plots, loss_plots
 from jaxsat.store import OutputError, open_trajectory, study_columns
 from jaxsat.store.files import parse_json
+from jaxsat.store.labels import store_of_row
 from jaxsat.store.marker import read_unchanged
-from jaxsat.store.study_names import store_of_row
 
 
 def read_record(path: Path) -> Mapping[str, Any]:

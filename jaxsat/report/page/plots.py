@@ -21,9 +21,17 @@ from bokeh.palettes import cividis
 from bokeh.plotting import figure
 
 from jaxsat.core.numerals import number_text
-from jaxsat.report.decimation import kept_samples, largest_of_parts
 from jaxsat.report.document import Chart, LegendKey
-from jaxsat.report.plot import Axis, Bars, Line, Plot, Strips, Timeline
+from jaxsat.report.plot import (
+    Axis,
+    Bars,
+    Line,
+    Plot,
+    Strips,
+    Timeline,
+    kept_samples,
+    largest_of_parts,
+)
 from jaxsat.report.style import MOST_LINES, STYLES
 
 HEIGHT, HEIGHT_OVER_TIME = 260, 190

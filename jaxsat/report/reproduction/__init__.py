@@ -4,8 +4,7 @@ Wang, Jia, Jin, Xu, Control analysis of an underactuated spacecraft under distur
 Acta Astronautica 83 (2013) 44-53.
 """
 
-from jaxsat.report.reproduction.claim import Claim, ClaimVerdict
+from jaxsat.report.reproduction.claim import RUNS, Claim, ClaimVerdict, PaperRun
 from jaxsat.report.reproduction.claims import claims_document, judge
-from jaxsat.report.reproduction.runs import RUNS, PaperRun
 
 __all__ = ["RUNS", "Claim", "ClaimVerdict", "PaperRun", "claims_document", "judge"]

@@ -11,7 +11,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import refined_study
 from jaxsat.scenario.control import known_law, law_names
 from jaxsat.store import ResumableFolder, open_study
-from jaxsat.store.study_names import named_store
+from jaxsat.store.labels import named_store
 from jaxsat.studies import RecoverySummary, Study, study_work
 from jaxsat.studies.recovery_summary import summarise_recovery
 from jaxsat.synthesis.comparison.acceptance import FILE, validated

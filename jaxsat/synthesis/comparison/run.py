@@ -19,7 +19,7 @@ from jaxsat.store import (
     open_study,
     provenance,
 )
-from jaxsat.store.study_names import acceptance_store
+from jaxsat.store.labels import acceptance_store
 from jaxsat.studies import Study, Work
 from jaxsat.synthesis.bounds.manoeuvre import End
 from jaxsat.synthesis.comparison.acceptance import (

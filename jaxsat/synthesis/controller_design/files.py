@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import jaxsat
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.report.design_document import DESIGNED, LINES, design_document
-from jaxsat.report.markdown import markdown_page
+from jaxsat.report.printers import markdown_page
 from jaxsat.scenario import dump
 from jaxsat.store import ResumableFolder, provenance
 from jaxsat.synthesis.controller_design.explanation import drawn_numbers

@@ -9,7 +9,7 @@ from jaxsat.core.numerals import number_text
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.study import build_study
 from jaxsat.store import ResumableFolder
-from jaxsat.store.study_names import named_store
+from jaxsat.store.labels import named_store
 from jaxsat.studies import AbstractStopRule, Serial, fraction_text, percentile, wilson
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
 from jaxsat.synthesis.comparison.verdict import ComparisonRow, comparison_row

@@ -25,19 +25,20 @@ from jaxsat.simulation.engine import AttitudeCost, Program, RunningCost, ScanEng
 from jaxsat.simulation.engine.native import NativeEngine, process_obstacle
 from jaxsat.studies import number_at
 from jaxsat.studies.perturbed import controller_of
-from jaxsat.synthesis.tuning.aggregates import (
+from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator, TrajectoryCounter
+from jaxsat.synthesis.tuning.forms import in_one_form, refined, throttled, with_control
+from jaxsat.synthesis.tuning.parameters import Parameter, SearchSpace, Values
+from jaxsat.synthesis.tuning.plan import (
     AbstractAggregate,
     ConditionalValueAtRisk,
     Mean,
     Objective,
     Quantile,
     TailCompression,
+    TuningPlan,
+    TuningSettings,
     WorstCase,
 )
-from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator, TrajectoryCounter
-from jaxsat.synthesis.tuning.forms import in_one_form, refined, throttled, with_control
-from jaxsat.synthesis.tuning.parameters import Parameter, SearchSpace, Values
-from jaxsat.synthesis.tuning.plan import TuningPlan, TuningSettings
 from jaxsat.synthesis.tuning.strategies import PACKAGE
 
 

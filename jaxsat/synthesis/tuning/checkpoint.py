@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxsat.scenario.optimisers import OptimiserSettings
 from jaxsat.store import OutputError, machine
-from jaxsat.store.differences import differences
+from jaxsat.store.header import differences
 from jaxsat.synthesis.execution import resumable_folder
 from jaxsat.synthesis.tuning.descent import (
     DescentState,

@@ -11,8 +11,8 @@ from jaxsat.core.errors import JaxsatError
 from jaxsat.core.jax_internals import Place
 from jaxsat.simulation import Outcome
 from jaxsat.simulation.engine import nan_in_run
-from jaxsat.synthesis.tuning.aggregates import usable_cases
 from jaxsat.synthesis.tuning.cost_evaluator import CaseGradients, CostEvaluator
+from jaxsat.synthesis.tuning.plan import usable_cases
 
 LISTED = 8
 """Numbers of cases that are told one by one."""

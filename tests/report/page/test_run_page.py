@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from helpers.pages import SCENARIO, array, json_of, run_dataset
-from jaxsat.report.decimation import kept_samples
 from jaxsat.report.facts import settled_meaning
 from jaxsat.report.page import html, report_page
 from jaxsat.report.page.replay import body_box, craft
+from jaxsat.report.plot import kept_samples
 from jaxsat.report.run_document import run_document, run_verdict
 from jaxsat.store import OutputError
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from jaxsat.scenario.optimisers import OptimiserSettings
-from jaxsat.synthesis.tuning.aggregates import (
+from jaxsat.synthesis.tuning.parameters import Parameter, SearchSpace
+from jaxsat.synthesis.tuning.plan import (
     ConditionalValueAtRisk,
     Mean,
     Objective,
@@ -12,7 +13,6 @@ from jaxsat.synthesis.tuning.aggregates import (
     TailCompression,
     WorstCase,
 )
-from jaxsat.synthesis.tuning.parameters import Parameter, SearchSpace
 from jaxsat.synthesis.tuning.strategies import minimise
 
 SPACE = SearchSpace(

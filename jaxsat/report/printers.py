@@ -1,7 +1,7 @@
-"""A document as text for a terminal."""
+"""A document as text: for a terminal, and as Markdown."""
 
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from rich import box
@@ -10,7 +10,7 @@ from rich.measure import Measurement
 from rich.table import Table as Grid
 from rich.text import Text
 
-from jaxsat.core.text import clean
+from jaxsat.core.text import clean, markdown
 from jaxsat.report.document import (
     Cell,
     Document,
@@ -20,6 +20,7 @@ from jaxsat.report.document import (
     Table,
     cell_text,
     is_number,
+    prose,
 )
 
 STYLES = {True: "green", False: "red", None: ""}
@@ -108,3 +109,43 @@ def _grid(table: Table, below: bool) -> Grid:
 def _cell(cell: Cell, below: bool) -> str:
     text = clean(cell_text(cell))
     return text.replace(" (", "\n(", 1) if below and is_number(cell) else text
+
+
+def markdown_page(document: Document) -> str:
+    """The whole document but plots, replays and listings, which only a page shows."""
+    verdict = document.verdict
+    parts = [f"# {markdown(document.title)}", f"**{_prose(verdict.text)}**"]
+    parts += [_markdown_items(verdict.more)] if verdict.more else []
+    for block in document.blocks:
+        if isinstance(block, Facts):
+            lines = [f"{name}: {text}" for name, text in block.rows.items()]
+            parts += [f"## {markdown(block.title)}", _markdown_items(lines)]
+        elif isinstance(block, Lines):
+            parts += [f"## {markdown(block.title)}", _markdown_items(block.lines)]
+        elif isinstance(block, Table):
+            parts += [f"## {markdown(block.title)}", *_markdown_table(block)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _markdown_table(table: Table) -> Iterator[str]:
+    if table.note:
+        yield _prose(table.note)
+    rows = table.rows[: table.first]
+    lines = [table.columns, ["---"] * len(table.columns), *(map(cell_text, row) for row in rows)]
+    yield "\n".join(f"| {' | '.join(map(_markdown_cell, line))} |" for line in lines)
+    if len(rows) < len(table.rows):
+        yield f"And {len(table.rows) - len(rows):,} more."
+
+
+def _markdown_cell(text: str) -> str:
+    return _prose(text) if text != "---" else text
+
+
+def _markdown_items(lines: Iterable[str]) -> str:
+    return "\n".join(f"- {_prose(line)}" for line in lines)
+
+
+def _prose(text: str) -> str:
+    return "".join(
+        f"`{clean(piece)}`" if typed else markdown(piece) for typed, piece in prose(text)
+    )
