@@ -62,7 +62,8 @@ class LawContext(NamedTuple):
     `torque_limit` (N m) is that of each thruster, None if unlimited. The periodic disturbance has
     `disturbance_amplitude` (N m) and `disturbance_frequency` (rad/s) about x, y and z. The unit
     columns of `torque_axes` are the torque axes of the working thrusters. `thrusters` is None but
-    for laws that command their duties, `wheels` but for those that command the torque of each.
+    for laws that command their duties, `wheels` but for those that command the torque of each. The
+    unit columns of `wheel_axes` are those of all wheels, None where there are none.
     `gravity_gradient` tells whether that torque acts.
     """
 
@@ -74,6 +75,7 @@ class LawContext(NamedTuple):
     thrusters: ThrusterContext | None = None
     wheels: WheelContext | None = None
     gravity_gradient: bool = False
+    wheel_axes: Float[np.ndarray, "3 wheels"] | None = None
 
 
 class UnsuitableModel(JaxsatError, ValueError):

@@ -146,7 +146,8 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
     if context.wheels is not None:
         actuators.append(_tolerant_wheels(values, context, context.wheels))
     return FaultTolerant(
-        healthy=QuaternionFeedback.from_table(values, context),
+        # The momenta of wheels are made up for with those of their rotors.
+        healthy=QuaternionFeedback.from_table(values, context._replace(wheel_axes=None)),
         diagnosis=Diagnosis(
             values["cusum_reference"],
             values["cusum_threshold"],

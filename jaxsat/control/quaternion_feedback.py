@@ -13,10 +13,11 @@ from jaxtyping import Array, Float
 
 from jaxsat.control.controller import LawContext
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.three_torques import QUATERNION_FEEDBACK
 from jaxsat.core.quotients import share_within
+from jaxsat.spacecraft import wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 SMALLEST = 1e-30
@@ -30,12 +31,14 @@ class QuaternionFeedbackMemory(NamedTuple):
 
 
 class QuaternionFeedback(AbstractSampledController):
-    """u = ω × Jω + J (ω_f × ω_r) - 2ζΩ J (ω_r - ω_d), ω_d = -(Ω / ζ) sgn(q0) q, at most a rate.
+    """u = ω × (Jω + A h) + J (ω_f × ω_r) - 2ζΩ J (ω_r - ω_d), ω_d = -(Ω / ζ) sgn(q0) q, at most a
+    rate.
 
     ω_f is the orbit frame's rate and ω_r the one relative to it, in body axes; q the vector part of
     the attitude. Small errors then obey dθ²/dt² + 2ζΩ dθ/dt + Ω² θ = 0 about each axis.
     `natural_frequency` is Ω (rad/s), `damping` ζ; |ω_d| is at most `max_rate` (rad/s, may be
-    infinite). `period` is in s. The first two terms cancel the rotation of body and orbit frame.
+    infinite). `period` is in s. The first two terms cancel the rotation of body and orbit frame,
+    with the momenta h that wheels along `wheel_axes` A tell, None for none.
     """
 
     declaration: ClassVar[LawDeclaration] = QUATERNION_FEEDBACK
@@ -45,6 +48,9 @@ class QuaternionFeedback(AbstractSampledController):
     damping: Float[Array, ""] = eqx.field(converter=as_float)
     max_rate: Float[Array, ""] = eqx.field(converter=as_float)
     period: Float[Array, ""] = eqx.field(converter=as_float)
+    wheel_axes: Float[Array, "3 wheels"] | None = eqx.field(
+        converter=as_optional_float, default=None
+    )
 
     def __check_init__(self):
         for name in ("natural_frequency", "damping", "max_rate", "period"):
@@ -60,6 +66,7 @@ class QuaternionFeedback(AbstractSampledController):
             damping=values["damping"],
             max_rate=jnp.inf if rate is None else rate,
             period=values["period_s"],
+            wheel_axes=context.wheel_axes,
         )
 
     def init(self, state: PlantState) -> QuaternionFeedbackMemory:
@@ -77,7 +84,10 @@ class QuaternionFeedback(AbstractSampledController):
         wanted = self._wanted_rate(state)
         turning = jnp.cross(frame, relative)
         pull = 2 * self.damping * self.natural_frequency * (relative - wanted)
-        torque = jnp.cross(state.omega, inertia @ state.omega) + inertia @ (turning - pull)
+        momentum, stored = inertia @ state.omega, wheel_momentum(state)
+        if self.wheel_axes is not None and stored is not None:
+            momentum = momentum + self.wheel_axes @ stored
+        torque = jnp.cross(state.omega, momentum) + inertia @ (turning - pull)
         return torque, QuaternionFeedbackMemory(wanted)
 
     def _wanted_rate(self, state: PlantState) -> Float[Array, "3"]:

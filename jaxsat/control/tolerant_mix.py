@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.reconfiguration import FLAT, LEAST_SPARE, SMALL
 from jaxsat.control.tolerant_actuators import Demand
-from jaxsat.spacecraft import Reach, allocate
+from jaxsat.spacecraft import Reach, allocate, allocate_unloading
 
 RealScalar = Float[Array, ""]
 
@@ -80,20 +80,6 @@ class Mix(NamedTuple):
         first = jnp.all(largest > FLAT * most)
         return jax.lax.fori_loop(0, len(ways), also, first)
 
-    def _unloading(self, wanted: Float[Array, "3"]) -> Float[Array, " n"]:
-        """What those that store nothing do for the torque (N m) that takes momentum out."""
-        reach = self.reach
-        kinds = zip(self.reaches, self.stores, strict=True)
-        free = jnp.concatenate([jnp.full(one.low.shape, not stores) for one, stores in kinds])
-        reach = reach._replace(
-            low=jnp.where(free, reach.low, 0.0), high=jnp.where(free, reach.high, 0.0)
-        )
-        return jax.lax.cond(
-            jnp.any(wanted != 0),
-            lambda: allocate(reach, wanted).use,
-            lambda: jnp.zeros_like(reach.high),
-        )
-
     def demands(
         self, torque: Float[Array, "3"], unloading: Float[Array, "3"], three: Bool[Array, ""]
     ) -> list[Demand]:
@@ -103,11 +89,11 @@ class Mix(NamedTuple):
         """
         if len(self.reaches) == 1:
             return [Demand(torque, self.steady[0], three)]
-        reach = self.reach
-        first = self._unloading(unloading)
-        total = torque + sum(self.steady, jnp.zeros(3)) - reach.columns @ first
-        rest = allocate(reach._replace(high=reach.high - first), total).use
-        uses = jnp.split(first + rest, _ends(self.reaches))
+        kinds = zip(self.reaches, self.stores, strict=True)
+        stores = jnp.concatenate([jnp.full(one.low.shape, stores) for one, stores in kinds])
+        total = torque + sum(self.steady, jnp.zeros(3))
+        uses = allocate_unloading(self.reach, total, unloading, stores).use
+        uses = jnp.split(uses, _ends(self.reaches))
         settled = jnp.stack(self.alone)
         demands = []
         for number, (use, one, steady) in enumerate(

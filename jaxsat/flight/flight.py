@@ -132,10 +132,12 @@ class FlightController(eqx.Module):
         command, memory = self.law.step(time, seen.as_state(), memory)
         return command, self.law.mode(memory), memory
 
-    def allocate(self, command: Array, memory: PyTree) -> tuple[dict[str, Array], PyTree]:
+    def allocate(
+        self, seen: Seen, command: Array, memory: PyTree
+    ) -> tuple[dict[str, Array], PyTree]:
         """The effectors' commands by the names of `SampleCommands`, and the modulator's memory."""
-        level = Seen(Quaternion(jnp.eye(4)[0]), jnp.zeros(3)).as_state()  # of no matter here
-        uses = self.distribution(jnp.zeros(()), level, command, self.effectors).uses
+        # What steers effectors alone asks for the time, and is no part of flight code.
+        uses = self.distribution(jnp.zeros(()), seen.as_state(), command, self.effectors).uses
         found: dict[str, Array] = {}
         for one, use in zip(self.effectors, uses, strict=True):
             if isinstance(one, Wheels):

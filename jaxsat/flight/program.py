@@ -109,7 +109,7 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
             flight.estimate(now, state.estimator) if estimates else (now.measured, state.estimator)
         )
         command, mode, law = flight.control(now.time, told, state.law)
-        asked, modulation = flight.allocate(command, state.modulation)
+        asked, modulation = flight.allocate(told, command, state.modulation)
         return SampleCommands(command, mode, **asked), State(law, memory, modulation)
 
     def begin(parameters, attitude, now):
@@ -206,12 +206,12 @@ def _stages(
     command = program.outputs[0]
     program = scalar_program(
         "allocate",
-        lambda p, command, memory: made(p).allocate(command, memory),
-        (kept, command, begun.modulation),
+        lambda p, told, command, memory: made(p).allocate(told, command, memory),
+        (kept, seen, command, begun.modulation),
     )
     names = sorted(program.outputs[0])
     outputs = [text for name in names for text in out[name]]
-    inputs = [*p, *out["torque"], *at("modulation", "now")]
+    inputs = [*p, *told, *out["torque"], *at("modulation", "now")]
     outputs += at("modulation", "next")
     stages.append(ProgramStage("allocate", "Allocation and modulation", program, inputs, outputs))
     if estimates:

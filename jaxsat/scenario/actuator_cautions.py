@@ -16,7 +16,7 @@ from jaxsat.scenario.parts.thrusters import (
     modulation_kind,
     working_torques,
 )
-from jaxsat.scenario.parts.wheels import left_by_wheels, wheel_axes
+from jaxsat.scenario.parts.wheels import left_by_wheels, relieved_by_thrusters, wheel_axes
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import InitialTable
@@ -43,12 +43,10 @@ def actuator_cautions(scenario: Scenario) -> Iterator[Issue]:
 
 
 def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
-    """Beside wheels that make all that the law commands."""
+    """Beside wheels that make all of two torques that the law commands."""
     torques = scenario.law.declaration.torques
     working = sum(not one.failed for one in scenario.thruster)
-    if not scenario.wheel or not working or not torques:
-        return
-    if scenario.law.declaration.commands_actuators:  # it unloads wheels, and replaces them
+    if not scenario.wheel or not working or not torques or relieved_by_thrusters(scenario):
         return
     if not left_by_wheels(scenario.wheel, torques).any():
         message = (
@@ -69,7 +67,7 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
         or not law.regulates_attitude
     ):
         return
-    unloaded = law.commands_actuators and scenario.thruster
+    unloaded = relieved_by_thrusters(scenario)
     if unloaded or (law.torques and left_by_wheels(wheels, law.torques).any()):
         return  # thrusters take part
     axes, limit = wheel_axes(tuple(one for one in wheels if not one.failed)), np.array(limits)

@@ -11,7 +11,7 @@ from jaxsat.spacecraft.actuators import (
     Actuators,
     PluginActuators,
 )
-from jaxsat.spacecraft.allocation import Allocated, allocate
+from jaxsat.spacecraft.allocation import Allocated, allocate, allocate_unloading
 from jaxsat.spacecraft.distribution import AbstractDistribution, Direct, WheelsFirst
 from jaxsat.spacecraft.effector import (
     AbstractEffector,
@@ -42,6 +42,7 @@ from jaxsat.spacecraft.modulation import (
 )
 from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
 from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.relief import Relief
 from jaxsat.spacecraft.sensors import DrawnSensors, Sensors, Tachometers
 from jaxsat.spacecraft.spacecraft import Spacecraft, inverse_of
 from jaxsat.spacecraft.thrusters import (
@@ -87,6 +88,7 @@ __all__ = [
     "PulsedThrusters",
     "Pulses",
     "Reach",
+    "Relief",
     "Sensors",
     "Spacecraft",
     "StarTracker",
@@ -99,6 +101,7 @@ __all__ = [
     "Wheels",
     "WheelsFirst",
     "allocate",
+    "allocate_unloading",
     "hold_by_hold",
     "inverse_of",
     "mean_size",

@@ -56,6 +56,33 @@ def allocate(reach: Reach, torque: Float[Array, "3"]) -> Allocated:
     return Allocated(use, torque - unmade, unmade)
 
 
+def allocate_unloading(
+    reach: Reach,
+    torque: Float[Array, "3"],
+    unloading: Float[Array, "3"],
+    stores: Bool[Array, " n"],
+) -> Allocated:
+    """Uses that make a `torque`, of which devices that store no momentum make `unloading` first.
+
+    Those that store momentum, as `stores` tells, make up for that torque (N m), which takes it out
+    of them. Each of the two is allocated as by `allocate`.
+    """
+    others = reach._replace(
+        low=jnp.where(stores, 0.0, reach.low), high=jnp.where(stores, 0.0, reach.high)
+    )
+    first = jax.lax.cond(
+        jnp.any(unloading != 0),
+        lambda: allocate(others, unloading).use,
+        lambda: jnp.zeros_like(reach.high),
+    )
+    left = reach._replace(
+        low=jnp.maximum(reach.low, reach.low - first),
+        high=jnp.minimum(reach.high, reach.high - first),
+    )
+    rest = allocate(left, torque - reach.columns @ first)
+    return Allocated(first + rest.use, torque - rest.unmade, rest.unmade)
+
+
 def share_within(
     axes: Float[Array, "3 m"],
     limit: Float[Array, " m"],

@@ -5,6 +5,7 @@ import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
@@ -18,8 +19,9 @@ from jaxsat.core.checks import as_array, as_float, as_optional_float, require_po
 from jaxsat.core.errors import ArgumentError
 from jaxsat.spacecraft.allocation import first_at_limit, share_within
 from jaxsat.spacecraft.effector import AbstractEffector
+from jaxsat.spacecraft.relief import Relief
 from jaxsat.spacecraft.spacecraft import OfEach, PlantState
-from jaxsat.spacecraft.wheels import Wheels
+from jaxsat.spacecraft.wheels import Wheels, wheel_momentum
 
 
 class Shares(NamedTuple):
@@ -104,8 +106,9 @@ class WheelsFirst(AbstractDistribution):
     for no limit) of one, `allocate` shares it: others make up for it and, of a torque that they
     cannot make, the greatest part is made, in its direction. `axes` (3, wheels) has zeros for those
     that have failed. `rest` (torques, torques) gives the part of the command that is left to other
-    effectors, which is shared as by `Direct`; None where nothing is. `limiting` holds which wheel
-    is at its limit, see `smooth_piece`.
+    effectors, which is shared as by `Direct`; None where nothing is. With `relief`, of a command of
+    three torques under a sampled law, thrusters also make what wheels lack in torque or momentum,
+    and take momentum out of them. `limiting` holds which wheel is at its limit, see `smooth_piece`.
     """
 
     axes: Float[Array, "3 wheels"] = eqx.field(converter=as_float)
@@ -117,6 +120,7 @@ class WheelsFirst(AbstractDistribution):
         converter=as_optional_float, default=None
     )
     limiting: Bool[Array, " wheels"] | None = None
+    relief: Relief | None = None
 
     def __check_init__(self):
         if self.wheel_limit is not None:
@@ -156,13 +160,35 @@ class WheelsFirst(AbstractDistribution):
     def __call__(self, t, state, command, effectors) -> Shares:
         """The torque that each wheel is to put on the body (N m), and what is left to others."""
         others = tuple(one for one in effectors if not isinstance(one, Wheels))
-        wheels, left = self._shared(command)
-        rest = command[:0] if self.rest is None else self.rest @ command
+        momentum = wheel_momentum(state)
+        if self.relief is None or momentum is None:
+            wheels, left = self._shared(command)
+            rest = command[:0] if self.rest is None else self.rest @ command
+        else:
+            wheels, rest, left = self._relieved(self.relief, state.omega, momentum, command)
         if not others:
             left, rest = left + torque_of(rest), rest[:0]
         uses = iter(Direct()(t, state, rest, others).uses)
         each = tuple(wheels if isinstance(one, Wheels) else next(uses) for one in effectors)
         return Shares(each, left)
+
+    def _relieved(
+        self,
+        relief: Relief,
+        omega: Float[Array, "3"],
+        momentum: Float[Array, " wheels"],
+        command: Float[Array, "3"],
+    ) -> tuple[Float[Array, " wheels"], Float[Array, "3"], Float[Array, "3"]]:
+        """The torque of each wheel, of all thrusters, and what both do not make (N m)."""
+        shares, unloading = self.wheel_map @ command, relief.unloading(omega, momentum)
+        low, high = relief.bounds(momentum)
+        alone = jnp.all((low <= shares) & (shares <= high)) & jnp.all(unloading == 0)
+        rest = jnp.zeros_like(command) if self.rest is None else self.rest @ command
+        return jax.lax.cond(
+            alone,
+            lambda: (shares, rest, jnp.zeros_like(command)),
+            lambda: relief.allocate(command, unloading, momentum),
+        )
 
     def wheels(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"]:
         """The torque that each wheel is to put on the body for a command, N m."""

@@ -1,5 +1,6 @@
 """From a scenario to its actuators."""
 
+import dataclasses
 import math
 from typing import cast
 
@@ -21,15 +22,18 @@ from jaxsat.scenario.build.plant import place_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
 from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
+from jaxsat.scenario.layout import thruster_costs
 from jaxsat.scenario.parts.thrusters import working_torques
 from jaxsat.scenario.parts.wheels import (
     UnloadingTable,
     failed_wheels,
     left_by_wheels,
+    relieved_by_thrusters,
     wheel_axes,
     wheels_make_all,
 )
 from jaxsat.scenario.plugins import ACTUATORS, find_part
+from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft import (
     AbstractDistribution,
@@ -41,6 +45,8 @@ from jaxsat.spacecraft import (
     EffectorContext,
     Magnetorquers,
     PluginActuators,
+    Reach,
+    Relief,
     Thrusters,
     Wheels,
     WheelsFirst,
@@ -55,10 +61,11 @@ def build_thrusters(scenario: Scenario) -> AbstractEffector | None:
     """
     torques, wheels = scenario.law.declaration.torques, scenario.wheel
     none = not (scenario.thruster or scenario.spacecraft.thruster_torque_axes)
+    idle = wheels and torques and (none or wheels_make_all(wheels, torques))
     if wheels and scenario.law.declaration.commands_actuators:
         if not scenario.thruster:
             return None
-    elif wheels and torques and (none or wheels_make_all(wheels, torques)):
+    elif idle and not relieved_by_thrusters(scenario):
         return None
     if scenario.thruster:
         return pulsed_thrusters(scenario, torques)
@@ -94,7 +101,20 @@ def _wheels_first(scenario: Scenario) -> WheelsFirst:
     limits = np.array([one.torque_limit_N_m or np.inf for one in tables])
     limit = limits if np.isfinite(limits).any() else None
     whole = wheels_make_all(tables, torques)
-    return WheelsFirst.of(wheel_axes(tables), torques, limit, failed_wheels(tables), not whole)
+    shared = WheelsFirst.of(wheel_axes(tables), torques, limit, failed_wheels(tables), not whole)
+    if not relieved_by_thrusters(scenario):
+        return shared
+    torque, price = working_torques(scenario.thruster), thruster_costs(scenario)
+    relief = Relief(
+        Reach(as_float(torque), jnp.zeros(price.size), jnp.ones(price.size), as_float(price)),
+        shared.axes,
+        shared.wheel_map,
+        limits,
+        np.array([one.momentum_limit_N_m_s or np.inf for one in tables]),
+        inertia_matrix(scenario.spacecraft.inertia_kg_m2),
+        scenario.control.period_s,
+    )
+    return dataclasses.replace(shared, relief=relief)
 
 
 def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:

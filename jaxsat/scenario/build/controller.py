@@ -18,7 +18,7 @@ from jaxsat.scenario.build.thrusters import thruster_context
 from jaxsat.scenario.control import ModelTable, is_plugin
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.layout import believed_axes, torque_limit
-from jaxsat.scenario.parts.wheels import free_inertia, left_by_wheels, rotors
+from jaxsat.scenario.parts.wheels import free_inertia, left_by_wheels, rotors, wheel_axes
 from jaxsat.scenario.quantities import values_of
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft import Spacecraft
@@ -47,6 +47,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         thruster_context(scenario),
         wheel_context(scenario),
         disturbance.gravity_gradient,
+        wheel_axes(scenario.wheel) if scenario.wheel else None,
     )
     try:
         controller = law.from_table(values, context)

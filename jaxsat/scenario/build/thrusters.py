@@ -20,6 +20,7 @@ from jaxsat.scenario.parts.thrusters import (
     signs,
     working_torques,
 )
+from jaxsat.scenario.parts.wheels import relieved_by_thrusters, wheels_make_all
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft import (
     AbstractModulation,
@@ -45,10 +46,11 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     drawn = getattr(scenario.dispersion, "failure_kind", None) is not None
     late = delay or drawn or any(one.kind == "delayed" for one in scenario.failure)
     as_commanded = scenario.law.declaration.commands_actuators
+    behind = relieved_by_thrusters(scenario) and wheels_make_all(scenario.wheel, torques or 3)
     commanded = command_torques(scenario, torques or 3)
     return PulsedThrusters(
         thrusters=thrusters,
-        allocation=None if as_commanded else LeastPropellant.of(*commanded, tabled=True),
+        allocation=None if as_commanded else LeastPropellant.of(*commanded, tabled=not behind),
         modulation=_modulation(scenario),
         failures=thruster_failures(scenario.failure, scenario.thruster),
         late=late or thrusters.valve_delay is not None,

@@ -66,6 +66,17 @@ def wheels_make_all(wheels: Tables, torques: int) -> bool:
     return not left_by_wheels(wheels, torques).any()
 
 
+def relieved_by_thrusters(scenario: Any) -> bool:
+    """Whether tables `[[thruster]]` make what its wheels lack in torque or momentum.
+
+    They do under a law that commands three torques, or each of the actuators; of two torques they
+    make only what wheels do not make at all.
+    """
+    law, working = scenario.law.declaration, [one for one in scenario.thruster if not one.failed]
+    takes_part = law.torques == 3 or law.commands_actuators
+    return bool(scenario.wheel and working and takes_part)
+
+
 def limit_of_wheels(wheels: Tables, torques: int) -> float | None:
     """The largest command (N m) about all axes at once that working wheels make within limits.
 
