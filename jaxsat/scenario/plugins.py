@@ -221,7 +221,23 @@ def _imported(kind: PluginKind, name: str, module: str) -> ModuleType:
 def _of_their_code(kind: PluginKind, name: str, module: str, error: BaseException) -> PluginError:
     spec = importlib.util.find_spec(module.partition(".")[0])
     reason = f"{type(error).__name__}: {error}{place_in(spec and spec.origin, error)}"
+    if isinstance(error, ModuleNotFoundError):
+        reason += _own_module(error.name or "")
     return PluginError(kind, f"must name a module that can be imported, got {name}: {reason}")
+
+
+def _own_module(missing: str) -> str:
+    """Where jaxsat has a module of that name now, as a hint for a part of an earlier version."""
+    package, _, leaf = missing.rpartition(".")
+    if package.partition(".")[0] != "jaxsat":
+        return ""
+    root = Path(__file__).parents[1]
+    places = [
+        *root.rglob(f"{leaf}.py"),
+        *(file.parent for file in root.rglob(f"{leaf}/__init__.py")),
+    ]
+    names = [".".join(place.relative_to(root.parent).with_suffix("").parts) for place in places]
+    return f"; it is {names[0]} now" if len(names) == 1 else ""
 
 
 def _checked(kind: PluginKind, name: str, module: ModuleType, attribute: str) -> Any:

@@ -9,6 +9,7 @@ from jaxsat.control.steering import GimbalSteering
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
+from jaxsat.scenario.parts.failures import failure_cautions
 from jaxsat.simulation import SampledLoop
 from jaxsat.spacecraft import ControlMomentGyros, GimbalFailureKind, GyroStates
 from simulation.engine.examples import agreed
@@ -96,6 +97,12 @@ def test_mistakes_are_told(mistake, said):
     mistake(data)
     with pytest.raises(ValidationError, match=said):
         Scenario.model_validate(data)
+
+
+def test_a_gimbal_that_turns_again_is_told():
+    data = document(({"of": "gimbal 4", "at_s": 3.0, "kind": "locked"}, FAILURES[1]))
+    (caution,) = failure_cautions(Scenario.model_validate(data))
+    assert 'replace "locked" at 3.0 s, after which gimbal 4 works again' in caution.message
 
 
 @pytest.mark.slow

@@ -117,6 +117,7 @@ def test_a_law_with_a_memory_needs_no_more_than_its_torque(own):
         ("x = ", "SyntaxError"),
         ("\n1 / 0", "ZeroDivisionError: division by zero ("),
         ("import no_such_thing", "ModuleNotFoundError: No module named 'no_such_thing'"),
+        ("import jaxsat.declaration", "; it is jaxsat.core.declaration now"),
     ],
 )
 def test_a_module_that_cannot_be_imported_is_told_with_its_line(own, text, message):

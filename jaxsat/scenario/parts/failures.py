@@ -176,7 +176,7 @@ def _no_fixed_steps_across_a_failure(values):
         )
 
 
-LASTING = ("dead", "stopped")
+LASTING = ("dead", "stopped", "locked")
 """Kinds after which one does not expect that an actuator works again."""
 
 
