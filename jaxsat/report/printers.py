@@ -1,5 +1,6 @@
 """A document as text: for a terminal, and as Markdown."""
 
+import io
 import textwrap
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -39,6 +40,7 @@ def terminal_text(document: Document) -> str:
     """
     console = Console(markup=False, highlight=False, soft_wrap=True)
     width = console.width if console.is_terminal else WIDEST
+    console.file = io.StringIO()  # what is captured is flushed to it, and may find a closed pipe
     with console.capture() as caught:
         for part in _parts(document):
             if isinstance(part, Table):

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from jaxsat.core.text import clean
+from jaxsat.store.files import FAILURES, reason
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,7 +28,8 @@ def save_figures(figures: Figures | Callable[[], Figures], write: Callable[[str,
     """Give every figure as PNG and SVG to `write`, which takes a file's name and its content.
 
     They bear no date. Warns, with the name, of one that cannot be drawn; of all if `figures`, where
-    it makes them, cannot. What `write` raises is raised.
+    it makes them, cannot; and of those left out for which a full disk has no room. What else
+    `write` raises is raised.
     """
     drawn: dict[str, bytes] = {}
     try:
@@ -45,8 +47,15 @@ def save_figures(figures: Figures | Callable[[], Figures], write: Callable[[str,
                 drawn |= _drawn(name, figure)
     except Exception as error:
         _tell("figures", error)
-    for name, content in drawn.items():
-        write(name, content)
+    for number, (name, content) in enumerate(drawn.items()):
+        try:
+            write(name, content)
+        except OSError as error:
+            if error.errno not in FAILURES:
+                raise
+            left_out = ", ".join(list(drawn)[number:])
+            warnings.warn(f"{left_out}: not written, {reason(error)}", RuntimeWarning, stacklevel=2)
+            return
 
 
 def _drawn(name: str, figure: "Figure | Callable[[], Figure]") -> dict[str, bytes]:

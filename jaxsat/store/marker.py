@@ -115,9 +115,14 @@ class Marker:
 
     def write(self, name: str, data: bytes, *, durable: bool = True) -> None:
         """Write a file of the folder, or replace it, once the marker knows it; raises `OSError`."""
-        self._note(name, data)
-        self._save(durable=durable)
-        write_file(self.folder / name, data, durable=durable, partial=self._partial)
+        before = dict(self._hashes)
+        self._hashes[name] = [*before.get(name, ()), content_hash(data)]
+        try:
+            self._save(durable=durable)
+            write_file(self.folder / name, data, durable=durable, partial=self._partial)
+        except OSError:
+            self._hashes = before
+            raise
         self._hashes[name] = [content_hash(data)]
 
     def adopt(self, name: str) -> None:

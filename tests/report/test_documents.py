@@ -1,5 +1,9 @@
 """One document, printed three ways."""
 
+import errno
+import io
+import sys
+
 from markdown_it import MarkdownIt
 
 from jaxsat.report.document import Document, Facts, Lines, Listing, Shown, Table, Verdict
@@ -52,6 +56,18 @@ def test_a_terminal_shows_each_row_on_a_line_and_nothing_that_moves_the_cursor()
     rows = [[str(number), *range(10**9, 10**9 + 20)] for number in range(3)]
     wide = Document("t", Verdict(None, "v"), [Table("wide", ["n", *"a" * 20], rows)])
     assert len(terminal_text(wide).splitlines()) == 2 + 2 + 2 + 3
+
+
+def test_making_text_writes_nothing(monkeypatch):
+    """The command writes it, and tells of a standard output that is full or closed."""
+
+    class Full(io.StringIO):
+        def write(self, text):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    expected = terminal_text(DOCUMENT)
+    monkeypatch.setattr(sys, "stdout", Full())
+    assert terminal_text(DOCUMENT) == expected
 
 
 def test_sentences_in_a_table_are_folded_and_numbers_never():

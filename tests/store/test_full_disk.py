@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 import xarray as xr
+from matplotlib.figure import Figure
 
 from jaxsat.cli import main
+from jaxsat.report import saving
 from jaxsat.store import (
     Column,
     OutputError,
@@ -44,6 +46,18 @@ def test_single_files_and_output_folders(small_disk):
         folder.write("large", noise(2**21))
     assert caught.value.failure
     assert is_empty(small_disk)
+
+
+def test_results_stay_where_there_is_no_room_for_figures(small_disk, monkeypatch):
+    sizes = {"a": 2**18, "b": 2**21, "c": 2**8}
+    monkeypatch.setattr(saving, "_drawn", lambda name, _: {f"{name}.png": noise(sizes[name])})
+    with OutputFolder(small_disk / "out") as folder:
+        folder.write("result", b"x")
+        with pytest.warns(RuntimeWarning, match=r"^b.png, c.png: not written, No space left on"):
+            saving.save_figures(dict.fromkeys(sizes, Figure()), folder.write)
+        assert folder.names == ["a.png", "result"]
+    left = sorted(path.name for path in (small_disk / "out").iterdir())
+    assert left == [".jaxsat", "a.png", "result"]
 
 
 def test_a_folder_that_is_gone_on_with(small_disk):
