@@ -56,7 +56,7 @@ def main() -> None:
         )
         alarm = np.asarray(signals.mode) == law.modes.ALARM
         alarms += int(np.sum(alarm[:, 1:] & ~alarm[:, :-1]))
-        statistic = threshold * np.asarray(signals.detection_statistic)
+        statistic = threshold * np.asarray(signals.parts["detection_statistic"])
         tested = tested | np.any(statistic > 0, axis=(0, 1))
         levels = np.arange(len(above))[:, None, None, None]
         beyond = statistic[None] > levels

@@ -65,7 +65,7 @@ class AbstractSampledController(eqx.Module):
         return memory
 
     def telemetry(self, memory: Memory) -> Mapping[str, Array]:
-        """What the controller tells of itself, by the names of `jaxsat.simulation.Signals`."""
+        """What the controller tells of itself, by the names of signals."""
         del memory
         return {}
 

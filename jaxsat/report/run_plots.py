@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import xarray as xr
 
-from jaxsat.core.declaration.actuators import EFFECTORS
+from jaxsat.core.declaration.actuators import EFFECTORS, SIGNALS
 from jaxsat.core.text import capitalised
 from jaxsat.report.plot import TIME, Axis, Band, Line, Plot, Strips
 from jaxsat.report.style import MOST_LINES
@@ -35,15 +35,17 @@ SYMBOLS = {"omega": "ω", "torque": "T"}
 """Of vectors whose components are numbered; those of others are called as in the dataset."""
 
 LOGARITHMIC = frozenset({"pointing_error_total", "lyapunov"})
-STEPS = frozenset({"mode", "valve_openings"})
+STEPS = frozenset(
+    {"mode", *(name for name, one in SIGNALS.items() if one.total and one.units == "1")}
+)
 MUTE = frozenset(
     {
         "constraint_torque",
         "disturbance",
         "rate_error",
         "lyapunov",
-        "propellant",
         "torque_unmade",
+        *(name for name, one in SIGNALS.items() if one.mute),
     }
 )
 """Signals without which a reader knows as much where they are zero or unknown throughout."""

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxsat.core.declaration.actuators import STUDIED
 from jaxsat.core.numerals import number_text
 from jaxsat.report.document import Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.report.facts import INTERVALS, fraction_cell, interval_cell, settled_meaning, step_error
@@ -29,9 +30,7 @@ SHOWN = 8
 PERCENTILES = {
     "settling_time": "settling time (s), of those that settle",
     "effort": "effort (N m s), of those that end",
-    "propellant": "propellant (kg), of those that end",
-    "valve_openings": "openings of all valves, of those that end",
-    "peak_wheel_momentum": "largest momentum of any wheel (N m s), of those that end",
+    **{name: f"{one.overall}, of those that end" for name, (one, _) in STUDIED.items()},
 }
 """What is told in percentiles, by its name in the summary."""
 
@@ -43,9 +42,12 @@ def study_document(summary: Summary, scenario: Mapping[str, Any], again: str = "
     """
     law = scenario.get("control", {}).get("law", "unknown")
     title = f"{summary.cases:,} cases under the law {law}"
-    percentiles = {name: getattr(summary, name) for name in PERCENTILES}
-    if not any(one is not None and one.value > 0 for one in summary.propellant.values()):
-        del percentiles["propellant"]  # counted of thrusters with a specific impulse alone
+    used = {
+        name: found
+        for name, found in summary.actuators.items()
+        if not STUDIED[name][0].mute or any(one.value > 0 for one in found.values() if one)
+    }
+    percentiles = {"settling_time": summary.settling_time, "effort": summary.effort} | used
     blocks = [
         *percentile_table(percentiles, "Percentiles"),
         *recovery_tables(summary.recovery),

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jaxsat.core.declaration.actuators import SIGNALS
 from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.trajectory import Signals, TorqueRange
 
@@ -64,17 +65,20 @@ class HeldTorque(NamedTuple):
 def saved(signals: Signals, numbers: Numbers, held: HeldTorque) -> Signals:
     """Signals of every sample at those of these numbers, ascending from the first to the last one.
 
-    Of thrust levels it is the mean, and of the torques that were `held` in each period the range,
-    from each to the next. NumPy arrays stay what they are.
+    Of signals that are declared as a `mean`, such as thrust levels, it is the mean, and of the
+    torques that were `held` in each period the range, from each to the next. NumPy arrays stay what
+    they are.
     """
     kept = jax.tree.map(lambda x: x[numbers], signals)
-    ranges, level = held.between(numbers, stop_gradient(kept.torque[-1])), signals.thrust_level
+    ranges = held.between(numbers, stop_gradient(kept.torque[-1]))
     kept = eqx.tree_at(lambda one: one.torque_range, kept, ranges, is_leaf=lambda x: x is None)
-    if level is None:
-        return kept
     counts = numbers[1:] - numbers[:-1]
-    means = over_parts(np.add, level[:-1], numbers) / counts[:, None]
-    return eqx.tree_at(lambda one: one.thrust_level, kept, _with_last(means, level[-1]))
+    means = {
+        name: _with_last(over_parts(np.add, values[:-1], numbers) / counts[:, None], values[-1])
+        for name, values in signals.parts.items()
+        if name in SIGNALS and SIGNALS[name].mean
+    }
+    return kept.with_parts(means)
 
 
 def over_parts(combine: np.ufunc, values: Array | np.ndarray, numbers: Numbers):

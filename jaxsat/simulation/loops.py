@@ -193,7 +193,7 @@ class ContinuousLoop(AbstractContinuousLoop):
             self.plant, self.controller, t, motion.plant, state.memory, motion.torque
         )
         made = acting.body.signals(motion.plant, acting.pieces, motion.rate.plant.omega)
-        return dataclasses.replace(signals, torque_unmade=acting.unmade, **made)
+        return dataclasses.replace(signals, torque_unmade=acting.unmade).with_parts(made)
 
     def event_functions(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
         """Those of controller, distribution and effectors, and the time since each failure."""
@@ -258,5 +258,5 @@ def plant_signals(plant, t, state, torque, rate_error, lyapunov, mode) -> Signal
         lyapunov=lyapunov,
         mode=mode,
         constraint_torque=plant.constraint_torque(t, state, torque),
-        **plant.stored(state),
+        parts=plant.stored(state),
     )

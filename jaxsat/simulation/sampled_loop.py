@@ -226,7 +226,7 @@ class SampledLoop(AbstractLoop):
         torque = driven.control_torque(t, after, pieces, acceleration)
         signals = plant_signals(body, t, plant, torque, error, none, mode)
         made, telemetry = driven.signals(after, pieces, acceleration), law.telemetry(memory)
-        return dataclasses.replace(signals, **made, **told.errors, **telemetry)
+        return signals.with_parts(made, told.errors, telemetry)
 
     def plant_rate(
         self, t: Float[Array, ""], state: PlantState, hold: Hold, elapsed: Float[Array, ""]

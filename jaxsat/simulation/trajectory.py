@@ -1,6 +1,9 @@
 """What a run gives back."""
 
+import dataclasses
 import enum
+from collections import ChainMap
+from collections.abc import Mapping
 
 import equinox as eqx
 import numpy as np
@@ -47,23 +50,20 @@ class TorqueRange(eqx.Module):
 class Signals(eqx.Module):
     """Everything a person may want to see at one instant; body axes, SI units, angles in rad.
 
-    `torque` is what thrusters and wheels make, `constraint_torque` the ideal torque about the third
-    axis that holds the third rate, None where that is free, `rate_error` is η of the active law,
-    `mode` tells which part of a sampled controller is at work, by its own numbers (zero for
-    continuous ones). `wheel_momentum` is that of each wheel relative to the body and `wheel_torque`
-    what it does to the body along its axis, None without wheels; `dipole` (A m²) is that of each
-    magnetorquer, None without them; `gimbal_angle` (rad) and `gimbal_rate` (rad/s) are those of
-    each control moment gyro, None without them. `torque_unmade` is the torque that the law commands
-    beyond what actuators make within their limits, None where it commands devices. Of thrusters
-    that push, `torque` is the mean over the period that begins here, and `thrust_level`, over full
-    thrust, that until the next time; `propellant` (kg) and `valve_openings` have been used so far.
-    They are None for other actuators. What is told of estimates is None without
-    `jaxsat.control.navigation`: truth less estimate of attitude (rotation vector), rate and
-    gyro bias, and three of the standard deviations that the estimator claims. A law that
-    diagnoses actuators tells of each the `jaxsat.control.diagnosis.DiagnosedKind`, -1 for one
-    that works, and its CUSUM statistic over the threshold; `alarm` is 1 while the cause of an
-    alarm is being isolated. `torque_range` is told by engines alone, of sampled loops. With a
-    leading axis it is a history.
+    `torque` is what all effectors make, `constraint_torque` the ideal torque about the third axis
+    that holds the third rate, None where that is free, `rate_error` is η of the active law, `mode`
+    tells which part of a sampled controller is at work, by its own numbers (zero for continuous
+    ones). `torque_unmade` is the torque that the law commands beyond what actuators make within
+    their limits, None where it commands devices. Of thrusters that push, `torque` is the mean over
+    the period that begins here. `torque_range` is told by engines alone, of sampled loops.
+
+    `parts` has by name what effectors, estimator and law tell of themselves: the signals that
+    actuators declare, such as `wheel_momentum` (N m s); with `jaxsat.control.navigation` truth less
+    estimate of attitude (rotation vector), rate and gyro bias ("rate_estimate_error"), and three of
+    the standard deviations that the estimator claims ("rate_estimate_3sigma"). A law that diagnoses
+    actuators tells of each the `jaxsat.control.diagnosis.DiagnosedKind` (`diagnosed_kind`), -1 for
+    one that works, and its CUSUM statistic over the threshold (`detection_statistic`); `alarm` is 1
+    while the cause of an alarm is being isolated. With a leading axis it is a history.
     """
 
     w: Float[Array, "*times 2"]
@@ -77,25 +77,13 @@ class Signals(eqx.Module):
     lyapunov: Float[Array, "*times"]
     mode: Float[Array, "*times"]
     constraint_torque: Float[Array, "*times"] | None = None
-    wheel_momentum: Float[Array, "*times wheels"] | None = None
-    wheel_torque: Float[Array, "*times wheels"] | None = None
-    dipole: Float[Array, "*times k"] | None = None
-    gimbal_angle: Float[Array, "*times g"] | None = None
-    gimbal_rate: Float[Array, "*times g"] | None = None
     torque_unmade: Float[Array, "*times 3"] | None = None
-    thrust_level: Float[Array, "*times m"] | None = None
-    propellant: Float[Array, "*times"] | None = None
-    valve_openings: Float[Array, "*times m"] | None = None
-    attitude_estimate_error: Float[Array, "*times 3"] | None = None
-    attitude_estimate_3sigma: Float[Array, "*times 3"] | None = None
-    rate_estimate_error: Float[Array, "*times 3"] | None = None
-    rate_estimate_3sigma: Float[Array, "*times 3"] | None = None
-    bias_estimate_error: Float[Array, "*times 3"] | None = None
-    bias_estimate_3sigma: Float[Array, "*times 3"] | None = None
-    diagnosed_kind: Float[Array, "*times diagnosed"] | None = None
-    detection_statistic: Float[Array, "*times diagnosed"] | None = None
-    alarm: Float[Array, "*times"] | None = None
     torque_range: TorqueRange | None = None
+    parts: dict[str, Array | np.ndarray] = eqx.field(default_factory=dict)
+
+    def with_parts(self, *parts: Mapping[str, Array]) -> "Signals":
+        """With what these parts tell besides."""
+        return dataclasses.replace(self, parts=dict(ChainMap(*map(dict, parts), self.parts)))
 
 
 class Trajectory(eqx.Module):

@@ -15,7 +15,6 @@ from jaxsat.spacecraft.allocation import Allocated, allocate, allocate_unloading
 from jaxsat.spacecraft.distribution import AbstractDistribution, Direct, WheelsFirst
 from jaxsat.spacecraft.effector import (
     AbstractEffector,
-    Consumption,
     Effect,
     EffectorContext,
     Reach,
@@ -64,7 +63,6 @@ __all__ = [
     "ActuatorContext",
     "Actuators",
     "Allocated",
-    "Consumption",
     "ControlMomentGyros",
     "DeltaSigma",
     "Direct",

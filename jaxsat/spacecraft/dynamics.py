@@ -259,14 +259,14 @@ class RigidBody(eqx.Module):
         return self._sum(made, None)
 
     def stored(self, state: PlantState) -> dict[str, Array]:
-        """What effectors store, by the names of fields of `Signals`."""
+        """What effectors store, by the names of signals."""
         parts = self._with(state)
         return {name: x for one, own in parts for name, x in one.stored(own).items()}
 
     def signals(
         self, state: PlantState, pieces: OfEach, acceleration: Float[Array, "3"]
     ) -> dict[str, Array]:
-        """What effectors do, by the names of fields of `Signals`."""
+        """What effectors do, by the names of signals."""
         parts = zip(self.effectors, pieces, state.of_each, strict=True)
         made = [one.signals(piece, own, acceleration) for one, piece, own in parts]
         return {name: x for found in made for name, x in found.items()}

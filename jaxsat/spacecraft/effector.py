@@ -49,13 +49,6 @@ class Effect(NamedTuple):
     inertia: Float[Array, "3 3"] | None = None
 
 
-class Consumption(NamedTuple):
-    """Since the start of the run: propellant (kg), and how often each valve opened."""
-
-    propellant: RealScalar
-    openings: Float[Array, " m"]
-
-
 class Ahead(NamedTuple):
     """What a plan has from an instant in its period on.
 
@@ -270,12 +263,12 @@ class AbstractEffector(eqx.Module):
     def signals(
         self, piece: PyTree, state: PyTree, acceleration: Float[Array, "3"]
     ) -> dict[str, Array]:
-        """What the devices do, by the names of fields of `Signals`."""
+        """What the devices do, by the names of signals that they declare."""
         del piece, state, acceleration
         return {}
 
     def stored(self, state: PyTree) -> dict[str, Array]:
-        """What they store, by the names of fields of `Signals`."""
+        """What they store, by the names of signals that they declare."""
         del state
         return {}
 
@@ -336,10 +329,10 @@ class AbstractEffector(eqx.Module):
 
         return hold_by_hold(self.holds, period, step, self.begin(plan))[0]
 
-    def consumption(self, memory: PyTree) -> Consumption | None:
-        """What has been used up to a sample; None for a kind that uses nothing."""
+    def consumption(self, memory: PyTree) -> dict[str, Array]:
+        """What has been used up to a sample, by the names of signals that are declared as total."""
         del memory
-        return None
+        return {}
 
     def later(self, command: PyTree, elapsed: RealScalar) -> PyTree:
         """The command, or the piece, `elapsed` seconds after it began to stay."""

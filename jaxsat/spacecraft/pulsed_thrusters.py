@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.smooth import at_least, within
-from jaxsat.spacecraft.effector import AbstractEffector, Ahead, Consumption, Effect, Reach
+from jaxsat.spacecraft.effector import AbstractEffector, Ahead, Effect, Reach
 from jaxsat.spacecraft.failures import Condition, FailureEvents
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 from jaxsat.spacecraft.modulation import AbstractModulation, Pulses
@@ -275,9 +275,9 @@ class PulsedThrusters(AbstractEffector):
         usage = Usage(running.on_time / plan.period, propellant, memory.openings)
         return memory, ThrusterTorque(running.impulse / plan.period, usage=usage)
 
-    def consumption(self, memory: ThrusterMemory) -> Consumption:
+    def consumption(self, memory: ThrusterMemory) -> dict[str, Array]:
         """As the memory has it."""
-        return Consumption(memory.propellant, memory.openings)
+        return {"propellant": memory.propellant, "valve_openings": memory.openings}
 
     # What stays in a hold.
 

@@ -15,7 +15,7 @@ from jaxsat.control.sampled import mode_label
 from jaxsat.core.pointing import SEQUENCE, euler_angles, pointing_error
 from jaxsat.core.text import clean
 from jaxsat.core.tolerances import Tolerances, within
-from jaxsat.simulation import Assessment, Signals, Trajectory
+from jaxsat.simulation import Signals, Trajectory
 from jaxsat.store.files import OutputError, one_line, save_file
 from jaxsat.store.labels import (
     ALL_PARTS,
@@ -49,18 +49,17 @@ def trajectory_dataset(
     changes between the saved times, `torque_min`, `torque_max` and `torque_mean` tell what it was
     from each to the next. Beside the history stand the `TOTALS` of the whole run.
     """
-    labelled: dict[str, xr.Variable | None]
-    labelled = {
-        **_labelled(trajectory.signals, VARIABLES, ("time",)),
-        **_labelled(trajectory.assessment, TOTALS, ()),
+    signals = trajectory.signals
+    variables = {
+        **_labelled(vars(signals) | signals.parts, VARIABLES, ("time",)),
+        **_labelled(vars(trajectory.assessment), TOTALS, ()),
     }
-    axis = diagnosed_axis(trajectory.signals)
-    for name in ("diagnosed_kind", "detection_statistic"):
-        if (one := labelled[name]) is not None:
-            labelled[name] = xr.Variable(("time", axis), one.values, one.attrs)
-    labelled |= pointing(np.asarray(trajectory.signals.quaternion))
-    labelled |= _ranges(trajectory) | _errors(trajectory)
-    variables = {name: variable for name, variable in labelled.items() if variable is not None}
+    axis = diagnosed_axis(signals)
+    for name in {"diagnosed_kind", "detection_statistic"} & set(variables):
+        one = variables[name]
+        variables[name] = xr.Variable(("time", axis), one.values, one.attrs)
+    variables |= pointing(np.asarray(signals.quaternion))
+    variables |= _ranges(trajectory) | _errors(trajectory)
     if modes is not None:
         variables["mode"].attrs |= {
             "flag_values": np.array(list(modes), float),
@@ -95,7 +94,7 @@ def _numbered(names: list[str]) -> bool:
 
 def diagnosed_axis(signals: Signals) -> str:
     """The kind of actuator that a law diagnoses, or `ALL_PARTS` for thrusters and wheels."""
-    kinds, levels = signals.diagnosed_kind, signals.thrust_level
+    kinds, levels = map(signals.parts.get, ("diagnosed_kind", "thrust_level"))
     if levels is None:
         return "wheel"
     both = kinds is not None and kinds.shape[-1] != levels.shape[-1]
@@ -188,19 +187,17 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
 
 
 def _labelled(
-    source: Signals | Assessment, labels: Mapping[str, Label], first: tuple[str, ...]
-) -> dict[str, xr.Variable | None]:
-    """What of the source is labelled; None for what it has not."""
-    values = {name: getattr(source, name) for name in labels}
+    values: Mapping[str, Any], labels: Mapping[str, Label], first: tuple[str, ...]
+) -> dict[str, xr.Variable]:
+    """The values that there are of those with labels."""
     return {
-        name: None
-        if values[name] is None
-        else xr.Variable(
+        name: xr.Variable(
             (*first, *label.dimensions),
             np.asarray(values[name]),
             {"units": label.units, "long_name": label.long_name},
         )
         for name, label in labels.items()
+        if values.get(name) is not None
     }
 
 

@@ -1,13 +1,14 @@
 """What the store of a study has of every case."""
 
-from collections.abc import Mapping
+from collections import ChainMap
 
 import jax
 import numpy as np
 from jaxtyping import Array
 
+from jaxsat.core.declaration.actuators import STUDIED
 from jaxsat.simulation import AbstractLoop, SampledLoop, Signals
-from jaxsat.spacecraft import Wheels
+from jaxsat.simulation.engine.progress import peaks_of
 from jaxsat.store import Column, labels
 
 DRAWN = "drawn_"
@@ -39,19 +40,6 @@ COLUMNS = {
         (3,), "float64", "rad s-1", "final inertial angular velocity in body axes", ("body_axis",)
     ),
 }
-
-CONSUMPTION = {
-    "propellant": Column((), "float64", "kg", "propellant used"),
-    "valve_openings": Column((0,), "float64", "1", "openings of each valve", ("thruster",)),
-}
-"""Of loops whose thrusters push; as many openings as there are thrusters."""
-
-PEAK_MOMENTUM = {
-    "peak_wheel_momentum": Column(
-        (0,), "float64", "N m s", "largest wheel momentum seen relative to the body", ("wheel",)
-    )
-}
-"""Of loops with wheels; as many as there are."""
 
 ERRORS = {
     name: (part, Column((), "float64", label.units, label.long_name))
@@ -108,17 +96,23 @@ def history_of(signals: Signals, name: str) -> Array | np.ndarray:
 
 def columns_of(loop: AbstractLoop) -> dict[str, Column]:
     """The columns that every study of such a loop has, besides what is drawn and histories."""
-    columns = dict(COLUMNS)
-    effectors = loop.plant.effectors
-    used = jax.eval_shape(lambda: [one.consumption(one.init_memory()) for one in effectors])
-    for one in used:
-        columns |= {} if one is None else _of_size(CONSUMPTION, one.openings.shape)
-    wheels = loop.plant.find(Wheels)
-    return columns if wheels is None else columns | _of_size(PEAK_MOMENTUM, (wheels.count,))
+    plant = loop.plant
 
+    def of_parts() -> dict[str, Array]:
+        used = [one.consumption(one.init_memory()) for one in plant.effectors]
+        rest = tuple(one.init() for one in plant.effectors)
+        stored = [one.stored(own) for one, own in zip(plant.effectors, rest, strict=True)]
+        return dict(ChainMap(peaks_of(ChainMap(*stored)), *used))
 
-def _of_size(columns: Mapping[str, Column], shape: tuple[int, ...]) -> dict[str, Column]:
-    return {
-        name: column._replace(shape=shape) if column.dims else column
-        for name, column in columns.items()
+    shapes = {name: one.shape for name, one in jax.eval_shape(of_parts).items()}
+    return COLUMNS | {
+        name: Column(
+            shapes[name],
+            "float64",
+            signal.units,
+            signal.meaning if signal.total else f"largest {signal.meaning}",
+            (kind.name,) * signal.each,
+        )
+        for name, (signal, kind) in STUDIED.items()
+        if name in shapes
     }

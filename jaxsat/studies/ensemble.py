@@ -348,6 +348,7 @@ class _StudyLedger:
 def _by_column(outputs: Outputs) -> dict[str, np.ndarray]:
     named = {name: values for name, values in outputs._asdict().items() if values is not None}
     drawn = named.pop("drawn")
+    named |= named.pop("parts")
     told = named.pop("failures", {})
     estimated = named.pop("integration_error", None)
     if estimated is not None:

@@ -1,10 +1,11 @@
 """The summary of a study, from its store or from its columns."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxsat.core.declaration.actuators import STUDIED
 from jaxsat.simulation import Outcome
 from jaxsat.store.chunks import DONE
 from jaxsat.store.labels import SETTLED, UNSETTLED
@@ -15,21 +16,13 @@ from jaxsat.studies.statistics import Interval, percentile, wilson
 
 PERCENTS = (50.0, 90.0, 99.0)
 
-OF_ACTUATORS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-    "propellant": lambda values: values,
-    "valve_openings": lambda values: values.sum(axis=1),
-    "peak_wheel_momentum": lambda values: values.max(axis=1),
-}
-"""Columns of loops whose actuators have them, and the one number a case that is summarised."""
-
 
 class Summary(NamedTuple):
     """What a study found.
 
     `settled` is a fraction; `settling_time` (s, of the settled cases) and `effort` (N m s, of the
-    cases that reached their end) are by percent, empty where there are none. So are `propellant`
-    (kg), `valve_openings` (of all valves together) and `peak_wheel_momentum` (N m s, of the wheel
-    with the largest), of the cases that reached their end, empty without such actuators too.
+    cases that reached their end) are by percent, empty where there are none. So are `actuators`, by
+    column: what all devices together used, and the largest peak of any, as actuators declare.
     `outcomes` counts the cases by how they ended, `worst` lists case numbers, those that failed
     first. The rankings say which dispersion matters for the cost and for settling at all. Intervals
     are of 95 %, those of independent draws, and open (infinite) where there are too few cases;
@@ -46,9 +39,7 @@ class Summary(NamedTuple):
     worst: list[int]
     cost_sensitivity: list[Sensitivity]
     settling_sensitivity: list[Sensitivity]
-    propellant: dict[float, Interval]
-    valve_openings: dict[float, Interval]
-    peak_wheel_momentum: dict[float, Interval]
+    actuators: dict[str, dict[float, Interval]]
     recovery: RecoverySummary | None = None
     rate_error: float | None = None
     attitude_error: float | None = None
@@ -96,11 +87,18 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
         recovery=summarise_recovery(dataset, numbers),
         rate_error=errors["rate_error"],
         attitude_error=errors["attitude_error"],
-        **{
-            name: _percentiles(over_parts(column(name)[success])) if name in dataset else {}
-            for name, over_parts in OF_ACTUATORS.items()
+        actuators={
+            name: _percentiles(_of_all(column(name)[success], signal.total))
+            for name, (signal, _) in STUDIED.items()
+            if name in dataset
         },
     )
+
+
+def _of_all(values: np.ndarray, total: bool) -> np.ndarray:
+    """One number a case: the sum of all devices, or that of the one with the largest."""
+    each = values.reshape(len(values), -1)
+    return each.sum(axis=1) if total else each.max(axis=1)
 
 
 def largest_errors(columns: Mapping[Any, np.ndarray]) -> dict[str, float | None]:

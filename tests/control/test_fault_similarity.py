@@ -54,10 +54,10 @@ def test_a_failure_at_another_scale_goes_the_same_way(tmp_path):
     """Inertia, torques and disturbance grow 64 times over, all times four times."""
     runs = [build(scenario(tmp_path, f"scale{s}", s)) for s in (False, True)]
     own, other = (run.simulate() for run in runs)
-    kind = np.asarray(own.signals.diagnosed_kind)
+    kind = np.asarray(own.signals.parts["diagnosed_kind"])
     assert (kind[-1] >= 0).sum() == 1
     assert np.asarray(own.signals.omega).any()
-    np.testing.assert_array_equal(kind, other.signals.diagnosed_kind)
+    np.testing.assert_array_equal(kind, other.signals.parts["diagnosed_kind"])
     np.testing.assert_array_equal(own.signals.mode, other.signals.mode)
     np.testing.assert_allclose(own.signals.quaternion, other.signals.quaternion, atol=1e-9)
     np.testing.assert_allclose(own.signals.omega, np.asarray(other.signals.omega) * TIME, atol=1e-9)

@@ -67,7 +67,7 @@ def test_a_thruster_dies_and_two_torques_settle():
     run = build(load("thruster-dies"))
     trajectory = run.simulate()
     signals, times = trajectory.signals, np.asarray(trajectory.times)
-    mode, kind = np.asarray(signals.mode), np.asarray(signals.diagnosed_kind)
+    mode, kind = np.asarray(signals.mode), np.asarray(signals.parts["diagnosed_kind"])
     assert np.all(mode[times < 300] == TolerantMode.THREE_AXES)
     (found,) = np.unique(np.argwhere(kind >= 0)[:, 1])
     assert (found, kind[-1, found]) == (5, DiagnosedKind.DEAD)

@@ -66,7 +66,7 @@ def test_law_and_detector_see_estimates_readings_and_commands_alone():
         jax.tree.leaves(first.final.memory), jax.tree.leaves(second.final.memory), strict=True
     ):
         np.testing.assert_array_equal(x, y)
-    assert bool(np.any(np.asarray(first.signals.alarm) > 0))
+    assert bool(np.any(np.asarray(first.signals.parts["alarm"]) > 0))
 
 
 @pytest.mark.slow
@@ -74,7 +74,7 @@ def test_two_of_four_wheels_fail_and_two_settle():
     run = build(load("wheels-fail", ["simulation.duration_s=900"]))
     trajectory = run.simulate()
     signals, times = trajectory.signals, np.asarray(trajectory.times)
-    mode, kind = np.asarray(signals.mode), np.asarray(signals.diagnosed_kind)
+    mode, kind = np.asarray(signals.mode), np.asarray(signals.parts["diagnosed_kind"])
     assert np.all(mode[times < 120] == TolerantMode.THREE_AXES)
     assert kind[-1].tolist() == [DiagnosedKind.DEAD, DiagnosedKind.STOPPED, -1, -1]
     assert np.all(kind[times < 120] < 0)
@@ -84,7 +84,7 @@ def test_two_of_four_wheels_fail_and_two_settle():
     assert mode[-1] == TolerantMode.TWO_WHEELS
     assert np.count_nonzero(np.diff(mode[mode != TolerantMode.ALARM])) < 6  # no chatter
     assert float(trajectory.assessment.settled_from) < 800
-    momentum = np.asarray(signals.wheel_momentum)
+    momentum = np.asarray(signals.parts["wheel_momentum"])
     assert np.abs(momentum).max() < 0.5 * 20.0
     data = trajectory_dataset(trajectory, modes=run.modes)
     assert data["diagnosed_kind"].dims == ("time", "wheel")
@@ -172,8 +172,8 @@ def test_a_failure_at_another_scale_goes_the_same_way(tmp_path):
         path.write_text(one)
         found.append(build(load(str(path))).simulate().signals)
     own, other = found
-    assert (np.asarray(own.diagnosed_kind)[-1] >= 0).sum() == 1
-    np.testing.assert_array_equal(own.diagnosed_kind, other.diagnosed_kind)
+    assert (np.asarray(own.parts["diagnosed_kind"])[-1] >= 0).sum() == 1
+    np.testing.assert_array_equal(own.parts["diagnosed_kind"], other.parts["diagnosed_kind"])
     np.testing.assert_array_equal(own.mode, other.mode)
     np.testing.assert_allclose(own.quaternion, other.quaternion, atol=1e-9)
 

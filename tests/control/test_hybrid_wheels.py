@@ -101,11 +101,11 @@ def test_three_wheels_fail_and_thrusters_take_their_axes():
     run = build(load("hybrid-wheels"))
     trajectory = run.simulate()
     signals, times = trajectory.signals, np.asarray(trajectory.times)
-    mode, kind = np.asarray(signals.mode), np.asarray(signals.diagnosed_kind)
+    mode, kind = np.asarray(signals.mode), np.asarray(signals.parts["diagnosed_kind"])
     dead, stopped = DiagnosedKind.DEAD, DiagnosedKind.STOPPED
     assert kind[-1].tolist() == [-1] * 8 + [dead, stopped, dead, -1]
     assert set(mode) == {TolerantMode.THREE_AXES, TolerantMode.ALARM, TolerantMode.REALLOCATED}
-    propellant = np.asarray(signals.propellant)
+    propellant = np.asarray(signals.parts["propellant"])
     assert np.all(propellant[times < 360] == 0)  # three wheels do without
     assert 0 < propellant[-1] < 5e-3
     assert float(trajectory.assessment.settled_from) < 600
@@ -130,10 +130,10 @@ def test_thrusters_take_momentum_out_of_wheels_that_are_full():
     run = build(load("hybrid-wheels", [*changes, "simulation.duration_s=800"]))
     trajectory = run.simulate()
     signals, times = trajectory.signals, np.asarray(trajectory.times)
-    momentum = np.asarray(signals.wheel_momentum)
+    momentum = np.asarray(signals.parts["wheel_momentum"])
     assert np.abs(momentum[-1]).max() < 6.0
-    assert not np.any(np.asarray(signals.diagnosed_kind) >= 0)
-    propellant = np.asarray(signals.propellant)
+    assert not np.any(np.asarray(signals.parts["diagnosed_kind"]) >= 0)
+    propellant = np.asarray(signals.parts["propellant"])
     assert propellant[-1] == propellant[times > 400][0] > 0  # the dead band
     assert float(trajectory.assessment.settled_from) < 650
 
@@ -147,7 +147,7 @@ def test_a_stuck_thruster_and_two_lost_wheels_are_isolated_and_settle():
     ]
     run = build(load("hybrid-wheels", [f"failure=[{', '.join(failures)}]"]))
     trajectory = run.simulate()
-    kind = np.asarray(trajectory.signals.diagnosed_kind)[-1]
+    kind = np.asarray(trajectory.signals.parts["diagnosed_kind"])[-1]
     assert np.flatnonzero(kind >= 0).tolist() == [2, 8, 9]
     assert kind[[2, 8, 9]].tolist() == [
         DiagnosedKind.STUCK_AT, DiagnosedKind.DEAD, DiagnosedKind.STOPPED

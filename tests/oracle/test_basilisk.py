@@ -91,7 +91,7 @@ def test_pulses():
         RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0)).with_effectors((actuators,)), law
     )
     run = simulate(loop, PlantState(Quaternion(START), OMEGA), np.arange(count + 1) * period)
-    on_times = np.asarray(run.signals.thrust_level)[:count] * period
+    on_times = np.asarray(run.signals.parts["thrust_level"])[:count] * period
     given = {"period": period, "step": step, "on_times": on_times.tolist()}
     given |= {"positions": positions.tolist(), "forces": forces.T.tolist()}
     attitude, omega = found("thrusters", **given)

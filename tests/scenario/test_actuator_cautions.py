@@ -159,7 +159,7 @@ def flown(kind, angle, rate=1.0):
     if kind is None:
         scenario = scenario.model_copy(update={"modulation": None})
     run = build(scenario).simulate()
-    return messages, np.asarray(run.signals.thrust_level).any()
+    return messages, np.asarray(run.signals.parts["thrust_level"]).any()
 
 
 @pytest.mark.slow

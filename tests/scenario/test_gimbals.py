@@ -113,9 +113,9 @@ def test_gyros_bring_the_body_to_the_orbit_frame():
     found = build(Scenario.model_validate(data)).simulate()
     assert int(found.code) == 0
     np.testing.assert_allclose(found.signals.quaternion[-1, 1:], np.zeros(3), atol=2e-4)
-    rates = np.abs(np.asarray(found.signals.gimbal_rate)).max(axis=0)
+    rates = np.abs(np.asarray(found.signals.parts["gimbal_rate"])).max(axis=0)
     assert rates[1] == 0 < rates[[0, 2, 3]].min() <= rates.max() <= 0.5
-    assert not found.signals.gimbal_angle[:, 1].any()
+    assert not found.signals.parts["gimbal_angle"][:, 1].any()
 
 
 @pytest.mark.slow

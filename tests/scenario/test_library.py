@@ -99,7 +99,7 @@ def test_two_wheels_settle_the_telescope():
     assert np.abs(np.asarray(signals.omega)[:, 2]).max() < 1e-15
     assert np.abs(np.asarray(signals.w[-1])).max() < 1e-4
     assert abs(float(signals.z[-1])) < 1e-4
-    assert np.abs(np.asarray(signals.wheel_torque)).max() == pytest.approx(0.4)
+    assert np.abs(np.asarray(signals.parts["wheel_torque"])).max() == pytest.approx(0.4)
 
 
 @pytest.mark.slow

@@ -36,7 +36,7 @@ def test_a_pulse_at_each_end_of_the_dead_band_makes_the_rate_of_the_formula(rate
     formula = TORQUE * MIN_ON / (2 * INERTIA)
     assert formula * (1 - 1e-9) <= half < 1.01 * formula
     np.testing.assert_allclose(omega[:, 1:], 0.0, atol=1e-15)
-    openings = np.asarray(found.signals.valve_openings)
+    openings = np.asarray(found.signals.parts["valve_openings"])
     assert np.abs(openings[-1, 0] - openings[-1, 1]) <= 1  # by turns
     assert openings[-1, :2].sum() >= 4
     angle = 2 * np.asarray(found.signals.quaternion)[:, 1]

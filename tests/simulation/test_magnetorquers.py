@@ -48,8 +48,8 @@ def test_runs_are_those_of_an_independent_program(wheels, failing):
     turned = Rotation.from_matrix(rows[:, :9].reshape(-1, 3, 3).transpose(0, 2, 1))
     told = Rotation.from_quat(np.asarray(found.signals.quaternion), scalar_first=True)
     assert (turned.inv() * told).magnitude().max() < 1e-9
-    np.testing.assert_allclose(found.signals.dipole[:-1], dipoles, atol=1e-8)
+    np.testing.assert_allclose(found.signals.parts["dipole"][:-1], dipoles, atol=1e-8)
     if not wheels:
         assert np.abs(dipoles / limits).max() > 0.999  # some limit is met
     else:
-        np.testing.assert_allclose(found.signals.wheel_momentum, rows[:, 12:], atol=1e-11)
+        np.testing.assert_allclose(found.signals.parts["wheel_momentum"], rows[:, 12:], atol=1e-11)

@@ -102,12 +102,12 @@ def test_wheels_come_to_rest_and_to_their_limits_at_their_true_instants(rotor, v
     given = {"inertia": rotor or 0.0, "viscous": viscous or 0.0}
     rows, edges = expected(asked(loop), wheels=[one | given for one in WHEELS])
     assert len(edges) > 15
-    np.testing.assert_allclose(found.wheel_momentum, rows[:, 12:], atol=1e-12)
+    np.testing.assert_allclose(found.parts["wheel_momentum"], rows[:, 12:], atol=1e-12)
     np.testing.assert_allclose(found.omega, rows[:, 9:12], atol=1e-11)
-    largest = np.abs(found.wheel_momentum).max(axis=0)
+    largest = np.abs(found.parts["wheel_momentum"]).max(axis=0)
     np.testing.assert_allclose(largest[:2], [0.15, 0.2], rtol=1e-12)
     # without a rotor inertia a wheel at rest, or at its limit and pushed on, makes no torque
-    torque = np.asarray(found.torque) - np.asarray(found.wheel_torque) @ AXES.T
+    torque = np.asarray(found.torque) - np.asarray(found.parts["wheel_torque"]) @ AXES.T
     np.testing.assert_allclose(torque, 0, atol=1e-15)
 
 
@@ -116,7 +116,9 @@ def test_total_momentum_stays_through_rest_and_limits():
     loop = SampledLoop(body(), Waves(PERIOD), SHARED, 4)
     found = flown(loop).signals
     q = np.roll(np.asarray(found.quaternion), -1, axis=1)
-    momentum = np.asarray(found.omega) @ INERTIA + np.asarray(found.wheel_momentum) @ AXES.T
+    momentum = (
+        np.asarray(found.omega) @ INERTIA + np.asarray(found.parts["wheel_momentum"]) @ AXES.T
+    )
     momentum = Rotation.from_quat(q).apply(momentum)
     size = np.linalg.norm(momentum[0])
     assert np.abs(momentum - momentum[0]).max() < 1e-12 * size
@@ -132,7 +134,7 @@ def test_a_delay_shifts_what_wheels_are_asked():
     halves = np.stack([before, commands], axis=1).reshape(-1, 3)
     rows, _ = expected(halves, PERIOD / 2, np.zeros(3))
     np.testing.assert_allclose(found.omega, rows[::2, 9:12], atol=1e-11)
-    np.testing.assert_allclose(found.wheel_momentum, rows[::2, 12:], atol=1e-12)
+    np.testing.assert_allclose(found.parts["wheel_momentum"], rows[::2, 12:], atol=1e-12)
 
 
 @pytest.mark.slow
@@ -164,7 +166,7 @@ def test_wheels_beside_pulses_move_as_beside_held_torques(delay):
         np.testing.assert_allclose(
             getattr(found.signals, name), getattr(expected.signals, name), atol=1e-11
         )
-    assert np.abs(found.signals.wheel_momentum).max() == pytest.approx(0.12, rel=1e-12)
+    assert np.abs(found.signals.parts["wheel_momentum"]).max() == pytest.approx(0.12, rel=1e-12)
     for name in ("effort", "settled_from"):
         np.testing.assert_allclose(
             getattr(found.assessment, name), getattr(expected.assessment, name), rtol=1e-3
@@ -211,7 +213,7 @@ def test_a_wheel_breaks_loose_where_the_body_turns_faster():
     inside = [time for time, wheel in edges if wheel < 2 and 0.01 < time % PERIOD < PERIOD - 0.01]
     assert len(inside) > 1
     np.testing.assert_allclose(found.omega, rows[:, 9:12], atol=1e-12)
-    np.testing.assert_allclose(found.wheel_momentum, rows[:, 12:], atol=1e-12)
-    assert not np.any(np.asarray(found.wheel_momentum)[:, 2])
-    held = np.asarray(found.wheel_torque)[:, 2]  # what turns the rotor with the body
+    np.testing.assert_allclose(found.parts["wheel_momentum"], rows[:, 12:], atol=1e-12)
+    assert not np.any(np.asarray(found.parts["wheel_momentum"])[:, 2])
+    held = np.asarray(found.parts["wheel_torque"])[:, 2]  # what turns the rotor with the body
     assert np.abs(held).max() > 0.01

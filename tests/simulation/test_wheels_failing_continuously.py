@@ -224,10 +224,10 @@ def test_a_run_keeps_the_total_momentum_where_a_wheel_seizes(number):
     at, which = case[3], int(case[1])
     times = np.sort(np.append(np.linspace(0, SECONDS, 33), [at - 1e-9, at, at + 1e-9]))
     signals = simulate(loop, made.start, np.unique(times)).signals
-    momentum, stopped = np.asarray(signals.wheel_momentum), np.unique(times) >= at
+    momentum, stopped = np.asarray(signals.parts["wheel_momentum"]), np.unique(times) >= at
     assert np.all(momentum[stopped, which] == 0)
     assert np.abs(momentum[~stopped, which]).min() > 1e-3
-    torque = np.asarray(signals.torque) - np.asarray(signals.wheel_torque) @ AXES.T
+    torque = np.asarray(signals.torque) - np.asarray(signals.parts["wheel_torque"]) @ AXES.T
     np.testing.assert_allclose(torque, 0, atol=1e-15)
     total = np.asarray(signals.omega) @ INERTIA + momentum @ AXES.T
     q = np.roll(np.asarray(signals.quaternion), -1, axis=1)

@@ -55,6 +55,8 @@ def test_a_law_commands_thrusters_and_wheels_at_once():
     found = simulate(loop, STILL, times)
     torque = 0.4 * FULL + 0.02
     np.testing.assert_allclose(found.signals.omega[:, 2], torque / INERTIA * times, atol=1e-14)
-    np.testing.assert_allclose(found.signals.wheel_momentum[:, 0], -0.02 * times, atol=1e-15)
+    np.testing.assert_allclose(
+        found.signals.parts["wheel_momentum"][:, 0], -0.02 * times, atol=1e-15
+    )
     np.testing.assert_allclose(found.signals.torque[:, 2], torque, rtol=1e-14)
-    np.testing.assert_allclose(found.signals.thrust_level, [[0.5, 0.1]] * 5, rtol=1e-14)
+    np.testing.assert_allclose(found.signals.parts["thrust_level"], [[0.5, 0.1]] * 5, rtol=1e-14)

@@ -96,7 +96,7 @@ def test_a_body_turns_as_its_total_momentum_has_it(failing):
     own = found.final.plant.effectors[0]
     np.testing.assert_allclose(own.angle, stored(12.0, failing)[1], atol=1e-9)
     np.testing.assert_allclose(own.momentum, stored(12.0, failing)[2], atol=1e-9)
-    np.testing.assert_allclose(found.signals.gimbal_rate[0], RATES)
+    np.testing.assert_allclose(found.signals.parts["gimbal_rate"][0], RATES)
     turned = Rotation.from_quat(np.asarray(found.signals.quaternion), scalar_first=True)
     inertial = turned.apply(np.array(total))
     np.testing.assert_allclose(inertial, np.tile(inertial[0], (7, 1)), atol=1e-9)

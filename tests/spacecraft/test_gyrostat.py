@@ -47,7 +47,7 @@ def inertial(signals, vectors):
 
 
 def momentum_of(signals, inertia=INERTIA, axes=AXES):
-    h = np.array(signals.wheel_momentum)
+    h = np.array(signals.parts["wheel_momentum"])
     return inertial(signals, np.array(signals.omega) @ inertia.T + h @ axes.T)
 
 
@@ -65,7 +65,7 @@ def test_total_momentum_stays_in_inertial_axes():
     size = np.linalg.norm(momentum[0])
     assert np.abs(momentum - momentum[0]).max() < 1e-12 * size
     assert np.ptp(np.array(run.omega), axis=0).min() > 0.01
-    np.testing.assert_allclose(run.torque, np.array(run.wheel_torque) @ AXES.T, atol=1e-12)
+    np.testing.assert_allclose(run.torque, np.array(run.parts["wheel_torque"]) @ AXES.T, atol=1e-12)
 
 
 @pytest.mark.slow
@@ -136,7 +136,7 @@ def test_continuous_saturation_ends_and_begins_where_the_command_says():
         -2 * np.sin(times / 2),
         np.where(times < np.pi, -1, 1 - 2 * np.sin(times / 2)),
     )
-    np.testing.assert_allclose(run.wheel_momentum[:, 0], exact, atol=1e-9)
+    np.testing.assert_allclose(run.parts["wheel_momentum"][:, 0], exact, atol=1e-9)
     signs = loop.event_functions(jnp.array(2.0), loop.start(start)) > 0
     assert signs.shape == (3,)
     limited = WheelMomenta([-1.0 - 1e-12, 0.0, 0.0])

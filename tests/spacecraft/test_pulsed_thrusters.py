@@ -143,7 +143,7 @@ def test_pulses_act_at_their_true_instants(modulation, valves):
     omega, on_time = oracle(torque, commands_of(loop), shape, VALVES[valves], least)
     np.testing.assert_allclose(found.omega, omega, atol=1e-10)
     flow = 0.001 * np.linalg.norm(torque, axis=0)
-    used = np.asarray(found.propellant)  # at a sample, that of the period to come included
+    used = np.asarray(found.parts["propellant"])  # at a sample, that of the period to come included
     np.testing.assert_allclose(used[:-1], (on_time @ flow)[1:], rtol=1e-9, atol=1e-15)
 
 

@@ -47,12 +47,12 @@ def dataset(run):
 def test_holds_every_signal(run, dataset):
     _, trajectory = run
     for name in VARIABLES:
-        values = getattr(trajectory.signals, name)
+        values = (vars(trajectory.signals) | trajectory.signals.parts).get(name)
         if values is None:  # no held rate, thrusters that push, wheels or sensors with a state
             assert name not in dataset
         else:
             np.testing.assert_array_equal(dataset[name], values)
-    assert set(VARIABLES) | {"torque_range"} == set(vars(trajectory.signals))
+    assert set(vars(trajectory.signals)) - {"torque_range", "parts"} <= set(VARIABLES)
     assert set(TOTALS) == set(vars(trajectory.assessment))
     assert "constraint_effort" not in dataset
     np.testing.assert_array_equal(dataset["effort"], trajectory.assessment.effort)

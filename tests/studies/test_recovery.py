@@ -129,10 +129,10 @@ def test_a_study_stores_what_its_replays_show(six, tmp_path):
         replay = six.replay(case)
         at = float(found["failure_time"][case, 0])
         times, signals = replay.times[:-1], replay.signals
-        alarmed = times[(np.asarray(signals.alarm)[:-1] > 0) & (times > at)]
+        alarmed = times[(np.asarray(signals.parts["alarm"])[:-1] > 0) & (times > at)]
         told = float(found["detection_time"][case, 0])
         assert told == alarmed[0] if len(alarmed) else np.isnan(told)
-        kinds = np.asarray(signals.diagnosed_kind)[-2]
+        kinds = np.asarray(signals.parts["diagnosed_kind"])[-2]
         np.testing.assert_array_equal(found["isolated_kind"][case], kinds + 1)
     struck = found["failure_time"].values[:, 0] <= 60
     np.testing.assert_array_equal(found["failure_kind"].values[:, 0] > 0, struck)

@@ -44,13 +44,13 @@ class NavigationState(NamedTuple):
 class Told(NamedTuple):
     """What a law is told at one sample; with sensors and estimator that have a state, the next one.
 
-    `errors` are those of the estimate by the names of `jaxsat.simulation.Signals`: truth less
-    estimate, and three of the deviations claimed; None for what is not estimated.
+    `errors` are those of the estimate by the names of signals: truth less estimate, and three of
+    the deviations claimed, of what is estimated.
     """
 
     state: PlantState
     navigation: NavigationState | None = None
-    errors: Mapping[str, Float[Array, "3"] | None] = MappingProxyType({})
+    errors: Mapping[str, Float[Array, "3"]] = MappingProxyType({})
 
 
 class Navigation(eqx.Module):
@@ -124,7 +124,7 @@ class Navigation(eqx.Module):
 
 def _errors(
     plant: PlantState, bias: Float[Array, "3"], estimate: Estimate
-) -> dict[str, Float[Array, "3"] | None]:
+) -> dict[str, Float[Array, "3"]]:
     off = {
         "attitude": rotation_vector(estimate.attitude, plant.attitude.as_quaternion()),
         "rate": plant.omega - estimate.omega,
@@ -135,7 +135,6 @@ def _errors(
         "rate": estimate.rate_sigma,
         "bias": estimate.bias_sigma,
     }
-    bounds = {name: None if one is None else 3 * one for name, one in claimed.items()}
-    return {f"{name}_estimate_error": error for name, error in off.items()} | {
-        f"{name}_estimate_3sigma": bound for name, bound in bounds.items()
-    }
+    errors = {f"{name}_estimate_error": one for name, one in off.items() if one is not None}
+    bounds = {f"{n}_estimate_3sigma": 3 * one for n, one in claimed.items() if one is not None}
+    return errors | bounds

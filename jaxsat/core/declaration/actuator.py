@@ -13,10 +13,14 @@ from jaxsat.core.declaration.keys import DispersibleQuantity, Key, Rule, require
 class Signal:
     """What devices do or store, as the history of a run has it.
 
-    `name` is a field of `jaxsat.simulation.Signals`, `units` are those of a data set ("rad s-1").
+    `name` is that in `jaxsat.simulation.Signals`, `units` are those of a data set ("rad s-1").
     One that is not `each` device's is that of all together. The summary of a run tells the largest
-    size of a `peak`. With a `shape` replays draw each device along its key `axis`, and an arrow as
-    long as the signal is of the key `limit`: a disc in the body's side, or a rod through the body.
+    size of a `peak`. A `mean` is that of the time until the next saved instant, whichever are
+    saved. A `total` is counted from the start. A study keeps the totals at the end of a case, and
+    of what devices store the peaks, if the signal has a name for that of them all, `overall`. One
+    that is `mute` is not shown where it is zero throughout. With a `shape` replays draw each device
+    along its key `axis`, and an arrow as long as the signal is of the key `limit`: a disc in the
+    body's side, or a rod through the body.
     """
 
     name: str
@@ -24,8 +28,17 @@ class Signal:
     meaning: str
     each: bool = True
     peak: bool = False
+    mean: bool = False
+    total: bool = False
+    overall: str = ""
+    mute: bool = False
     shape: Literal["disc", "rod"] | None = None
     limit: str = ""
+
+    @property
+    def column(self) -> str | None:
+        """What a study has of it in every case: the name of a column, None for nothing."""
+        return (self.name if self.total else f"peak_{self.name}") if self.overall else None
 
 
 @dataclass(frozen=True)

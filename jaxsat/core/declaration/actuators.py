@@ -12,5 +12,11 @@ ACTUATORS: tuple[ActuatorDeclaration, ...] = (THRUSTER, WHEEL, MAGNETORQUER, GIM
 EFFECTORS = tuple(one for one in ACTUATORS if one.maker is not None)
 """Those that are effectors of the body."""
 
+SIGNALS = {signal.name: signal for one in ACTUATORS for signal in one.signals}
+"""What results have of the devices of all of them, by name."""
+
+STUDIED = {one.column: (one, kind) for kind in ACTUATORS for one in kind.signals if one.column}
+"""Those of which a study has a column, by its name, with their actuator."""
+
 STEERED = tuple(one.name for one in ACTUATORS if one.steered)
 """The names of those that have a steering of their own."""

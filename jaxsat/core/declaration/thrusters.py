@@ -94,9 +94,23 @@ THRUSTER = ActuatorDeclaration(
         ),
     ),
     signals=(
-        Signal("thrust_level", "1", "mean thrust until the next time, over full thrust"),
-        Signal("propellant", "kg", "propellant used", each=False),
-        Signal("valve_openings", "1", "openings of each valve"),
+        Signal("thrust_level", "1", "mean thrust until the next time, over full thrust", mean=True),
+        Signal(
+            "propellant",
+            "kg",
+            "propellant used",
+            each=False,
+            total=True,
+            overall="propellant (kg)",
+            mute=True,
+        ),
+        Signal(
+            "valve_openings",
+            "1",
+            "openings of each valve",
+            total=True,
+            overall="openings of all valves",
+        ),
     ),
     numbered="; a two-sided one counts as two, of which only what is stuck or leaks strikes one",
 )

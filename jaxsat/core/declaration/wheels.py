@@ -108,6 +108,7 @@ WHEEL = ActuatorDeclaration(
             "N m s",
             "wheel momentum relative to the body",
             peak=True,
+            overall="largest momentum of any wheel (N m s)",
             shape="disc",
             limit="momentum_limit_N_m_s",
         ),

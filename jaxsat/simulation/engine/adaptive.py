@@ -122,7 +122,7 @@ class AdaptiveStepper(AbstractStepper):
         state = AdaptiveState(zero, jnp.array(0), flat, rate, events > 0, events, excess, last_step)
         first_step = self.tolerance.first_step
         plant = ode.loop.plant_state(zero, ode.state(zero, flat))
-        begun = initial_progress(state, plant, case.possible, first_step)
+        begun = initial_progress(state, case.loop.plant, plant, case.possible, first_step)
         if not program.detailed:
             return begun
         kept = with_details(begun, ode.loop, ode.loop.torque_count)
@@ -177,7 +177,7 @@ class AdaptiveStepper(AbstractStepper):
         end = last_step.fraction(t)
         flat = self._shortened(ode, last_step, t)
         plant = ode.loop.plant_state(t, ode.state(t, flat))
-        progress = with_peaks(progress, plant)
+        progress = with_peaks(progress, plant.omega, ode.loop.plant.stored(plant))
         excess = excess_at(ode, t, ode.interpolated(last_step, end))
         always = jnp.array(True)
         settled = settled_along_step(ode, last_step, end, progress.settled, excess, always)
@@ -296,7 +296,7 @@ def _observed(ode: FlatODE, bound, progress: Progress) -> Progress:
         t = program.time_of(state.number)
         flat = ode.interpolated(state.last_step, state.last_step.fraction(t))
         plant = ode.loop.plant_state(t, ode.state(t, flat))
-        seen = with_peaks(progress, plant)
+        seen = with_peaks(progress, plant.omega, ode.loop.plant.stored(plant))
         return seen._replace(state=state._replace(number=state.number + 1))
 
     return jax.lax.while_loop(pending, observe, progress)

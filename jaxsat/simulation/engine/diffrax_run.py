@@ -27,6 +27,7 @@ from jaxsat.simulation.engine.progress import (
     initial_progress,
     judged_at,
     outputs_of,
+    peaks_of,
 )
 from jaxsat.simulation.engine.rates import (
     consumption,
@@ -261,13 +262,15 @@ def _equal_steps(
 def _begun(program: Program, case: Case) -> Progress:
     """The progress at time zero."""
     state = case.loop.start(case.start)
-    begun = initial_progress(state, plant_state(case.loop, 0.0, state), case.possible)
+    begun = initial_progress(
+        state, case.loop.plant, plant_state(case.loop, 0.0, state), case.possible
+    )
     return with_details(begun, case.loop, 3) if program.detailed else begun
 
 
 def _outputs(program: Program, case: Case, progress: Progress, times, signals) -> Outputs:
     """Outputs of a run with these signals at all `times`."""
-    end, momentum = times[-1], signals.wheel_momentum
+    end = times[-1]
     plant = plant_state(case.loop, end, progress.state)
     squares = jnp.sum(signals.omega**2, axis=1)
     reached = jnp.maximum(jnp.sum(jnp.isfinite(squares)) - 1, 0)  # even the start may be none
@@ -275,7 +278,7 @@ def _outputs(program: Program, case: Case, progress: Progress, times, signals) -
         peak_square=jnp.max(squares),
         ended_at=jnp.where(case.possible, times[reached], times[0]),
         code=jnp.where(case.possible, progress.code, int(Outcome.IMPOSSIBLE_CASE)),
-        peak_momentum=None if momentum is None else jnp.max(jnp.abs(momentum), axis=0),
+        peaks={name: jnp.max(peaks_of(signals.parts)[name], axis=0) for name in progress.peaks},
     )
     begin, dwell = times[0], program.tolerances.dwell
     details = details_of(progress, case.loop, progress.state, end, progress.steps, dwell, begin)

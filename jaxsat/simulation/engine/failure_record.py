@@ -52,9 +52,10 @@ class FailureRecord(NamedTuple):
         )
 
     def _diagnosed(self, t: Float[Array, ""], signals: Signals) -> DiagnosisRecord | None:
-        before, kind, alarm = self.diagnosis, signals.diagnosed_kind, signals.alarm
-        if before is None or kind is None or alarm is None:
+        before = self.diagnosis
+        if before is None:
             return None
+        kind, alarm = signals.parts["diagnosed_kind"], signals.parts["alarm"]
         alarmed = alarm > 0
         found = alarmed & (t > self.at) & jnp.isinf(before.detected)
         accused = (kind >= 0) & jnp.isinf(before.isolated)

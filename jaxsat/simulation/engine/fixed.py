@@ -73,7 +73,8 @@ class FixedStepper(AbstractStepper):
 
         def interval(i, progress):
             t = program.time_of(first + i)
-            seen = with_peaks(progress, loop.signals(t, progress.state))
+            signals = loop.signals(t, progress.state)
+            seen = with_peaks(progress, signals.omega, signals.parts)
             both, since = (progress.state, progress.integrals), (progress.settled, progress.rest)
             (state, integrals), since = _equal_steps(
                 tableau, rate, t, program.interval, self.substeps, (both, since), judged
@@ -164,7 +165,7 @@ class SampledStepper(AbstractStepper):
             carry = (progress.integrals, since, progress.held, progress.error)
             through = partial(integrate, number)
             state, carry, signals = loop.period(number, t, progress.state, through, carry)
-            seen = with_peaks(progress, signals)
+            seen = with_peaks(progress, signals.omega, signals.parts)
             if progress.failures is not None:
                 known = progress.failures.observe(t, signals, program.tolerances)
                 seen = seen._replace(failures=known)
@@ -193,7 +194,9 @@ def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper
 
 def _initial(program: Program, case: Case) -> Progress:
     state = case.loop.start(case.start)
-    begin = initial_progress(state, plant_state(case.loop, 0.0, state), case.possible)
+    begin = initial_progress(
+        state, case.loop.plant, plant_state(case.loop, 0.0, state), case.possible
+    )
     begin = begin._replace(failures=initial_record(case.loop, state))
     if program.error_every:
         begin = begin._replace(error=IntegrationError.none(begin.peak_square))
@@ -265,7 +268,9 @@ def _finished(program: Program, case: Case, progress: Progress, number, steps: i
     observed = Observation.of(case.loop.plant, plant)
     since = (progress.settled, progress.rest)
     settled, rest = judged_at(since, end, observed, program.tolerances)
-    seen = with_peaks(progress, plant)._replace(settled=settled, rest=rest)
+    seen = with_peaks(progress, plant.omega, case.loop.plant.stored(plant))._replace(
+        settled=settled, rest=rest
+    )
     used = consumption(case.loop, progress.state)
     dwell = program.tolerances.dwell
     told = details_of(seen, case.loop, progress.state, end, number * steps, dwell)

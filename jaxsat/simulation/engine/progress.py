@@ -1,22 +1,24 @@
 """What is kept of a trajectory while it runs and what is told of it at the end."""
 
+from collections.abc import Mapping
 from typing import Literal, NamedTuple, get_args
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
+from jaxsat.core.declaration.actuators import SIGNALS
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.tolerances import SettlingTracker, Tolerances
 from jaxsat.core.trigonometry import cos
-from jaxsat.simulation import Outcome, Signals
+from jaxsat.simulation import Outcome
 from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gradient
 from jaxsat.simulation.engine.details import Details
 from jaxsat.simulation.engine.failure_record import FailureRecord
 from jaxsat.simulation.held_torque import HeldTorque
-from jaxsat.spacecraft import Consumption, wheel_momentum
-from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
 class Unsettled(eqx.Module):
@@ -136,8 +138,8 @@ class Progress(NamedTuple):
     `peak_square` is the largest |ω|² (rad²/s²) at the instants observed. `settled` tells since
     when the tolerances have been met, judged at every step; `ended_at` is the time (s) up to which
     the state is good. `step` (s) is the next to be tried and `steps` the number of those tried,
-    where steps are adaptive. `peak_momentum` is the largest |h| of each wheel (N m s) at the
-    instants observed, None without wheels. `failures` is kept of sampled loops that have some.
+    where steps are adaptive. `peaks` are the largest sizes, at the instants observed, of what
+    effectors store, by the column of a study. `failures` is kept of sampled loops that have some.
     `error` is the estimate of equal steps, where the program has one.
     `held` is what the torque of a sampled loop was since it was last observed, None for others.
     `rest` tells since when the inertial rate has been small, and `forced` counts the smallest steps
@@ -152,7 +154,7 @@ class Progress(NamedTuple):
     code: Int[Array, ""]
     step: Float[Array, ""]
     steps: Int[Array, ""]
-    peak_momentum: Float[Array, " wheels"] | None = None
+    peaks: dict[str, Array]
     failures: FailureRecord | None = None
     held: HeldTorque | None = None
     error: IntegrationError | None = None
@@ -165,12 +167,12 @@ class Outputs(NamedTuple):
 
     Code (see `Outcome`), settling time (s), effort (N m s), cost (of a run that failed as well
     where the running cost has a limit), peak |ω| at the instants observed (rad/s), end of the good
-    part (s); attitude and ω (rad/s) at the end of the horizon; and what was drawn, by name. Of
-    thrusters that push also the propellant (kg) and how often each valve opened, and of wheels the
-    peak |h| of each at the instants observed (N m s); None without them. `failures` is what
-    `FailureRecord` tells, of sampled loops with failures in flight, and `details` are told by a
-    detailed program. `integration_error`, up to the end of the good part, is told by a program that
-    estimates it. With a leading axis these are the outputs of many cases.
+    part (s); attitude and ω (rad/s) at the end of the horizon; and what was drawn, by name. `parts`
+    has by column what effectors used, and the peaks, at the instants observed, of what they store,
+    see `jaxsat.core.declaration.actuator.Signal`. `failures` is what `FailureRecord` tells, of
+    sampled loops with failures in flight, and `details` are told by a detailed program.
+    `integration_error`, up to the end of the good part, is told by a program that estimates it.
+    With a leading axis these are the outputs of many cases.
     """
 
     code: Int[Array, "*n"]
@@ -184,40 +186,42 @@ class Outputs(NamedTuple):
     quaternion: Float[Array, "*n 4"]
     omega: Float[Array, "*n 3"]
     drawn: dict[str, Array]
-    propellant: Float[Array, "*n"] | None = None
-    valve_openings: Float[Array, "*n thrusters"] | None = None
-    peak_wheel_momentum: Float[Array, "*n wheels"] | None = None
+    parts: dict[str, Array]
     failures: dict[str, Array] | None = None
     details: Details | None = None
     integration_error: IntegrationError | None = None
 
 
 def initial_progress(
-    state: PyTree, plant: PlantState, possible, step: float | Array = 0.0
+    state: PyTree, body: RigidBody, plant: PlantState, possible, step: float | Array = 0.0
 ) -> Progress:
-    """Progress at time zero, where the plant is in its state with the momenta of all wheels.
+    """Progress at time zero, where the plant of this body is in its state with those of effectors.
 
     A case that cannot exist has ended there.
     """
-    zero, momentum = jnp.zeros((), plant.omega.dtype), wheel_momentum(plant)
-    peak = None if momentum is None else jnp.zeros_like(momentum)
+    zero = jnp.zeros((), plant.omega.dtype)
+    peaks = jax.tree.map(jnp.zeros_like, peaks_of(body.stored(plant)))
     code = jnp.where(possible, int(Outcome.SUCCESS), int(Outcome.IMPOSSIBLE_CASE))
     integrals = Integrals(zero, zero)
     nothing = jnp.array(0)
     settled = SettlingTracker.initial(zero, 3)
-    return Progress(state, integrals, zero, settled, zero, code, zero + step, nothing, peak)
+    return Progress(state, integrals, zero, settled, zero, code, zero + step, nothing, peaks)
 
 
-def with_peaks(progress: Progress, observed: Signals | PlantState) -> Progress:
-    """With one more instant taken into account in the peaks of rate and wheel momentum."""
-    square, peak = jnp.sum(observed.omega**2), progress.peak_momentum
-    seen = isinstance(observed, Signals)
-    momentum = observed.wheel_momentum if seen else wheel_momentum(observed)
-    if peak is not None and momentum is not None:
-        peak = jnp.maximum(peak, jnp.abs(momentum))
-    return progress._replace(
-        peak_square=jnp.maximum(progress.peak_square, square), peak_momentum=peak
-    )
+def peaks_of(stored: Mapping[str, Array]) -> dict[str, Array]:
+    """The sizes of what a study has peaks of, by its columns."""
+    named = {name: SIGNALS[name].column for name in stored if name in SIGNALS}
+    return {column: jnp.abs(stored[name]) for name, column in named.items() if column}
+
+
+def with_peaks(
+    progress: Progress, omega: Float[Array, "3"], stored: Mapping[str, Array]
+) -> Progress:
+    """With one more instant in the peaks of ω (rad/s) and of what effectors store, by signal."""
+    sizes = peaks_of(stored)
+    peaks = {name: jnp.maximum(peak, sizes[name]) for name, peak in progress.peaks.items()}
+    square = jnp.maximum(progress.peak_square, jnp.sum(omega**2))
+    return progress._replace(peak_square=square, peaks=peaks)
 
 
 def judged_at(
@@ -240,7 +244,7 @@ def outputs_of(
     end: Float[Array, ""],
     drawn: dict[str, Array],
     cost: RunningCost | None,
-    consumption: Consumption | None = None,
+    consumption: dict[str, Array] | None = None,
     interval: float | Array = 1.0,
     details: Details | None = None,
     dwell: Float[Array, ""] | None = None,
@@ -250,7 +254,7 @@ def outputs_of(
 
     It must have been settled for `dwell` seconds, see `SettlingTracker.settling_time`.
 
-    `consumption` is that of the whole run, None for actuators that have none.
+    `consumption` is that of the whole run, by signal.
     """
     effort = progress.integrals.effort if details is None else jnp.sum(details.effort)
     success = progress.code == int(Outcome.SUCCESS)
@@ -263,7 +267,6 @@ def outputs_of(
     if cost is not None:
         whole = cost.whole(progress.integrals.cost, success, missing)
     wz, quaternion = plant.attitude.as_wz(), plant.attitude.as_quaternion()
-    momentum, used = progress.peak_momentum, consumption
     failures, error = progress.failures, progress.error
     return Outputs(
         code=progress.code,
@@ -279,9 +282,7 @@ def outputs_of(
         quaternion=kept(quaternion.q),
         omega=kept(plant.omega),
         drawn=drawn,
-        propellant=None if used is None else kept(used.propellant),
-        valve_openings=None if used is None else kept(used.openings),
-        peak_wheel_momentum=None if momentum is None else kept(momentum),
+        parts=jax.tree.map(kept, (consumption or {}) | progress.peaks),
         failures=None if failures is None else failures.outputs(jnp.asarray(interval)),
         details=details,
         integration_error=error,

@@ -14,7 +14,7 @@ from jaxsat.simulation import (
 from jaxsat.simulation.engine.details import effort_rates
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import Integrals, RunningCost
-from jaxsat.spacecraft import Consumption, Hold
+from jaxsat.spacecraft import Hold
 from jaxsat.spacecraft.dynamics import PlantState
 
 
@@ -32,13 +32,12 @@ def plant_state(loop: AbstractLoop, t: float | Float[Array, ""], state: PyTree) 
     return state.plant
 
 
-def consumption(loop: AbstractLoop, state: PyTree) -> Consumption | None:
-    """What the effector that uses propellant has used up to a state of the loop; None without."""
+def consumption(loop: AbstractLoop, state: PyTree) -> dict[str, Array]:
+    """What effectors have used up to a state of the loop, by the names of their signals."""
     if not isinstance(loop, SampledLoop):
-        return None
+        return {}
     parts = zip(loop.plant.effectors, state.effectors, strict=True)
-    used = [one.consumption(memory) for one, memory in parts]
-    return next((one for one in used if one is not None), None)
+    return {name: x for one, own in parts for name, x in one.consumption(own).items()}
 
 
 def augmented_rate(program: Program, loop: AbstractContinuousLoop):

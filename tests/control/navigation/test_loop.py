@@ -53,11 +53,11 @@ def test_a_law_is_told_the_estimate_and_the_signals_tell_how_far_off_it_is():
     assert abs(told.state.attitude.z - run.start.attitude.z) < 0.1  # wound up as the truth is
     error = attitude_errors(true, believed)
     assert 1e-3 < np.abs(error).max() < 0.05  # the draw
-    np.testing.assert_allclose(signals.attitude_estimate_error, error, atol=1e-12)
-    np.testing.assert_allclose(signals.attitude_estimate_3sigma, 0.03, rtol=1e-12)
+    np.testing.assert_allclose(signals.parts["attitude_estimate_error"], error, atol=1e-12)
+    np.testing.assert_allclose(signals.parts["attitude_estimate_3sigma"], 0.03, rtol=1e-12)
     rate = run.start.omega - told.state.omega
-    np.testing.assert_array_equal(signals.rate_estimate_error, rate)
-    np.testing.assert_allclose(signals.bias_estimate_3sigma, 6e-5, rtol=1e-12)
+    np.testing.assert_array_equal(signals.parts["rate_estimate_error"], rate)
+    np.testing.assert_allclose(signals.parts["bias_estimate_3sigma"], 6e-5, rtol=1e-12)
 
 
 @pytest.mark.slow
@@ -75,7 +75,7 @@ def test_errors_and_what_is_claimed_of_them_reach_the_file(tmp_path):
 @pytest.mark.slow
 def test_without_an_estimator_there_is_an_error_and_no_claim():
     signals = built(4, "estimator.kind=none").simulate().signals
-    off = np.linalg.norm(signals.attitude_estimate_error[3:], axis=1)
+    off = np.linalg.norm(signals.parts["attitude_estimate_error"][3:], axis=1)
     turned = 0.7 * np.linalg.norm(signals.relative_rate, axis=1).max()
     assert 1e-3 < off.max() < turned  # up to 0.6 s old
     for name in NAMES:

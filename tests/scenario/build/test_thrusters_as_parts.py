@@ -68,11 +68,11 @@ def test_pairs_of_throttled_thrusters_are_the_ideal_torques(tmp_path):
     expected = ideal.simulate()
     np.testing.assert_allclose(made.signals.omega, expected.signals.omega, atol=1e-10)
     np.testing.assert_allclose(made.signals.torque, expected.signals.torque, atol=1e-8)
-    level = np.asarray(made.signals.thrust_level)
+    level = np.asarray(made.signals.parts["thrust_level"])
     assert level.shape[1] == 4  # each pair is two nozzles
     used = level[:-1, :2].sum() * 0  # only the first pair tells a specific impulse
     flow = 2.5 / (220 * 9.80665)
-    assert used < made.signals.propellant[-1] <= 20.1 * 2 * flow
+    assert used < made.signals.parts["propellant"][-1] <= 20.1 * 2 * flow
 
 
 def test_a_file_with_thrusters_reads_back(tmp_path):
@@ -89,7 +89,7 @@ def test_a_failure_is_an_event_of_the_run(tmp_path):
     events = actuators.failures
     assert [int(k) for k in events.kind] == [FailureKind.STUCK_ON]
     assert [int(k) for k in events.thruster] == [2]  # the way that it is declared
-    level = np.asarray(run.simulate().signals.thrust_level)[:, 2]
+    level = np.asarray(run.simulate().signals.parts["thrust_level"])[:, 2]
     np.testing.assert_allclose(level[17:], 1, rtol=1e-12)
     assert level.max() == pytest.approx(1)
     assert np.any(level[:16] < 1)

@@ -99,11 +99,11 @@ def test_levels_and_torques_between_saved_times_are_those_of_all_samples():
     changes = ["simulation.duration_s=2.4"]
     each = of("pulsed-two-torque", [*changes, "simulation.save_every_s=0.1"]).simulate(refuse)
     some = of("pulsed-two-torque", [*changes, "simulation.save_every_s=0.4"]).simulate(refuse)
-    levels = np.asarray(each.signals.thrust_level)
+    levels = np.asarray(each.signals.parts["thrust_level"])
     assert levels.max() > 0
     mean = levels[:-1].reshape(6, 4, -1).mean(axis=1)
-    np.testing.assert_allclose(some.signals.thrust_level[:-1], mean, rtol=1e-12)
-    np.testing.assert_array_equal(some.signals.thrust_level[-1], levels[-1])
+    np.testing.assert_allclose(some.signals.parts["thrust_level"][:-1], mean, rtol=1e-12)
+    np.testing.assert_array_equal(some.signals.parts["thrust_level"][-1], levels[-1])
     least = np.asarray(each.torque_range.least)[:-1].reshape(6, 4, 3).min(axis=1)
     np.testing.assert_array_equal(some.torque_range.least[:-1], least)
     means = np.asarray(each.torque_range.mean)[:-1].reshape(6, 4, 3).mean(axis=1)

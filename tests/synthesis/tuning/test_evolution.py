@@ -50,7 +50,7 @@ def test_a_loss_that_is_not_finite_is_worse_than_all_others():
 
 
 def test_a_case_counts_from_its_first_failure_until_it_is_settled():
-    nothing = Outputs(*[np.zeros((1, 4))] * 11)
+    nothing = Outputs(*[np.zeros((1, 4))] * 12)
     outputs = nothing._replace(
         settling_time=np.array([[50.0, 10.0, np.inf, 90.0]]),
         drawn={
