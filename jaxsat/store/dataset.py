@@ -51,7 +51,7 @@ def trajectory_dataset(
     """
     signals = trajectory.signals
     variables = {
-        **_labelled(vars(signals) | signals.parts, VARIABLES, ("time",)),
+        **_labelled(vars(signals) | signals.parts, VARIABLES | _undeclared(signals), ("time",)),
         **_labelled(vars(trajectory.assessment), TOTALS, ()),
     }
     axis = diagnosed_axis(signals)
@@ -90,6 +90,15 @@ def trajectory_dataset(
 def _numbered(names: list[str]) -> bool:
     """Whether no part has a name of its own."""
     return all(name.isdecimal() for name in names)
+
+
+def _undeclared(signals: Signals) -> dict[str, Label]:
+    """Labels of what a law of a user's own tells besides."""
+    return {
+        name: Label((f"{name}_component",) * (np.ndim(one) - 1), "1", name.replace("_", " "))
+        for name, one in signals.parts.items()
+        if name not in VARIABLES
+    }
 
 
 def diagnosed_axis(signals: Signals) -> str:

@@ -65,12 +65,9 @@ def test_holds_every_signal(run, dataset):
 def test_parts_have_the_names_of_the_scenario(run):
     trajectory = run[1]
     count = len(trajectory.times)
-    signals = dataclasses.replace(
-        trajectory.signals,
-        wheel_momentum=jnp.zeros((count, 2)),
-        dipole=jnp.zeros((count, 1)),
-        thrust_level=jnp.zeros((count, 3)),
-    )
+    sizes = {"wheel_momentum": 2, "dipole": 1, "thrust_level": 3, "own_number": 2}
+    parts = {name: jnp.zeros((count, size)) for name, size in sizes.items()}
+    signals = trajectory.signals.with_parts(parts)
     text = """
     wheel = [{name = "rw-x"}, {}]
     magnetorquer = [{}, {failed = true}]
@@ -81,6 +78,7 @@ def test_parts_have_the_names_of_the_scenario(run):
     assert list(found["wheel"].values) == ["rw-x", "2"]
     assert list(found["thruster"].values) == ["both+", "both-", "3"]
     assert list(found["magnetorquer"].values) == [1]
+    assert found["own_number"].dims == ("time", "own_number_component")
     again = xr.open_dataset(io.BytesIO(dataset_bytes(found)), engine="h5netcdf", decode_times=False)
     assert list(again["thruster"].values) == ["both+", "both-", "3"]
 
