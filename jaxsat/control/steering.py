@@ -1,10 +1,12 @@
 """How effectors share in a commanded torque before all other actuators are asked."""
 
 import abc
-from typing import ClassVar
+from collections.abc import Sequence
+from typing import Any, ClassVar, NamedTuple, cast
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.core.checks import as_float, as_optional_float, require_positive
@@ -31,7 +33,11 @@ DAMPING = 0.01
 
 
 class AbstractSteering(eqx.Module):
-    """What one `kind` of effector makes of a law's command of three torques."""
+    """What one `kind` of effector makes of a law's command of three torques.
+
+    That of an effector of a scenario has a class method `from_tables(effector, tables, context)`,
+    which the declaration of the actuator names; `context` is a `SteeringContext`.
+    """
 
     kind: ClassVar[str]
     """That of the effector of the body that is commanded."""
@@ -44,6 +50,18 @@ class AbstractSteering(eqx.Module):
 
         `state` is what the law is told of the plant.
         """
+
+
+class SteeringContext(NamedTuple):
+    """What a scenario tells a steering besides its effector and the tables of that.
+
+    `left` (3, 3) is the part of a command of three torques that wheels do not make. Wheels along
+    unit `wheel_axes` are to lose momentum in parts of `unloading` a second.
+    """
+
+    wheel_axes: Float[np.ndarray, "3 wheels"] | None
+    left: Float[np.ndarray, "3 3"]
+    unloading: float
 
 
 class Steered(AbstractDistribution):
@@ -100,6 +118,20 @@ class MagneticSteering(AbstractSteering):
         converter=as_optional_float, default=None
     )
 
+    @classmethod
+    def from_tables(
+        cls, effector: Magnetorquers, tables: Sequence[Any], context: SteeringContext
+    ) -> "MagneticSteering":
+        """Dipoles for what wheels do not make of a command of three torques, and that unload them.
+
+        Those that have failed before the start are asked for nothing.
+        """
+        axes, working = np.asarray(effector.axes), [not one.failed for one in tables]
+        shares = np.zeros((axes.shape[1], 3))
+        shares[working] = np.linalg.pinv(axes[:, working])
+        limit, (wheels, left, unloading) = effector.dipole_limit, context
+        return cls(effector.field, axes, shares, limit, left, unloading, wheels)
+
     def __check_init__(self):
         require_positive("dipole_limit", self.dipole_limit)
         require_positive("unloading", self.unloading, zero_allowed=True)
@@ -137,6 +169,15 @@ class GimbalSteering(AbstractSteering):
 
     gyros: ControlMomentGyros
     working: Float[Array, " k"] = eqx.field(converter=as_float)
+
+    @classmethod
+    def from_tables(
+        cls, effector: ControlMomentGyros, tables: Sequence[Any], context: SteeringContext
+    ) -> "GimbalSteering":
+        """Of the gyros that have not failed before the start."""
+        del context
+        working = np.array([not one.failed for one in tables], float)
+        return cls(cast(ControlMomentGyros, effector.without_corners()), working)
 
     def __call__(
         self, t: Float[Array, ""], state: PlantState, command: Float[Array, "3"]

@@ -11,11 +11,12 @@ from jaxsat.scenario import plugins
 PACKAGE = Path(__file__).parents[1] / "plugin_package"
 
 
-def install_package(site, monkeypatch):
+def install_package(site, monkeypatch, package=PACKAGE):
     """Put modules and a record of entry points into a folder of packages, for workers too."""
-    project = tomllib.loads((PACKAGE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    shutil.copytree(PACKAGE / "tsiotras_luo", site / "tsiotras_luo")
-    record = site / f"tsiotras_luo-{project['version']}.dist-info"
+    project = tomllib.loads((package / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    module = project["name"].replace("-", "_")
+    shutil.copytree(package / module, site / module)
+    record = site / f"{module}-{project['version']}.dist-info"
     record.mkdir()
     (record / "METADATA").write_text(
         f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"

@@ -55,7 +55,9 @@ class ActuatorDeclaration:
     - `idle`: those that change nothing of one that has failed before the start.
     - `drawn`: those that a study can draw, the first ones of their enumeration.
     - `both_signs`: whether what is stuck may be stuck either way.
-    - `steered`: whether it takes its part of a command of three torques by a steering of its own.
+    - `steering`: "module:Class.method" of the function that makes an `AbstractSteering` of the
+      effector, its checked tables and a `SteeringContext`: how it takes its part of a command of
+      three torques before others; None for actuators that have no steering of their own.
     - `maker`: "module:Class.method" of the function that makes an `AbstractEffector` of checked
       tables and an `EffectorContext`; None for actuators that are no effector of the body.
       Nothing is imported before it is used.
@@ -77,7 +79,7 @@ class ActuatorDeclaration:
     idle: tuple[AbstractFailureKind, ...]
     drawn: tuple[AbstractFailureKind, ...]
     both_signs: bool = False
-    steered: bool = False
+    steering: str | None = None
     maker: str | None = None
     rules: tuple[Rule, ...] = ()
     dispersible: tuple[DispersibleQuantity, ...] = ()

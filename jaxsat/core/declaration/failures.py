@@ -7,24 +7,51 @@ import enum
 from collections.abc import Iterable
 from typing import Any
 
+from jaxsat.core.declaration.keys import Key, Numeric, number
+from jaxsat.core.ranges import FROM_ZERO, ROTATION
+
+FRACTION = number(
+    "fraction",
+    "How much, of full thrust or torque or of time; below 0 only of a torque of either sign that "
+    "is stuck",
+    at_least=-1,
+    at_most=1,
+    default=None,
+)
+DELAY = number("delay_s", "How much later its valve follows", "s", within=FROM_ZERO, default=None)
+TURN = number(
+    "turn_rad",
+    "Rotation vector by which its force, or its torque where only that is given, is turned, body "
+    "axes",
+    "rad",
+    within=ROTATION,
+    size=3,
+    default=None,
+)
+
 
 class AbstractFailureKind(enum.IntEnum):
     """A kind of failure: its number, its `text` in a scenario, and its `meaning`.
 
-    `keys` are those of `[[failure]]` of which one tells how much, none for a kind that has no
-    amount.
+    `amounts` are declared keys of `[[failure]]` of which one tells how much, none for a kind that
+    has no amount.
     """
 
     text: str
     meaning: str
-    keys: tuple[str, ...]
+    amounts: tuple[Key, ...]
 
-    def __new__(cls, number: int, text: str, meaning: str, *keys: str) -> "AbstractFailureKind":
+    def __new__(cls, number: int, text: str, meaning: str, *amounts: Key) -> "AbstractFailureKind":
         """A member, declared as a tuple of these."""
         member = int.__new__(cls, number)
         member._value_ = number
-        member.text, member.meaning, member.keys = text, meaning, keys
+        member.text, member.meaning, member.amounts = text, meaning, amounts
         return member
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The names of the keys of its amount."""
+        return tuple(one.name for one in self.amounts)
 
     @property
     def word(self) -> str:
@@ -34,7 +61,8 @@ class AbstractFailureKind(enum.IntEnum):
     @property
     def one_number(self) -> bool:
         """Whether its amount is one number; a turn has three, and most kinds have none."""
-        return bool(self.keys) and self.keys != ("turn_rad",)
+        sizes = (one.kind.size for one in self.amounts if isinstance(one.kind, Numeric))
+        return bool(self.amounts) and not any(sizes)
 
     def amount(self, table: Any) -> float:
         """How much a checked table `[[failure]]` tells; 0 where that is no one number."""
@@ -46,13 +74,13 @@ class FailureKind(AbstractFailureKind):
     """How a thruster or a magnetorquer fails."""
 
     DEAD = 0, "dead", "no torque any more"
-    DEGRADED = 1, "degraded", "a fraction of the torque that it should make", "fraction"
+    DEGRADED = 1, "degraded", "a fraction of the torque that it should make", FRACTION
     STUCK_ON = 2, "stuck-on", "full thrust, or the limit of its dipole, all the time"
-    STUCK_AT = 3, "stuck-at", "a fraction of that all the time", "fraction"
-    LEAKING = 4, "leaking", "never less than a fraction of full thrust", "fraction"
-    DELAYED = 5, "delayed", "its valve follows delay_s later", "delay_s"
-    INTERMITTENT = 6, "intermittent", "off for a fraction of every 10 s", "fraction"
-    TURNED = 7, "turned", "its force or torque is turned by turn_rad", "turn_rad"
+    STUCK_AT = 3, "stuck-at", "a fraction of that all the time", FRACTION
+    LEAKING = 4, "leaking", "never less than a fraction of full thrust", FRACTION
+    DELAYED = 5, "delayed", "its valve follows delay_s later", DELAY
+    INTERMITTENT = 6, "intermittent", "off for a fraction of every 10 s", FRACTION
+    TURNED = 7, "turned", "its force or torque is turned by turn_rad", TURN
     REVERSED = 8, "reversed", "the opposite of the torque that it should make"
 
 

@@ -7,10 +7,18 @@ from typing import Any
 from jaxsat.core.declaration.actuator import ActuatorDeclaration, Signal
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.core.declaration.keys import DispersibleQuantity, Finding, Rule, direction, number
-from jaxsat.core.ranges import RATE_RANGE, TURN, WHEEL_MOMENTUM
+from jaxsat.core.ranges import RATE_RANGE, SECONDS, TURN, WHEEL_MOMENTUM
 
 ACROSS = 1e-6
 """The cosine between a gimbal axis and its spin axis that counts as zero."""
+
+TIME_CONSTANT = number(
+    "time_constant_s",
+    "Time in which its momentum falls to 1/e",
+    "s",
+    within=SECONDS,
+    default=None,
+)
 
 
 class GimbalFailureKind(AbstractFailureKind):
@@ -21,7 +29,7 @@ class GimbalFailureKind(AbstractFailureKind):
         1,
         "run-down",
         "its rotor's momentum falls to 1/e in every time_constant_s",
-        "time_constant_s",
+        TIME_CONSTANT,
     )
 
 
@@ -60,7 +68,7 @@ GIMBAL = ActuatorDeclaration(
     kinds=tuple(GimbalFailureKind),
     idle=(GimbalFailureKind.LOCKED,),
     drawn=tuple(GimbalFailureKind),
-    steered=True,
+    steering="jaxsat.control.steering:GimbalSteering.from_tables",
     maker="jaxsat.spacecraft.gimbals:ControlMomentGyros.from_tables",
     rules=(Rule(("gimbal",), _rotors_spin_across_their_gimbals),),
     dispersible=(

@@ -1,19 +1,30 @@
 """`[[wheel]]`: reaction wheels, as scenarios, studies and results know them."""
 
 from jaxsat.core.declaration.actuator import ActuatorDeclaration, Signal
-from jaxsat.core.declaration.failures import AbstractFailureKind
+from jaxsat.core.declaration.failures import FRACTION, AbstractFailureKind
 from jaxsat.core.declaration.keys import DispersibleQuantity, direction, number
 from jaxsat.core.ranges import FRICTION, MOMENT, TORQUE, TORQUE_LIMIT, WHEEL_MOMENTUM, WHEEL_NOISE
+
+FACTOR = number(
+    "factor", "Factor on its viscous and Coulomb friction", within=FRICTION, default=None
+)
+FRICTION_N_M = number(
+    "friction_N_m",
+    "Coulomb friction that it now has, if it had less",
+    "N m",
+    within=FRICTION,
+    default=None,
+)
 
 
 class WheelFailureKind(AbstractFailureKind):
     """How a reaction wheel fails."""
 
     DEAD = 0, "dead", "its motor makes no torque any more, it coasts"
-    DEGRADED = 1, "degraded", "its motor makes a fraction of the torque that it should", "fraction"
+    DEGRADED = 1, "degraded", "its motor makes a fraction of the torque that it should", FRACTION
     STOPPED = 2, "stopped", "it stands still at once, its momentum goes to the body"
-    FRICTION_BY = 3, "friction-up", "viscous and Coulomb friction times factor", "factor"
-    FRICTION_TO = 4, "friction-up", "Coulomb friction at least friction_N_m", "friction_N_m"
+    FRICTION_BY = 3, "friction-up", "viscous and Coulomb friction times factor", FACTOR
+    FRICTION_TO = 4, "friction-up", "Coulomb friction at least friction_N_m", FRICTION_N_M
     RUNAWAY = 5, "runaway", "full torque, the way that it turns, the positive one from rest"
 
 

@@ -2,13 +2,13 @@
 
 import dataclasses
 import math
-from typing import cast
+import pkgutil
 
 import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.control.controller import WheelContext
-from jaxsat.control.steering import AbstractSteering, GimbalSteering, MagneticSteering, Steered
+from jaxsat.control.steering import AbstractSteering, Steered, SteeringContext
 from jaxsat.core.allocation import (
     allocation_matrix,
     direction_matrix,
@@ -17,7 +17,7 @@ from jaxsat.core.allocation import (
     unit_columns,
 )
 from jaxsat.core.checks import as_float
-from jaxsat.core.declaration.actuators import STEERED
+from jaxsat.core.declaration.actuators import EFFECTORS, STEERED
 from jaxsat.scenario.build.plant import place_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
 from jaxsat.scenario.build.sensors import tachometer_noise
@@ -40,10 +40,8 @@ from jaxsat.spacecraft import (
     AbstractEffector,
     ActuatorContext,
     Actuators,
-    ControlMomentGyros,
     Direct,
     EffectorContext,
-    Magnetorquers,
     PluginActuators,
     Reach,
     Relief,
@@ -158,29 +156,15 @@ def wheel_context(scenario: Scenario) -> WheelContext | None:
 
 def _steering(scenario: Scenario, plant: RigidBody) -> tuple[AbstractSteering, ...]:
     """What steers effectors of the plant, in the order in which they are asked."""
-    steering: list[AbstractSteering] = []
-    torquers, gyros = plant.find(Magnetorquers), plant.find(ControlMomentGyros)
-    if torquers is not None:
-        steering.append(_magnetic_steering(scenario, torquers))
-    if gyros is not None:
-        working = np.array([not one.failed for one in scenario.gimbal], float)
-        steering.append(GimbalSteering(cast(ControlMomentGyros, gyros.without_corners()), working))
-    return tuple(steering)
-
-
-def _magnetic_steering(scenario: Scenario, torquers: Magnetorquers) -> MagneticSteering:
-    """Dipoles for what wheels do not make of a command of three torques, and that unload them."""
-    axes, working = np.asarray(torquers.axes), [not one.failed for one in scenario.magnetorquer]
-    shares = np.zeros((axes.shape[1], 3))
-    shares[working] = np.linalg.pinv(axes[:, working])
-    unloading = scenario.unloading or UnloadingTable()
-    wheels = scenario.wheel
-    return MagneticSteering(
-        torquers.field,
-        axes,
-        shares,
-        torquers.dipole_limit,
+    unloading, wheels = scenario.unloading or UnloadingTable(), scenario.wheel
+    context = SteeringContext(
+        wheel_axes(wheels) if wheels else None,
         left_by_wheels(wheels, 3) if wheels else np.eye(3),
         1 / unloading.time_constant_s,
-        wheel_axes(wheels) if wheels else None,
+    )
+    makers = {one.name: one.steering for one in EFFECTORS if one.steering}
+    return tuple(
+        pkgutil.resolve_name(makers[one.kind])(one, getattr(scenario, one.kind), context)
+        for one in plant.effectors
+        if one.kind in makers
     )

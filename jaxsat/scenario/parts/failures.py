@@ -1,24 +1,20 @@
 """`[[failure]]`: what breaks in flight, and failures that never strike."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-
-from annotated_types import Ge, Le
+from typing import TYPE_CHECKING, Any, Literal
 
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.thrusters import IDEAL_KINDS
-from jaxsat.core.ranges import FRICTION, SECONDS
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.parts.actuator import names_of, number_of
 from jaxsat.scenario.quantities import (
     Line,
-    Number,
-    Rotation3,
     ScenarioTable,
     Time,
     choice,
+    fields_of,
     quantity,
-    within,
+    table_with,
 )
 from jaxsat.scenario.rules import STEPS, at, key_of_fixed_steps, rule, rule_over
 from jaxsat.scenario.wording import shown
@@ -39,15 +35,14 @@ else:
         tuple(dict.fromkeys(kind.text for kinds in _KINDS.values() for kind in kinds))
     ]
 
-AMOUNTS = sorted({key for kinds in _KINDS.values() for kind in kinds for key in kind.keys})
+_AMOUNTS = {one.name: one for kinds in _KINDS.values() for kind in kinds for one in kind.amounts}
+
+AMOUNTS = sorted(_AMOUNTS)
 """Keys that say how much."""
 
 
-class FailureTable(ScenarioTable):
-    """`[[failure]]`: what happens to an actuator in flight; the law is not told.
-
-    Of several failures of one actuator the later one replaces the earlier.
-    """
+class _Failure(ScenarioTable):
+    """What every failure has."""
 
     of: Line = choice(
         "What fails, such as "
@@ -56,29 +51,13 @@ class FailureTable(ScenarioTable):
     )
     at_s: Time = quantity("When it fails", "s")
     kind: FailureName = choice(f"How it fails. {_KINDS_IN_WORDS}")
-    fraction: Annotated[Number, Ge(-1), Le(1)] | None = quantity(
-        "How much, of full thrust or torque or of time; below 0 only of a torque of either sign "
-        "that is stuck",
-        "1",
-        None,
-    )
-    delay_s: Time | None = quantity("How much later its valve follows", "s", None)
-    turn_rad: Rotation3 | None = quantity(
-        "Rotation vector by which its force, or its torque where only that is given, is turned, "
-        "body axes",
-        "rad",
-        None,
-    )
-    factor: Annotated[Number, within(FRICTION)] | None = quantity(
-        "Factor on its viscous and Coulomb friction", "1", None
-    )
-    friction_N_m: Annotated[Number, within(FRICTION)] | None = quantity(
-        "Coulomb friction that it now has, if it had less", "N m", None
-    )
 
-    time_constant_s: Annotated[Number, within(SECONDS)] | None = quantity(
-        "Time in which its momentum falls to 1/e", "s", None
-    )
+
+class FailureTable(table_with(fields_of(_AMOUNTS.values()), _Failure)):
+    """`[[failure]]`: what happens to an actuator in flight; the law is not told.
+
+    Of several failures of one actuator the later one replaces the earlier.
+    """
 
     @property
     def part(self) -> str:

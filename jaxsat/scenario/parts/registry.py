@@ -44,7 +44,7 @@ def _declare_rules(actuator: ActuatorDeclaration) -> None:
 
     @rule(name, "control.law")
     def _law_commands_three_torques(tables, law):
-        if tables and actuator.steered and not _suits(law.declaration):
+        if tables and actuator.steering and not _suits(law.declaration):
             names = (f'"{name}"' for name, one in LAWS.items() if _suits(one.declaration))
             yield at(
                 name,
@@ -56,7 +56,7 @@ def _declare_rules(actuator: ActuatorDeclaration) -> None:
     def _something_is_left(values):
         tables = values[name]
         others = values[AXES] or any(values[one.name] for one in ACTUATORS if one is not actuator)
-        if actuator.steered and tables and not others and all(one.failed for one in tables):
+        if actuator.steering and tables and not others and all(one.failed for one in tables):
             message = "must leave one that works where there is no other actuator"
             yield at(name, f"{message}, got {len(tables)} that have failed")
 

@@ -1,0 +1,1 @@
+"""Flywheels: wheels without friction, which fail in two ways."""

@@ -1,0 +1,65 @@
+"""An actuator of an installed package: failures, draws, signals and drawing as built-in ones."""
+
+import os
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import pytest
+
+from jaxsat.core.declaration import actuators
+from scenario.packages import install_package
+
+PACKAGE = Path(__file__).parents[1] / "effector_package"
+
+FLOWN = """
+import sys
+import jax
+import numpy as np
+from scipy.spatial.transform import Rotation
+jax.config.update("jax_enable_x64", True)
+from jaxsat.scenario import dump, read
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import build_study
+from jaxsat.store import trajectory_dataset
+
+scenario = read(sys.argv[1])
+found = trajectory_dataset(build(scenario).simulate(), scenario=dump(scenario))
+h = found["flywheel_momentum"]
+assert h.attrs["units"] == "N m s" and list(h["flywheel"].values) == ["1", "y", "3"]
+q = Rotation.from_quat(np.roll(found["quaternion"].values, -1, axis=1))
+total = q.apply(found["omega"].values * [5.0, 4.0, 3.0] + h.values)
+np.testing.assert_allclose(total, total[:1] * np.ones_like(total), atol=1e-10)
+late = found["time"].values >= 15
+assert np.ptp(h.values[late, 2]) == 0 and np.ptp(h.values[late, 1]) > 0.01
+study = build_study(scenario, 2, seed=1)
+values = study.values(np.arange(2))
+assert values["peak_flywheel_momentum"].shape == (2, 3)
+assert values["drawn_flywheel_momentum_start"].shape == (2, 3)
+assert study.columns()["peak_flywheel_momentum"].dims == ("flywheel",)
+"""
+
+
+@pytest.mark.slow
+def test_it_does_what_built_in_ones_do(tmp_path, monkeypatch):
+    """The momentum of body and flywheels stays in inertial axes, whatever fails."""
+    install_package(tmp_path, monkeypatch, PACKAGE)
+    command = [sys.executable, "-c", FLOWN, PACKAGE / "flywheels.toml"]
+    done = subprocess.run(command, capture_output=True, text=True, env=dict(os.environ))
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("place", "said"),
+    [
+        ("no_such_module:ONE", "No module named 'no_such_module'"),
+        ("jaxsat.core.declaration.actuators:GROUP", "must be an ActuatorDeclaration"),
+        ("jaxsat.core.declaration.gimbals:GIMBAL", "names of its own, got gimbal, gimbal_angle"),
+    ],
+)
+def test_one_that_cannot_be_used_is_left_out_and_told(monkeypatch, place, said):
+    points = [EntryPoint("mine", place, actuators.GROUP)]
+    monkeypatch.setattr(actuators, "entry_points", lambda group: points)
+    with pytest.warns(UserWarning, match=said):
+        assert actuators._installed() == ()
