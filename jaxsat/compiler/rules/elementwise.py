@@ -1,5 +1,6 @@
 """Arithmetic, comparisons, selections and conversions, element by element."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,19 +11,12 @@ from jaxsat.compiler.lowering import CannotLower, Elements, each, lowers
 from jaxsat.compiler.operations import BOOL
 from jaxsat.core.jax_internals import IDENTICAL
 
-SAME = {
-    "add": "add",
-    "add_any": "add",
-    "sub": "sub",
-    "mul": "mul",
-    "sqrt": "sqrt",
-    "floor": "floor",
-    "ceil": "ceil",
-    "lt": "lt",
-    "le": "le",
-    "gt": "gt",
-    "ge": "ge",
-    "population_count": "population_count",
+SAME = {"add_any": "add"} | {
+    name: name
+    for name in (
+        *("add", "sub", "mul", "sqrt", "floor", "ceil", "lt", "le", "gt", "ge"),
+        *("and", "or", "xor", "population_count"),
+    )
 }
 """Primitives that are an operation of the table."""
 
@@ -50,18 +44,6 @@ def _equal(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
     return each(compare, x, y)
 
 
-@lowers("and", "or", "xor")
-def _bits(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
-    return each(lambda x, y: b.operation(eqn.name, x, y), x, y)
-
-
-@lowers("not")
-def _not(b: Builder, eqn, x: Elements) -> Elements:
-    del eqn
-    full = np.True_ if x.flat[0].dtype == BOOL else np.invert(x.flat[0].dtype.type(0))
-    return each(lambda x: b.operation("xor", x, full), x)
-
-
 @lowers("shift_left", "shift_right_logical", "shift_right_arithmetic")
 def _shift(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
     name = eqn.name
@@ -81,23 +63,11 @@ def _shift(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
     return each(shift, x, y)
 
 
-@lowers("neg")
-def _neg(b: Builder, eqn, x: Elements) -> Elements:
-    del eqn
-    return each(lambda x: negative(b, x), x)
-
-
 def negative(b: Builder, x: Scalar) -> Scalar:
     """-x."""
     if x.dtype.kind == "f":
         return b.operation("neg", x)
     return b.operation("sub", x.dtype.type(0), x)
-
-
-@lowers("abs")
-def _abs(b: Builder, eqn, x: Elements) -> Elements:
-    del eqn
-    return each(lambda x: absolute(b, x), x)
 
 
 def absolute(b: Builder, x: Scalar) -> Scalar:
@@ -109,26 +79,14 @@ def absolute(b: Builder, x: Scalar) -> Scalar:
     return b.select(b.operation("lt", x, x.dtype.type(0)), negative(b, x), x)
 
 
-@lowers("sign")
-def _sign(b: Builder, eqn, x: Elements) -> Elements:
-    del eqn
-
-    def sign(x):
-        zero, one = x.dtype.type(0), x.dtype.type(1)
-        above = b.operation("gt", x, zero)
-        if x.dtype.kind == "u":
-            return b.select(above, one, zero)
-        below = b.operation("lt", x, zero)
-        rest = x if x.dtype.kind == "f" else zero  # NaN and both zeros stay
-        return b.select(above, one, b.select(below, x.dtype.type(-1), rest))
-
-    return each(sign, x)
-
-
-@lowers("div")
-def _div(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
-    del eqn
-    return each(lambda x, y: quotient(b, x, y), x, y)
+def _sign(b: Builder, x: Scalar) -> Scalar:
+    zero, one = x.dtype.type(0), x.dtype.type(1)
+    above = b.operation("gt", x, zero)
+    if x.dtype.kind == "u":
+        return b.select(above, one, zero)
+    below = b.operation("lt", x, zero)
+    rest = x if x.dtype.kind == "f" else zero  # NaN and both zeros stay
+    return b.select(above, one, b.select(below, x.dtype.type(-1), rest))
 
 
 def quotient(b: Builder, x: Scalar, y: Scalar) -> Scalar:
@@ -146,14 +104,8 @@ def _is_power_of_two(x: Any) -> bool:
     return bool(1e-30 < abs(x) < 1e30 and abs(np.frexp(x)[0]) == 0.5)
 
 
-@lowers("rem")
-def _rem(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
-    del eqn
-
-    def remainder(x, y):
-        return b.operation("rem", x, y) if x.dtype.kind == "f" else _whole(b, "rem", x, y, x)
-
-    return each(remainder, x, y)
+def _remainder(b: Builder, x: Scalar, y: Scalar) -> Scalar:
+    return b.operation("rem", x, y) if x.dtype.kind == "f" else _whole(b, "rem", x, y, x)
 
 
 def _whole(b: Builder, name: str, x: Scalar, y: Scalar, by_zero: Scalar) -> Scalar:
@@ -169,11 +121,6 @@ def _whole(b: Builder, name: str, x: Scalar, y: Scalar, by_zero: Scalar) -> Scal
     return b.select(none, by_zero, b.select(minus, at_minus, b.operation(name, x, safe)))
 
 
-@lowers("max", "min")
-def _extremum(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
-    return each(lambda x, y: extremum(b, eqn.name, x, y), x, y)
-
-
 def extremum(b: Builder, name: str, x: Scalar, y: Scalar) -> Scalar:
     """The larger ("max") or smaller one; NaN where either is NaN, and -0.0 below 0.0."""
     if x.dtype == BOOL:
@@ -181,30 +128,49 @@ def extremum(b: Builder, name: str, x: Scalar, y: Scalar) -> Scalar:
     return b.operation(name, x, y)
 
 
-@lowers("clamp")
-def _clamp(b: Builder, eqn, low: Elements, x: Elements, high: Elements) -> Elements:
-    del eqn
-
-    def clamp(low, x, high):
-        return extremum(b, "min", extremum(b, "max", x, low), high)
-
-    return each(clamp, low, x, high)
+def _clamp(b: Builder, low: Scalar, x: Scalar, high: Scalar) -> Scalar:
+    return extremum(b, "min", extremum(b, "max", x, low), high)
 
 
-@lowers("select_n")
-def _select_n(b: Builder, eqn, which: Elements, *cases: Elements) -> Elements:
-    del eqn
+def _select(b: Builder, which: Scalar, *cases: Scalar) -> Scalar:
+    if which.dtype == BOOL:
+        return b.select(which, cases[1], cases[0]) if len(cases) == 2 else cases[0]
+    chosen = cases[-1]
+    for number in reversed(range(len(cases) - 1)):
+        here = b.operation("le", which, which.dtype.type(number))
+        chosen = b.select(here, cases[number], chosen)
+    return chosen
 
-    def select(which, *cases):
-        if which.dtype == BOOL:
-            return b.select(which, cases[1], cases[0]) if len(cases) == 2 else cases[0]
-        chosen = cases[-1]
-        for number in reversed(range(len(cases) - 1)):
-            here = b.operation("le", which, which.dtype.type(number))
-            chosen = b.select(here, cases[number], chosen)
-        return chosen
 
-    return each(select, which, *cases)
+def _not(b: Builder, x: Scalar) -> Scalar:
+    full = np.True_ if x.dtype == BOOL else np.invert(x.dtype.type(0))
+    return b.operation("xor", x, full)
+
+
+def _is_finite(b: Builder, x: Scalar) -> Scalar:
+    return b.operation("lt", b.operation("abs", x), x.dtype.type(np.inf))
+
+
+OF_SCALARS: dict[str, Callable[..., Scalar]] = {
+    "abs": absolute,
+    "clamp": _clamp,
+    "div": quotient,
+    "is_finite": _is_finite,
+    "max": lambda b, x, y: extremum(b, "max", x, y),
+    "min": lambda b, x, y: extremum(b, "min", x, y),
+    "neg": negative,
+    "not": _not,
+    "rem": _remainder,
+    "select_n": _select,
+    "sign": _sign,
+}
+"""By a primitive's name, what the builder makes of the scalars of one place."""
+
+
+@lowers(*OF_SCALARS)
+def _of_scalars(b: Builder, eqn, *arrays: Elements) -> Elements:
+    function = OF_SCALARS[eqn.name]
+    return each(lambda *scalars: function(b, *scalars), *arrays)
 
 
 @lowers("convert_element_type")
@@ -229,12 +195,6 @@ def _bitcast(b: Builder, eqn, x: Elements) -> Elements:
     return each(lambda x: b.operation("bitcast", x, dtype=dtype), x)
 
 
-@lowers("is_finite")
-def _is_finite(b: Builder, eqn, x: Elements) -> Elements:
-    del eqn
-    return each(lambda x: b.operation("lt", b.operation("abs", x), x.dtype.type(np.inf)), x)
-
-
 @lowers("round")
 def _round(b: Builder, eqn, x: Elements) -> Elements:
     if int(eqn.parameters["rounding_method"]) == 1:
@@ -254,10 +214,12 @@ def _round(b: Builder, eqn, x: Elements) -> Elements:
 def _in_total_order(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
     """Comparisons by bits: -0.0 before 0.0, NaN after infinity (before it with a sign)."""
     name = eqn.name.removesuffix("_to")
-    return each(lambda x, y: b.operation(name, _list_scheduled(b, x), _list_scheduled(b, y)), x, y)
+    return each(
+        lambda x, y: b.operation(name, _ordered_like_bits(b, x), _ordered_like_bits(b, y)), x, y
+    )
 
 
-def _list_scheduled(b: Builder, x: Scalar) -> Scalar:
+def _ordered_like_bits(b: Builder, x: Scalar) -> Scalar:
     """A whole number that is ordered like the bits of a float."""
     if x.dtype.kind != "f":
         return b.convert(x, np.dtype(np.uint8)) if x.dtype == BOOL else x

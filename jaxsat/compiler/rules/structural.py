@@ -1,5 +1,7 @@
 """Primitives that only move elements: they move the scalars of object arrays when lowered."""
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from jaxsat.compiler.builder import Builder
@@ -7,22 +9,12 @@ from jaxsat.compiler.ir import Scalar
 from jaxsat.compiler.lowering import Elements, as_elements, filled, lowers
 
 
-@lowers("reshape")
-def _reshape(b: Builder, eqn, x: Elements) -> Elements:
-    del b
+def _reshape(eqn, x: Elements) -> Elements:
     order = eqn.parameters["dimensions"]
     return (x if order is None else x.transpose(order)).reshape(eqn.parameters["new_sizes"])
 
 
-@lowers("squeeze")
-def _squeeze(b: Builder, eqn, x: Elements) -> Elements:
-    del b
-    return x.reshape(eqn.outputs[0].aval.shape)
-
-
-@lowers("broadcast_in_dim")
-def _broadcast_in_dim(b: Builder, eqn, x: Elements) -> Elements:
-    del b
+def _broadcast_in_dim(eqn, x: Elements) -> Elements:
     shape, dims = eqn.parameters["shape"], eqn.parameters["broadcast_dimensions"]
     widened = [1] * len(shape)
     for size, dim in zip(x.shape, dims, strict=True):
@@ -30,48 +22,13 @@ def _broadcast_in_dim(b: Builder, eqn, x: Elements) -> Elements:
     return np.broadcast_to(x.reshape(widened), shape)
 
 
-@lowers("transpose")
-def _transpose(b: Builder, eqn, x: Elements) -> Elements:
-    del b
-    return x.transpose(eqn.parameters["permutation"])
-
-
-@lowers("slice")
-def _slice(b: Builder, eqn, x: Elements) -> Elements:
-    del b
+def _slice(eqn, x: Elements) -> Elements:
     begins, ends = eqn.parameters["start_indices"], eqn.parameters["limit_indices"]
     strides = eqn.parameters["strides"] or (1,) * x.ndim
     return x[tuple(map(slice, begins, ends, strides))]
 
 
-@lowers("concatenate")
-def _concatenate(b: Builder, eqn, *arrays: Elements) -> Elements:
-    del b
-    return np.concatenate(arrays, axis=eqn.parameters["dimension"])
-
-
-@lowers("stack")
-def _stack(b: Builder, eqn, *arrays: Elements) -> Elements:
-    del b
-    return np.stack(arrays, axis=eqn.parameters["axis"])
-
-
-@lowers("split")
-def _split(b: Builder, eqn, x: Elements) -> list[Elements]:
-    del b
-    ends = np.cumsum(eqn.parameters["sizes"])[:-1]
-    return np.split(x, ends, axis=eqn.parameters["axis"])
-
-
-@lowers("rev")
-def _rev(b: Builder, eqn, x: Elements) -> Elements:
-    del b
-    return np.flip(x, eqn.parameters["dimensions"])
-
-
-@lowers("pad")
-def _pad(b: Builder, eqn, x: Elements, padding: Elements) -> Elements:
-    del b
+def _pad(eqn, x: Elements, padding: Elements) -> Elements:
     for axis, widths in enumerate(eqn.parameters["padding_config"]):
         x = _padded(np.moveaxis(x, axis, 0), padding[()], *map(int, widths))
         x = np.moveaxis(x, 0, axis)
@@ -88,19 +45,15 @@ def _padded(x: Elements, scalar: Scalar, low: int, high: int, between: int) -> E
     return whole[max(-low, 0) : len(whole) - max(-high, 0)]
 
 
-@lowers("iota")
-def _iota(b: Builder, eqn) -> Elements:
-    del b
+def _iota(eqn) -> Elements:
     shape, dim = eqn.parameters["shape"], eqn.parameters["dimension"]
     along = np.arange(shape[dim]).astype(eqn.parameters["dtype"])
     spread = along.reshape([-1 if axis == dim else 1 for axis in range(len(shape))])
     return as_elements(np.broadcast_to(spread, shape))
 
 
-@lowers("platform_index")
-def _platform_index(b: Builder, eqn) -> Elements:
+def _platform_index(eqn) -> Elements:
     """Which branch is for this platform: the processor's, else the one for all."""
-    del b
     platforms = eqn.parameters["platforms"]
     chosen = next((i for i, names in enumerate(platforms) if names and "cpu" in names), None)
     if chosen is None:
@@ -108,15 +61,39 @@ def _platform_index(b: Builder, eqn) -> Elements:
     return as_elements(np.int32(chosen))
 
 
-@lowers("empty", "empty2")
-def _empty(b: Builder, eqn) -> Elements:
-    del b
+def _empty(eqn) -> Elements:
     return as_elements(np.zeros(eqn.outputs[0].aval.shape, eqn.outputs[0].aval.dtype))
 
 
-@lowers("unstack")
-def _unstack(b: Builder, eqn, x: Elements) -> list[Elements]:
+def _unstack(eqn, x: Elements) -> list[Elements]:
     """What unpacking an array that is known gives."""
-    del b
     first = np.moveaxis(x, eqn.parameters["axis"], 0)
     return [first[i : i + 1].reshape(first.shape[1:]) for i in range(len(first))]
+
+
+MOVES: dict[str, Callable[..., Elements | Sequence[Elements]]] = {
+    "broadcast_in_dim": _broadcast_in_dim,
+    "concatenate": lambda eqn, *arrays: np.concatenate(arrays, eqn.parameters["dimension"]),
+    "empty": _empty,
+    "empty2": _empty,
+    "iota": _iota,
+    "pad": _pad,
+    "platform_index": _platform_index,
+    "reshape": _reshape,
+    "rev": lambda eqn, x: np.flip(x, eqn.parameters["dimensions"]),
+    "slice": _slice,
+    "split": lambda eqn, x: np.split(
+        x, np.cumsum(eqn.parameters["sizes"])[:-1], eqn.parameters["axis"]
+    ),
+    "squeeze": lambda eqn, x: x.reshape(eqn.outputs[0].aval.shape),
+    "stack": lambda eqn, *arrays: np.stack(arrays, eqn.parameters["axis"]),
+    "transpose": lambda eqn, x: x.transpose(eqn.parameters["permutation"]),
+    "unstack": _unstack,
+}
+"""By a primitive's name, what it makes of arrays, given its equation."""
+
+
+@lowers(*MOVES)
+def _moved(b: Builder, eqn, *arrays: Elements) -> Elements | Sequence[Elements]:
+    del b
+    return MOVES[eqn.name](eqn, *arrays)
