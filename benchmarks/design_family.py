@@ -25,7 +25,7 @@ import jax
 import numpy as np
 
 import jaxsat
-from jaxsat.report.family_figures import family_figure
+from family_figure import family_figure
 from jaxsat.report.saving import save_figures
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.store import ResumableFolder

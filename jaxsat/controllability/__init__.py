@@ -57,7 +57,6 @@ from jaxsat.controllability.lie import (
 from jaxsat.controllability.linear import (
     LinearControllability,
     NoEquilibriumError,
-    gramian,
     gramian_time_scales,
     linear_controllability,
     lvlh_linearisation,
@@ -119,7 +118,6 @@ __all__ = [
     "failure_table",
     "generating_vectors",
     "generator_names",
-    "gramian",
     "gramian_time_scales",
     "judge",
     "judge_once_stopped",

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.controllability.lie import VectorField
+from jaxsat.controllability.lie import DriftField, VectorField, pack
 from jaxsat.spacecraft.environment import PeriodicTorque
 
 
@@ -145,22 +145,10 @@ def energy_history(
     count: int,
 ) -> Float[Array, " n"]:
     """Rotational energy ½ωᵀJω (J) after 0, 1, … steps (s) of the disturbed free body."""
-    inverse = jnp.linalg.inv(inertia)
-
-    def rate(time, w):
-        return inverse @ (torque.at(time) - jnp.cross(w, inertia @ w))
-
-    def advance(w, k):
-        time = k * step
-        k1 = rate(time, w)
-        k2 = rate(time + 0.5 * step, w + 0.5 * step * k1)
-        k3 = rate(time + 0.5 * step, w + 0.5 * step * k2)
-        k4 = rate(time + step, w + step * k3)
-        new = w + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        return new, 0.5 * new @ inertia @ new
-
-    _, energies = jax.lax.scan(advance, omega, jnp.arange(count, dtype=omega.dtype))
-    return jnp.concatenate([0.5 * (omega @ inertia @ omega)[None], energies])
+    start = pack(jnp.eye(3), omega, 0.0)
+    path = drift_trajectory(DriftField(inertia, disturbance=torque.at), start, step, count)
+    rates = path.states[:, 9:12]
+    return 0.5 * jnp.sum((rates @ inertia) * rates, axis=1)
 
 
 def energy_bound(

@@ -130,29 +130,6 @@ def reachable_rank(
     return basis.shape[1], shortest
 
 
-def gramian(
-    state_matrix: Float[np.ndarray, "n n"],
-    input_matrix: Float[np.ndarray, "n m"],
-    horizon: float | int,
-) -> Float[np.ndarray, "n n"]:
-    """Controllability Gramian ∫₀ᵀ e^{−As} B Bᵀ e^{−Aᵀs} ds over `horizon` in s.
-
-    x'W⁻¹x is then the least ∫|u|²dt that takes the *error* x to zero in that time. Van Loan's block
-    exponential.
-    """
-    from scipy.linalg import expm  # takes its time
-
-    size = state_matrix.shape[0]
-    block = np.zeros((2 * size, 2 * size))
-    block[:size, :size] = state_matrix
-    block[:size, size:] = input_matrix @ input_matrix.T
-    block[size:, size:] = -state_matrix.T
-    power = expm(block * horizon)
-    # power = [[e^{AT}, M], [0, e^{−AᵀT}]], M = ∫ e^{A(T−s)} BBᵀ e^{−Aᵀs} ds = e^{AT} W.
-    solution = np.linalg.solve(power[:size, :size], power[:size, size:])
-    return 0.5 * (solution + solution.T)
-
-
 def _exponentials(matrices: Float[np.ndarray, "k n n"]) -> Float[np.ndarray, "k n n"]:
     """Exponentials of small matrices, all at once: Taylor's polynomial, scaled and squared."""
     largest = np.max(np.sum(np.abs(matrices), axis=1), initial=0.5)

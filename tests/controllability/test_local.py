@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import quad_vec, solve_ivp
+from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_continuous_are
 
 from jaxsat.controllability import (
     DriftField,
     analyse,
-    gramian,
     gramian_time_scales,
     linear_controllability,
     lvlh_linearisation,
@@ -160,19 +159,6 @@ def test_matrices_reproduce_published_regulator_poles():
     np.testing.assert_allclose(poles[-1], -8e-5, rtol=0.1)
     np.testing.assert_allclose(gain[0], [0.429, 0, -5.081, 35.34, 0, -1305], rtol=2e-3, atol=1e-6)
     np.testing.assert_allclose(gain[1], [0, 1, 0, 0, 25.08, 0], rtol=2e-3, atol=1e-6)
-
-
-def test_gramian_equals_quadrature():
-    state, inputs = lvlh_linearisation([9.0, 5.0, 7.0], XY, 0.3)
-
-    def integrand(s):
-        return expm(-state * s) @ inputs @ inputs.T @ expm(-state * s).T
-
-    for horizon in (0.5, 4.0, 15.0):
-        expected, _ = quad_vec(integrand, 0.0, horizon, epsabs=1e-12)
-        np.testing.assert_allclose(
-            gramian(state, inputs, horizon), expected, rtol=1e-9, atol=1e-10 * np.max(expected)
-        )
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ from jaxtyping import Float
 from jaxsat.synthesis.plain_data import plain_data
 from jaxsat.synthesis.tuning.descent import DescentState
 from jaxsat.synthesis.tuning.plan import TuningPlan
-from jaxsat.synthesis.tuning.strategies import PACKAGE, new_strategy, search_bounds
+from jaxsat.synthesis.tuning.strategies import PACKAGE, new_strategy
 from jaxsat.synthesis.tuning.verdict import GainEvaluation, evaluate_gains
 
 POPULATION = 16
@@ -139,7 +139,7 @@ class _Search:
 
 def nelder_mead(search: _Search, start: np.ndarray) -> None:
     """SciPy's simplex from the given gains, within the bounds, begun again when it has shrunk."""
-    low, high = search_bounds(search.plan.space)
+    low, high = search.plan.space.ends
 
     def loss(point: np.ndarray) -> float:
         value = float(search.losses(point[None])[0])
@@ -171,7 +171,7 @@ def random_search(search: _Search, start: np.ndarray) -> None:
 
 def cma_es(search: _Search, start: np.ndarray) -> None:
     """Covariance matrix adaptation, N. Hansen's `cma`, in the unit cube of the bounds."""
-    low, high = search_bounds(search.plan.space)
+    low, high = search.plan.space.ends
     seed = search.plan.settings.seed
     while True:
         strategy = new_strategy((start - low) / (high - low), seed)
@@ -184,17 +184,17 @@ def cma_es(search: _Search, start: np.ndarray) -> None:
 
 
 def bfgs(search: _Search, start: np.ndarray) -> None:
-    """optimistix' BFGS on the smooth law, from the given gains."""
-    from jaxsat.synthesis.tuning.strategies import minimise
-
-    low, high = search_bounds(search.plan.space)
+    """SciPy's BFGS within bounds, L-BFGS-B, on the smooth law, from the given gains."""
 
     def gradient(point: np.ndarray) -> tuple[float, np.ndarray]:
         loss_gradient = search.gradient(point)
         search.check_if_due()
         return loss_gradient
 
-    minimise(gradient, start, low, high)
+    low, high = search.plan.space.ends
+    scipy.optimize.minimize(
+        gradient, start, jac=True, method="L-BFGS-B", bounds=list(zip(low, high, strict=True))
+    )
 
 
 class SearchMethod(NamedTuple):

@@ -74,11 +74,16 @@ class Parameter:
         share = 0.5 * (1 + np.tanh(points / 2))
         return (self.high - self.low) * share * (1 - share)
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the largest point that the search may be at."""
+        if self.scale == "log":
+            return float(np.log(self.low)), float(np.log(self.high))
+        return -MAX_LOGIT, MAX_LOGIT
+
     def projected(self, points: np.ndarray) -> np.ndarray:
         """The nearest points that the search may be at."""
-        if self.scale == "log":
-            return np.clip(points, np.log(self.low), np.log(self.high))
-        return np.clip(points, -MAX_LOGIT, MAX_LOGIT)
+        return np.clip(points, *self.ends)
 
     def place(self, values: np.ndarray) -> np.ndarray:
         """Where values are between the bounds, 0 to 1, of their logarithms in log scale."""
@@ -141,6 +146,12 @@ class SearchSpace:
     def slope(self, points: Values) -> Values:
         """Derivatives of the values along the search, entry by entry."""
         return self._by_parameter("slope", points)
+
+    @property
+    def ends(self) -> tuple[Float[np.ndarray, " parameters"], Float[np.ndarray, " parameters"]]:
+        """The least and the largest point that the search may be at."""
+        low, high = np.array([p.ends for p in self.parameters for _ in range(p.size)]).T
+        return low, high
 
     def projected(self, points: Values) -> Values:
         """The nearest points that the search may be at."""

@@ -21,9 +21,6 @@ from jaxsat.synthesis.tuning.unusable import unusable
 HALF_WIDTHS = (1e-2, 1e-3, 1e-4, 1e-5)
 """Half widths of the central differences, along the search."""
 
-BEYOND_BOUNDS = 1e3
-"""Beyond any bound of a search."""
-
 MAX_RELATIVE_ERROR = 0.01
 """Largest relative error of a derivative that is trusted."""
 
@@ -168,7 +165,7 @@ def check_gradients(
     A point at a bound is moved inside by the largest half width, so that both sides are there.
     """
     size, space = len(point), evaluator.space
-    low, high = space.projected(np.array([[-BEYOND_BOUNDS] * size, [BEYOND_BOUNDS] * size]))
+    low, high = space.ends
     margin = max(HALF_WIDTHS)
     point = np.clip(point, low + margin, high - margin)
     shifts = np.array(HALF_WIDTHS)[:, None, None] * np.eye(size)[None]

@@ -7,7 +7,7 @@ from jaxsat.scenario.optimisers import OptimiserSettings
 from jaxsat.simulation.engine import Outputs
 from jaxsat.synthesis.tuning.cost_evaluator import recovery_costs
 from jaxsat.synthesis.tuning.parameters import Parameter, SearchSpace
-from jaxsat.synthesis.tuning.strategies import next_population, search_bounds
+from jaxsat.synthesis.tuning.strategies import next_population
 
 pytest.importorskip("cma")
 SPACE = SearchSpace((Parameter("a", 0.1, 10.0), Parameter("b", 1.0, 100.0)))
@@ -29,7 +29,7 @@ def history(steps):
 def test_it_finds_a_minimum_within_the_bounds_from_the_start_itself():
     found = history(30)
     np.testing.assert_array_equal(found[0][0][0], START)
-    low, high = search_bounds(SPACE)
+    low, high = SPACE.ends
     assert all(np.all((points >= low) & (points <= high)) for points, _ in found)
     assert losses(found[-1][0]).min() < 1e-3
 
