@@ -6,14 +6,19 @@ figures read in grey and with any colour vision.
 
 import textwrap
 from collections.abc import Sequence
+from typing import Any
 
 import matplotlib.tri as mtri
 import numpy as np
 from jaxtyping import Float
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from jaxsat.controllability import ActuatorSet, TorqueCone
+from jaxsat.report.figure_painter import paint
+from jaxsat.report.plot import TIME, Axis, Line, Plot
 from jaxsat.report.style import escape_mathematics
 
 _MOST_ROWS = 48  # of a chart of failures
@@ -83,6 +88,27 @@ def inertia_map(
     return figure
 
 
+def _direction_map(
+    azimuths: Float[np.ndarray, " a"],
+    elevations: Float[np.ndarray, " e"],
+    values: Float[np.ndarray, "e a"],
+    direction: str,
+    title: str,
+    **look: Any,
+) -> tuple[Figure, Axes, QuadMesh]:
+    """Values over the azimuth and elevation (rad in, degrees drawn) of what `direction` names."""
+    figure = Figure(figsize=(7.5, 4.4), layout="constrained")
+    axes = figure.add_subplot()
+    degrees = np.degrees(azimuths), np.degrees(elevations)
+    image = axes.pcolormesh(*degrees, values, shading="nearest", rasterized=True, **look)
+    axes.set_xlabel(f"azimuth of the {direction} (deg, body x towards y)")
+    axes.set_ylabel("elevation (deg, towards z)")
+    axes.set_xticks(np.arange(-180, 181, 60))
+    axes.set_yticks(np.arange(-90, 91, 30))
+    axes.set_title(escape_mathematics(title))
+    return figure, axes, image
+
+
 def angle_map(
     azimuths: Float[np.ndarray, " a"],
     elevations: Float[np.ndarray, " e"],
@@ -96,18 +122,9 @@ def angle_map(
     `uncontrollable`: curves or points (azimuth, elevation) in rad known to be uncontrollable,
     drawn over the map.
     """
-    figure = Figure(figsize=(7.5, 4.4), layout="constrained")
-    axes = figure.add_subplot()
     shown = np.maximum(margins, _FLOOR)
-    image = axes.pcolormesh(
-        np.degrees(azimuths),
-        np.degrees(elevations),
-        shown,
-        shading="nearest",
-        cmap="cividis",
-        norm=_norm(shown),
-        rasterized=True,
-    )
+    look = {"cmap": "cividis", "norm": _norm(shown)}
+    figure, axes, image = _direction_map(azimuths, elevations, shown, "torque axis", title, **look)
     for k, curve in enumerate(uncontrollable):
         degrees = np.degrees(curve).T
         style = {"ls": "none", "marker": "o", "mfc": "none", "ms": 7} if len(curve) == 1 else {}
@@ -119,11 +136,6 @@ def angle_map(
         axes.plot(*degrees, color=_MARK, lw=1.2, label=label, **style)
     if uncontrollable:
         axes.legend(loc="upper right", framealpha=0.9)
-    axes.set_xlabel("azimuth of the torque axis (deg, body x towards y)")
-    axes.set_ylabel("elevation (deg, towards z)")
-    axes.set_xticks(np.arange(-180, 181, 60))
-    axes.set_yticks(np.arange(-90, 91, 30))
-    axes.set_title(escape_mathematics(title))
     _shades(figure, axes, image)
     return figure
 
@@ -183,8 +195,6 @@ def torque_map(cone: TorqueCone, actuators: ActuatorSet) -> Figure:
     Zero inside the cone of the actuators; thrusters, wheels (both ends of their axes) and the
     direction farthest from all torques are marked.
     """
-    figure = Figure(figsize=(7.5, 4.4), layout="constrained")
-    axes = figure.add_subplot()
     azimuths, elevations = np.linspace(-np.pi, np.pi, 91), np.linspace(-np.pi / 2, np.pi / 2, 46)
     angles = [
         [
@@ -193,16 +203,9 @@ def torque_map(cone: TorqueCone, actuators: ActuatorSet) -> Figure:
         ]
         for e in elevations
     ]
-    image = axes.pcolormesh(
-        np.degrees(azimuths),
-        np.degrees(elevations),
-        np.degrees(angles),
-        shading="nearest",
-        cmap="cividis_r",
-        vmin=0,
-        vmax=max(90.0, float(np.degrees(np.max(angles)))),
-        rasterized=True,
-    )
+    values, title = np.degrees(angles), f"Attainable torques: {cone.kind}"
+    look = {"cmap": "cividis_r", "vmin": 0, "vmax": max(90.0, float(np.max(values)))}
+    figure, axes, image = _direction_map(azimuths, elevations, values, "torque", title, **look)
     pushes = [actuators.torques, -actuators.torques[:, actuators.two_sided]]
     wheels = [actuators.wheel_axes, -actuators.wheel_axes]
     worst = [] if cone.opposed is None else [cone.opposed[:, None]]
@@ -218,11 +221,6 @@ def torque_map(cone: TorqueCone, actuators: ActuatorSet) -> Figure:
             places = np.degrees([np.arctan2(y, x), np.arcsin(np.clip(z, -1, 1))])
             axes.plot(*places, marker, ls="none", mfc="w", mec=_MARK, mew=1.5, ms=8, label=label)
     axes.legend(loc="upper right", framealpha=0.9)
-    axes.set_xlabel("azimuth of the torque (deg, body x towards y)")
-    axes.set_ylabel("elevation (deg, towards z)")
-    axes.set_xticks(np.arange(-180, 181, 60))
-    axes.set_yticks(np.arange(-90, 91, 30))
-    axes.set_title(f"Attainable torques: {cone.kind}")
     bar = figure.colorbar(image, ax=axes, shrink=0.85)
     bar.set_label("angle to the nearest attainable torque (deg)")
     return figure
@@ -237,14 +235,12 @@ def recurrence_chart(
 
     `times` in s; `distances` and `radius` as `recurrence` defines them (dimensionless).
     """
-    figure = Figure(figsize=(7.5, 3.6), layout="constrained")
-    axes = figure.add_subplot()
-    axes.semilogy(times, np.maximum(distances, 1e-6), color="#0072b2", lw=0.6)
-    axes.axhline(radius, color="k", ls="--", lw=1, label=f"neighbourhood, {radius:g}")
-    axes.set_xlabel("time (s)")
-    axes.set_ylabel("distance from the start (1)")
-    axes.legend(loc="lower right", framealpha=0.9)
-    return figure
+    lines = [
+        Line(times, np.maximum(distances, 1e-6), "of the free body"),
+        Line(times[[0, -1]], np.full(2, radius), f"neighbourhood, {radius:g}"),
+    ]
+    distance = Axis("distance from the start", "1", log=True)
+    return paint([Plot("Distance", "", TIME, distance, lines)], "Recurrence of the free body", 3.0)
 
 
 def energy_chart(
@@ -254,15 +250,12 @@ def energy_chart(
     bound: Float[np.ndarray, " n"],
 ) -> Figure:
     """Rotational energy (J) against the claimed bound (18) and the one that holds."""
-    figure = Figure(figsize=(7.5, 3.6), layout="constrained")
-    axes = figure.add_subplot()
-    axes.plot(times, energies, color="#0072b2", label="energy under $T_d$")
-    axes.axhline(claimed, color=_MARK, ls="--", label="claim (18): $C + \\Sigma a_i$")
-    axes.plot(times, bound, color="k", ls=":", label="bound that holds")
-    top = max(claimed, float(np.max(energies)))
-    low = min(float(np.min(energies)), claimed)
-    axes.set_ylim(low - 0.1 * (top - low), top + 0.6 * (top - low))
-    axes.set_xlabel("time (s)")
-    axes.set_ylabel("rotational energy (J)")
-    axes.legend(loc="upper left", framealpha=0.9)
-    return figure
+    lines = [
+        Line(times, energies, "energy under T_d"),
+        Line(times[[0, -1]], np.full(2, claimed), "claim (18): C + Σ a_i"),
+        Line(times, bound, "bound that holds"),
+    ]
+    top, low = max(claimed, float(energies.max())), min(claimed, float(energies.min()))
+    limits = (low - 0.1 * (top - low), top + 0.6 * (top - low))
+    energy = Axis("rotational energy", "J", limits=limits)
+    return paint([Plot("Energy", "", TIME, energy, lines)], "Energy of a spin, and claim (18)", 3.0)

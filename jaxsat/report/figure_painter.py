@@ -87,8 +87,11 @@ def paint(
     legends = [_entries(plot) + (shades if not place else []) for place, plot in enumerate(plots)]
     heads = [_head(plot, legend) for plot, legend in zip(plots, legends, strict=True)]
     shared = [one.x == other.x for one, other in itertools.pairwise(plots)] + [False]
-    below = [0.0 if same else TICKS for same in shared]
-    below[-1] = BOTTOM
+    labelled = [one.x.label != other.x.label for one, other in itertools.pairwise(plots)] + [True]
+    below = [
+        0.0 if same else BOTTOM if label else TICKS
+        for same, label in zip(shared, labelled, strict=True)
+    ]
     right = RIGHT + (BAR if any(plot.strips is not None for plot in plots) else 0)
     whole = TOP + sum(heads) + height * len(plots) + sum(below)
     with rc_context(dict[Any, Any](SETTINGS)):
@@ -108,7 +111,7 @@ def paint(
             if len(legends[number]) > 1:
                 _place_legend(panel, legends[number], above=not plot.told)
             panel.tick_params(labelbottom=not shared[number])
-            if number + 1 == len(plots) or plot.x.label != plots[number + 1].x.label:
+            if labelled[number]:
                 panel.set_xlabel(escape_mathematics(plot.x.text))
     return figure
 

@@ -69,14 +69,16 @@ SETTINGS: Mapping[str, Any] = MappingProxyType(
 )
 
 
-def set_title(figure: "Figure", title: str, top: float = 0.98) -> None:
+def set_title(figure: "Figure", title: str, top: float | None = None) -> None:
     """Give a figure a title from outside as it is: one line, without mathematics.
 
-    `top` is where it stands, as a part of the height.
+    `top` is where it stands, as a part of the height; None leaves that to the figure's layout,
+    which then makes room for it.
     """
     text = clean(title, MAX_TITLE_LENGTH)
-    look = {"fontsize": 10, "fontweight": "bold", "ha": "left", "va": "top"}
-    figure.suptitle(text, x=0.01, y=top, parse_math=False, **look)
+    look: dict[str, Any] = {"fontsize": 10, "fontweight": "bold", "ha": "left", "va": "top"}
+    look |= {} if top is None else {"y": top}
+    figure.suptitle(text, x=0.01, parse_math=False, **look)
 
 
 def escape_mathematics(label: str) -> str:

@@ -1,6 +1,6 @@
-"""Plots of a tuning run's history."""
+"""Plots of a tuning run: its history, the verdict's cases before and after, and other methods."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import xarray as xr
@@ -49,3 +49,33 @@ def _starts(history: xr.Dataset, name: str) -> Iterator[Line]:
     for number, values in enumerate(history[name].transpose("start", "step").values):
         label = "" if number else "training, every start"
         yield Line(history["step"].values, values, label, faint=True)
+
+
+def before_after_plots(
+    before: Mapping[str, np.ndarray], after: Mapping[str, np.ndarray]
+) -> list[Plot]:
+    """What fraction of the held-out cases is below a settling time, effort or cost."""
+    quantities = {
+        "settling_time": Axis("settling time", "s"),
+        "effort": Axis("effort", "N m s", log=True),
+        "cost": Axis("cost", "1", log=True),
+    }
+    share = Axis("fraction below", "1", limits=(-0.02, 1.02))
+    plots = []
+    for name, axis in quantities.items():
+        lines = []
+        for columns, who in ((after, "after"), (before, "before")):
+            values = columns[name]
+            known = np.sort(values[np.isfinite(values)])
+            shares = np.arange(1, len(known) + 1) / len(values)
+            lines.append(Line(known, shares, f"{who}, {len(values)} cases", steps=True))
+        plots.append(Plot(axis.label, "", axis, share, lines))
+    return plots
+
+
+def methods_plot(traces: Mapping[str, np.ndarray]) -> Plot:
+    """Validation loss of the best point so far over trajectories spent, a line each method."""
+    spent = Axis("trajectories computed (a gradient of n gains: n + 1)", linear_to=100.0)
+    loss = Axis("validation loss, exact law", log=True)
+    lines = [Line(*trace.T, name, steps=True) for name, trace in traces.items()]
+    return Plot("the best point so far of each method", "", spent, loss, lines)

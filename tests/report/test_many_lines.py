@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from jaxsat.report.comparison_figures import settling_comparison
+from jaxsat.report.figure_painter import paint_grid
 from jaxsat.report.style import MARKERS
-from jaxsat.report.tuning_figures import baselines_figure
+from jaxsat.report.tuning_plots import methods_plot
 
 COUNT = 9
 
@@ -28,6 +29,7 @@ def test_each_law_of_a_comparison_has_a_line_of_its_own(count):
 
 def test_each_method_of_a_baseline_has_a_line_of_its_own():
     trace = np.stack([np.linspace(10, 1000, 8), np.geomspace(9, 1, 8)], axis=1)
-    figure = baselines_figure({f"method {n}": trace * (1 + n / 10) for n in range(COUNT)}, "many")
+    traces = {f"method {n}": trace * (1 + n / 10) for n in range(COUNT)}
+    figure = paint_grid([[methods_plot(traces)]], "many")
     (axis,) = figure.axes
     assert len(set(looks(axis))) == COUNT

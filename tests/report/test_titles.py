@@ -9,9 +9,10 @@ import pytest
 
 from jaxsat.report.comparison_figures import settling_comparison
 from jaxsat.report.controllability_figures import inertia_map
+from jaxsat.report.figure_painter import paint_grid
 from jaxsat.report.study_figures import study_figures
 from jaxsat.report.style import escape_mathematics, panels
-from jaxsat.report.tuning_figures import baselines_figure
+from jaxsat.report.tuning_plots import methods_plot
 
 UGLY = [
     "$k__3$",
@@ -60,7 +61,7 @@ def test_every_kind_of_figure_takes_any_title():
     figures = [
         *study_figures({"settling_time": times}, {}, text).values(),
         settling_comparison({(text, 5.0): {text: times}}, {(text, 5.0): 100.0}, text),
-        baselines_figure(traces, text),
+        paint_grid([[methods_plot(traces)]], text),
         inertia_map(corners, np.ones(3), title=text),
     ]
     for figure in figures:

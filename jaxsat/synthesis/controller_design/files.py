@@ -66,8 +66,9 @@ def write_files(designed: ControllerDesign, folder: ResumableFolder) -> None:
 
 
 def _figures(designed: ControllerDesign) -> "dict[str, Figure]":
+    from jaxsat.report.figure_painter import paint
     from jaxsat.report.study_figures import study_figures
-    from jaxsat.report.tuning_figures import gains_figure, loss_figure
+    from jaxsat.report.tuning_plots import gain_plots, loss_plots
     from jaxsat.synthesis.tuning.history import history_dataset
 
     assert designed.verification is not None
@@ -78,8 +79,8 @@ def _figures(designed: ControllerDesign) -> "dict[str, Figure]":
     if designed.tuned is not None:
         plan, state = designed.tuned.plan, designed.tuned.state
         history = history_dataset(plan, state, title, dump(designed.scenario))
-        figures["loss"] = loss_figure(history, f"{title}: loss of tuning")
-        figures["gains"] = gains_figure(history, f"{title}: gains in tuning")
+        figures["loss"] = paint(loss_plots(history), f"{title}: loss of tuning")
+        figures["gains"] = paint(gain_plots(history), f"{title}: gains in tuning", 1.9)
     return figures
 
 

@@ -259,21 +259,17 @@ def _write_results(result: TuningResult, folder: TuningFolder) -> None:
 
 
 def _figures(result: TuningResult) -> "dict[str, Figure]":
-    from jaxsat.report.tuning_figures import (
-        baselines_figure,
-        before_after_figure,
-        gains_figure,
-        loss_figure,
-    )
+    from jaxsat.report.figure_painter import paint, paint_grid
+    from jaxsat.report.tuning_plots import before_after_plots, gain_plots, loss_plots, methods_plot
 
     title, history = result.original.title, result.history
     columns = (result.verdict.before.columns, result.verdict.after.columns)
     figures = {
-        "loss": loss_figure(history, f"{title}: loss"),
-        "gains": gains_figure(history, f"{title}: gains"),
-        "before-after": before_after_figure(*columns, f"{title}: held-out cases"),
+        "loss": paint(loss_plots(history), f"{title}: loss"),
+        "gains": paint(gain_plots(history), f"{title}: gains", 1.9),
+        "before-after": paint(before_after_plots(*columns), f"{title}: held-out cases"),
     }
     if result.baselines:
         traces = {entry.method: entry.trace for entry in result.baselines}
-        figures["baselines"] = baselines_figure(traces, f"{title}: other ways")
+        figures["baselines"] = paint_grid([[methods_plot(traces)]], f"{title}: other ways")
     return figures
