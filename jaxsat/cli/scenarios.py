@@ -131,7 +131,7 @@ def _verdict(file: str, overrides: Sequence[str]) -> list[str]:
 def refusals(scenario: "Scenario") -> Iterator[str]:
     """A line for each group of commands that refuse the scenario, by what they themselves ask."""
     if scenario.dispersion is None:
-        yield "not for montecarlo and tune: dispersion must be given, got nothing"
+        yield "not for compare, montecarlo and tune: dispersion must be given, got nothing"
     elif scenario.tuning is None:
         yield "not for tune: tuning must be given, got nothing"
     from jaxsat.synthesis.bounds.run import required_manoeuvre

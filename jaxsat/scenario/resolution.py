@@ -100,8 +100,8 @@ def resolution_cautions(scenario: Scenario) -> Iterator[Issue]:
 def fastest(scenario: Scenario) -> Fast | None:
     """The fastest motion that follows from the numbers of a scenario, None without any.
 
-    That is a periodic torque, the spin of the start with its nutation, or the spin-down of a wheel
-    by viscous friction; with what is dispersed at its largest.
+    That is a periodic torque, the spin of the start with its nutation, or the spin-down of a rotor
+    by viscous friction or a failure; with what is dispersed at its largest.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         motions = [*_periodic(scenario), *_spin(scenario), *_friction(scenario)]
@@ -194,15 +194,17 @@ def _periodic(scenario: Scenario) -> Iterator[Fast]:
 
 
 def _spin(scenario: Scenario) -> Iterator[Fast]:
-    """The rate of the start, and the momentum of body and wheels over the least mean moment."""
+    """The rate of the start, and the momentum of body and rotors over the least mean moment."""
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     omega = np.linalg.norm(scenario.initial.omega_rad_s)
     omega = max(omega, np.linalg.norm(_dispersed(scenario, "omega", 3)))
     omega += np.linalg.norm(_dispersed(scenario, "rate_error", 2))
     of_wheels = np.abs([one.momentum_N_m_s for one in scenario.wheel])
     of_wheels = np.maximum(of_wheels, _dispersed(scenario, "wheel_momentum", of_wheels.size))
+    of_gyros = [one.rotor_momentum_N_m_s for one in scenario.gimbal]
+    of_gyros = np.multiply(of_gyros, 1 + _dispersed(scenario, "rotor_momentum", len(of_gyros)))
     moments = np.linalg.eigvalsh(inertia - rotors(scenario.wheel))
-    momentum = moments[2] * omega + np.linalg.norm(of_wheels, 1)
+    momentum = moments[2] * omega + np.linalg.norm(of_wheels, 1) + np.linalg.norm(of_gyros, 1)
     location = ("initial", "omega_rad_s")
     yield Fast("spin", float(omega), location)
     yield Fast("nutation", float(momentum / np.sqrt(moments[0] * moments[1])), location)
@@ -217,6 +219,10 @@ def _friction(scenario: Scenario) -> Iterator[Fast]:
             free = 1 + rotor * axis @ np.linalg.solve(inertia, axis)
             rate = float(more * one.viscous_friction_N_m_s / rotor * free)
             yield Fast("viscous friction", rate, ("wheel", number, "viscous_friction_N_m_s"))
+    for number, one in enumerate(scenario.failure):
+        if one.time_constant_s is not None:
+            rate = 1 / one.time_constant_s
+            yield Fast("run-down of a rotor", rate, ("failure", number, "time_constant_s"))
 
 
 def _dispersed(scenario: Scenario, name: str, size: int) -> np.ndarray:

@@ -2,16 +2,19 @@
 
 import json
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
 from jaxsat.scenario import Scenario
+from jaxsat.scenario.build import study
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import refined_study
 from jaxsat.scenario.dump import dump
 from jaxsat.scenario.resolution import with_finer_steps
 from jaxsat.store import open_study, open_trajectory
+from jaxsat.studies import Study
 
 SHORT = ("simulation.duration_s=4", "simulation.save_every_s=1")
 
@@ -30,6 +33,22 @@ def test_steps_are_halved_where_their_error_is_too_large():
     most = of("simulation.solver.substeps=1024")
     assert with_finer_steps(most, (1e-3, 1e-3)) is None
     assert with_finer_steps(of(name="rate-limited"), (1e-3, 1e-3)) is None  # adaptive
+
+
+def test_a_library_flies_with_the_steps_of_its_own_law(monkeypatch):
+    """So its cases can be held against those of a study without it."""
+    flown = []
+
+    def built(scenario, count, controller):
+        flown.append((scenario.simulation.solver.substeps, controller))
+        return Mock(spec=Study)
+
+    errors = iter([(1e-3, 1e-3), (1e-3, 1e-3), (1e-5, 1e-5)])
+    monkeypatch.setattr(study, "build_study", built)
+    monkeypatch.setattr(study, "pilot_errors", lambda _: next(errors))
+    chosen, _ = refined_study(of(), 2, [].append, controller="library")
+    assert flown == [(None, None), (8, None), (16, None), (16, "library")]
+    assert chosen.simulation.solver.substeps == 16
 
 
 @pytest.mark.slow
@@ -60,8 +79,8 @@ def test_a_study_has_the_steps_that_its_first_and_its_fastest_case_need(command_
     data = of(name="oscillatory-dispersed").model_dump(exclude_none=True)
     data["simulation"]["solver"] = {"name": "bosh3"}
     usual = Scenario.model_validate(data)
-    _, study = refined_study(usual, 6, pytest.fail, batch_size=6)
-    before = study.evaluate(np.arange(6)).integration_error.rate
+    _, flown = refined_study(usual, 6, pytest.fail, batch_size=6)
+    before = flown.evaluate(np.arange(6)).integration_error.rate
     data["simulation"]["solver"]["rate_error_rad_s"] = float(before.max()) / 4
     Path("tight.toml").write_text(dump(Scenario.model_validate(data)))
     command = ("montecarlo", "tight.toml", "--batch-size", "6")

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import eigvals
 
-from jaxsat.scenario import ScenarioWarning
+from helpers.gyros import document
+from jaxsat.scenario import Scenario, ScenarioWarning
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.resolution import fastest, substeps_of
@@ -106,3 +107,23 @@ def test_friction_is_the_fastest_eigenvalue_of_body_and_rotors():
     assert found.what == "viscous friction"
     assert found.rate == pytest.approx(fast, rel=1e-9)
     assert found.location[0] == "wheel"
+
+
+def test_nutation_with_gyros_is_the_fastest_eigenvalue_that_their_momenta_can_make():
+    """J ω' = -h × ω at rest, with the momentum h of all rotors along one axis."""
+    scenario = Scenario.model_validate(document())
+    inertia = np.array(scenario.spacecraft.inertia_kg_m2)
+    axes = np.random.default_rng(1).normal(size=(1000, 3))
+    momenta = 4 * 0.8 * axes / np.linalg.norm(axes, axis=1)[:, None]
+    crosses = np.cross(np.eye(3)[None], momenta[:, None])  # rows (h ×)ᵀ
+    rates = np.abs(np.linalg.eigvals(np.linalg.solve(inertia, crosses))).max()
+    found = fastest(scenario)
+    assert found.what == "nutation"
+    spin = np.linalg.norm(scenario.initial.omega_rad_s)
+    assert rates < found.rate < 1.02 * rates + 2 * spin
+
+
+def test_the_run_down_of_a_rotor_is_fast():
+    stops = {"of": "gimbal 2", "at_s": 4.3, "kind": "run-down", "time_constant_s": 1e-3}
+    found = fastest(Scenario.model_validate(document([stops])))
+    assert (found.what, found.rate) == ("run-down of a rotor", pytest.approx(1000))

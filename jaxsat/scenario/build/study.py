@@ -151,14 +151,15 @@ def refined_study(
     """`build_study` with `keys`, of a scenario whose substeps leave no larger errors than it allows
     in the first case and in the one that starts fastest, and that scenario.
 
-    The substeps stay where the scenario names them or a controller's library is flown. Which they
-    are depends on scenario, seed and design alone, so a study that is resumed or larger has the
+    The substeps stay where the scenario names them. Which they are depends on scenario, seed and
+    design alone, so a study that is resumed or larger, or flies a controller's library, has the
     same. `tell` is told what was changed.
     """
-    if keys.get("controller") is not None:
-        return scenario, build_study(scenario, count, **keys)
-    study = lambda finer: build_study(finer, count, **keys)  # noqa: E731
-    return refined(scenario, study, pilot_errors, tell)
+    own = {**keys, "controller": None}
+    study = lambda finer: build_study(finer, count, **own)  # noqa: E731
+    scenario, flown = refined(scenario, study, pilot_errors, tell)
+    same = keys.get("controller") is None
+    return scenario, flown if same else build_study(scenario, count, **keys)
 
 
 def pilot_errors(study: Study) -> Errors:

@@ -74,6 +74,6 @@ def test_check_names_the_commands_that_take_a_vehicle(tmp_path, capsys):
     assert "valid for controllability and design" in capsys.readouterr().out
     assert check("two-wheel-telescope") == 0
     told = capsys.readouterr().out
-    assert "not for montecarlo and tune: dispersion" in told
+    assert "not for compare, montecarlo and tune: dispersion" in told
     assert "not for export" in told
     assert check(str(_file(tmp_path, REST.replace("period_s", "perid_s"), INERTIA, rows))) == 2
