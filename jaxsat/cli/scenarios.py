@@ -166,6 +166,6 @@ def _require_vehicle(scenario: "Scenario") -> None:
 
 def _require_flight_code(scenario: "Scenario") -> None:
     from jaxsat.flight.flight import FlightController
-    from jaxsat.scenario.build.run import build_loop
+    from jaxsat.scenario.build.run import build
 
-    FlightController.of(build_loop(scenario))
+    FlightController.of(build(scenario).loop)  # which the check has built already
