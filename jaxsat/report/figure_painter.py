@@ -18,6 +18,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from jaxsat.core.text import clean
 from jaxsat.report.plot import Axis, Line, Plot, Strips, Timeline, kept_samples, largest_of_parts
+from jaxsat.report.shared_ticks import SharedTicksAxes
 from jaxsat.report.style import (
     MAX_TITLE_LENGTH,
     SETTINGS,
@@ -99,7 +100,7 @@ def paint(
         for head, foot in zip(heads, below, strict=True):
             top -= head + height
             place = (LEFT / WIDTH, top / whole, 1 - (LEFT + right) / WIDTH, height / whole)
-            axes.append(figure.add_axes(place))
+            axes.append(figure.add_axes(place, axes_class=SharedTicksAxes))
             top -= foot
         set_title(figure, title, 1 - 0.07 / whole)
         for number, (panel, plot) in enumerate(zip(axes, plots, strict=True)):

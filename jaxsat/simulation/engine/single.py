@@ -191,7 +191,9 @@ def _planned(
         return stepper, None
     if isinstance(loop, SampledLoop):
         interval, every = loop.controller.period, int(sample_numbers(loop, times)[1])
-        memories = eqx.filter_eval_shape(lambda: [one.init_memory() for one in loop.plant.effectors])
+        memories = eqx.filter_eval_shape(
+            lambda: [one.init_memory() for one in loop.plant.effectors]
+        )
         pulsed = any(memory is not None for memory in memories)
     program, case = _program(loop, start, interval, every * len(gaps), tolerances)
     flight = _Flight(program, stepper, case, every, pulsed)
