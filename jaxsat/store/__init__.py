@@ -6,7 +6,7 @@ What needs xarray, which takes its time, is imported when first used.
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from jaxsat.store.files import OutputError, refuse_existing, save_file, system_failure
+from jaxsat.store.files import OutputError, refuse_existing, save_file
 from jaxsat.store.folder import OutputFolder
 from jaxsat.store.provenance import command_line, machine, provenance
 from jaxsat.store.resumable import ResumableFolder
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
         dataset_bytes,
         is_within,
         open_trajectory,
-        save_dataset,
         time_at_rest,
         time_to_settle,
         trajectory_dataset,
@@ -35,7 +34,6 @@ _LATER = {
     "open_study": "tables",
     "open_trajectory": "dataset",
     "save_case_table": "tables",
-    "save_dataset": "dataset",
     "study_columns": "ledger",
     "time_at_rest": "dataset",
     "time_to_settle": "dataset",
@@ -58,10 +56,8 @@ __all__ = [
     "provenance",
     "refuse_existing",
     "save_case_table",
-    "save_dataset",
     "save_file",
     "study_columns",
-    "system_failure",
     "time_at_rest",
     "time_to_settle",
     "trajectory_dataset",

@@ -16,7 +16,7 @@ from jaxsat.core.pointing import SEQUENCE, euler_angles, pointing_error
 from jaxsat.core.text import clean
 from jaxsat.core.tolerances import Tolerances, within
 from jaxsat.simulation import Signals, Trajectory
-from jaxsat.store.files import OutputError, one_line, save_file
+from jaxsat.store.files import OutputError, one_line
 from jaxsat.store.labels import (
     ALL_PARTS,
     AXES,
@@ -166,14 +166,6 @@ def dataset_bytes(dataset: xr.Dataset) -> bytes:
     buffer = io.BytesIO()
     dataset.to_netcdf(buffer, engine="h5netcdf", encoding=encoding)
     return buffer.getvalue()
-
-
-def save_dataset(dataset: xr.Dataset, path: str | Path, *, overwrite: bool = False) -> None:
-    """Write a dataset as netCDF 4, compressed; raises `OutputError`, also for a file that exists.
-
-    `overwrite` replaces a file.
-    """
-    save_file(path, dataset_bytes(dataset), overwrite=overwrite)
 
 
 def open_trajectory(path: str | Path) -> xr.Dataset:

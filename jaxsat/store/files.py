@@ -11,7 +11,7 @@ import json
 import os
 import secrets
 import stat
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -39,9 +39,22 @@ class OutputError(JaxsatError):
         self.elsewhere = elsewhere
 
 
-def system_failure(message: str, error: OSError) -> OutputError:
-    """The system's error in our words; a failure if it is one of the disk."""
-    return OutputError(message, failure=error.errno in FAILURES)
+def system_failure(path: str | Path, verb: str, error: OSError, more: str = "") -> OutputError:
+    """That a place cannot be `verb` ("read", "written"), and why, with `more` behind it.
+
+    It is a failure if the system's error is one of the disk.
+    """
+    text = f"{path} cannot be {verb}: {reason(error)}.{more}"
+    return OutputError(text, failure=error.errno in FAILURES)
+
+
+@contextlib.contextmanager
+def explained(path: str | Path, verb: str, more: str = "") -> Iterator[None]:
+    """Turns an `OSError` into the `OutputError` of `system_failure`."""
+    try:
+        yield
+    except OSError as error:
+        raise system_failure(path, verb, error, more) from error
 
 
 def reason(error: OSError) -> str:
@@ -140,10 +153,8 @@ def read_or_explain(path: Path) -> bytes | None:
 
     Raises `OutputError` where the system will not read it.
     """
-    try:
+    with explained(path, "read"):
         return read_file(path)
-    except OSError as error:
-        raise system_failure(f"{path} cannot be read: {reason(error)}.", error) from error
 
 
 def save_file(
@@ -156,12 +167,11 @@ def save_file(
     """
     refuse_existing(path, overwrite=overwrite, option=option)
     target = Path(os.path.realpath(path))
-    try:
-        write_file(target, content, replace=overwrite)
-    except FileExistsError:
-        raise OutputError(_already_there(path, option)) from None
-    except OSError as error:
-        raise system_failure(f"{path} cannot be written: {reason(error)}.", error) from error
+    with explained(path, "written"):
+        try:
+            write_file(target, content, replace=overwrite)
+        except FileExistsError:
+            raise OutputError(_already_there(path, option)) from None
 
 
 def refuse_existing(path: str | Path, *, overwrite: bool, option: str = "--out") -> None:

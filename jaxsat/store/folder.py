@@ -5,11 +5,10 @@ import ctypes
 import os
 import stat
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
-from jaxsat.store.files import OutputError, reason, sync_file, sync_folder, system_failure
+from jaxsat.store.files import OutputError, explained, sync_file, sync_folder, system_failure
 from jaxsat.store.marker import MARKER, Made, Marker, abbreviated, foreign_files_in, nothing, walk
 from jaxsat.store.temporary import TemporaryFolder, temporary_folder
 
@@ -44,12 +43,14 @@ class OutputFolder:
         self._kind, self._option, self._is_made_of_it = kind, option, is_made_of_it
         self._else = f"give another folder with {option}"
         self._new_parents: list[Path] = []
-        _explain(target, self._refuse_what_is_there)
+        with explained(target, "written"):
+            self._refuse_what_is_there()
 
     def __enter__(self) -> "OutputFolder":
         """Make the temporary folder beside the target."""
         try:
-            _explain(self.target, self._make_temporary)
+            with explained(self.target, "written"):
+                self._make_temporary()
         except BaseException:
             self._remove_new_parents()
             raise
@@ -64,14 +65,15 @@ class OutputFolder:
         """Put the folder in its place, or remove it."""
         try:
             if kind is None:
-                _explain(self.target, self._finish)
+                with explained(self.target, "written"):
+                    self._finish()
             else:
                 self._made.remove()
         finally:
             self._made.lock.close()
             self._remove_new_parents()
         if isinstance(error, OSError):
-            raise system_failure(_reason(self.target, error), error) from error
+            raise system_failure(self.target, "written", error) from error
 
     def write(self, name: str, content: str | bytes) -> None:
         """Write a file into the folder; raises `OSError`, which the end of the block explains."""
@@ -194,14 +196,3 @@ def _exchange(one: Path, other: Path) -> bool:
         at_working_directory, os.fsencode(one), at_working_directory, os.fsencode(other), exchange
     )
     return status == 0
-
-
-def _explain(target: str | Path, action: Callable[[], object]) -> None:
-    try:
-        action()
-    except OSError as error:
-        raise system_failure(_reason(target, error), error) from error
-
-
-def _reason(target: str | Path, error: OSError) -> str:
-    return f"{target} cannot be written: {reason(error)}."

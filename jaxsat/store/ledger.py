@@ -20,10 +20,9 @@ from jaxsat.store.chunks import DONE, STATUS, STATUS_COLUMN, chunk_file, chunk_h
 from jaxsat.store.files import (
     OutputError,
     content_hash,
+    explained,
     parse_json,
     read_or_explain,
-    reason,
-    system_failure,
     write_file,
 )
 from jaxsat.store.header import Header, read_header
@@ -114,12 +113,11 @@ def status_chunks(store: Path) -> set[int]:
 
 def _numbered_files(folder: Path) -> set[int]:
     """The files of a folder that are called by the number of a chunk; raises `OutputError`."""
-    try:
-        names = os.listdir(folder)
-    except (FileNotFoundError, NotADirectoryError):
-        return set()
-    except OSError as error:
-        raise system_failure(f"{folder} cannot be read: {reason(error)}.", error) from error
+    with explained(folder, "read"):
+        try:
+            names = os.listdir(folder)
+        except (FileNotFoundError, NotADirectoryError):
+            return set()
     return {int(name) for name in names if re.fullmatch("0|[1-9][0-9]{0,14}", name)}
 
 

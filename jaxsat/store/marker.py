@@ -15,13 +15,12 @@ from typing import Any
 from jaxsat.store.files import (
     OutputError,
     content_hash,
+    explained,
     new_token,
     parse_json,
     partial_name,
     read_file,
     read_or_explain,
-    reason,
-    system_failure,
     write_file,
 )
 
@@ -224,11 +223,8 @@ def read_unchanged(path: Path) -> bytes | None:
     folder and that is not there any longer or is not as jaxsat wrote it.
     """
     data = read_or_explain(Path(os.path.realpath(path)))
-    try:
+    with explained(path.parent, "read"):
         marker = Marker.read(path.parent)
-    except OSError as error:
-        message = f"{path.parent} cannot be read: {reason(error)}."
-        raise system_failure(message, error) from error
     if marker is None or path.name not in marker.names:
         return data
     if data is None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from jaxsat.store.files import OutputError, read_or_explain, reason, system_failure
+from jaxsat.store.files import OutputError, explained, read_or_explain
 from jaxsat.store.marker import Marker, abbreviated
 from jaxsat.store.temporary import is_absent_or_empty, lock_folder, make_folder
 
@@ -27,21 +27,17 @@ class ResumableFolder:
         self.path = Path(os.path.realpath(path))
         self._kind = kind
         self._new = False
-        try:
+        with explained(path, "made"):
             if is_absent_or_empty(self.path):
                 self._new = True
                 make_folder(self.path, kind, {}, lambda made: Marker.make(made, kind, about))
-        except OSError as error:
-            raise system_failure(f"{path} cannot be made: {reason(error)}.", error) from error
         if not self.path.is_dir():
             raise OutputError(f"{path} is a file; give another folder with --out.")
         self._lock = lock_folder(self.path)
         try:
-            self._marker = self._known()
+            with explained(path, "read"):
+                self._marker = self._known()
             self.about = self._marker.about
-        except OSError as error:
-            self.close()
-            raise system_failure(f"{path} cannot be read: {reason(error)}.", error) from error
         except BaseException:
             self.close()
             raise
@@ -94,15 +90,10 @@ class ResumableFolder:
         """
         data = content.encode() if isinstance(content, str) else content
         self._refuse(name)
-        try:
+        more = " What was kept before is good; the same command resumes."
+        with explained(self.path / name, "written", more):
             (self.path / name).parent.mkdir(exist_ok=True)
             self._marker.write(name, data)
-        except OSError as error:
-            raise system_failure(
-                f"{self.path / name} cannot be written: {reason(error)}. What was kept before is "
-                "good; the same command resumes.",
-                error,
-            ) from error
 
     def _known(self) -> Marker:
         marker = Marker.read(self.path)
@@ -124,11 +115,8 @@ class ResumableFolder:
         return marker
 
     def _refuse(self, name: str) -> None:
-        try:
+        with explained(self.path / name, "read"):
             owned = self._marker.is_unchanged(name)
-        except OSError as error:
-            message = f"{self.path / name} cannot be read: {reason(error)}."
-            raise system_failure(message, error) from error
         if not owned:
             self._refuse_changed(name)
 

@@ -24,7 +24,7 @@ from jaxsat.store.chunks import (
     chunk_numbers,
     encoded,
 )
-from jaxsat.store.files import OutputError, reason, system_failure, write_file
+from jaxsat.store.files import OutputError, explained, reason, write_file
 from jaxsat.store.header import OTHER_PROGRAM, Header, differences, read_header, run_record
 from jaxsat.store.ledger import (
     ChunkRecord,
@@ -182,16 +182,13 @@ class StudyStore:
 
     def _make(self, header: Header) -> None:
         """Beside the target, then in its place at once: there is never half a store."""
-        try:
+        with explained(self.path, "made"):
             if not is_absent_or_empty(self.path):
                 return
             files = {METADATA: header.content(), **header.coordinate_files()}
             for name, metadata in header.metadata(0).items():
                 files[f"{name}/{METADATA}"] = as_json(metadata)
             make_folder(self.path, "study", files)
-        except OSError as error:
-            message = f"{self.path} cannot be made: {reason(error)}."
-            raise system_failure(message, error) from error
 
     def _continued(self, wanted: Header, elsewhere: bool) -> Header:
         """The header that the store goes on with."""

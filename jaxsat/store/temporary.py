@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from jaxsat.store.files import OutputError, reason, sync_files, sync_folder, system_failure
+from jaxsat.store.files import OutputError, explained, sync_files, sync_folder
 from jaxsat.store.marker import MARKER, Marker
 
 
@@ -34,10 +34,8 @@ class FolderLock:
 
 def lock_folder(path: Path) -> FolderLock:
     """Lock a folder for this process; raises `OutputError` while another one holds it."""
-    try:
+    with explained(path, "opened"):
         handle = _open(path)
-    except OSError as error:
-        raise system_failure(f"{path} cannot be opened: {reason(error)}.", error) from error
     try:
         _lock(handle)
     except OSError as error:

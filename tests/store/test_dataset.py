@@ -18,7 +18,7 @@ from jaxsat.store import (
     OutputError,
     OutputFolder,
     open_trajectory,
-    save_dataset,
+    save_file,
     time_to_settle,
     trajectory_dataset,
 )
@@ -107,7 +107,7 @@ def test_held_third_rate_is_told_apart(tmp_path):
     found = trajectory_dataset(held)
     assert found["constraint_torque"].attrs["units"] == "N m"
     assert found["constraint_effort"].attrs["units"] == "N m s"
-    save_dataset(found, tmp_path / "trajectory.nc")
+    save_file(tmp_path / "trajectory.nc", dataset_bytes(found))
     assert open_trajectory(tmp_path).identical(found)
 
 
@@ -129,12 +129,12 @@ def test_says_what_made_it(dataset):
 
 def test_netcdf_round_trip(run, dataset, tmp_path):
     scenario, _ = run
-    save_dataset(dataset, tmp_path / "trajectory.nc")
+    save_file(tmp_path / "trajectory.nc", dataset_bytes(dataset))
     for place in (tmp_path, tmp_path / "trajectory.nc"):
         again = open_trajectory(place)
         assert again.identical(dataset)
     with pytest.raises(OutputError, match="already exists"):
-        save_dataset(dataset, tmp_path / "trajectory.nc")
+        save_file(tmp_path / "trajectory.nc", dataset_bytes(dataset))
     path = tmp_path / "scenario.toml"
     path.write_text(again.attrs["scenario"], encoding="utf-8")
     assert load(path) == scenario

@@ -13,8 +13,8 @@ from jaxsat.store import (
     OutputFolder,
     ResumableFolder,
     StudyStore,
+    dataset_bytes,
     open_study,
-    save_dataset,
     save_file,
 )
 
@@ -33,7 +33,7 @@ def is_empty(folder):
 
 
 def test_single_files_and_output_folders(small_disk):
-    for attempt in (save_file, lambda path, data: save_dataset(large(), path)):
+    for attempt in (save_file, lambda path, data: save_file(path, dataset_bytes(large()))):
         with pytest.raises(OutputError, match="No space left on device") as caught:
             attempt(small_disk / "f", noise(2**21))
         assert caught.value.failure

@@ -10,7 +10,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation.engine import NativeEngine
-from jaxsat.store import open_trajectory, save_dataset, trajectory_dataset
+from jaxsat.store import dataset_bytes, open_trajectory, save_file, trajectory_dataset
 from simulation.engine.examples import KICKS, estimated_example, program
 
 SENSORS = [
@@ -63,7 +63,7 @@ def test_a_law_is_told_the_estimate_and_the_signals_tell_how_far_off_it_is():
 @pytest.mark.slow
 def test_errors_and_what_is_claimed_of_them_reach_the_file(tmp_path):
     trajectory = built(20).simulate()
-    save_dataset(trajectory_dataset(trajectory), tmp_path / "run.nc")
+    save_file(tmp_path / "run.nc", dataset_bytes(trajectory_dataset(trajectory)))
     found = open_trajectory(tmp_path / "run.nc")
     for name in NAMES:
         np.testing.assert_array_equal(found[name], getattr(trajectory.signals, name))
