@@ -29,8 +29,8 @@ def comparison_document(record: Record) -> Document:
     Raises `KeyError` or `TypeError` for a record of another form.
     """
     rows = record["rows"]
-    told = [f"{place_of(one)}: {_taken(one)}" for one in record["verdicts"]]
-    verdict = Verdict(None, told[0] if told else "Nothing was compared.", told[1:])
+    sentences = [f"{place_of(one)}: {_taken(one)}" for one in record["verdicts"]]
+    verdict = Verdict(None, sentences[0] if sentences else "Nothing was compared.", sentences[1:])
     blocks = [
         _laws(rows, record.get("median_least_times", ())),
         *_recovered(rows),
@@ -84,44 +84,44 @@ def _laws(rows: Sequence[Record], least: Sequence[Record]) -> Table:
     return Table("Laws", columns, cells, " ".join(note))
 
 
-def _least_time(found: Record) -> str:
+def _least_time(record: Record) -> str:
     return (
-        f"Median least time of the same starts with {found['torque_limit']:g} N m, open loop and "
-        f"without dispersions, until {ENDS[found['end']]}: {found['seconds']:.1f} s (best found, "
+        f"Median least time of the same starts with {record['torque_limit']:g} N m, open loop and "
+        f"without dispersions, until {ENDS[record['end']]}: {record['seconds']:.1f} s (best found, "
         "not certified)."
     )
 
 
 def _recovered(rows: Sequence[Record]) -> Iterator[Table]:
     """Of failures in flight: a row for every kind, a column for every law."""
-    told = {row["law"]: row["recovered"] for row in rows if "recovered" in row}
-    if not told:
+    by_law = {row["law"]: row["recovered"] for row in rows if "recovered" in row}
+    if not by_law:
         return
     cells: list[list[Cell]] = []
-    for kind, first in next(iter(told.values())).items():
-        recoverable = max(one[kind]["recoverable"] for one in told.values())
+    for kind, first in next(iter(by_law.values())).items():
+        recoverable = max(one[kind]["recoverable"] for one in by_law.values())
         cells.append(
-            [kind, first["cases"], recoverable, *(_share(one[kind]) for one in told.values())]
+            [kind, first["cases"], recoverable, *(_share(one[kind]) for one in by_law.values())]
         )
-    columns = ["failure", "cases", "recoverable", *(f"{law}: recovered" for law in told)]
+    columns = ["failure", "cases", "recoverable", *(f"{law}: recovered" for law in by_law)]
     note = "With 95 % intervals of the fraction of all cases."
     yield Table("Recovered by kind of failure", columns, cells, note)
 
 
-def _share(found: Record) -> Shown:
-    fraction = interval_of(found["fraction"])
+def _share(record: Record) -> Shown:
+    fraction = interval_of(record["fraction"])
     assert fraction is not None
     _, low, high = percent_texts(fraction)
-    return Shown(f"{found['recovered']} ({low} to {high})", found["recovered"])
+    return Shown(f"{record['recovered']} ({low} to {high})", record["recovered"])
 
 
-def _bounds(found: Sequence[Record]) -> Iterator[Table]:
-    if not found:
+def _bounds(records: Sequence[Record]) -> Iterator[Table]:
+    if not records:
         return
     rows: list[list[Cell]] = [
-        [one["torque_limit"], ENDS[one["end"]], one["time"], one["effort"]] for one in found
+        [one["torque_limit"], ENDS[one["end"]], one["time"], one["effort"]] for one in records
     ]
     columns = ["N m", "until", "least time (s)", "least effort (N m s)"]
-    starts = found[0]["starts"]
+    starts = records[0]["starts"]
     note = f"Best of {starts} starts and the planner's, not certified."
     yield Table("Least from the paper's start, open loop", columns, rows, note)

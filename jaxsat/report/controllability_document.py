@@ -63,10 +63,10 @@ def controllability_document(
     `records` are those of `failure_records`, or rows of failures.csv; with `failures` those of so
     many actuators are listed alone.
     """
-    shown = [one for one in records if failures in (None, count_failed(one))]
+    listed = [one for one in records if failures in (None, count_failed(one))]
     later = any(one["once_stopped"] != one["verdict"] for one in records)
     columns = COLUMNS | ({"once_stopped": "once stopped"} if later else {})
-    rows = [[_cell(name, one) for name in columns] for one in shown]
+    rows = [[_cell(name, one) for name in columns] for one in listed]
     note = (
         "The margin compares directions. The turn time is the time to turn by one radian about the "
         "axis that is hardest to reach."
@@ -76,8 +76,8 @@ def controllability_document(
         Table(heading, list(columns.values()), rows, note),
         Lines("Findings", findings),
     ]
-    told = Verdict(GOOD.get(records[0]["verdict"]), verdict, [_survival(records)])
-    return Document(title, told, blocks)
+    summary = Verdict(GOOD.get(records[0]["verdict"]), verdict, [_survival(records)])
+    return Document(title, summary, blocks)
 
 
 def count_failed(record: Mapping[str, Any]) -> int:
@@ -89,12 +89,12 @@ def _survival(records: Sequence[Mapping[str, Any]]) -> str:
     """How many failures of one actuator, of two, … leave the spacecraft controllable."""
     cases = Counter(map(count_failed, records))
     good = Counter(count_failed(one) for one in records if one["verdict"] in CONTROLLABLE)
-    found = [
+    counts = [
         f"{good[number]} of {cases[number]} {word}"
         for number, word in enumerate(COUNT_WORDS, 1)
         if cases[number]
     ]
-    return f"Survives: {', '.join(found)} failures." if found else "No failure is listed."
+    return f"Survives: {', '.join(counts)} failures." if counts else "No failure is listed."
 
 
 def _cell(name: str, record: Mapping[str, Any]) -> Cell:
@@ -121,7 +121,7 @@ def controllability_lines(
     stopped, None where none coasts.
     """
     jets = torque_cone(judgement.actuators.torques, judgement.actuators.two_sided)
-    found = [
+    remarks = [
         once_stopped_words(judgement, stopped),
         momentum_words(judgement),
         net_force_words(net_force(judgement.actuators, jets)),
@@ -130,7 +130,7 @@ def controllability_lines(
     return [
         *([] if torques.lower() in verdict.lower() else [f"Torques: {torques}"]),
         f"Laws: {LAW_WORDS[judgement.laws]}",
-        *[line for line in found if line is not None],
+        *[line for line in remarks if line is not None],
         *([] if analysis is None else _rank_lines(judgement, analysis, torque)),
     ]
 

@@ -177,13 +177,15 @@ def _magnetic_lines(scenario: Scenario) -> list[str]:
     left = actuators.only(others)
     sizes = np.linalg.norm(left.torques, axis=0) if scenario.thruster else np.zeros(0)
     try:
-        found = magnetic_authority(scenario.spacecraft.inertia_kg_m2, axes, limits, torquers.field)
+        authority = magnetic_authority(
+            scenario.spacecraft.inertia_kg_m2, axes, limits, torquers.field
+        )
     except NoEquilibriumError:
         return [
             "Magnetorquers: not analysed, and not part of the verdict and the table. The analysis "
             "linearises about rest in the orbit frame, which is no equilibrium of this body"
         ]
-    return magnetic_words(found, sizes.max(initial=0.0), bool(left.wheels))
+    return magnetic_words(authority, sizes.max(initial=0.0), bool(left.wheels))
 
 
 def _gyro_cluster(scenario: Scenario) -> GyroCluster | None:
@@ -211,38 +213,38 @@ def _follow_drift(scenario: Scenario) -> tuple[list[str], dict[str, tuple[Any, .
         jnp.asarray(table.frequency_rad_s),
     )
     lines: list[str] = []
-    drawn: dict[str, tuple[Any, ...]] = {}
+    charts: dict[str, tuple[Any, ...]] = {}
     if jnp.any(omega != 0):
-        found = recurrence(
+        motion = recurrence(
             DriftField(inertia), pack(jnp.eye(3), omega), radius=0.3, step=0.2, count=100_000
         )
         lines.append(
-            f"Recurrence without disturbance: {len(found.returns)} returns to within 0.3 of the "
-            f"start in {found.times[-1]:.0f} s. That almost every state returns is Poincaré's "
+            f"Recurrence without disturbance: {len(motion.returns)} returns to within 0.3 of the "
+            f"start in {motion.times[-1]:.0f} s. That almost every state returns is Poincaré's "
             "theorem; a simulation only shows it."
         )
-        drawn["recurrence"] = (found.times, found.distances, found.radius)
+        charts["recurrence"] = (motion.times, motion.distances, motion.radius)
     if jnp.any(amplitude * frequency != 0):
-        found = energy_counterexample(inertia, amplitude, frequency)
-        axis = int(np.argmax(np.abs(found.omega)))
-        passed = found.times[np.argmax(found.energies > found.claimed)]
+        motion = energy_counterexample(inertia, amplitude, frequency)
+        axis = int(np.argmax(np.abs(motion.omega)))
+        passed = motion.times[np.argmax(motion.energies > motion.claimed)]
         lines.append(
             f"Claim (18), that the energy stays within C + Σa_i: from a spin of "
-            f"{found.omega[axis]:g} rad/s about {'xyz'[axis]}, all phases zero, the energy has "
-            f"grown by {found.gain:.3g} J after {found.times[-1]:.3g} s, where the claim allows "
-            f"{found.claimed - found.energies[0]:.3g} J"
-            + (f"; refuted (passed at {passed:.3g} s)" if found.excess > 0 else "; not refuted")
+            f"{motion.omega[axis]:g} rad/s about {'xyz'[axis]}, all phases zero, the energy has "
+            f"grown by {motion.gain:.3g} J after {motion.times[-1]:.3g} s, where the claim allows "
+            f"{motion.claimed - motion.energies[0]:.3g} J"
+            + (f"; refuted (passed at {passed:.3g} s)" if motion.excess > 0 else "; not refuted")
         )
-        bound = energy_bound(inertia, found.energies[0], amplitude, jnp.asarray(found.times))
-        drawn["energy"] = (found.times, found.energies, found.claimed, np.asarray(bound))
-    return lines, drawn
+        bound = energy_bound(inertia, motion.energies[0], amplitude, jnp.asarray(motion.times))
+        charts["energy"] = (motion.times, motion.energies, motion.claimed, np.asarray(bound))
+    return lines, charts
 
 
 def _drift_figures(drawn: Mapping[str, tuple[Any, ...]]) -> "dict[str, Figure]":
     from jaxsat.report.controllability_figures import energy_chart, recurrence_chart
 
     charts = {"recurrence": recurrence_chart, "energy": energy_chart}
-    return {name: charts[name](*given) for name, given in drawn.items()}
+    return {name: charts[name](*data) for name, data in drawn.items()}
 
 
 def _figures(judgement: Judgement, cases: Sequence[FailureCase]) -> "dict[str, Figure]":

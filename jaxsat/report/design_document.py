@@ -47,16 +47,16 @@ def _choice(record: Record) -> Iterator[Block]:
     steps = {name: record[name] for name in ("screening", "validation") if record[name]}
     rows = [[name, *law_cells(row)] for name, step in steps.items() for row in step["rows"]]
     yield Table("Laws in screening and validation", ["step", *LAW_COLUMNS], rows, LAWS_NOTE)
-    told = [
+    sentences = [
         f"{capitalised(name)}, seed {record['seeds'][name]}: {step['taken'] or 'none'} is best. "
         f"{capitalised(step['reason'])}."
         for name, step in steps.items()
     ]
     if record["tuning"] is not None:
-        told.insert(1, _tuning(record["tuning"]))
+        sentences.insert(1, _tuning(record["tuning"]))
     gains = ", ".join(f"{name} = {_gain(value)}" for name, value in record["gains"].items())
-    told.append(f"Chosen: {record['chosen']}{f' with {gains}' if gains else ''}.")
-    yield Lines("Why this law", told)
+    sentences.append(f"Chosen: {record['chosen']}{f' with {gains}' if gains else ''}.")
+    yield Lines("Why this law", sentences)
 
 
 def _tuning(tuning: Record) -> str:
@@ -77,11 +77,11 @@ def _gain(value: Any) -> str:
     return number_text(value)
 
 
-def _verification(record: Record, found: Record) -> Iterator[Block]:
-    outcomes = ", ".join(f"{count:,} {name}" for name, count in found["outcomes"].items())
-    seed, failing = record["seeds"]["verification"], found["failing_cases"]
+def _verification(record: Record, verification: Record) -> Iterator[Block]:
+    outcomes = ", ".join(f"{count:,} {name}" for name, count in verification["outcomes"].items())
+    seed, failing = record["seeds"]["verification"], verification["failing_cases"]
     times = {
-        label: {float(percent): interval_of(one) for percent, one in found[name].items()}
+        label: {float(percent): interval_of(one) for percent, one in verification[name].items()}
         for name, label in (("settling_time_s", "settling_time"), ("effort_N_m_s", "effort"))
     }
     note = f"Seed {seed}, used for nothing before. Outcomes: {outcomes}."
@@ -92,31 +92,31 @@ def _verification(record: Record, found: Record) -> Iterator[Block]:
     rest = f" and {more:,} more, all of them in design.json" if more > 0 else ""
     command = f"jaxsat montecarlo {DESIGNED} --seed {seed} --case {failing[0]}"
     listed = ", ".join(map(str, failing[:SHOWN_CASES]))
-    told = [f"{listed}{rest}.", f"Each alone, with figures: `{command}`."]
-    yield Lines("Cases that do not settle", told)
+    sentences = [f"{listed}{rest}.", f"Each alone, with figures: `{command}`."]
+    yield Lines("Cases that do not settle", sentences)
     if record["outcome"] != "reached":
-        yield from _explained(found)
+        yield from _explained(verification)
 
 
-def _explained(found: Record) -> Iterator[Block]:
+def _explained(verification: Record) -> Iterator[Block]:
     """What the failing cases have in common, and what would help."""
     title = "What they have in common"
-    if found["separations"]:
+    if verification["separations"]:
         rows: list[list[Cell]] = [
             [one["name"], one["share"], _three(one["failing"]), _three(one["settled"])]
-            for one in found["separations"]
+            for one in verification["separations"]
         ]
         columns = ["number", "share explained", "failing: 10, 50, 90 %", "settled: 10, 50, 90 %"]
         yield Table(title, columns, rows)
     else:
-        told = "No drawn number separates them from the others by more than chance."
-        yield Lines(title, [told])
-    if found["limit"] is not None:
-        limit = found["limit"]
+        message = "No drawn number separates them from the others by more than chance."
+        yield Lines(title, [message])
+    if verification["limit"] is not None:
+        limit = verification["limit"]
         helped = f"With {limit['change']} {limit['settled']} of {limit['flown']} settle."
         yield Lines("What limits it", [helped, *([limit["cause"]] if limit["cause"] else [])])
-    if found["remedies"]:
-        rows = [[one["change"], _helped(one)] for one in found["remedies"]]
+    if verification["remedies"]:
+        rows = [[one["change"], _helped(one)] for one in verification["remedies"]]
         note = "The failing cases simulated again, each time with one change."
         yield Table("What would help", ["change", "settle then"], rows, note)
 

@@ -28,8 +28,8 @@ def scenario_tables(dataset: xr.Dataset) -> dict[str, Any]:
 
 def settles_in_attitude(scenario: Mapping[str, Any]) -> bool:
     """Whether the law of a scenario's tables has an attitude to go to; true of one not known."""
-    found = known_law(str(scenario.get("control", {}).get("law", "unknown")))
-    return found is None or found.declaration.regulates_attitude
+    law = known_law(str(scenario.get("control", {}).get("law", "unknown")))
+    return law is None or law.declaration.regulates_attitude
 
 
 def settled_meaning(scenario: Mapping[str, Any], of_study: bool = False) -> str:
@@ -37,11 +37,11 @@ def settled_meaning(scenario: Mapping[str, Any], of_study: bool = False) -> str:
     a law that only stops a rotation may turn as fast as the orbit besides."""
     keys = ("tilt_rad", "turn_rad", "rate_rad_s", "dwell_s")
     table = scenario.get("settled", {})
-    given = {key: table[key] for key in keys if isinstance(table.get(key), int | float)}
-    found, attitude = Tolerances.of_keys(**given), settles_in_attitude(scenario)
+    values = {key: table[key] for key in keys if isinstance(table.get(key), int | float)}
+    tolerances, attitude = Tolerances.of_keys(**values), settles_in_attitude(scenario)
     if attitude or not of_study:
-        return found.text(attitude)
-    return found.of_rate(OrbitTable.model_validate(scenario.get("orbit", {})).rate()).text()
+        return tolerances.text(attitude)
+    return tolerances.of_rate(OrbitTable.model_validate(scenario.get("orbit", {})).rate()).text()
 
 
 def scenario_facts(scenario: Mapping[str, Any]) -> dict[str, str]:
@@ -122,16 +122,16 @@ def record_provenance(record: Mapping[str, Any], **more: str) -> Facts:
 INTERVALS = "Intervals are of 95 %."
 
 
-def fraction_cell(found: Interval) -> Shown:
+def fraction_cell(interval: Interval) -> Shown:
     """A fraction with its interval, "99.90% (99.64% to 99.97%)"."""
-    return Shown(fraction_text(found), found.value)
+    return Shown(fraction_text(interval), interval.value)
 
 
-def interval_cell(found: Interval | None, missing: str = "–") -> Shown:
+def interval_cell(interval: Interval | None, missing: str = "–") -> Shown:
     """A number with its interval; `missing` where there is none, as of cases that never settle."""
-    if found is None or not np.isfinite(found.value):
+    if interval is None or not np.isfinite(interval.value):
         return Shown(missing, float("inf"))
-    return Shown(f"{number_text(found.value)} ({ends_text(found)})", found.value)
+    return Shown(f"{number_text(interval.value)} ({ends_text(interval)})", interval.value)
 
 
 def interval_of(record: Mapping[str, Any] | None) -> Interval | None:

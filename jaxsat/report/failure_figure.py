@@ -47,15 +47,15 @@ def failure_figure(dataset: xr.Dataset, *, title: str = "") -> Figure | None:
     plots = [Plot("Pointing error", "", TIME, axis, [Line(time, size)]), _tests(dataset)]
     if diagnosed_part(dataset) != "thruster":
         plots += signal_plots(dataset, "wheel_momentum")
-    told = [*struck[:1], *verdicts(dataset)][:3]
+    events = [*struck[:1], *verdicts(dataset)][:3]
     if len(struck) > 1:  # failures and what was isolated, without the alarms
-        told = sorted([*struck, *(one for one in verdicts(dataset) if one[1] != "alarm")])
-    timeline = Timeline(time, [(at, "") for at, _ in told])
+        events = sorted([*struck, *(one for one in verdicts(dataset) if one[1] != "alarm")])
+    timeline = Timeline(time, [(at, "") for at, _ in events])
     heading = title or subject_title(dataset, "failure, diagnosis, recovery")
     figure = paint(plots, heading, 1.7, timeline)
     total = figure.axes[0]
     _draw_phases(dataset, total)
-    for row, (at, name) in enumerate(told):
+    for row, (at, name) in enumerate(events):
         total.annotate(
             f"{escape_mathematics(name)}, {at:.0f} s",
             (at, total.get_ylim()[1] * (0.55 - 0.14 * (row % ROWS))),
@@ -81,10 +81,10 @@ def phases(dataset: xr.Dataset) -> list[tuple[float, float, str]]:
     instants = [(start, "healthy: three axes")]
     for failed, following in zip(struck, [*struck[1:], np.inf], strict=True):
         instants.append((failed, "failed,\nnot known"))
-        known = [at for at, name in verdicts(dataset) if at >= failed and "isolated" in name]
-        if known and known[0] < following:
+        isolations = [at for at, name in verdicts(dataset) if at >= failed and "isolated" in name]
+        if isolations and isolations[0] < following:
             what = "settling" if following == np.inf else "flying"
-            instants.append((known[0], f"{what} by\n{_left(dataset, known[0])}"))
+            instants.append((isolations[0], f"{what} by\n{_left(dataset, isolations[0])}"))
     if np.isfinite(settled) and settled > instants[-1][0]:
         instants.append((settled, "settled"))
     ends = [at for at, _ in instants[1:]] + [end]
@@ -101,10 +101,10 @@ def _left(dataset: xr.Dataset, at: float) -> str:
 
 
 def _draw_phases(dataset: xr.Dataset, axes: Axes) -> None:
-    found, one = phases(dataset), len(_failures(dataset)) == 1
-    whole = found[-1][1] - found[0][0]
+    spans, one = phases(dataset), len(_failures(dataset)) == 1
+    whole = spans[-1][1] - spans[0][0]
     before = False
-    for number, (begin, end, name) in enumerate(found):
+    for number, (begin, end, name) in enumerate(spans):
         axes.axvspan(begin, end, color=GREYS[number % len(GREYS)], linewidth=0, zorder=0)
         narrow = end - begin < NARROW * whole
         side, before = "left" if before else "right", narrow

@@ -106,8 +106,10 @@ def front_figure(fronts: Sequence[dict[str, Any]], title: str) -> "Figure":
         axis.set_visible(False)
     for row in axes:
         row[0].set_ylabel("effort (N m s)")
-    drawn = [zip(*axis.get_legend_handles_labels(), strict=True) for axis in panels[: len(fronts)]]
-    lines = {label: handle for pairs in drawn for handle, label in pairs}
+    handles = [
+        zip(*axis.get_legend_handles_labels(), strict=True) for axis in panels[: len(fronts)]
+    ]
+    lines = {label: handle for pairs in handles for handle, label in pairs}
     figure.legend([*lines.values()], [*lines], loc="outside lower center", ncols=min(4, len(lines)))
     return figure
 

@@ -31,7 +31,7 @@ def save_figures(figures: Figures | Callable[[], Figures], write: Callable[[str,
     it makes them, cannot; and of those left out for which a full disk has no room. What else
     `write` raises is raised.
     """
-    drawn: dict[str, bytes] = {}
+    files: dict[str, bytes] = {}
     try:
         from matplotlib import rc_context, rcParamsDefault
 
@@ -42,18 +42,18 @@ def save_figures(figures: Figures | Callable[[], Figures], write: Callable[[str,
         }
         style["svg.hashsalt"] = "jaxsat"  # names in SVG are random otherwise
         with rc_context(style):
-            made = figures() if callable(figures) else figures
-            for name, figure in made.items():
-                drawn |= _drawn(name, figure)
+            by_name = figures() if callable(figures) else figures
+            for name, figure in by_name.items():
+                files |= _drawn(name, figure)
     except Exception as error:
         _tell("figures", error)
-    for number, (name, content) in enumerate(drawn.items()):
+    for number, (name, content) in enumerate(files.items()):
         try:
             write(name, content)
         except OSError as error:
             if error.errno not in FAILURES:
                 raise
-            left_out = ", ".join(list(drawn)[number:])
+            left_out = ", ".join(list(files)[number:])
             warnings.warn(f"{left_out}: not written, {reason(error)}", RuntimeWarning, stacklevel=2)
             return
 
@@ -63,24 +63,24 @@ def _drawn(name: str, figure: "Figure | Callable[[], Figure]") -> dict[str, byte
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
-    found = {}
+    files = {}
     try:
-        made = figure() if callable(figure) else figure
-        engine = made.get_layout_engine()
+        drawing = figure() if callable(figure) else figure
+        engine = drawing.get_layout_engine()
         if engine is not None:
-            engine.execute(made)
-            made.set_layout_engine("none")  # laid out once, for both
+            engine.execute(drawing)
+            drawing.set_layout_engine("none")  # laid out once, for both
         for ending, draw, options in (
-            ("png", FigureCanvasAgg(made).print_png, {"metadata": {"Software": None}, **FAST}),
-            ("svg", FigureCanvasSVG(made).print_svg, {"metadata": {"Date": None}}),
+            ("png", FigureCanvasAgg(drawing).print_png, {"metadata": {"Software": None}, **FAST}),
+            ("svg", FigureCanvasSVG(drawing).print_svg, {"metadata": {"Date": None}}),
         ):
             buffer = io.BytesIO()
             draw(buffer, **options)
-            found[f"{name}.{ending}"] = buffer.getvalue()
+            files[f"{name}.{ending}"] = buffer.getvalue()
     except Exception as error:
         _tell(f"figure {name}", error)
         return {}
-    return found
+    return files
 
 
 def _tell(what: str, error: Exception) -> None:

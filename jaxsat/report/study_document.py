@@ -88,36 +88,38 @@ def _steps(summary: Summary, scenario: Mapping[str, Any]) -> list[str]:
 
 
 def percentile_table(
-    found: Mapping[str, Mapping[float, Interval | None]], title: str, note: str = ""
+    quantities: Mapping[str, Mapping[float, Interval | None]], title: str, note: str = ""
 ) -> list[Table]:
     """Percentiles by the names of `PERCENTILES` and percent; none where no case ends."""
-    told = {PERCENTILES[name]: by_percent for name, by_percent in found.items() if by_percent}
-    if not told:
+    by_label = {
+        PERCENTILES[name]: by_percent for name, by_percent in quantities.items() if by_percent
+    }
+    if not by_label:
         return []
-    percents = next(iter(told.values()))
-    rows = [[label, *map(interval_cell, one.values())] for label, one in told.items()]
+    percents = next(iter(by_label.values()))
+    rows = [[label, *map(interval_cell, one.values())] for label, one in by_label.items()]
     columns = ["quantity", *(f"{one:g} %" for one in percents)]
     return [Table(title, columns, rows, f"{note} {INTERVALS}".strip())]
 
 
 def rankings(summary: Summary) -> Iterator[Table | Lines]:
     """On which dispersed numbers settling and the cost depend; nothing where they do not vary."""
-    found = {"settling": summary.settling_sensitivity, "the cost": summary.cost_sensitivity}
-    for result, ranking in found.items():
-        known = [one for one in ranking if np.isfinite(one.first_order.value)]
-        if any(one.matters for one in known):
-            yield _ranking(f"Sensitivity of {result}", known)
-        elif known:
-            told = "No dependence is significant with this number of cases."
-            yield Lines(f"Sensitivity of {result}", [told])
+    sensitivities = {"settling": summary.settling_sensitivity, "the cost": summary.cost_sensitivity}
+    for result, ranking in sensitivities.items():
+        finite = [one for one in ranking if np.isfinite(one.first_order.value)]
+        if any(one.matters for one in finite):
+            yield _ranking(f"Sensitivity of {result}", finite)
+        elif finite:
+            message = "No dependence is significant with this number of cases."
+            yield Lines(f"Sensitivity of {result}", [message])
 
 
 def _short(value: float) -> str:
     return number_text(value, 3)
 
 
-def _ranking(title: str, known: list[Sensitivity]) -> Table:
-    known = sorted(known, key=lambda one: not one.matters)
+def _ranking(title: str, ranking: list[Sensitivity]) -> Table:
+    ranking = sorted(ranking, key=lambda one: not one.matters)
     rows: list[list[Cell]] = [
         [
             one.name,
@@ -127,42 +129,42 @@ def _ranking(title: str, known: list[Sensitivity]) -> Table:
             ),
             "yes" if one.matters else "no",
         ]
-        for one in known
+        for one in ranking
     ]
     columns = ["quantity", "first-order index", "rank correlation", "significant"]
     note = "The 95 % intervals hold simultaneously."
-    first = min(SHOWN, sum(one.matters for one in known))
+    first = min(SHOWN, sum(one.matters for one in ranking))
     return Table(title, columns, rows, note, first)
 
 
-def recovery_line(found: RecoverySummary) -> str:
+def recovery_line(recovery: RecoverySummary) -> str:
     """The recovered fraction of the recoverable cases, and alarms without a failure."""
-    total = found.by_kind[-1]
+    total = recovery.by_kind[-1]
     text = f"Recovered: {total.settled:,} of {total.recoverable:,} recoverable cases"
     if total.of_recoverable is not None:
         fraction, low, high = percent_texts(total.of_recoverable)
         text += f" ({fraction}, 95 % interval {low} to {high})"
-    if found.false_alarms is None:
+    if recovery.false_alarms is None:
         return f"{text}."
-    hours = number_text(found.healthy_time / 3600)
-    return f"{text}; {found.false_alarms:,} false alarms in {hours} h before any failure."
+    hours = number_text(recovery.healthy_time / 3600)
+    return f"{text}; {recovery.false_alarms:,} false alarms in {hours} h before any failure."
 
 
-def recovery_tables(found: RecoverySummary | None) -> list[Table]:
+def recovery_tables(recovery: RecoverySummary | None) -> list[Table]:
     """By kind of failure: what recovered and why the others did not, and the diagnosis."""
-    if found is None:
+    if recovery is None:
         return []
     columns = ["failure", "cases", "recovered", "fraction", "recoverable", "fraction of these"]
     columns += [f"settled {percent:.0f} % (s)" for percent in SETTLING_PERCENTS]
     columns.append("the others")
-    rows = [_of_kind(row) for row in found.by_kind]
+    rows = [_of_kind(row) for row in recovery.by_kind]
     note = f"Settled: the time from the last failure, of the recovered cases. {INTERVALS}"
     tables = [Table("Recovery by kind of failure", columns, rows, note)]
-    told = [row for row in found.by_kind if row.diagnosis is not None]
-    if told:
-        tables.append(_diagnosis(told))
-    if found.unrecovered:
-        tables.append(_explained(found))
+    diagnosed = [row for row in recovery.by_kind if row.diagnosis is not None]
+    if diagnosed:
+        tables.append(_diagnosis(diagnosed))
+    if recovery.unrecovered:
+        tables.append(_explained(recovery))
     return tables
 
 
@@ -182,11 +184,11 @@ def _of_kind(row: KindRecovery) -> list[Cell]:
     ]
 
 
-def _diagnosis(told: list[KindRecovery]) -> Table:
+def _diagnosis(diagnosed: list[KindRecovery]) -> Table:
     columns = ["failure", "cases", "detected", "correctly isolated", "with the right kind"]
     columns += [f"{what} {percent} % (s)" for what in ("alarm", "verdict") for percent in (50, 90)]
     rows: list[list[Cell]] = []
-    for row in told:
+    for row in diagnosed:
         one = row.diagnosis
         assert one is not None
         delays = [
@@ -199,12 +201,12 @@ def _diagnosis(told: list[KindRecovery]) -> Table:
     return Table("Diagnosis by kind of failure", columns, rows, note)
 
 
-def _explained(found: RecoverySummary) -> Table:
+def _explained(recovery: RecoverySummary) -> Table:
     rows = [
         [entry.case, reason_words(entry.reason), entry.text.partition("; ")[2]]
-        for entry in found.unrecovered[:EXPLAINED]
+        for entry in recovery.unrecovered[:EXPLAINED]
     ]
-    more = len(found.unrecovered) - len(rows)
+    more = len(recovery.unrecovered) - len(rows)
     note = f"And {more:,} more in the store." if more else ""
     columns = ["case", "reason", "explanation"]
     return Table("Cases that did not recover", columns, rows, note, SHOWN)

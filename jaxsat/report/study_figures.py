@@ -69,7 +69,7 @@ def fan_chart(
             _cut_rare(panel, alive_values)
     axes[-1].set_xlabel("time (s)")
     handles, names = next(
-        (found for found in (panel.get_legend_handles_labels() for panel in axes) if found[0]),
+        (pair for pair in (panel.get_legend_handles_labels() for panel in axes) if pair[0]),
         ([], []),
     )
     figure.legend(
@@ -219,9 +219,9 @@ def write_study_figures(
     every = max(1, study.program.intervals // FAN_INSTANTS)
     signals = _histories(study, np.arange(min(count, FAN_CASES)), every)
     times = study.program.instants(every) * float(study.program.interval)
-    drawn = {label: _drawn_number(dataset, label, count) for label in ranked}
+    numbers = {label: _drawn_number(dataset, label, count) for label in ranked}
     save_figures(
-        lambda: study_figures(columns, drawn, title) | fan_figures(times, signals, title), write
+        lambda: study_figures(columns, numbers, title) | fan_figures(times, signals, title), write
     )
 
 

@@ -39,9 +39,9 @@ def settled_by(times: np.ndarray) -> Plot | None:
     fractions = [wilson(int(n), len(times)) for n in np.searchsorted(good, at, side="right")]
     half = np.quantile(times, 0.5, method="inverted_cdf")
     middle = f", half of all cases by {half:.4g} s" if np.isfinite(half) else ""
-    told = f"{percent_texts(fractions[-1])[0]} of the cases settle{middle}."
+    sentence = f"{percent_texts(fractions[-1])[0]} of the cases settle{middle}."
     title = f"Fraction settled by a time, {INTERVAL}"
-    return _banded(title, told, at, np.array(fractions), _until(good), SETTLED, steps=True)
+    return _banded(title, sentence, at, np.array(fractions), _until(good), SETTLED, steps=True)
 
 
 def settling_times(times: np.ndarray) -> Plot | None:
@@ -51,12 +51,12 @@ def settling_times(times: np.ndarray) -> Plot | None:
         return None
     heights, edges = np.histogram(good, bins=min(60, max(5, int(np.sqrt(len(good))))))
     low, middle, high = np.quantile(good, [0.1, 0.5, 0.9])
-    told = (
+    sentence = (
         f"Of {len(good):,} that settle 10 % do by {low:.4g} s, half by {middle:.4g} s, 90 % by "
         f"{high:.4g} s; {len(times) - len(good):,} do not."
     )
     title = "Settling times of the cases that settle"
-    return Plot(title, told, _until(good), Axis("cases"), bars=Bars(edges, heights))
+    return Plot(title, sentence, _until(good), Axis("cases"), bars=Bars(edges, heights))
 
 
 def _until(good: np.ndarray) -> Axis:
@@ -74,11 +74,11 @@ def convergence(settled: np.ndarray) -> Plot:
     room = 0.05 * (high[seen].max() - low[seen].min())
     bottom, top = low[seen].min() - room, high[seen].max() + room
     limits = (max(-0.02, float(bottom)), min(1.02, float(top)))
-    told = f"After {len(settled):,} cases {fraction_text(fractions[-1])}."
+    sentence = f"After {len(settled):,} cases {fraction_text(fractions[-1])}."
     title = f"Fraction settled over the number of cases, {INTERVAL}"
     x = Axis("cases", log=True, limits=(1.0, float(max(2, len(settled)))))
     y = Axis("fraction settled", limits=limits)
-    return _banded(title, told, at, np.array(fractions), x, y)
+    return _banded(title, sentence, at, np.array(fractions), x, y)
 
 
 def success_over(label: str, values: np.ndarray, settled: np.ndarray, unit: str) -> Plot | None:
@@ -93,10 +93,10 @@ def success_over(label: str, values: np.ndarray, settled: np.ndarray, unit: str)
     parts_told = [
         f"{k} {fractions[n, 0]:.1%} near {middles[n]:.3g} {unit}" for k, n in ends.items()
     ]
-    told = f"{', '.join(parts_told)}."
+    sentence = f"{', '.join(parts_told)}."
     title = f"Fraction settled over {label}, {INTERVAL}"
     y = Axis("fraction settled")
-    return _banded(title, told, middles, fractions, Axis(label, unit), y, points=True)
+    return _banded(title, sentence, middles, fractions, Axis(label, unit), y, points=True)
 
 
 def settling_over(label: str, values: np.ndarray, times: np.ndarray, unit: str) -> Plot | None:
@@ -108,10 +108,10 @@ def settling_over(label: str, values: np.ndarray, times: np.ndarray, unit: str) 
     there = values[good], times[good]
     middles = np.array([np.median(there[0][one]) for one in parts])
     points = np.array([np.quantile(there[1][one], [0.5, 0.1, 0.9]) for one in parts])
-    told = f"Medians from {points[:, 0].min():.4g} to {points[:, 0].max():.4g} s."
+    sentence = f"Medians from {points[:, 0].min():.4g} to {points[:, 0].max():.4g} s."
     title = f"Settling time over {label}: median, 10 % and 90 % points of those that settle"
     y = Axis("settling time", "s")
-    return _banded(title, told, middles, points, Axis(label, unit), y, points=True)
+    return _banded(title, sentence, middles, points, Axis(label, unit), y, points=True)
 
 
 def settled_by_law(
@@ -141,12 +141,12 @@ def curves(
     steps: bool = False,
 ) -> Plot:
     """Lines with x values of their own, by name, as many as can be told apart."""
-    told = []
+    sentence = []
     for label, (_, values) in of.items():
         good = values[np.isfinite(values)]
-        told.append(f"{label}: ends at {good[-1]:.4g}" if len(good) else f"{label}: no values")
+        sentence.append(f"{label}: ends at {good[-1]:.4g}" if len(good) else f"{label}: no values")
     lines = [Line(*points, label, steps=steps) for label, points in of.items()]
-    return Plot(title, f"{'; '.join(told)}.", x, y, lines)
+    return Plot(title, f"{'; '.join(sentence)}.", x, y, lines)
 
 
 def _bins(values: np.ndarray) -> list[np.ndarray]:
@@ -162,7 +162,7 @@ def _bins(values: np.ndarray) -> list[np.ndarray]:
 
 def _banded(
     title: str,
-    told: str,
+    sentence: str,
     at: np.ndarray,
     values: np.ndarray,
     x: Axis,
@@ -174,4 +174,4 @@ def _banded(
     """A line with a band: `values` (n, 3) are middle, lower and upper."""
     middle, low, high = values.T
     line = Line(at, middle, y.label, steps=steps, points=points, band=Band(low, high))
-    return Plot(title, told, x, y, [line])
+    return Plot(title, sentence, x, y, [line])

@@ -106,27 +106,31 @@ def _gains(verdict: Record) -> Table:
 
 def _evaluations(verdict: Record) -> Table:
     """Settling, effort and cost before and after."""
-    found = [verdict[name] for name in EVALUATIONS]
+    evaluations = [verdict[name] for name in EVALUATIONS]
     rows: list[list[Cell]] = [
-        ["cases", *(one["cases"] for one in found)],
-        ["settled", *(_fraction(one["settled"]) for one in found)],
+        ["cases", *(one["cases"] for one in evaluations)],
+        ["settled", *(_fraction(one["settled"]) for one in evaluations)],
     ]
     for percent in (50, 90):
-        times = [_percentile(one["settling_time"], percent) for one in found]
+        times = [_percentile(one["settling_time"], percent) for one in evaluations]
         rows.append([f"settling time of those, {percent} % (s)", *times])
-    rows.append(["effort, median (N m s)", *(_percentile(one["effort"], 50) for one in found)])
-    rows.append(["mean cost of those that end", *(_cell(one["cost"]) for one in found)])
-    rows.append(["failed", *(_fraction(one["failed"]) for one in found)])
-    if found[0]["alarming"] is not None:
-        rows.append(["failed or above the alarm", *(_fraction(one["alarming"]) for one in found)])
-    rows.append(["objective", *(one["loss"] for one in found)])
+    rows.append(
+        ["effort, median (N m s)", *(_percentile(one["effort"], 50) for one in evaluations)]
+    )
+    rows.append(["mean cost of those that end", *(_cell(one["cost"]) for one in evaluations)])
+    rows.append(["failed", *(_fraction(one["failed"]) for one in evaluations)])
+    if evaluations[0]["alarming"] is not None:
+        rows.append(
+            ["failed or above the alarm", *(_fraction(one["alarming"]) for one in evaluations)]
+        )
+    rows.append(["objective", *(one["loss"] for one in evaluations)])
     note = f"The exact law; no gain was tuned on the held-out cases. {INTERVALS}"
     return Table("Before and after", ["quantity", *EVALUATIONS.values()], rows, note)
 
 
-def _baselines(found: Sequence[Record], absent: Sequence[str]) -> Table:
+def _baselines(results: Sequence[Record], absent: Sequence[str]) -> Table:
     rows: list[list[Cell]] = []
-    for entry in found:
+    for entry in results:
         evaluation, reached = entry["evaluation"], " (target reached)" if entry["reached"] else ""
         rows.append(
             [
@@ -213,5 +217,5 @@ def _percentile(record: Record, percent: int) -> Shown:
 
 
 def _fraction(record: Record | None) -> Cell:
-    found = interval_of(record)
-    return None if found is None else fraction_cell(found)
+    interval = interval_of(record)
+    return None if interval is None else fraction_cell(interval)

@@ -44,10 +44,10 @@ from jaxsat.store.marker import read_unchanged
 
 def read_record(path: Path) -> Mapping[str, Any]:
     """The JSON object that a file holds; raises `OutputError`."""
-    found = parse_json(read_unchanged(path))
-    if not isinstance(found, Mapping):
+    record = parse_json(read_unchanged(path))
+    if not isinstance(record, Mapping):
         raise OutputError(f"{path} is damaged, or was not written by jaxsat.")
-    return found
+    return record
 
 
 def read_lines(path: Path) -> str:
@@ -71,29 +71,29 @@ def tuning_section(folder: Path) -> Document:
     baselines = parse_json(read_unchanged(folder / "baselines.json")) or ()
     title = str(history.attrs.get("title", "")) or folder.name
     with form_explained(folder):
-        told = tuning_document(title, verdict, receipt, baselines)
+        document = tuning_document(title, verdict, receipt, baselines)
     tuned = read_lines(folder / "tuned.toml")
     blocks = [
-        *told.blocks,
+        *document.blocks,
         Charts("On the way", [*map(chart_of, [*loss_plots(history), *gain_plots(history)])]),
         Facts("Scenario before", scenario_facts(scenario_tables(history))),
         provenance_facts(history.attrs),
         Listing("Tuned scenario", tuned, "tuned.toml"),
     ]
-    return dataclasses.replace(told, blocks=blocks, kind=f"Tuning in {folder.name}")
+    return dataclasses.replace(document, blocks=blocks, kind=f"Tuning in {folder.name}")
 
 
 def comparison_section(folder: Path) -> Document:
     """Which law to take, and how all of them did on the same cases."""
     record = read_record(folder / "comparison.json")
     with form_explained(folder):
-        told = comparison_document(record)
+        document = comparison_document(record)
     blocks = [
-        *told.blocks,
+        *document.blocks,
         Charts("Settling", _settled_by_law(folder, record["rows"])),
         record_provenance(record),
     ]
-    return dataclasses.replace(told, blocks=blocks, kind=f"Comparison in {folder.name}")
+    return dataclasses.replace(document, blocks=blocks, kind=f"Comparison in {folder.name}")
 
 
 def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
@@ -111,7 +111,7 @@ def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:
 def reproduction_section(folder: Path) -> Document:
     """The paper's claims, judged again from the trajectories in the folder."""
     datasets = {name: open_trajectory(folder / f"{name}.nc") for name in RUNS}
-    told = claims_document(judge(datasets))
+    document = claims_document(judge(datasets))
     charts, names_of = [], list(datasets)
     for first in range(0, len(names_of), MOST_LINES):
         names = names_of[first : first + MOST_LINES]
@@ -129,12 +129,12 @@ def reproduction_section(folder: Path) -> Document:
         for name, data in datasets.items()
     ]
     blocks = [
-        *told.blocks,
+        *document.blocks,
         Charts("Runs", charts),
         Table("Files", ["run", "purpose", "outcome"], runs),
         provenance_facts(next(iter(datasets.values())).attrs),
     ]
-    return dataclasses.replace(told, blocks=blocks, kind=f"Reproduction in {folder.name}")
+    return dataclasses.replace(document, blocks=blocks, kind=f"Reproduction in {folder.name}")
 
 
 def controllability_section(folder: Path) -> Document:
@@ -144,14 +144,14 @@ def controllability_section(folder: Path) -> Document:
     with form_explained(folder):
         records = list(csv.DictReader(io.StringIO(read_lines(folder / "failures.csv"))))
         verdict, findings = (str(dataset.attrs[name]) for name in ("verdict", "findings"))
-        told = controllability_document(title, verdict, records, findings.splitlines())
+        document = controllability_document(title, verdict, records, findings.splitlines())
     blocks = [
         Facts("Scenario", scenario_facts(scenario_tables(dataset))),
-        *told.blocks,
+        *document.blocks,
         provenance_facts(dataset.attrs),
         Listing("Scenario file", str(dataset.attrs.get("scenario", "")), "scenario.toml"),
     ]
-    return dataclasses.replace(told, blocks=blocks, kind=f"Controllability in {folder.name}")
+    return dataclasses.replace(document, blocks=blocks, kind=f"Controllability in {folder.name}")
 
 
 def design_section(folder: Path) -> Document:
@@ -160,16 +160,16 @@ def design_section(folder: Path) -> Document:
     scenario = read_lines(folder / DESIGNED)
     blocks: list[Block] = []
     with form_explained(folder):
-        told = design_document(record)
+        document = design_document(record)
         if tables := tomllib.loads(scenario):
             blocks.append(Facts("Designed scenario", scenario_facts(tables)))
         if charts := list(_charts(folder, record)):
             blocks.append(Charts("Verification on unseen cases", charts))
         seeds = ", ".join(f"{step} {seed}" for step, seed in record["seeds"].items())
-        blocks += [*told.blocks, record_provenance(record, seeds=seeds)]
+        blocks += [*document.blocks, record_provenance(record, seeds=seeds)]
     if scenario:
         blocks.append(Listing("Designed scenario", scenario, DESIGNED))
-    return dataclasses.replace(told, blocks=blocks, kind=f"Design in {folder.name}")
+    return dataclasses.replace(document, blocks=blocks, kind=f"Design in {folder.name}")
 
 
 def _charts(folder: Path, record: Mapping[str, Any]) -> Iterator[Chart]:

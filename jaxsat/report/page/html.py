@@ -120,13 +120,13 @@ def _inks(charts: Sequence[Chart]) -> dict[str, list[str]]:
     """The models whose colours go with those of the page, by tag."""
     from jaxsat.report.page.plots import INKS
 
-    found: dict[str, set[str]] = {ink: set() for ink in INKS}
+    models: dict[str, set[str]] = {ink: set() for ink in INKS}
     for chart in charts:
         for model in chart.figure.references():
             for ink in INKS:
                 if ink in model.tags:
-                    found[ink].add(model.id)
-    return {ink: sorted(ids) for ink, ids in found.items()}
+                    models[ink].add(model.id)
+    return {ink: sorted(ids) for ink, ids in models.items()}
 
 
 def _asset(name: str) -> str:

@@ -105,9 +105,9 @@ def chart_of(plot: Plot, window: TimeWindow | None = None) -> Chart:
 def overview_of(plot: Plot, window: TimeWindow) -> Chart:
     """The first line over the whole time; the box in it is the window of all other plots."""
     (start, end), line = window.reset, plot.lines[0]
-    kept = kept_samples(line.y[:, None], 1500)
+    samples = kept_samples(line.y[:, None], 1500)
     drawing = _figure(x_range=Range1d(start=start, end=end), height=80)
-    drawing.line(line.x[kept], line.y[kept].astype("f4"), **stroke_of(2))
+    drawing.line(line.x[samples], line.y[samples].astype("f4"), **stroke_of(2))
     drawing.yaxis.visible = False
     drawing.ygrid.visible = False
     tool = RangeTool(x_range=window.range, start_gesture="pan")
@@ -206,23 +206,23 @@ def _group(drawing: Any, plot: Plot, lines: Sequence[Line], first: int) -> None:
         columns[f"y{number}"] = line.y
         if line.band is not None:
             columns |= {f"low{number}": line.band.low, f"high{number}": line.band.high}
-    kept = kept_samples(np.stack([*columns.values()], axis=1).astype(float))
+    samples = kept_samples(np.stack([*columns.values()], axis=1).astype(float))
     data: dict[str, Any] = {
-        name: _drawable(column[kept], plot.y).astype("f4") for name, column in columns.items()
+        name: _drawable(column[samples], plot.y).astype("f4") for name, column in columns.items()
     }
-    source = ColumnDataSource({"x": lines[0].x[kept], **data})
-    rows, drawn = [(plot.x.label, _told("x", plot.x))], []
+    source = ColumnDataSource({"x": lines[0].x[samples], **data})
+    rows, renderers = [(plot.x.label, _value_text("x", plot.x))], []
     for number, line in enumerate(lines):
         stroke, ends = stroke_of(first + number), (f"low{number}", f"high{number}")
         if line.band is not None:
             _band(drawing, line, ends, stroke["line_color"], source)
-        drawn.append(_line(drawing, line, f"y{number}", stroke, source))
-        rows.append((line.label or plot.y.label, _told(f"y{number}", plot.y)))
+        renderers.append(_line(drawing, line, f"y{number}", stroke, source))
+        rows.append((line.label or plot.y.label, _value_text(f"y{number}", plot.y)))
         if line.band is not None:
-            low, high = (_told(end, plot.y) for end in ends)
+            low, high = (_value_text(end, plot.y) for end in ends)
             rows.append((line.band.label or "range", f"{low} to {high}"))
     together = len(lines) > 1 or lines[0].band is not None or len(plot.lines) == 1
-    _hover(drawing, drawn[0], rows, "vline" if together else "mouse")
+    _hover(drawing, renderers[0], rows, "vline" if together else "mouse")
 
 
 def _band(
@@ -241,23 +241,23 @@ def _line(
 ) -> Any:
     mode: dict[str, Any] = {"mode": "after"} if line.steps else {}
     draw = drawing.step if line.steps else drawing.line
-    drawn = draw("x", column, source=source, **stroke, **mode)
+    renderer = draw("x", column, source=source, **stroke, **mode)
     ink = stroke["line_color"] == "#000000"
-    drawn.glyph.tags = [INK] if ink else []
+    renderer.glyph.tags = [INK] if ink else []
     if line.points:
         color = {"fill_color": stroke["line_color"], "line_color": None}
         dots = drawing.scatter("x", column, source=source, size=6, **color)
         dots.glyph.tags = [INK_FILL] if ink else []
-    return drawn
+    return renderer
 
 
 def _bars(drawing: Any, plot: Plot, bars: Bars) -> None:
     edges: dict[str, Any] = {"left": bars.edges[:-1], "right": bars.edges[1:], "top": bars.heights}
     source, names = ColumnDataSource(edges), {name: name for name in edges}
     look: dict[str, Any] = {"fill_color": BLUE, "line_color": None}
-    drawn = drawing.quad(bottom=0, source=source, **names, **look)
-    over = f"{_told('left', Axis(''))} to {_told('right', plot.x)}"
-    _hover(drawing, drawn, [(plot.x.label, over), (plot.y.label, "@top{%d}")], "vline")
+    renderer = drawing.quad(bottom=0, source=source, **names, **look)
+    over = f"{_value_text('left', Axis(''))} to {_value_text('right', plot.x)}"
+    _hover(drawing, renderer, [(plot.x.label, over), (plot.y.label, "@top{%d}")], "vline")
 
 
 def _strips(drawing: Any, plot: Plot, strips: Strips) -> str:
@@ -270,9 +270,14 @@ def _strips(drawing: Any, plot: Plot, strips: Strips) -> str:
     mapper = LinearColorMapper(palette=cividis(64), low=low, high=max(top, low + 1e-12))
     mapper.nan_color = "rgba(0, 0, 0, 0)"
     count = len(strips.labels)
-    drawn = drawing.image([shades], start, 0, end - start, count, color_mapper=mapper)
+    renderer = drawing.image([shades], start, 0, end - start, count, color_mapper=mapper)
     drawing.height = max(HEIGHT_OVER_TIME, 18 * count + 40)
-    _hover(drawing, drawn, [("t", "$x{%.6g} s"), (plot.title, _told("image", plot.y))], "mouse")
+    _hover(
+        drawing,
+        renderer,
+        [("t", "$x{%.6g} s"), (plot.title, _value_text("image", plot.y))],
+        "mouse",
+    )
     ends = [number_text(end, 3) for end in (low, top)]
     unit = plot.y.unit_text
     if ends[0] == ends[1]:
@@ -285,17 +290,19 @@ def _drawable(values: np.ndarray, axis: Axis) -> np.ndarray:
     return np.where(values > 0, values, np.nan) if axis.log else np.asarray(values)
 
 
-def _told(column: str, axis: Axis) -> str:
+def _value_text(column: str, axis: Axis) -> str:
     """A column in the words of a hover, with its unit."""
     return f"@{column}{FORM} {axis.unit_text}".rstrip()
 
 
-def _hover(drawing: Any, drawn: Any, rows: Sequence[tuple[str, str]], mode: Any) -> None:
+def _hover(drawing: Any, renderer: Any, rows: Sequence[tuple[str, str]], mode: Any) -> None:
     """What a pointer is told of the nearest point, every number printed as C does."""
-    told = [(plain(label), text) for label, text in rows]
-    columns = {word.partition("{")[0] for _, text in told for word in text.split() if "{" in word}
+    tooltips = [(plain(label), text) for label, text in rows]
+    columns = {
+        word.partition("{")[0] for _, text in tooltips for word in text.split() if "{" in word
+    }
     printed: Any = dict.fromkeys(columns, "printf")
-    hover = HoverTool(renderers=[drawn], mode=mode, tooltips=told, formatters=printed)
+    hover = HoverTool(renderers=[renderer], mode=mode, tooltips=tooltips, formatters=printed)
     drawing.tools = [*drawing.tools, hover]
 
 
@@ -312,6 +319,6 @@ def _described(plot: Plot) -> str:
             least, most, last = (
                 number_text(one, 3, scale=size) for one in (good.min(), good.max(), good[-1])
             )
-            told = f"from {least} to {most}, at the end {last} {plot.y.unit_text}".rstrip()
-            parts.append(f"{label or plot.y.label}: {told}")
+            clause = f"from {least} to {most}, at the end {last} {plot.y.unit_text}".rstrip()
+            parts.append(f"{label or plot.y.label}: {clause}")
     return "; ".join(parts) + "." if parts else "No values."

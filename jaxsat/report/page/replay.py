@@ -61,8 +61,8 @@ def body_box(scenario: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
     The longest half side is 1; the mass is not known. Of a body that no box can have, a side is
     thin.
     """
-    told = np.array(scenario.get("spacecraft", {}).get("inertia_kg_m2", (1.0, 1.0, 1.0)), float)
-    matrix = np.diag(told) if told.ndim == 1 else told
+    inertia = np.array(scenario.get("spacecraft", {}).get("inertia_kg_m2", (1.0, 1.0, 1.0)), float)
+    matrix = np.diag(inertia) if inertia.ndim == 1 else inertia
     moments, axes = np.linalg.eigh(matrix)
     if np.allclose(matrix, np.diag(np.diag(matrix))):
         moments, axes = np.diag(matrix), np.eye(3)

@@ -29,26 +29,26 @@ from jaxsat.store.dataset import coarseness
 def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Document:
     """What the dataset of a run has to say; `name` is where it came from."""
     scenario = scenario_tables(dataset)
-    told = run_document(dataset, name)
+    document = run_document(dataset, name)
     dataset = until_end(dataset)
     times, window = dataset["time"].values, None
     blocks: list[Any] = [Facts("Scenario", scenario_facts(scenario))]
     if len(times) > 1:
         window = TimeWindow(Timeline(times, failures_of(scenario, times)))
-        blocks.append(ReplayScene("3-D replay", [craft(dataset, scenario, told.title)]))
+        blocks.append(ReplayScene("3-D replay", [craft(dataset, scenario, document.title)]))
         blocks.append(Charts("Time window", [overview_of(pointing_plots(dataset)[0], window)]))
         for heading, plots in _plots(dataset).items():
             charts = [chart_of(plot, window) for plot in plots]
             blocks += [Charts(heading, charts)] if charts else []
     blocks += [
-        *told.blocks,
+        *document.blocks,
         extremes(dataset),
         provenance_facts(dataset.attrs, command),
         Listing("Scenario file", str(dataset.attrs.get("scenario", "")), "scenario.toml"),
     ]
     if note := coarseness(dataset):
         blocks.insert(1, Lines("Note", [f"{capitalised(note)}."]))
-    return dataclasses.replace(told, blocks=blocks, kind=f"Run in {name}", plots=window)
+    return dataclasses.replace(document, blocks=blocks, kind=f"Run in {name}", plots=window)
 
 
 def _plots(dataset: xr.Dataset) -> dict[str, list[Plot]]:

@@ -43,9 +43,9 @@ def sections_of(paths: Sequence[Path]) -> list[Document]:
     ]
     if not 1 < len(crafts) <= MOST_TOGETHER:
         return sections
-    told = Verdict(None, f"{len(crafts)} runs on a common time axis.")
+    verdict = Verdict(None, f"{len(crafts)} runs on a common time axis.")
     return [
-        Document("Side by side", told, [ReplayScene("3-D replay", crafts)], "Replay"),
+        Document("Side by side", verdict, [ReplayScene("3-D replay", crafts)], "Replay"),
         *sections,
     ]
 

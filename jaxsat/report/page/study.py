@@ -43,37 +43,39 @@ def study_section(path: Path) -> Document:
         raise OutputError(f"{path} has no finished case.") from None
     done = np.flatnonzero(np.asarray(columns["status"]) == 1)
     times = np.asarray(columns["settling_time"])[done]
-    scenario = {name: _told(table) for name, table in identity["scenario"].items() if table}
-    told = study_document(summary, scenario)
+    scenario = {
+        name: _without_absent(table) for name, table in identity["scenario"].items() if table
+    }
+    document = study_document(summary, scenario)
     text = scenario_text(identity["scenario"], path.stem)
     blocks: list[Any] = [
         Facts("Scenario", scenario_facts(scenario)),
         Charts("Settling", list(map(chart_of, settling_plots(times)))),
         *_quantities(columns, done, times, summary),
-        *told.blocks,
+        *document.blocks,
         _worst(study, summary, identity, text is not None),
         _provenance(identity, runs, path),
     ]
     if text is not None:
         blocks.append(Listing("Scenario file", text, FILE))
-    return dataclasses.replace(told, blocks=blocks, kind=f"Study in {path.name}")
+    return dataclasses.replace(document, blocks=blocks, kind=f"Study in {path.name}")
 
 
 def scenario_text(tables: Mapping[str, Any], title: str) -> str | None:
     """The scenario of a study as a file; None where its law is not installed here."""
-    given = {name: table for name, table in tables.items() if table is not None}
+    present = {name: table for name, table in tables.items() if table is not None}
     try:
-        return dump(Scenario.model_validate({"title": title, **given}))
+        return dump(Scenario.model_validate({"title": title, **present}))
     except ValidationError:
         return None
 
 
-def _told(value: Any) -> Any:
+def _without_absent(value: Any) -> Any:
     """A table without what is not given."""
     if isinstance(value, Mapping):
-        told = {key: _told(entry) for key, entry in value.items() if entry is not None}
-        return {key: entry for key, entry in told.items() if entry != {}}
-    return [_told(entry) for entry in value] if isinstance(value, list) else value
+        present = {key: _without_absent(entry) for key, entry in value.items() if entry is not None}
+        return {key: entry for key, entry in present.items() if entry != {}}
+    return [_without_absent(entry) for entry in value] if isinstance(value, list) else value
 
 
 def _quantities(
@@ -111,8 +113,8 @@ def _worst(study: Any, summary: Summary, identity: Mapping[str, Any], known: boo
     """The worst cases with what was drawn, and the command that computes the first again."""
     table = case_table(study.isel(case=summary.worst))
     drawn = [name for name in table if str(name).startswith("drawn_")]
-    told = [name for name in table if str(name) not in drawn]
-    shown = [name for name in told if not str(name).startswith(("quaternion", "w1", "w2", "z_"))]
+    others = [name for name in table if str(name) not in drawn]
+    shown = [name for name in others if not str(name).startswith(("quaternion", "w1", "w2", "z_"))]
     shown.sort(key=lambda name: name not in ("outcome", "settling_time_s"))
     columns = ["case", *map(str, shown), *map(str, drawn)]
     rows = []
@@ -132,8 +134,8 @@ def _worst(study: Any, summary: Summary, identity: Mapping[str, Any], known: boo
 
 
 def _cell(value: Any) -> float | None:
-    found = float(value)
-    return None if np.isnan(found) else found
+    number = float(value)
+    return None if np.isnan(number) else number
 
 
 def case_command(identity: Mapping[str, Any], case: int, count: int) -> str:

@@ -207,8 +207,8 @@ GOOD = {ClaimVerdict.HOLDS: True, ClaimVerdict.ONLY_IF: None, ClaimVerdict.FAILS
 def claims_document(claims: Sequence[Claim]) -> Document:
     """One row a claim: where the paper says it, what, the number found, the verdict."""
     counts = {verdict: sum(one.verdict is verdict for one in claims) for verdict in ClaimVerdict}
-    told = "; ".join(f"{verdict.value}: {count}" for verdict, count in counts.items() if count)
-    text = f"{len(claims)} claims of the paper's section 5. {told.capitalize()}."
+    tally = "; ".join(f"{verdict.value}: {count}" for verdict, count in counts.items() if count)
+    text = f"{len(claims)} claims of the paper's section 5. {tally.capitalize()}."
     more = [
         "Wang, Jia, Jin, Xu, Acta Astronautica 83 (2013) 44-53. Every number comes from the runs "
         "in this folder."
