@@ -28,7 +28,7 @@ from jaxsat.spacecraft.gimbals import (
     GimbalFailures,
     GyroStates,
 )
-from jaxsat.spacecraft.holds import Hold, hold_by_hold, mean_size
+from jaxsat.spacecraft.held_effector import Hold, hold_by_hold, mean_size
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 from jaxsat.spacecraft.magnetorquers import MagnetorquerFailures, Magnetorquers
 from jaxsat.spacecraft.modulation import (

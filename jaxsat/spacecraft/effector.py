@@ -16,10 +16,6 @@ comes from a continuous law. Its *mode* tells how it moves (a wheel rests, or is
 may depend on dω/dt. Its *piece* is made of mode and command, and is what the torque depends on
 until the mode changes. Its *failures* make of it another effector that fails no more. Its *reach*
 is what it can do now, which is all that allocation and controllability know of it.
-
-Under a sampled law its *plan* of a period is made of what it is asked for and of its *memory*. That
-of most is the command, which stays; that of thrusters that pulse has commands from instant to
-instant, each of which stays in a *hold*.
 """
 
 import abc
@@ -35,7 +31,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.spacecraft.environment.orbit import CircularOrbit
-from jaxsat.spacecraft.holds import hold_by_hold
+from jaxsat.spacecraft.held_effector import AbstractHeldEffector
 from jaxsat.spacecraft.spacecraft import PlantState
 
 RealScalar = Float[Array, ""]
@@ -47,18 +43,6 @@ class Effect(NamedTuple):
 
     torque: Float[Array, "3"]
     inertia: Float[Array, "3 3"] | None = None
-
-
-class Ahead(NamedTuple):
-    """What a plan has from an instant in its period on.
-
-    A command that stays until the instant `until` (s from the sample) at the earliest, and what the
-    effector needs to know once it is over.
-    """
-
-    until: RealScalar
-    command: PyTree
-    own: PyTree = None
 
 
 class EffectorContext(NamedTuple):
@@ -92,7 +76,7 @@ class Reach(NamedTuple):
         return Reach(jnp.zeros((3, 0)), jnp.zeros(0), jnp.zeros(0))
 
 
-class AbstractEffector(eqx.Module):
+class AbstractEffector(AbstractHeldEffector):
     """A set of `count` devices of one `kind`, each of which has one number as its command.
 
     Thrusters may share a command of two or three torques themselves: see `command_size`.
@@ -120,9 +104,6 @@ class AbstractEffector(eqx.Module):
 
     mild_corners: ClassVar[bool] = False
     """Whether steps may pass its corners, see `event_functions`, without much loss."""
-
-    plans_delay: ClassVar[bool] = False
-    """Whether `plan` shifts the commands by the delay of a law, else the loop does."""
 
     failures: eqx.AbstractVar[Any]
     """`AbstractFailures` of its kind, None for none in flight."""
@@ -214,17 +195,12 @@ class AbstractEffector(eqx.Module):
         del t, plant, state, struck, span
         return Reach.none()
 
-    # Motion: a mode, a piece, the effect and the derivative.
+    # Motion: the effect and the derivative in a mode and a piece, which `AbstractHeldEffector` has.
 
     @property
     def mode_passes(self) -> int:
         """How often `mode_after` is asked to come from `mode` to that at a dω/dt."""
         return 0
-
-    def mode(self, state: PyTree) -> PyTree:
-        """How the devices move by their state alone."""
-        del state
-        return ()
 
     def mode_after(
         self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
@@ -232,10 +208,6 @@ class AbstractEffector(eqx.Module):
         """The mode after one that devices have left where the body has this dω/dt (rad/s²)."""
         del state, command, acceleration
         return mode
-
-    @abc.abstractmethod
-    def piece(self, mode: PyTree, command: PyTree) -> PyTree:
-        """What the torque depends on while the devices stay in their mode."""
 
     @abc.abstractmethod
     def effect(self, piece: PyTree, t: RealScalar, plant: PlantState, state: PyTree) -> Effect:
@@ -271,122 +243,6 @@ class AbstractEffector(eqx.Module):
         """What they store, by the names of signals that they declare."""
         del state
         return {}
-
-    # The period of a sampled law: a plan, and commands that stay in a hold.
-
-    @property
-    def holds(self) -> int:
-        """In how many holds its plan divides a period at most."""
-        return 1
-
-    def init_memory(self) -> PyTree:
-        """What is remembered from sample to sample, at the start; None for nothing."""
-        return None
-
-    def plan(
-        self,
-        t: RealScalar,
-        use: Float[Array, " size"],
-        memory: PyTree,
-        period: RealScalar,
-        delay: RealScalar | None,
-    ) -> PyTree:
-        """The plan of the period (s) that begins at time `t` (s), for what a law asks for.
-
-        What it asks for is ready `delay` s after the begin; None is at once.
-        """
-        del t, memory, period, delay
-        return use
-
-    def begin(self, plan: PyTree) -> PyTree:
-        """What runs through the holds of a plan, as its period begins."""
-        del plan
-        return None
-
-    def ahead(self, plan: PyTree, running: PyTree, now: RealScalar, period: RealScalar) -> Ahead:
-        """The command from `now` (s from the sample) on."""
-        del running, now
-        return Ahead(period, plan)
-
-    def passed(
-        self, plan: PyTree, running: PyTree, ahead: Ahead, now: RealScalar, end: RealScalar
-    ) -> PyTree:
-        """What runs through the plan after a hold from `now` to `end` (s from the sample)."""
-        del plan, ahead, now, end
-        return running
-
-    def finish(self, plan: PyTree, running: PyTree) -> tuple[PyTree, PyTree]:
-        """The memory for the next period, and the command that does the mean of the period."""
-        del running
-        return None, plan
-
-    def run(self, plan: PyTree, period: RealScalar) -> PyTree:
-        """What has run through a plan at the end of its period (s)."""
-
-        def step(now, running):
-            ahead = self.ahead(plan, running, now, period)
-            return ahead.until, self.passed(plan, running, ahead, now, ahead.until)
-
-        return hold_by_hold(self.holds, period, step, self.begin(plan))[0]
-
-    def consumption(self, memory: PyTree) -> dict[str, Array]:
-        """What has been used up to a sample, by the names of signals that are declared as total."""
-        del memory
-        return {}
-
-    def later(self, command: PyTree, elapsed: RealScalar) -> PyTree:
-        """The command, or the piece, `elapsed` seconds after it began to stay."""
-        del elapsed
-        return command
-
-    # A command that is held: modes that depend on time alone.
-
-    @property
-    def edge_count(self) -> int:
-        """How many `edges` there are in a hold."""
-        return 0
-
-    @property
-    def follows_body(self) -> bool:
-        """Whether the edges of a hold depend on how the body turns, and must be searched."""
-        return False
-
-    def edges(self, state: PyTree, command: PyTree, period: RealScalar) -> Float[Array, " edges"]:
-        """Instants (s) in [0, `period`] at which the piece changes under a command that stays."""
-        del state, command
-        return jnp.zeros(0, period.dtype)
-
-    def held_piece(self, state: PyTree, command: PyTree, elapsed: RealScalar) -> PyTree:
-        """The piece `elapsed` seconds after a command began to stay in a state."""
-        del elapsed
-        return self.piece(self.mode(state), command)
-
-    def snapped(
-        self, state: PyTree, command: PyTree, elapsed: RealScalar, reached: PyTree
-    ) -> PyTree:
-        """The state `reached` at an edge, where known, exactly."""
-        del state, command, elapsed
-        return reached
-
-    # A command that is held: modes that depend on how the body turns.
-
-    def margins(
-        self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
-    ) -> Float[Array, "..."]:
-        """How far devices are from leaving their mode: below zero for one that has left it."""
-        del mode, state, command, acceleration
-        return jnp.zeros(0)
-
-    def approach(
-        self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
-    ) -> Float[Array, "..."]:
-        """d/dt of each margin that goes to zero before something jumps, zero for others."""
-        return jnp.zeros_like(self.margins(mode, state, command, acceleration))
-
-    def come(self, mode: PyTree, state: PyTree, margins: Float[Array, "..."]) -> PyTree:
-        """The state of devices that leave their mode where a margin is below zero, exactly."""
-        del mode, margins
-        return state
 
     # A command that changes continuously: events, and the smooth piece between two of them.
 

@@ -7,8 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.smooth import at_least, within
-from jaxsat.spacecraft.effector import AbstractEffector, Ahead, Effect, Reach
+from jaxsat.spacecraft.effector import AbstractEffector, Effect, Reach
 from jaxsat.spacecraft.failures import Condition, FailureEvents
+from jaxsat.spacecraft.held_effector import Ahead
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 from jaxsat.spacecraft.modulation import AbstractModulation, Pulses
 from jaxsat.spacecraft.thrusters import ThrusterSet

@@ -1,6 +1,6 @@
-"""What happens to a reaction wheel in flight: failures as events at a time."""
+"""What happens to reaction wheels in flight, as events at a time, and what they can still do."""
 
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,7 +11,11 @@ from jaxsat.core.checks import as_float, concrete
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.core.declaration.wheels import WheelFailureKind
 from jaxsat.core.ranges import FRICTION
+from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.failures import AbstractFailures
+
+if TYPE_CHECKING:
+    from jaxsat.spacecraft.wheels import Wheels
 
 
 class WheelFailures(AbstractFailures):
@@ -82,3 +86,90 @@ class WheelCondition(NamedTuple):
             full = jnp.where(momentum < 0, limit, -limit)
             asked = jnp.where(self.runaway, full, asked)
         return self.gain * asked
+
+
+def driven(
+    wheels: "Wheels",
+    momentum: Float[Array, " wheels"],
+    command: Float[Array, " wheels"],
+    struck: Bool[Array, " f"],
+) -> "tuple[Wheels, Float[Array, ' wheels']]":
+    """Wheels that fail no more but are in their condition, and what their motors make, N m."""
+    if wheels.failures is None:
+        return wheels, command
+    condition = wheels.failures.condition(struck, wheels.count)
+    coulomb = jnp.zeros_like(momentum)
+    if wheels.coulomb_friction is not None:
+        coulomb = wheels.coulomb_friction
+    coulomb = jnp.maximum(condition.friction * coulomb, condition.coulomb)
+    viscous = wheels.viscous_friction
+    if viscous is not None:
+        viscous = condition.friction * viscous
+    seized = None if wheels.rotor_inertia is None else condition.stopped
+    after = eqx.tree_at(
+        lambda one: (one.coulomb_friction, one.viscous_friction, one.failures, one.seized),
+        wheels,
+        (coulomb, viscous, None, seized),
+        is_leaf=lambda x: x is None,
+    )
+    torque = condition.command(wheels.motor_torque(command), momentum, wheels.torque_limit)
+    return after, torque
+
+
+def reach(
+    wheels: "Wheels",
+    momentum: Float[Array, " wheels"],
+    struck: Bool[Array, " f"],
+    span: Float[Array, ""],
+) -> Reach:
+    """The torque of each motor that friction leaves, N m, whichever way the wheel turns.
+
+    Within the room that its momentum leaves for `span` seconds. One that runs away makes its full
+    torque.
+    """
+    motor = jnp.full_like(momentum, jnp.inf)
+    motor = motor if wheels.torque_limit is None else wheels.torque_limit
+    condition = None
+    after, full = driven(wheels, momentum, wheels.idle(), struck)[0], motor
+    if wheels.failures is not None:
+        condition = wheels.failures.condition(struck, wheels.count)
+        motor = jnp.where(condition.gain > 0, condition.gain * full, 0.0)
+    friction = after.decay * jnp.abs(momentum)
+    if after.coulomb_friction is not None:
+        friction = friction + after.coulomb_friction
+    high = jnp.maximum(motor - friction, 0.0)
+    low = -high
+    if condition is not None:
+        away = jnp.where(momentum < 0, full, -full)
+        low = jnp.where(condition.runaway, away, low)
+        high = jnp.where(condition.runaway, away, high)
+    if wheels.momentum_limit is not None:
+        down = _for_span(wheels.momentum_limit - momentum, span)
+        up = _for_span(wheels.momentum_limit + momentum, span)
+        low, high = jnp.clip(low, -down, up), jnp.clip(high, -down, up)
+    return Reach(wheels.axes, low, high)
+
+
+def _for_span(room: Float[Array, " wheels"], span) -> Float[Array, " wheels"]:
+    """The torque (N m) that takes this room of momentum (N m s) in a time (s)."""
+    room = jnp.maximum(room, 0.0)
+    now = jnp.where(room > 0, jnp.inf, 0.0)
+    return jnp.where(span > 0, room / jnp.where(span > 0, span, 1.0), now)
+
+
+def require_continuous(wheels: "Wheels") -> None:
+    """Raise `ValueError` for Coulomb friction, at once or after a failure, and for a wheel that
+    has seized and fails once more."""
+    failures = wheels.failures
+    kinds = None if failures is None else concrete(failures.kind)
+    rubs = kinds is not None and np.any(np.rint(kinds) == WheelFailureKind.FRICTION_TO)
+    if rubs or wheels.coulomb_friction is not None:
+        raise ValueError(
+            "Wheels with Coulomb friction must have a command that is held, which that of a "
+            "continuous controller is not."
+        )
+    if failures is not None and failures.frees_a_wheel():
+        raise ValueError(
+            "A wheel that has seized must not fail once more under a continuous controller, "
+            "whose state has no jump of the momentum that the body got."
+        )

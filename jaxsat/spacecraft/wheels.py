@@ -25,7 +25,7 @@ from jaxsat.core.checks import as_float, concrete, require_finite, require_posit
 from jaxsat.core.declaration.wheels import WheelFailureKind
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.ranges import TORQUE
-from jaxsat.spacecraft import wheel_motion
+from jaxsat.spacecraft import wheel_failures, wheel_motion
 from jaxsat.spacecraft.axes import of_each, unit_axes
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
@@ -293,54 +293,12 @@ class Wheels(AbstractEffector):
         self, state: WheelMomenta, command: Float[Array, " wheels"], struck: Bool[Array, " f"]
     ) -> "tuple[Wheels, Float[Array, ' wheels']]":
         """Wheels that fail no more but are in their condition, and what their motors make, N m."""
-        if self.failures is None:
-            return self, command
-        condition = self.failures.condition(struck, self.count)
-        coulomb = jnp.zeros_like(state.momentum)
-        if self.coulomb_friction is not None:
-            coulomb = self.coulomb_friction
-        coulomb = jnp.maximum(condition.friction * coulomb, condition.coulomb)
-        viscous = self.viscous_friction
-        if viscous is not None:
-            viscous = condition.friction * viscous
-        seized = None if self.rotor_inertia is None else condition.stopped
-        wheels = eqx.tree_at(
-            lambda one: (one.coulomb_friction, one.viscous_friction, one.failures, one.seized),
-            self,
-            (coulomb, viscous, None, seized),
-            is_leaf=lambda x: x is None,
-        )
-        torque = condition.command(self.motor_torque(command), state.momentum, self.torque_limit)
-        return wheels, torque
+        return wheel_failures.driven(self, state.momentum, command, struck)
 
     def reach(self, t, plant, state: WheelMomenta, struck, span) -> Reach:
-        """The torque of each motor that friction leaves, N m, whichever way the wheel turns.
-
-        Within the room that its momentum leaves. One that runs away makes its full torque.
-        """
+        """The torque of each motor that friction leaves, N m, whichever way the wheel turns."""
         del t, plant
-        momentum = state.momentum
-        motor = jnp.full_like(momentum, jnp.inf)
-        motor = motor if self.torque_limit is None else self.torque_limit
-        condition = None
-        wheels, full = self.driven(state, self.idle(), struck)[0], motor
-        if self.failures is not None:
-            condition = self.failures.condition(struck, self.count)
-            motor = jnp.where(condition.gain > 0, condition.gain * full, 0.0)
-        friction = wheels.decay * jnp.abs(momentum)
-        if wheels.coulomb_friction is not None:
-            friction = friction + wheels.coulomb_friction
-        high = jnp.maximum(motor - friction, 0.0)
-        low = -high
-        if condition is not None:
-            away = jnp.where(momentum < 0, full, -full)
-            low = jnp.where(condition.runaway, away, low)
-            high = jnp.where(condition.runaway, away, high)
-        if self.momentum_limit is not None:
-            down = _for_span(self.momentum_limit - momentum, span)
-            up = _for_span(self.momentum_limit + momentum, span)
-            low, high = jnp.clip(low, -down, up), jnp.clip(high, -down, up)
-        return Reach(self.axes, low, high)
+        return wheel_failures.reach(self, state.momentum, struck, span)
 
     def last_drawn_kind(self, sampled: bool) -> WheelFailureKind:
         """One runs away only where all have a torque limit, and has Coulomb friction, whose kind is
@@ -437,26 +395,7 @@ class Wheels(AbstractEffector):
     def require_continuous(self) -> None:
         """Raise `ValueError` for Coulomb friction, at once or after a failure, and for a wheel that
         has seized and fails once more."""
-        failures = self.failures
-        kinds = None if failures is None else concrete(failures.kind)
-        rubs = kinds is not None and np.any(np.rint(kinds) == WheelFailureKind.FRICTION_TO)
-        if rubs or self.coulomb_friction is not None:
-            raise ValueError(
-                "Wheels with Coulomb friction must have a command that is held, which that of a "
-                "continuous controller is not."
-            )
-        if failures is not None and failures.frees_a_wheel():
-            raise ValueError(
-                "A wheel that has seized must not fail once more under a continuous controller, "
-                "whose state has no jump of the momentum that the body got."
-            )
-
-
-def _for_span(room: Float[Array, " wheels"], span) -> Float[Array, " wheels"]:
-    """The torque (N m) that takes this room of momentum (N m s) in a time (s)."""
-    room = jnp.maximum(room, 0.0)
-    now = jnp.where(room > 0, jnp.inf, 0.0)
-    return jnp.where(span > 0, room / jnp.where(span > 0, span, 1.0), now)
+        wheel_failures.require_continuous(self)
 
 
 def wheel_momentum(state: Any) -> Float[Array, " wheels"] | None:

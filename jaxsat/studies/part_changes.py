@@ -19,7 +19,6 @@ from jaxsat.studies.perturbed import (
     Values,
     in_loop,
     map_parts,
-    with_thrusters,
 )
 
 
@@ -129,8 +128,7 @@ def set_tracker_samples(field: str, least: int):
     estimator believes the nominal one."""
 
     def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
-        loop = with_thrusters(perturbed.loop)
-        samples = jnp.round(values[0] / cast(SampledLoop, loop).controller.period)
+        samples = jnp.round(values[0] / cast(SampledLoop, perturbed.loop).controller.period)
         return in_loop(
             perturbed,
             lambda loop: getattr(loop.navigation.tracker, field),

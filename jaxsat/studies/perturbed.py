@@ -31,12 +31,9 @@ def effector_of(loop: AbstractLoop, kind: type[Kind]) -> Kind:
 
 def controller_of(loop: AbstractLoop):
     """The controller of any loop."""
-    return loop.law if isinstance(loop, ErrorCoordinateLoop) else with_thrusters(loop).controller
-
-
-def with_thrusters(loop: AbstractLoop) -> ContinuousLoop | SampledLoop:
-    """The loop as one whose law commands effectors, which `obstacle` has made sure of."""
-    return cast(ContinuousLoop | SampledLoop, loop)
+    if isinstance(loop, ErrorCoordinateLoop):
+        return loop.law
+    return cast(ContinuousLoop | SampledLoop, loop).controller
 
 
 def with_controller(loop: AbstractLoop, controller) -> AbstractLoop:
