@@ -23,11 +23,10 @@ from jaxsat.scenario.parts.disturbances import DisturbanceTable, PanelTable
 from jaxsat.scenario.parts.failures import FailureTable
 from jaxsat.scenario.parts.named import ActuatorsOfAKind
 from jaxsat.scenario.parts.registry import TABLES
+from jaxsat.scenario.parts.sensors import TABLES as SENSORS
 from jaxsat.scenario.parts.sensors import (
     EstimatorOfAKind,
-    GyroTable,
     SamplingTable,
-    StarTrackerTable,
 )
 from jaxsat.scenario.parts.thrusters import ModulationTable
 from jaxsat.scenario.parts.wheels import UnloadingTable
@@ -61,13 +60,8 @@ _ACTUATORS = {
 }
 
 
-class Scenario(table_with(_ACTUATORS, _Body)):
-    """One spacecraft, its control law and one run of them.
-
-    Raises pydantic's `ValidationError` holding every mistake at once. Each of its errors carries
-    the `Issue` under `ctx["issue"]`; `jaxsat.scenario.read` turns them into lines of the file.
-    With the validation context `{"law": False}` rules that concern the control law are left out.
-    """
+class _Sampled(table_with(_ACTUATORS, _Body)):
+    """What a scenario has before its sensors."""
 
     unloading: UnloadingTable | None = choice(
         "How magnetorquers take momentum out of wheels; by default its keys have their defaults",
@@ -87,8 +81,16 @@ class Scenario(table_with(_ACTUATORS, _Body)):
     simulation: SimulationTable = choice("How to integrate and what to save")
     settled: SettledTable = choice("When a case counts as settled", SettledTable())
     sampling: SamplingTable | None = choice("Sensors and delay of a sampled law", None)
-    gyro: GyroTable | None = choice("Rate gyros of a sampled law", None)
-    star_tracker: StarTrackerTable | None = choice("Star tracker of a sampled law", None)
+
+
+class Scenario(table_with(SENSORS, _Sampled)):
+    """One spacecraft, its control law and one run of them.
+
+    Raises pydantic's `ValidationError` holding every mistake at once. Each of its errors carries
+    the `Issue` under `ctx["issue"]`; `jaxsat.scenario.read` turns them into lines of the file.
+    With the validation context `{"law": False}` rules that concern the control law are left out.
+    """
+
     estimator: EstimatorOfAKind | None = choice(
         "Estimator that gives the law attitude and rates from both", None
     )

@@ -15,7 +15,7 @@ from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
 from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.core.declaration.keys import DispersibleQuantity
 from jaxsat.core.declaration.quantities import DISPERSIBLE
-from jaxsat.core.declaration.sensors import SENSORS
+from jaxsat.core.declaration.sensors import SENSED
 from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.parts import failures_of, parts_of
@@ -107,7 +107,7 @@ def _of_sensors() -> dict[str, Quantity]:
             needs_sensor(place, sensor.summary),
             f"the {sensor.summary} has no",
         )
-        for place, sensor in SENSORS.items()
+        for place, sensor in SENSED.items()
         for one in sensor.quantities
         if one.field is not None
     }

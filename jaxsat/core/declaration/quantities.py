@@ -6,7 +6,7 @@ from types import MappingProxyType
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.core.declaration.keys import DispersibleQuantity
-from jaxsat.core.declaration.sensors import SENSORS
+from jaxsat.core.declaration.sensors import SENSED
 
 BODY = (
     DispersibleQuantity("inertia", "relative change of J1, J2, J3", stage="body", axis="body_axis"),
@@ -97,7 +97,7 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
             *_of_actuators("part"),
             *(one for part in DISTURBANCES.values() for one in part.quantities),
             *BELIEF,
-            *(one for part in SENSORS.values() for one in part.quantities),
+            *(one for part in SENSED.values() for one in part.quantities),
             *FAILURES,
             DELAY,
             *START,

@@ -1,5 +1,10 @@
 """`[sampling]`, `[gyro]`, `[star_tracker]`: sensors, as scenarios and studies know them."""
 
+import pkgutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
 from jaxsat.core.declaration.keys import DispersibleQuantity, PartDeclaration, number
 from jaxsat.core.ranges import (
     ATTITUDE_NOISE,
@@ -12,6 +17,28 @@ from jaxsat.core.ranges import (
     SECONDS,
     TRACKER_NOISE,
 )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorDeclaration(PartDeclaration):
+    """A sensor of a sampled law with a table of its own.
+
+    - `name`: of its table `[name]`.
+    - `meaning`: one line, for the schema.
+    - `place`: the attribute of a sampled loop where it stands.
+    - `maker`: "module:Class.method" of the function that makes it of a checked table and the period
+      of the law (s). Nothing is imported before it is used.
+    """
+
+    name: str
+    meaning: str
+    place: str
+    maker: str
+
+    def made(self, table: Mapping[str, Any], period: float) -> Any:
+        """The sensor of a checked table, for a law with this period (s)."""
+        return pkgutil.resolve_name(self.maker)(table, period)
+
 
 WHITE_NOISE = PartDeclaration(
     "sensors with white noise",
@@ -44,9 +71,13 @@ DELAY = number(
     default=0.0,
 )
 
-GYRO = PartDeclaration(
-    "rate gyros",
-    (
+GYRO = SensorDeclaration(
+    name="gyro",
+    meaning="Rate gyros of a sampled law",
+    place="navigation.gyro",
+    maker="jaxsat.spacecraft.navigation_sensors:Gyro.from_table",
+    summary="rate gyros",
+    keys=(
         number(
             "noise_density_rad_s_sqrt_Hz",
             "Density of the white noise on each measured rate (angle random walk)",
@@ -109,9 +140,13 @@ GYRO = PartDeclaration(
     ),
 )
 
-STAR_TRACKER = PartDeclaration(
-    "star tracker",
-    (
+STAR_TRACKER = SensorDeclaration(
+    name="star_tracker",
+    meaning="Star tracker of a sampled law",
+    place="navigation.tracker",
+    maker="jaxsat.spacecraft.navigation_sensors:StarTracker.from_table",
+    summary="star tracker",
+    keys=(
         number(
             "across_rad",
             "Standard deviation of the measured attitude about each direction across the boresight",
@@ -177,7 +212,7 @@ STAR_TRACKER = PartDeclaration(
             drawn="tracker_outage",
         ),
     ),
-    (
+    dispersible=(
         DispersibleQuantity(
             "tracker_update_period",
             "time between the star tracker's measurements, rounded to whole control periods",
@@ -192,5 +227,8 @@ STAR_TRACKER = PartDeclaration(
     ),
 )
 
-SENSORS = {"sensors": WHITE_NOISE, "navigation.gyro": GYRO, "navigation.tracker": STAR_TRACKER}
-"""Declarations by the attribute of a sampled loop where the sensor is."""
+SENSORS: tuple[SensorDeclaration, ...] = (GYRO, STAR_TRACKER)
+"""Those with a table of their own, in the order of a scenario."""
+
+SENSED = {"sensors": WHITE_NOISE} | {one.place: one for one in SENSORS}
+"""Declarations of all by the attribute of a sampled loop where the sensor is."""

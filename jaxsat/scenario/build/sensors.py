@@ -13,13 +13,14 @@ from jaxsat.control.navigation import (
     RawMeasurements,
 )
 from jaxsat.core.checks import as_float
+from jaxsat.core.declaration.sensors import SENSORS
 from jaxsat.core.noise import key_of_seed
 from jaxsat.scenario.build.plant import orbit_of, orbit_rate
 from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
 from jaxsat.scenario.parts.sensors import EstimatorTable, OwnEstimatorTable, SamplingTable
 from jaxsat.scenario.plugins import ESTIMATOR, find_part
 from jaxsat.scenario.schema import Scenario
-from jaxsat.spacecraft import Gyro, Sensors, StarTracker, Tachometers
+from jaxsat.spacecraft import Sensors, Tachometers
 
 
 def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:
@@ -58,14 +59,22 @@ def build_navigation(scenario: Scenario) -> Navigation | None:
     """
     if scenario.gyro is None or scenario.star_tracker is None:
         return None
-    gyro = Gyro.from_table(dict(scenario.gyro))
     period = scenario.control.period_s
-    tracker = StarTracker.from_table(dict(scenario.star_tracker), period)
+    sensors = {
+        one.place.removeprefix("navigation."): one.made(dict(table), period)
+        for one in SENSORS
+        if (table := getattr(scenario, one.name)) is not None
+    }
     table: Any = scenario.estimator or OwnEstimatorTable()
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
+    gyro, tracker = sensors["gyro"], sensors["tracker"]
     estimator = _estimator(table, EstimatorContext(gyro, tracker, orbit, as_float(period)))
-    key = key_of_seed(scenario.simulation.seed)
-    return Navigation(gyro, tracker, estimator, table.attitude_sigma_rad, key)
+    return Navigation(
+        estimator=estimator,
+        attitude_sigma=table.attitude_sigma_rad,
+        key=key_of_seed(scenario.simulation.seed),
+        **sensors,
+    )
 
 
 def _estimator(table: EstimatorTable, context: EstimatorContext) -> AbstractEstimator:

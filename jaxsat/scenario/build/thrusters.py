@@ -10,6 +10,7 @@ from jaxsat.control.controller import ThrusterContext
 from jaxsat.control.diagnosis import ThrusterModel
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.failures import FailureKind, failure_kind
+from jaxsat.core.declaration.sensors import GYRO
 from jaxsat.scenario.layout import command_torques, thruster_costs
 from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.failures import FailureTable
@@ -27,7 +28,6 @@ from jaxsat.spacecraft import (
     Actuators,
     DeltaSigma,
     FailureEvents,
-    Gyro,
     IdealThrottle,
     LeastPropellant,
     PulsedThrusters,
@@ -85,8 +85,8 @@ def thruster_context(scenario: Scenario) -> ThrusterContext | None:
 def rate_noise(scenario: Scenario) -> float:
     """Standard deviation (rad/s) of the rates that a sampled law is told, from sample to sample."""
     if scenario.gyro is not None:
-        gyro = Gyro.from_table(dict(scenario.gyro))
         period = scenario.control.period_s
+        gyro = GYRO.made(dict(scenario.gyro), period)
         return float(gyro.rate_variance(as_float(period))) ** 0.5
     return 0.0 if scenario.sampling is None else scenario.sampling.rate_noise_rad_s
 

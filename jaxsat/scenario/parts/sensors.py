@@ -4,17 +4,23 @@ They stand between a sampled law and the plant. Of a table that is given, the ke
 among the values that rules receive; of one that is not, the table itself is, as None.
 """
 
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import ConfigDict, SerializeAsAny
 
 from jaxsat.core.declaration.keys import choice as key_choice
 from jaxsat.core.declaration.keys import number
-from jaxsat.core.declaration.sensors import DELAY, GYRO, STAR_TRACKER, WHITE_NOISE
+from jaxsat.core.declaration.sensors import DELAY, SENSORS, WHITE_NOISE, SensorDeclaration
 from jaxsat.core.ranges import TRACKER_NOISE
 from jaxsat.scenario.parts.named import PartTable, by_its_kind
 from jaxsat.scenario.plugins import ESTIMATOR, PluginKind
-from jaxsat.scenario.quantities import choice, fields_of, table_with
+from jaxsat.scenario.quantities import (
+    ScenarioTable,
+    choice,
+    fields_of,
+    table_class,
+    table_with,
+)
 from jaxsat.scenario.rules import at, is_multiple, rule, rule_over, sampled_laws
 from jaxsat.scenario.wording import shown
 
@@ -40,12 +46,15 @@ class SamplingTable(table_with(fields_of((*WHITE_NOISE.keys, DELAY)))):
     """`[sampling]`: what is between a sampled law and the plant."""
 
 
-class GyroTable(table_with(fields_of(GYRO.keys))):
-    """`[gyro]`: three rate gyros, sampled with the law."""
+def _table_of(sensor: SensorDeclaration) -> Any:
+    """The class of the table of a sensor."""
+    doc = f"`[{sensor.name}]`: {sensor.meaning[0].lower()}{sensor.meaning[1:]}."
+    name = sensor.name.replace("_", "-")
+    return table_class(name, doc, fields_of(sensor.keys), ScenarioTable, "Table")
 
 
-class StarTrackerTable(table_with(fields_of(STAR_TRACKER.keys))):
-    """`[star_tracker]`: the attitude that a star tracker measures."""
+TABLES = {one.name: (_table_of(one) | None, choice(one.meaning, None)) for one in SENSORS}
+"""The table of each sensor that has one of its own, and what it means."""
 
 
 class EstimatorTable(table_with(fields_of([ATTITUDE_SIGMA]), PartTable)):
@@ -143,7 +152,7 @@ def _boresight_is_a_direction(boresight):
 @rule_over("control.law")
 def _sensors_belong_to_a_sampled_law(values):
     law = values["control.law"]
-    for table in ("sampling", "gyro", "star_tracker"):
+    for table in ("sampling", *TABLES):
         present = any(key.startswith(f"{table}.") for key in values)
         if present and not law.declaration.sampled:
             yield at(table, f'must belong to a sampled law ({sampled_laws()}), got "{law}"')
