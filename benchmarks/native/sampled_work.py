@@ -135,7 +135,7 @@ def _of_pulses(actuators: PulsedThrusters) -> np.ndarray:
     torque = np.asarray(thrusters.torque)
     assert np.array_equal(np.sign(torque), np.kron(np.eye(3), [1, -1]))
     assert failures is not None
-    assert (failures.thruster, failures.kind) == (0, FailureKind.DEGRADED)
+    assert (failures.number, failures.kind) == (0, FailureKind.DEGRADED)
     on_time = np.unique(np.asarray(thrusters.min_on_time))
     flow = np.broadcast_to(np.asarray(thrusters.flow), 6)
     full = np.abs(torque).sum(axis=0)[:4]

@@ -7,7 +7,7 @@ controller.
 
 import abc
 import dataclasses
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jaxsat.control import AbstractBacksteppingLaw, AbstractController
 from jaxsat.control.controller import AbstractIntegratingFactor, Memory
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.spacecraft import AbstractDistribution, Direct
+from jaxsat.spacecraft import AbstractDistribution, AbstractFailures, Direct
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody, Struck
 
 
@@ -260,3 +260,17 @@ def plant_signals(plant, t, state, torque, rate_error, lyapunov, mode) -> Signal
         constraint_torque=plant.constraint_torque(t, state, torque),
         parts=plant.stored(state),
     )
+
+
+Part = TypeVar("Part")
+
+
+def parts_of(kind: type[Part], tree: PyTree) -> list[Part]:
+    """All parts of one kind in a module."""
+    parts = jax.tree.leaves(tree, is_leaf=lambda part: isinstance(part, kind))
+    return [part for part in parts if isinstance(part, kind)]
+
+
+def failures_of(loop: AbstractLoop) -> list[AbstractFailures]:
+    """The failures in flight of a loop, effector by effector."""
+    return parts_of(AbstractFailures, loop.plant.effectors)

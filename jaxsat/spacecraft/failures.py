@@ -1,6 +1,5 @@
 """What happens to a thruster in flight: failures as events at a time."""
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
 
@@ -40,7 +39,7 @@ class LastFailure(NamedTuple):
 
 
 class AbstractFailures(eqx.Module):
-    """F failures: of one actuator each, by its number from 0, `at` (s), of a `kind`, by an amount.
+    """F failures: of actuator `number` each, from 0, `at` (s), of a `kind`, by an `amount`.
 
     They act in the order of their times, and each replaces what struck its actuator before; of
     those at one instant the last one does. The numbers are arrays, so that cases which differ in
@@ -49,17 +48,15 @@ class AbstractFailures(eqx.Module):
     """
 
     part: ClassVar[str]
-    """What fails, as tables call it; the field of its number has that name."""
+    """What fails, as tables call it."""
 
     kinds: ClassVar[type[AbstractFailureKind]]
-    at: eqx.AbstractVar[Float[Array, " f"]]
-    kind: eqx.AbstractVar[Float[Array, " f"]]
-    amount: eqx.AbstractVar[Float[Array, " f"]]
+    """Members of this enumeration."""
 
-    @property
-    def number(self) -> Float[Array, " f"]:
-        """That of the actuator which each strikes."""
-        return getattr(self, self.part)
+    number: Float[Array, " f"] = eqx.field(converter=as_float)
+    at: Float[Array, " f"] = eqx.field(converter=as_float)
+    kind: Float[Array, " f"] = eqx.field(converter=as_float)
+    amount: Float[Array, " f"] = eqx.field(converter=as_float)
 
     def largest_amount(self) -> np.ndarray:
         """The most that a study may draw as the amount of each: all of what it is a part of."""
@@ -73,19 +70,7 @@ class AbstractFailures(eqx.Module):
         kind = [failure_kind(cls.kinds, table) for _, table in failures]
         number, at = [number for number, _ in failures], [table.at_s for _, table in failures]
         amount = [one.amount(table) for one, (_, table) in zip(kind, failures, strict=True)]
-        return cls(number, at, kind, amount)  # pyright: ignore[reportCallIssue, reportArgumentType]
-
-    def with_events(
-        self,
-        number: Float[Array, " f"],
-        at: Float[Array, " f"],
-        kind: Float[Array, " f"],
-        amount: Float[Array, " f"],
-    ) -> "AbstractFailures":
-        """As many other failures of the same actuators."""
-        names = [field.name for field in dataclasses.fields(self)]
-        events = dict(zip(names[:4], (number, at, kind, amount), strict=True))
-        return dataclasses.replace(self, **events)
+        return cls(number, at, kind, amount)
 
     @property
     def count(self) -> int:
@@ -108,7 +93,7 @@ class AbstractFailures(eqx.Module):
 
 
 class FailureEvents(AbstractFailures):
-    """Failures of thruster number `thruster`, of a `FailureKind`.
+    """Failures of thrusters, of a `FailureKind`.
 
     `turned` (F, 3, m) are the torques (N m) of all thrusters as each event would turn them.
     `partner` (m,) is, for each of the two ways of a two-sided thruster, the number of the other
@@ -119,10 +104,6 @@ class FailureEvents(AbstractFailures):
     part: ClassVar[str] = "thruster"
     kinds: ClassVar[type[AbstractFailureKind]] = FailureKind
 
-    thruster: Float[Array, " f"] = eqx.field(converter=as_float)
-    at: Float[Array, " f"] = eqx.field(converter=as_float)
-    kind: Float[Array, " f"] = eqx.field(converter=as_float)
-    amount: Float[Array, " f"] = eqx.field(converter=as_float)
     turned: Float[Array, "f 3 m"] = eqx.field(converter=as_float)
     partner: Float[Array, " m"] | None = eqx.field(converter=as_optional_float, default=None)
 
@@ -133,7 +114,7 @@ class FailureEvents(AbstractFailures):
             return one
         kind = jnp.round(self.kind[event])
         both = (kind < min(ONE_WAY)) | (kind > max(ONE_WAY))
-        return one | ((self.partner == jnp.round(self.thruster[event])) & both)
+        return one | ((self.partner == jnp.round(self.number[event])) & both)
 
     def condition(
         self, t: Float[Array, ""], now: Float[Array, ""], torque: Float[Array, "3 m"]

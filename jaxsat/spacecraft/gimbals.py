@@ -31,15 +31,10 @@ from jaxsat.spacecraft.failures import AbstractFailures
 
 
 class GimbalFailures(AbstractFailures):
-    """Failures of gyro number `gimbal`, of a `GimbalFailureKind`."""
+    """Failures of gyros, of a `GimbalFailureKind`."""
 
     part: ClassVar[str] = "gimbal"
     kinds: ClassVar[type[AbstractFailureKind]] = GimbalFailureKind
-
-    gimbal: Float[Array, " f"] = eqx.field(converter=as_float)
-    at: Float[Array, " f"] = eqx.field(converter=as_float)
-    kind: Float[Array, " f"] = eqx.field(converter=as_float)
-    amount: Float[Array, " f"] = eqx.field(converter=as_float)
 
     def largest_amount(self) -> np.ndarray:
         """Times of any length."""

@@ -15,12 +15,12 @@ from jaxsat.core.ranges import MISALIGNMENT
 from jaxsat.spacecraft.axes import of_each, turned_axes, unit_axes
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
-from jaxsat.spacecraft.environment.magnetic_field import DipoleField
+from jaxsat.spacecraft.environment.orbit import DipoleField
 from jaxsat.spacecraft.failures import AbstractFailures
 
 
 class MagnetorquerFailures(AbstractFailures):
-    """Failures of magnetorquer number `magnetorquer`, of a `FailureKind`.
+    """Failures of magnetorquers, of a `FailureKind`.
 
     They may be dead, degraded, stuck or reversed; `amount` is that of the kind, of the dipole limit
     from -1 to 1 where one is stuck.
@@ -28,11 +28,6 @@ class MagnetorquerFailures(AbstractFailures):
 
     part: ClassVar[str] = "magnetorquer"
     kinds: ClassVar[type[AbstractFailureKind]] = FailureKind
-
-    magnetorquer: Float[Array, " f"] = eqx.field(converter=as_float)
-    at: Float[Array, " f"] = eqx.field(converter=as_float)
-    kind: Float[Array, " f"] = eqx.field(converter=as_float)
-    amount: Float[Array, " f"] = eqx.field(converter=as_float)
 
     def two_signed(
         self, struck: Bool[Array, " f"], count: int

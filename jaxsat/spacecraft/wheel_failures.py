@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.core.checks import as_float, concrete
+from jaxsat.core.checks import concrete
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.core.declaration.wheels import WheelFailureKind
 from jaxsat.core.ranges import FRICTION
@@ -19,15 +19,10 @@ if TYPE_CHECKING:
 
 
 class WheelFailures(AbstractFailures):
-    """Failures of wheel number `wheel`, of a `WheelFailureKind`."""
+    """Failures of wheels, of a `WheelFailureKind`."""
 
     part: ClassVar[str] = "wheel"
     kinds: ClassVar[type[AbstractFailureKind]] = WheelFailureKind
-
-    wheel: Float[Array, " f"] = eqx.field(converter=as_float)
-    at: Float[Array, " f"] = eqx.field(converter=as_float)
-    kind: Float[Array, " f"] = eqx.field(converter=as_float)
-    amount: Float[Array, " f"] = eqx.field(converter=as_float)
 
     def largest_amount(self) -> np.ndarray:
         """As much friction as a wheel may have, else all of its torque."""
@@ -53,7 +48,7 @@ class WheelFailures(AbstractFailures):
 
     def frees_a_wheel(self) -> bool:
         """Whether a wheel that has seized is struck once more, as far as the numbers are known."""
-        known = [concrete(one) for one in (self.wheel, self.at, self.kind)]
+        known = [concrete(one) for one in (self.number, self.at, self.kind)]
         if any(one is None for one in known):
             return False
         events = sorted(zip(*map(np.asarray, known), strict=True), key=lambda one: one[1])

@@ -17,7 +17,7 @@ from jaxsat.control import (
 )
 from jaxsat.core.attitude import DCM, WZ, AbstractAttitude, Quaternion
 from jaxsat.simulation import AbstractLoop
-from jaxsat.simulation.parts import parts_of
+from jaxsat.simulation.loops import parts_of
 from jaxsat.spacecraft import Spacecraft, Wheels
 from jaxsat.spacecraft.environment import (
     AbstractOrbit,

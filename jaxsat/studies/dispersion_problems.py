@@ -11,7 +11,7 @@ from jaxsat.control import InternalModel
 from jaxsat.core.checks import concrete
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.simulation import AbstractLoop
-from jaxsat.simulation.parts import parts_of
+from jaxsat.simulation.loops import parts_of
 from jaxsat.spacecraft.dispersible import Limits
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.studies.distributions import AbstractDistribution, Discrete, RandomAttitude

@@ -16,7 +16,7 @@ from jaxsat.core.checks import as_float, concrete, numpy_if_known
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop, SampledLoop
-from jaxsat.simulation.parts import failures_of, parts_of
+from jaxsat.simulation.loops import failures_of, parts_of
 from jaxsat.spacecraft import (
     AbstractEffector,
     AbstractFailures,

@@ -5,7 +5,7 @@ from typing import Any
 
 from jaxsat.control import AbstractBacksteppingLaw
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.simulation.parts import failures_of, parts_of
+from jaxsat.simulation.loops import failures_of, parts_of
 from jaxsat.spacecraft import (
     AbstractEffector,
 )

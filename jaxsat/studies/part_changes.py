@@ -11,7 +11,7 @@ import numpy as np
 from jaxsat.control.navigation import Navigation
 from jaxsat.core.declaration.keys import DispersibleQuantity
 from jaxsat.simulation import AbstractLoop, SampledLoop
-from jaxsat.simulation.parts import failures_of, parts_of
+from jaxsat.simulation.loops import failures_of, parts_of
 from jaxsat.spacecraft import AbstractEffector, Actuators, ThrusterSet
 from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.studies.perturbed import (
@@ -105,12 +105,12 @@ def set_in_effector(kind: type[AbstractEffector], one: Dispersible):
     return apply
 
 
-def set_failure(field: str):
-    """Other numbers in one field of all failures that have it."""
+def set_failure(field: str, part: str | None = None):
+    """Other numbers in one field of all failures, or of those of one kind of actuator."""
 
     def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
         def fields(loop: AbstractLoop) -> list:
-            return [getattr(one, field) for one in failures_of(loop) if hasattr(one, field)]
+            return [getattr(one, field) for one in failures_of(loop) if part in (None, one.part)]
 
         ends = np.cumsum([one.size for one in fields(perturbed.loop)])[:-1]
         return in_loop(perturbed, fields, jnp.split(values, ends))

@@ -18,7 +18,7 @@ from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.declaration.sensors import SENSED
 from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.simulation import AbstractLoop
-from jaxsat.simulation.parts import failures_of, parts_of
+from jaxsat.simulation.loops import failures_of, parts_of
 from jaxsat.spacecraft import AbstractEffector, Spacecraft
 from jaxsat.spacecraft.environment import AbstractOrbit
 from jaxsat.studies import changes, limits, part_changes
@@ -160,7 +160,7 @@ def _of_failed(actuator: ActuatorDeclaration) -> Quantity:
     )
     return Quantity(
         _failures(actuator.name),
-        part_changes.set_failure(actuator.name),
+        part_changes.set_failure("number", actuator.name),
         needs_failures(actuator.name),
         number,
     )

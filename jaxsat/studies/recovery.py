@@ -13,7 +13,7 @@ from jaxsat.core.declaration.failures import ONE_WAY
 from jaxsat.core.tolerances import SETTLED_BEFORE
 from jaxsat.simulation import AbstractLoop, Outcome
 from jaxsat.simulation.engine.failure_record import initial_record
-from jaxsat.simulation.parts import failures_of
+from jaxsat.simulation.loops import failures_of
 from jaxsat.spacecraft import AbstractFailures
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.store import Column

@@ -1,5 +1,6 @@
 """What torques failures in flight leave in each case of a study, by controllability."""
 
+import dataclasses
 import enum
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -188,7 +189,7 @@ def _in_cases(one: AbstractEffector, before: int, struck: Mapping[str, np.ndarra
     kinds = np.where(mine, struck["failure_kind"] - first_code(one.failures.kinds), -1)
 
     def reach(number, at, kind, amount):
-        events = one.failures.with_events(number, at, kind, amount)
+        events = dataclasses.replace(one.failures, number=number, at=at, kind=kind, amount=amount)
         return _at_rest(eqx.tree_at(lambda x: x.failures, one, events), kind >= 0)
 
     at = np.where(mine, struck["failure_time"], np.inf)

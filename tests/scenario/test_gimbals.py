@@ -35,7 +35,7 @@ def test_gyros_of_a_scenario_are_steered():
     np.testing.assert_array_equal(state.angle, [0.2, 0.0, 0.0, 0.0])
     np.testing.assert_array_equal(state.momentum, np.full(4, 0.8))
     assert gyros.failures is not None
-    np.testing.assert_array_equal(gyros.failures.gimbal, [1.0, 3.0])
+    np.testing.assert_array_equal(gyros.failures.number, [1.0, 3.0])
     kinds = [GimbalFailureKind.LOCKED, GimbalFailureKind.RUN_DOWN]
     np.testing.assert_array_equal(gyros.failures.kind, kinds)
     np.testing.assert_array_equal(gyros.failures.amount, [0.0, 20.0])

@@ -1,9 +1,9 @@
 """`[[magnetorquer]]`: coils and rods, as scenarios, studies and results know them."""
 
 from jaxsat.core.declaration.actuator import ActuatorDeclaration, Signal
+from jaxsat.core.declaration.disturbances import needs_orbit
 from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.core.declaration.keys import DispersibleQuantity, direction, number
-from jaxsat.core.declaration.orbits import needs_orbit
 from jaxsat.core.ranges import DIPOLE_LIMIT
 
 MAGNETORQUER = ActuatorDeclaration(

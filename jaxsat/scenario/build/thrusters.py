@@ -175,7 +175,7 @@ def _events(
         return None
     kinds = [failure_kind(FailureKind, table) for table, _, _ in events]
     return FailureEvents(
-        thruster=[place for _, place, _ in events],
+        number=[place for _, place, _ in events],
         at=[table.at_s for table, _, _ in events],
         kind=kinds,
         amount=[kind.amount(table) for kind, (table, _, _) in zip(kinds, events, strict=True)],

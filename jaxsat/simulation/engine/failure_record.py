@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.core.tolerances import Tolerances, excess
 from jaxsat.simulation import AbstractLoop, SampledLoop, Signals
-from jaxsat.simulation.parts import failures_of
+from jaxsat.simulation.loops import failures_of
 
 
 class DiagnosisRecord(NamedTuple):

@@ -10,10 +10,10 @@ from jaxsat.spacecraft.environment.disturbances import (
     PeriodicTorque,
     SumOfDisturbances,
 )
-from jaxsat.spacecraft.environment.magnetic_field import DipoleField
 from jaxsat.spacecraft.environment.orbit import (
     AbstractOrbit,
     CircularOrbit,
+    DipoleField,
     ExactOrbit,
     SmallAngleOrbit,
 )

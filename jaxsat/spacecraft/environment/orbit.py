@@ -1,7 +1,8 @@
-"""Circular orbit and the rate of its LVLH frame.
+"""Circular orbit, the rate of its LVLH frame, and the Earth's magnetic field along it.
 
 The orbit frame has x along the velocity, z towards the Earth's centre and y = z × x, minus the
-orbit normal. It turns at (0, -ω0, 0) in its own axes.
+orbit normal. It turns at (0, -ω0, 0) in its own axes. The field is that of a tilted dipole that
+turns with the Earth (Wertz, Spacecraft Attitude Determination and Control, 1978, appendix H).
 """
 
 import abc
@@ -89,3 +90,29 @@ class CircularOrbit(eqx.Module):
         forward = jnp.stack([-cn * s - sn * c * ci, -sn * s + cn * c * ci, c * si])
         normal = jnp.stack([sn * si, -cn * si, ci])
         return jnp.stack([forward, -normal, -up])
+
+
+DIPOLE = (-1450.9e-9, 4652.5e-9, -29404.8e-9)
+"""g11, h11 and g10 of IGRF-13 for 2020, T: the dipole in axes that turn with the Earth."""
+
+REFERENCE_RADIUS = 6371.2e3
+"""That of the IGRF, m."""
+
+
+class DipoleField(eqx.Module):
+    """The first degree of the IGRF along the circular `orbit`."""
+
+    orbit: CircularOrbit
+
+    def __call__(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+        """B at time `t` (s) in orbit axes, T: (R/r)³ (3 (m·r̂) r̂ - m) of the Earth's dipole m."""
+        axes, angle = self.orbit.axes(t), self.orbit.sidereal_angle + EARTH_ROTATION * t
+        east, north = cos(angle), sin(angle)
+        x, y, z = DIPOLE
+        m = axes @ jnp.stack([x * east - y * north, x * north + y * east, z + 0 * angle])
+        up = jnp.array([0.0, 0.0, -1.0], m.dtype)
+        return (REFERENCE_RADIUS / self.orbit.radius) ** 3 * (-3 * m[2] * up - m)
+
+    def in_body(self, t: Float[Array, ""], attitude: AbstractAttitude) -> Float[Array, "3"]:
+        """B at time `t` (s) in body axes, T."""
+        return attitude.as_dcm().matrix @ self(t)

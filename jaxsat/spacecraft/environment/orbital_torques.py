@@ -20,8 +20,7 @@ from jaxsat.spacecraft.environment.disturbances import (
     DisturbanceContext,
     RealScalar,
 )
-from jaxsat.spacecraft.environment.magnetic_field import DipoleField
-from jaxsat.spacecraft.environment.orbit import CircularOrbit
+from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
 
 SOLAR_PRESSURE = 4.56e-6
 """At the Earth's mean distance from the Sun on a surface that absorbs all light, N/m²."""

@@ -16,15 +16,10 @@ from jaxsat.spacecraft.dispersible import Dispersible, Limits
 
 
 class FlywheelFailures(AbstractFailures):
-    """Failures of flywheel number `flywheel`."""
+    """Failures of flywheels."""
 
     part: ClassVar[str] = "flywheel"
     kinds: ClassVar = FlywheelFailureKind
-
-    flywheel: jax.Array = eqx.field(converter=jnp.asarray)
-    at: jax.Array = eqx.field(converter=jnp.asarray)
-    kind: jax.Array = eqx.field(converter=jnp.asarray)
-    amount: jax.Array = eqx.field(converter=jnp.asarray)
 
     def gain(self, struck, count):
         """What is left of the torque of each."""

@@ -26,7 +26,7 @@ def test_events_strike_the_torques_that_work():
     assert not loop.is_smooth()
     failures = loop.plant.effectors[0].failures
     assert isinstance(failures, FailureEvents)
-    np.testing.assert_array_equal(failures.thruster, [1, 0])
+    np.testing.assert_array_equal(failures.number, [1, 0])
     np.testing.assert_array_equal(failures.at, [5, 9])
     np.testing.assert_array_equal(failures.kind, [FailureKind.STUCK_AT, FailureKind.TURNED])
     assert failures.amount[0] == -0.5
