@@ -60,8 +60,13 @@ _ACTUATORS = {
 }
 
 
-class _Sampled(table_with(_ACTUATORS, _Body)):
-    """What a scenario has before its sensors."""
+class Scenario(table_with(_ACTUATORS | SENSORS, _Body)):
+    """One spacecraft, its control law and one run of them.
+
+    Raises pydantic's `ValidationError` holding every mistake at once. Each of its errors carries
+    the `Issue` under `ctx["issue"]`; `jaxsat.scenario.read` turns them into lines of the file.
+    With the validation context `{"law": False}` rules that concern the control law are left out.
+    """
 
     unloading: UnloadingTable | None = choice(
         "How magnetorquers take momentum out of wheels; by default its keys have their defaults",
@@ -81,16 +86,6 @@ class _Sampled(table_with(_ACTUATORS, _Body)):
     simulation: SimulationTable = choice("How to integrate and what to save")
     settled: SettledTable = choice("When a case counts as settled", SettledTable())
     sampling: SamplingTable | None = choice("Sensors and delay of a sampled law", None)
-
-
-class Scenario(table_with(SENSORS, _Sampled)):
-    """One spacecraft, its control law and one run of them.
-
-    Raises pydantic's `ValidationError` holding every mistake at once. Each of its errors carries
-    the `Issue` under `ctx["issue"]`; `jaxsat.scenario.read` turns them into lines of the file.
-    With the validation context `{"law": False}` rules that concern the control law are left out.
-    """
-
     estimator: EstimatorOfAKind | None = choice(
         "Estimator that gives the law attitude and rates from both", None
     )

@@ -55,7 +55,7 @@ class FailureRecord(NamedTuple):
         before = self.diagnosis
         if before is None:
             return None
-        kind, alarm = signals.parts["diagnosed_kind"], signals.parts["alarm"]
+        kind, alarm = (jnp.asarray(signals.parts[one]) for one in ("diagnosed_kind", "alarm"))
         alarmed = alarm > 0
         found = alarmed & (t > self.at) & jnp.isinf(before.detected)
         accused = (kind >= 0) & jnp.isinf(before.isolated)

@@ -6,6 +6,7 @@ from typing import Literal, NamedTuple, get_args
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
@@ -208,14 +209,14 @@ def initial_progress(
     return Progress(state, integrals, zero, settled, zero, code, zero + step, nothing, peaks)
 
 
-def peaks_of(stored: Mapping[str, Array]) -> dict[str, Array]:
+def peaks_of(stored: Mapping[str, Array | np.ndarray]) -> dict[str, Array]:
     """The sizes of what a study has peaks of, by its columns."""
     named = {name: SIGNALS[name].column for name in stored if name in SIGNALS}
     return {column: jnp.abs(stored[name]) for name, column in named.items() if column}
 
 
 def with_peaks(
-    progress: Progress, omega: Float[Array, "3"], stored: Mapping[str, Array]
+    progress: Progress, omega: Float[Array, "3"], stored: Mapping[str, Array | np.ndarray]
 ) -> Progress:
     """With one more instant in the peaks of ω (rad/s) and of what effectors store, by signal."""
     sizes = peaks_of(stored)
