@@ -78,7 +78,10 @@ def saved(signals: Signals, numbers: Numbers, held: HeldTorque) -> Signals:
         for name, values in signals.parts.items()
         if name in SIGNALS and SIGNALS[name].mean
     }
-    return kept.with_parts(means)
+    if not means:
+        return kept
+    where = list(means)
+    return eqx.tree_at(lambda one: [one.parts[name] for name in where], kept, list(means.values()))
 
 
 def over_parts(combine: np.ufunc, values: Array | np.ndarray, numbers: Numbers):

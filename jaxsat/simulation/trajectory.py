@@ -2,7 +2,6 @@
 
 import dataclasses
 import enum
-from collections import ChainMap
 from collections.abc import Mapping
 
 import equinox as eqx
@@ -81,9 +80,10 @@ class Signals(eqx.Module):
     torque_range: TorqueRange | None = None
     parts: dict[str, Array | np.ndarray] = eqx.field(default_factory=dict)
 
-    def with_parts(self, *parts: Mapping[str, Array | np.ndarray]) -> "Signals":
+    def with_parts(self, *parts: Mapping[str, Array]) -> "Signals":
         """With what these parts tell besides."""
-        return dataclasses.replace(self, parts=dict(ChainMap(*map(dict, parts), self.parts)))
+        told = {name: value for one in parts for name, value in one.items()}
+        return dataclasses.replace(self, parts=self.parts | told)
 
 
 class Trajectory(eqx.Module):
