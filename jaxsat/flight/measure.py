@@ -1,9 +1,13 @@
 """What a compiler and an emulator tell of an export: stack, code size, instructions of a step.
 
 Emulation takes 2 ms a sample. So this machine's compiler, if there is one, first runs all of them
-and counts the blocks of code that each runs, and the emulator gets those that can matter.
+and counts the blocks of code that each runs, and the emulator gets those that can matter. What is
+measured is kept in the cache of machine code, under a hash of the files, the tools and this module.
 """
 
+import dataclasses
+import hashlib
+import json
 import re
 import shutil
 import subprocess
@@ -15,6 +19,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Int
 
+from jaxsat.compiler.llvm import cache
 from jaxsat.flight.templates import BLOCKS
 
 ARM, QEMU = "arm-none-eabi-gcc", "qemu-system-arm"
@@ -50,15 +55,32 @@ def measured(files: Mapping[str, bytes]) -> ProcessorUse:
     missing = [tool for tool in (ARM, QEMU) if shutil.which(tool) is None]
     if ARM in missing:
         return ProcessorUse(why=f"{' and '.join(missing)} not installed where this was exported")
+    used = {file: files[file] for file in sorted(files) if file.endswith((".c", ".h", ".bin"))}
+    entry = _entry(used)
+    content = cache.kept(entry)
+    if content is not None:
+        return ProcessorUse(**json.loads(content))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for file, content in files.items():
-            if file.endswith((".c", ".h", ".bin")):
-                (folder / file).write_bytes(content)
+        for file, content in used.items():
+            (folder / file).write_bytes(content)
         try:
-            return _measured(folder, has_emulator=QEMU not in missing)
+            use = _measured(folder, has_emulator=QEMU not in missing)
         except (OSError, subprocess.SubprocessError) as error:
             return ProcessorUse(why=f"the tools failed: {type(error).__name__}")
+    cache.keep(entry, json.dumps(dataclasses.asdict(use)).encode())
+    return use
+
+
+def _entry(files: Mapping[str, bytes]) -> str:
+    """The name under which is kept what the tools of now, at their places, tell of these files."""
+    tools = []
+    for tool in (ARM, QEMU, HOST):
+        place = shutil.which(tool)
+        status = None if place is None else Path(place).stat()
+        tools.append(None if status is None else (place, status.st_size, status.st_mtime_ns))
+    made_from = (Path(__file__).read_bytes(), BLOCKS, tools, *files.items())
+    return f"{hashlib.sha256(repr(made_from).encode()).hexdigest()}.measured"
 
 
 def _measured(folder: Path, *, has_emulator: bool) -> ProcessorUse:

@@ -80,7 +80,7 @@ class Signals(eqx.Module):
     torque_range: TorqueRange | None = None
     parts: dict[str, Array | np.ndarray] = eqx.field(default_factory=dict)
 
-    def with_parts(self, *parts: Mapping[str, Array]) -> "Signals":
+    def with_parts(self, *parts: Mapping[str, Array | np.ndarray]) -> "Signals":
         """With what these parts tell besides."""
         told = {name: value for one in parts for name, value in one.items()}
         return dataclasses.replace(self, parts=self.parts | told)

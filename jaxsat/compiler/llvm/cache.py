@@ -29,8 +29,8 @@ from jaxsat.compiler.llvm import target
 MOST_BYTES = 2**30
 """Of all entries; the ones unused for longest go."""
 
-KINDS = (".o", ".kernel")
-"""How the names of entries end: machine code, and kernels (`kept`)."""
+KINDS = (".o", ".kernel", ".measured")
+"""How the names of entries end: machine code, kernels (`kept`), and what flight code takes."""
 
 _BYTES = 32
 """Of the hash before an entry's content."""
