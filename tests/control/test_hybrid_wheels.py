@@ -96,9 +96,29 @@ def test_wheels_make_what_they_can_and_thrusters_the_rest():
     np.testing.assert_allclose(wheels.torque, steady - thrusters.torque, atol=1e-9 * FULL)
 
 
+NEVER = 9000
+"""After the end of all flights, s."""
+
+
+def flight(failures, *changes):
+    """A run of the scenario with four failures, the last of a thruster: one program for all."""
+    listed = ", ".join(
+        f"{{of='{part}', at_s={at}, kind={kind}}}" for part, at, kind in failures
+    )
+    return build(load("hybrid-wheels", [f"failure=[{listed}]", *changes], caution=print))
+
+
+LOST_WHEELS = [
+    ("wheel A", 120, "'dead'"),
+    ("wheel B", 360, "'stopped'"),
+    ("wheel C", 700, "'dead'"),
+]
+STUCK = "'stuck-at', fraction=0.5"
+
+
 @pytest.mark.slow
 def test_three_wheels_fail_and_thrusters_take_their_axes():
-    run = build(load("hybrid-wheels"))
+    run = flight([*LOST_WHEELS, ("thruster 3", NEVER, STUCK)])
     trajectory = run.simulate()
     signals, times = trajectory.signals, np.asarray(trajectory.times)
     mode, kind = np.asarray(signals.mode), np.asarray(signals.parts["diagnosed_kind"])
@@ -119,16 +139,16 @@ def test_three_wheels_fail_and_thrusters_take_their_axes():
 def wheels(momentum):
     each = "torque_limit_N_m=0.4, momentum_limit_N_m_s=20, tachometer_noise_N_m_s=2e-3, "
     each += f"coulomb_friction_N_m=0.01, momentum_N_m_s={momentum}"
-    axes = AXES.T * np.sqrt(2)
-    return "wheel=[" + ", ".join(f"{{axis={axis.tolist()}, {each}}}" for axis in axes) + "]"
+    axes = zip("ABCD", (AXES.T * np.sqrt(2)).tolist(), strict=True)
+    return "wheel=[" + ", ".join(f"{{name='{n}', axis={axis}, {each}}}" for n, axis in axes) + "]"
 
 
 @pytest.mark.slow
 def test_thrusters_take_momentum_out_of_wheels_that_are_full():
     """45 N m s about z, 1.2 times what wheels hold where the slew ends: it ends as without."""
-    changes = [wheels(16.0), "failure=[]", "initial.omega_rad_s=[0, 0, 0]"]
-    run = build(load("hybrid-wheels", [*changes, "simulation.duration_s=800"]))
-    trajectory = run.simulate()
+    changes = [wheels(16.0), "initial.omega_rad_s=[0, 0, 0]", "simulation.duration_s=800"]
+    sound = [(part, NEVER, kind) for part, _, kind in LOST_WHEELS]
+    trajectory = flight([*sound, ("thruster 3", NEVER, STUCK)], *changes).simulate()
     signals, times = trajectory.signals, np.asarray(trajectory.times)
     momentum = np.asarray(signals.parts["wheel_momentum"])
     assert np.abs(momentum[-1]).max() < 6.0
@@ -140,13 +160,8 @@ def test_thrusters_take_momentum_out_of_wheels_that_are_full():
 
 @pytest.mark.slow
 def test_a_stuck_thruster_and_two_lost_wheels_are_isolated_and_settle():
-    failures = [
-        "{of='wheel A', at_s=120, kind='dead'}",
-        "{of='thruster 3', at_s=250, kind='stuck-at', fraction=0.5}",
-        "{of='wheel B', at_s=360, kind='stopped'}",
-    ]
-    run = build(load("hybrid-wheels", [f"failure=[{', '.join(failures)}]"]))
-    trajectory = run.simulate()
+    lost = [LOST_WHEELS[0], LOST_WHEELS[1], ("wheel C", NEVER, "'dead'")]
+    trajectory = flight([*lost, ("thruster 3", 250, STUCK)]).simulate()
     kind = np.asarray(trajectory.signals.parts["diagnosed_kind"])[-1]
     assert np.flatnonzero(kind >= 0).tolist() == [2, 8, 9]
     assert kind[[2, 8, 9]].tolist() == [

@@ -294,6 +294,13 @@ def test_a_disturbance_of_a_package_has_a_name(tmp_path, monkeypatch):
     forget_package()
 
 
+LIGHT = [
+    "control={law='quaternion-feedback', natural_frequency_rad_s=0.1, period_s=0.1}",
+    "spacecraft.failed_thrusters=[]",
+]
+"""A law that is quick to trace: what is compared are the parts."""
+
+
 def study(scenario, engine):
     return build_study(scenario, 6, engine=engine, batch_size=4, chunk=3)
 
@@ -305,7 +312,7 @@ def costs(made, target, executor=None):
 
 @pytest.mark.slow
 def test_every_engine_gives_the_same(own, tmp_path):
-    scenario = load(own, purpose="study")
+    scenario = load(own, LIGHT, purpose="study")
     found = {
         name: costs(study(scenario, name), tmp_path / f"{name}.zarr")
         for name in ("native", "scan", "diffrax")
@@ -319,9 +326,9 @@ def test_every_engine_gives_the_same(own, tmp_path):
 @pytest.mark.slow
 def test_a_changed_part_does_not_resume_a_study(own, tmp_path):
     target = tmp_path / "s.zarr"
-    costs(study(load(own, purpose="study"), "scan"), target)
+    costs(study(load(own, LIGHT, purpose="study"), "scan"), target)
     text = PARTS.replace("return self.torque * (1 +", "return -self.torque * (1 +")
     (own.parent / "own_parts.py").write_text(text, encoding="utf-8")
     sys.modules.pop("own_parts")
     with pytest.raises(OutputError, match="program"):
-        costs(build_study(load(own), 9, engine="scan", batch_size=4, chunk=3), target)
+        costs(build_study(load(own, LIGHT), 9, engine="scan", batch_size=4, chunk=3), target)

@@ -185,12 +185,13 @@ def test_derivatives_are_those_of_differences_within_at_and_beyond_the_limits(pr
 def test_devices_without_bounds_share_what_is_left_at_a_bound():
     reach = Reach(np.eye(3)[:, [0, 0, 1, 2]], *jnp.array([[-0.1, *[-jnp.inf] * 3], [0.1] * 4]))
     reach = reach._replace(high=-reach.low)
-    use, made, unmade = jax.jit(allocate)(reach, jnp.array([0.5, 0.3, -0.2]))
+    allocation = jax.jit(allocate)
+    use, made, unmade = allocation(reach, jnp.array([0.5, 0.3, -0.2]))
     np.testing.assert_allclose(use, [0.1, 0.4, 0.3, -0.2], atol=1e-15)
     np.testing.assert_allclose(made, [0.5, 0.3, -0.2], atol=1e-15)
     assert not np.any(unmade)
     priced = reach._replace(price=jnp.array([0.0, 1.0, 0.0, 0.0]))
-    np.testing.assert_allclose(allocate(priced, made).use, use, atol=1e-9)
+    np.testing.assert_allclose(allocation(priced, made).use, use, atol=1e-9)
 
 
 def test_a_command_that_fits_is_shared_to_the_bit_as_without_limits():
@@ -205,7 +206,7 @@ def test_a_command_that_fits_is_shared_to_the_bit_as_without_limits():
 def test_ideal_thrusters_under_three_torques_make_the_greatest_part_in_its_direction(count):
     axes = np.random.default_rng(5).normal(size=(3, count))
     axes /= np.linalg.norm(axes, axis=0)
-    thrusters = Actuators.of(Thrusters(axes), 0.2, torques=3)
+    thrusters = jax.jit(Actuators.of(Thrusters(axes), 0.2, torques=3).__call__)
     command = np.array([1.0, -0.7, 0.4])
     limits = (np.full(count, -0.2), np.full(count, 0.2))
     most = part(axes, *limits, np.zeros(3), command)
@@ -248,12 +249,17 @@ def test_what_is_not_made_is_told_of_every_kind():
         (Direct(), pulsed),
     ):
         count = 2 if clipped in effectors else 3
-        for command in (small, large):
-            given = jnp.asarray(command[:count])
-            shares = distribution(jnp.zeros(()), told, given, tuple(effectors))
-            unmade = np.asarray(shares.torque_unmade(tuple(effectors)))
+
+        @jax.jit
+        def torques(given, distribution=distribution, effectors=tuple(effectors)):
+            """What all make and what is not made."""
+            shares = distribution(jnp.zeros(()), told, given, effectors)
             made = sum(torque(one, use) for one, use in zip(effectors, shares.uses, strict=True))
-            whole = np.pad(given, (0, 3 - count))
+            return made, shares.torque_unmade(effectors)
+
+        for command in (small, large):
+            made, unmade = map(np.asarray, torques(command[:count]))
+            whole = np.pad(command[:count], (0, 3 - count))
             np.testing.assert_allclose(made + unmade, whole, atol=1e-14)
             assert unmade.any() == (command is large or (len(effectors) == 1 and two in effectors))
 
@@ -262,12 +268,13 @@ def test_devices_just_at_their_bounds_have_the_derivative_of_both_sides():
     """The largest torque about x, turned: the wheels at their bounds stay, the others make up."""
     axes = np.array([[1.0, 0, -1, 0], [0, 1, 0, -1], [1, 1, 1, 1]]) / np.sqrt(2)
     reach = Reach(jnp.asarray(axes), -jnp.ones(4), jnp.ones(4))
-    largest = allocate(reach, jnp.array([9.0, 0.0, 0.0])).made[0]
+    allocation = jax.jit(lambda torque: allocate(reach, torque))
+    largest = allocation(jnp.array([9.0, 0.0, 0.0])).made[0]
 
     def use(angle):
-        return allocate(reach, largest * jnp.array([1.0, angle, 0.3 * angle])).use
+        return allocation(largest * jnp.array([1.0, angle, 0.3 * angle])).use
 
     width = 1e-6
     right, left = (use(width) - use(0.0)) / width, (use(0.0) - use(-width)) / width
     np.testing.assert_allclose(right, left, atol=1e-8)
-    np.testing.assert_allclose(jax.jacfwd(use)(0.0), right, atol=1e-8)
+    np.testing.assert_allclose(jax.jit(jax.jacfwd(use))(0.0), right, atol=1e-8)
