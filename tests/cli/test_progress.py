@@ -21,7 +21,7 @@ from jaxsat.cli.progress import show_progress
 def load(name, overrides, purpose):
     assert "jax" not in sys.modules
     show_progress("reading a\\x1b[31m\\nscenario " + "x" * 200)
-    time.sleep(3)
+    time.sleep(float(sys.argv[1]))
     class Scenario: title = "done"
     return Scenario
 module.load_scenario = load
@@ -36,12 +36,17 @@ def environment(**more):
     return {**os.environ, "PYTHONPATH": str(ROOT), **more}
 
 
-def in_a_terminal(**more):
+def slow(seconds):
+    """A command that reads a scenario for so long."""
+    return [sys.executable, "-c", SLOW, str(seconds)]
+
+
+def in_a_terminal(seconds, **more):
     """All that appears on a terminal, and what came with the first byte."""
     pty = pytest.importorskip("pty")
     ours, theirs = pty.openpty()
     with subprocess.Popen(
-        [sys.executable, "-c", SLOW], stdout=theirs, stderr=theirs, env=environment(**more)
+        slow(seconds), stdout=theirs, stderr=theirs, env=environment(**more)
     ) as process:
         os.close(theirs)
         parts = []
@@ -65,7 +70,9 @@ def on_screen(text):
 
 @pytest.mark.slow
 def test_a_live_line_on_a_terminal_before_jax_is_imported():
-    text, first = in_a_terminal(TERM="xterm", COLUMNS="40", LINES="24", LC_ALL="C", NO_COLOR="1")
+    text, first = in_a_terminal(
+        1.5, TERM="xterm", COLUMNS="40", LINES="24", LC_ALL="C", NO_COLOR="1"
+    )
     assert first.startswith(progress.ERASE)
     lines = text.split(progress.ERASE)
     assert all(len(line) < 40 for line in lines[:-1])
@@ -78,18 +85,17 @@ def test_a_live_line_on_a_terminal_before_jax_is_imported():
 @pytest.mark.slow
 @pytest.mark.parametrize("columns", ["many", "1", "2", "0"])
 def test_narrow_terminals(columns):
-    text, _ = in_a_terminal(TERM="xterm", COLUMNS=columns)
+    text, _ = in_a_terminal(0.7, TERM="xterm", COLUMNS=columns)
+    assert progress.ERASE in text
     assert on_screen(text) == ["x: valid (done)", ""]
 
 
 @pytest.mark.slow
 def test_plain_lines_on_a_dumb_terminal_and_in_a_pipe():
-    text, _ = in_a_terminal(TERM="dumb")
+    text, _ = in_a_terminal(3, TERM="dumb")
     assert "\x1b" not in text
     assert text.startswith("jaxsat: reading a\\x1b[31m\\nscenario")
-    done = subprocess.run(
-        [sys.executable, "-c", SLOW], capture_output=True, env=environment(), check=True
-    )
+    done = subprocess.run(slow(3), capture_output=True, env=environment(), check=True)
     assert done.stdout == b"x: valid (done)\n"
     lines = done.stderr.decode().splitlines()
     assert 2 <= len(lines) <= 4
@@ -119,8 +125,8 @@ def test_progress_that_cannot_be_written_is_no_reason_to_fail():
     begin = time.monotonic()
     with open("/dev/full", "w") as full:
         done = subprocess.run(
-            [sys.executable, "-c", SLOW], stdout=subprocess.PIPE, stderr=full,
+            slow(1.5), stdout=subprocess.PIPE, stderr=full,
             env=environment(), check=True,
         )  # fmt: skip
     assert done.stdout == b"x: valid (done)\n"
-    assert time.monotonic() - begin > 3
+    assert time.monotonic() - begin > 1.5

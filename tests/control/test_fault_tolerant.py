@@ -89,6 +89,7 @@ def test_two_torques_settle_against_a_torque_that_no_hold_balances():
         "dispersion.failure_time_s={distribution='uniform', low=20, high=600}",
         "dispersion.failed_thruster={distribution='uniform', low=-0.5, high=5.5}",
         "dispersion.failure_kind={distribution='discrete', values=[0], weights=[1]}",
+        "dispersion.failure_amount={distribution='uniform', low=0.1, high=0.2}",  # of none
         "dispersion.attitude={distribution='random-attitude'}",
         "dispersion.torque_gain={distribution='uniform', low=-0.05, high=0.05}",
     ]

@@ -102,9 +102,7 @@ NEVER = 9000
 
 def flight(failures, *changes):
     """A run of the scenario with four failures, the last of a thruster: one program for all."""
-    listed = ", ".join(
-        f"{{of='{part}', at_s={at}, kind={kind}}}" for part, at, kind in failures
-    )
+    listed = ", ".join(f"{{of='{part}', at_s={at}, kind={kind}}}" for part, at, kind in failures)
     return build(load("hybrid-wheels", [f"failure=[{listed}]", *changes], caution=print))
 
 

@@ -1,4 +1,4 @@
-"""Wheels that fail under a continuous law, in every engine, against an independent program."""
+"""Wheels that fail under a continuous law, in two engines, against an independent program."""
 
 import itertools
 
@@ -18,7 +18,6 @@ from jaxsat.simulation.engine import (
     Case,
     NativeEngine,
     ReferenceEngine,
-    ScanEngine,
     Tolerance,
     program_of,
 )
@@ -194,14 +193,15 @@ def truth(case):
 def test_engines_agree_with_an_independent_program_and_keep_the_total_momentum():
     """Steps end where the first wheel comes to its limit; error control meets the later corners.
 
-    In the last case the reference is off by 1.6e-3, the other engines are not: why is not known.
+    In the last case the reference is off by 1.6e-3, the other engine is not: why is not known.
+    That engines that take the same steps agree is tested with thrusters that fail and with wheels
+    at their limits.
     """
     cases = factory()
     program = program_of(cases, cases.loop, SECONDS)
     stepper = AdaptiveStepper(tolerance=Tolerance(1e-11, 1e-11))
     reference = ReferenceEngine(adaptive(1e-12, 1e-13, min_step=1e-10), batch_size=len(CASES))
-    engines = {"native": NativeEngine(stepper), "scan": ScanEngine(stepper, len(CASES))}
-    engines["reference"] = reference
+    engines = {"native": NativeEngine(stepper), "reference": reference}
     expected = np.array([truth(case) for case in CASES])
     assert np.abs(expected[1:] - expected[0]).max(axis=1).min() > 1e-4
     for name, engine in engines.items():

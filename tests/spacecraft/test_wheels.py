@@ -1,5 +1,6 @@
 """Wheels: their equation, their edges in closed form, and how a command is shared among them."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -183,25 +184,29 @@ def test_mistakes_are_told(arguments, said):
 PYRAMID = np.array([[1, -1, -1, 1], [1, 1, -1, -1], [1, 1, 1, 1]]) / np.sqrt(3)
 
 
+wheels_of = eqx.filter_jit(lambda distribution, command: distribution.wheels(command))
+"""What wheels are asked for, one compiled program for distributions alike."""
+
+
 def test_a_command_is_shared_by_least_squares_and_keeps_its_direction():
     command = jnp.array([0.3, -0.2, 0.1])
     limits = np.array([1.0, 0.05, 1.0, 1.0])
     shared = WheelsFirst.of(PYRAMID, 3, wheel_limit=limits.tolist())
-    u = np.array(shared.wheels(command))
+    u = np.array(wheels_of(shared, command))
     expected = limits * (np.linalg.pinv(PYRAMID * limits) @ np.asarray(command))
     np.testing.assert_allclose(u, expected, atol=1e-15)
     assert expected[3] * 2.4 > limits[3]
-    u = np.array(shared.wheels(2.4 * command))
+    u = np.array(wheels_of(shared, 2.4 * command))
     assert u[3] == limits[3]
     rest = np.linalg.solve(PYRAMID[:, :3], 2.4 * np.array(command) - PYRAMID[:, 3] * u[3])
     np.testing.assert_allclose(u[:3], rest, atol=1e-14)
     assert shared.rest is None
     weak = WheelsFirst.of(PYRAMID, 3, wheel_limit=[0.01, 0.05, 0.01, 0.01])
-    u = np.array(weak.wheels(command))
+    u = np.array(wheels_of(weak, command))
     np.testing.assert_allclose(np.cross(PYRAMID @ u, command), 0, atol=1e-16)
     assert (PYRAMID @ u) @ np.array(command) > 0
     one_failed = WheelsFirst.of(PYRAMID, 3, failed=(2,))
-    u = np.array(one_failed.wheels(command))
+    u = np.array(wheels_of(one_failed, command))
     assert u[1] == 0
     np.testing.assert_allclose(PYRAMID @ u, command, atol=1e-15)
 
@@ -233,6 +238,9 @@ def test_what_wheels_cannot_make_is_left_to_thrusters():
     np.testing.assert_allclose(plane @ redundant.wheels(command[:2]), [0.3, -0.2, 0])
 
 
+thrust_of = eqx.filter_jit(lambda actuators, command: actuators(command))
+
+
 @pytest.mark.parametrize("size", [0.1, 1.0, 3.0])
 def test_actuators_are_their_smooth_piece_where_their_event_functions_say_so(size):
     thrusters = Actuators.of(Thrusters(np.eye(3)), 0.02, torques=3)
@@ -241,9 +249,9 @@ def test_actuators_are_their_smooth_piece_where_their_event_functions_say_so(siz
     events = mixed.event_functions(command)
     assert events.shape == (mixed.event_count,) == (2,)
     piece = mixed.smooth_piece(events > 0)
-    np.testing.assert_allclose(piece.wheels(command), mixed.wheels(command))
+    np.testing.assert_allclose(wheels_of(piece, command), wheels_of(mixed, command))
     at_limits = thrusters.smooth_piece(thrusters.event_functions(None, command, None) > 0)
-    np.testing.assert_allclose(at_limits(command), thrusters(command))
+    np.testing.assert_allclose(thrust_of(at_limits, command), thrust_of(thrusters, command))
     spare = WheelsFirst.of(PYRAMID, 3, wheel_limit=[0.1, 0.02, 0.1, 0.1])
     piece = spare.smooth_piece(spare.event_functions(command) > 0)
-    np.testing.assert_array_equal(piece.wheels(command), spare.wheels(command))
+    np.testing.assert_array_equal(wheels_of(piece, command), wheels_of(spare, command))

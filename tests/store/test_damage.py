@@ -15,7 +15,7 @@ from jaxsat.store import OutputError, StudyStore, open_study, study_columns
 from store.stores import COLUMNS, IDENTITY, made, values
 
 COUNT, CHUNK = 22, 4
-SEEDS = 96
+SEEDS = 48
 """Damages of each store: every kind of them several times."""
 
 TRUTH = values(np.arange(COUNT))
