@@ -80,19 +80,13 @@ FIRST = (
     "tests/flight/test_software_in_the_loop.py",
     *("tests/scenario/test_plugin_parts.py", "tests/cli/test_your_own_law.py"),
     *("tests/report/reproduction/test_claims.py", "tests/control/test_fault_tolerant.py"),
-    *(
-        "tests/studies/test_recovery.py",
-        "tests/test_benchmarks.py",
-        "tests/scenario/test_plugins.py",
-    ),
+    *("tests/studies/test_recovery.py", "tests/studies/test_processes.py"),
+    *("tests/test_benchmarks.py", "tests/scenario/test_plugins.py", "tests/test_heyoka.py"),
     *("tests/control/test_hybrid_wheels.py", "tests/control/test_similarity.py"),
-    *(
-        "tests/simulation/engine/test_gradients.py",
-        "tests/simulation/engine/test_wheel_failures.py",
-    ),
+    "tests/simulation/engine/test_gradients.py",
+    "tests/simulation/engine/test_wheel_failures.py",
     *("tests/simulation/engine/test_magnetorquers.py", "tests/simulation/engine/test_wheels.py"),
     *("tests/simulation/test_failing_ideal_thrusters.py", "tests/spacecraft/test_allocation.py"),
-    *("tests/studies/test_processes.py", "tests/test_heyoka.py"),
 )
 """Groups with the slowest tests (`.ci/run` ends with a list). They begin first, then those of many
 tests, so that no process works alone at the end."""
