@@ -29,6 +29,9 @@ MARKER = ".jaxsat"
 
 FORMAT = 2
 
+EARLIER = b'"written_by"'
+"""What markers of format 1 have and no later one; files beside one are read as they are."""
+
 OF_SYSTEMS = frozenset({".DS_Store", "Thumbs.db", "desktop.ini", ".directory"})
 """Files that file managers leave wherever they look, and that hold nothing of anybody's."""
 
@@ -216,15 +219,24 @@ def _is_inside(name: str) -> bool:
     return not path.is_absolute() and ".." not in path.parts
 
 
+def _is_damaged(folder: Path) -> bool:
+    """Whether a marker that cannot be read is there, and not one of an earlier version's lines."""
+    text = read_or_explain(folder / MARKER)
+    return text is not None and EARLIER not in text
+
+
 def read_unchanged(path: Path) -> bytes | None:
     """The content of a plain file, None where there is none.
 
-    Raises `OutputError` where the system will not read it, and for a file that jaxsat wrote to its
-    folder and that is not there any longer or is not as jaxsat wrote it.
+    Raises `OutputError` where the system will not read it, for a file that jaxsat wrote to its
+    folder and that is not there any longer or is not as jaxsat wrote it, and in a folder whose
+    marker is damaged.
     """
     data = read_or_explain(Path(os.path.realpath(path)))
     with explained(path.parent, "read"):
         marker = Marker.read(path.parent)
+    if marker is None and _is_damaged(path.parent):
+        raise OutputError(f"{path.parent / MARKER} was damaged, or changed, since jaxsat wrote it.")
     if marker is None or path.name not in marker.names:
         return data
     if data is None:

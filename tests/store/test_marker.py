@@ -4,7 +4,7 @@ import pytest
 
 from jaxsat.store import folder as module
 from jaxsat.store.folder import MARKER, OutputError, OutputFolder
-from jaxsat.store.marker import Marker
+from jaxsat.store.marker import Marker, read_unchanged
 from store.folders import write
 
 
@@ -166,3 +166,17 @@ def test_a_file_that_is_only_called_like_those_of_macos_is_kept(tmp_path):
     (folder / "._notes").write_text("mine")
     assert marker.remove_folder() == ["._notes"]
     assert (folder / "._notes").read_text() == "mine"
+
+
+def test_a_damaged_marker_vouches_for_no_file(tmp_path):
+    target = tmp_path / "out"
+    one_of_many_files(target)
+    assert read_unchanged(target / "run.json") == b"{}"
+    marker = target / MARKER
+    sound = marker.read_bytes()
+    for damaged in (sound[:-20], sound.replace(b'"run.json"', b'"sun.json"'), b"", b"[]"):
+        marker.write_bytes(damaged)
+        with pytest.raises(OutputError, match=r"\.jaxsat was damaged"):
+            read_unchanged(target / "run.json")
+    marker.write_text('{"written_by": "jaxsat", "format": 1}')  # of an earlier version
+    assert read_unchanged(target / "run.json") == b"{}"
