@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.control.diagnosis import ThrusterModel
+from jaxsat.control.steering import MagneticSteering
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.laws import COAST
 from jaxsat.core.errors import JaxsatError
@@ -54,6 +55,17 @@ class WheelContext(NamedTuple):
     rate_noise: float = 0.0
 
 
+class MagneticContext(NamedTuple):
+    """What a law is told of the magnetorquers that make its torques with wheels, if there are any.
+
+    `steering` makes their dipoles of its torque, and `momentum` (N m s) is that of the wheels at
+    the start, in body axes.
+    """
+
+    steering: MagneticSteering
+    momentum: Float[np.ndarray, "3"]
+
+
 class LawContext(NamedTuple):
     """What a scenario tells a law besides the law's own keys.
 
@@ -64,7 +76,8 @@ class LawContext(NamedTuple):
     columns of `torque_axes` are the torque axes of the working thrusters. `thrusters` is None but
     for laws that command their duties, `wheels` but for those that command the torque of each. The
     unit columns of `wheel_axes` are those of all wheels, None where there are none.
-    `gravity_gradient` tells whether that torque acts.
+    `gravity_gradient` tells whether that torque acts. `magnetic` is None without magnetorquers that
+    work.
     """
 
     model: RigidBody
@@ -76,14 +89,18 @@ class LawContext(NamedTuple):
     wheels: WheelContext | None = None
     gravity_gradient: bool = False
     wheel_axes: Float[np.ndarray, "3 wheels"] | None = None
+    magnetic: MagneticContext | None = None
+
+
+Believed = Literal["inertia", "orbit_rate", "inclination"]
 
 
 class UnsuitableModel(JaxsatError, ValueError):
-    """A law cannot be built for what it believes of `about`, its inertia or its orbit's rate."""
+    """A law cannot be built for what it believes of `about`, its inertia or its orbit."""
 
-    about: Literal["inertia", "orbit_rate"]
+    about: Believed
 
-    def __init__(self, about: Literal["inertia", "orbit_rate"], message: str):
+    def __init__(self, about: Believed, message: str):
         super().__init__(message)
         self.about = about
 

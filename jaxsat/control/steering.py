@@ -141,16 +141,21 @@ class MagneticSteering(AbstractSteering):
     ) -> tuple[Float[Array, " k"], Float[Array, "3"]]:
         """The dipole of each magnetorquer (A m²), and the command left to others (N m)."""
         field = self.field.in_body(t, state.attitude)
-        torque = self.wanted @ command
-        momentum = wheel_momentum(state)
-        if self.wheel_axes is not None and momentum is not None:
-            torque = torque - self.unloading * (self.wheel_axes @ momentum)
-        square = jnp.sum(field**2)
-        shares = self.shares @ (jnp.cross(field, torque) / square)
+        shares = self.unlimited(field, state, command)
         across = jnp.cross(self.axes, field[:, None], axis=0)
         limit = jnp.where(jnp.any(self.shares != 0, axis=1), self.dipole_limit, 0.0)
         dipoles = allocate(Reach(across, -limit, limit), across @ shares).use
         return dipoles, command - across @ dipoles
+
+    def unlimited(
+        self, field: Float[Array, "3"], state: PlantState, command: Float[Array, "3"]
+    ) -> Float[Array, " k"]:
+        """The dipole of each (A m²) in a field (T, body axes) if it had no limit."""
+        torque = self.wanted @ command
+        momentum = wheel_momentum(state)
+        if self.wheel_axes is not None and momentum is not None:
+            torque = torque - self.unloading * (self.wheel_axes @ momentum)
+        return self.shares @ (jnp.cross(field, torque) / jnp.sum(field**2))
 
 
 class GimbalSteering(AbstractSteering):

@@ -65,6 +65,8 @@ from jaxsat.controllability.local import LocalControllability, small_time_local_
 from jaxsat.controllability.magnetic import (
     MagneticAuthority,
     magnetic_authority,
+    magnetic_law_words,
+    magnetic_verdict,
     magnetic_words,
 )
 from jaxsat.controllability.maps import (
@@ -126,6 +128,8 @@ __all__ = [
     "linear_controllability",
     "lvlh_linearisation",
     "magnetic_authority",
+    "magnetic_law_words",
+    "magnetic_verdict",
     "magnetic_words",
     "margins_over_angles",
     "margins_over_inertias",

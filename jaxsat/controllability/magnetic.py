@@ -7,12 +7,14 @@ instant (Bhat, IEEE Trans. Automatic Control 50, 2005, pages 1725-1735). It is j
 Gramian, as brackets at one instant do not know how the field goes on.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import jax
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.control.periodic_gain import LinearMotion, floquet_multipliers, periodic_gain
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 from jaxsat.controllability.linear import lvlh_linearisation
 from jaxsat.spacecraft.environment import DipoleField
@@ -20,6 +22,8 @@ from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION
 
 DAY = 2 * np.pi / EARTH_ROTATION  # s
 STEPS = 128  # an orbit
+TURNS = 8  # of the Earth
+LEAST_MARGIN = 2e-3  # below which the field hardly turns
 DEGREE = np.pi / 180
 
 
@@ -31,6 +35,8 @@ class MagneticAuthority:
     - `torque`: the mean over a day of the largest torque about body x, y, z, N m.
     - `largest`: the largest torque about one of them at any instant, N m.
     - `rank`: that of the linear system over one orbit, of 6.
+    - `margin`: the least over the largest singular value of a factor of its Gramian over an orbit
+      while the Earth stands, the least and the largest of all turns of the Earth.
     - `effort`: to remove one degree about body x, y, z within one orbit, the root mean square of
       the dipoles in parts of their limits; infinite where it cannot be removed.
     """
@@ -39,6 +45,7 @@ class MagneticAuthority:
     torque: Float[np.ndarray, "3"]
     largest: float
     rank: int
+    margin: tuple[float, float]
     effort: Float[np.ndarray, "3"]
 
 
@@ -68,13 +75,31 @@ def magnetic_authority(
     factor = _factor(state, to_rates, torques[:STEPS], rate)
     values = np.linalg.svd(factor, compute_uv=False)
     sizes = np.linalg.norm(there, axis=1)
+    margins = _margins(field, lambda one: _factor(state, to_rates, one, rate), units * limits)
     return MagneticAuthority(
         field=(float(sizes.min()), float(sizes.max())),
         torque=about.mean(axis=0),
         largest=float(about.max()),
         rank=int(np.sum(values > tolerance * values.max())),
+        margin=(min(margins), max(margins)),
         effort=_effort(factor, tolerance),
     )
+
+
+def _margins(
+    field: DipoleField,
+    factor: Callable[[np.ndarray], np.ndarray],
+    dipoles: Float[np.ndarray, "3 k"],
+) -> list[float]:
+    """The least over the largest singular value of a factor, for each turn of the Earth."""
+    instants = (np.arange(STEPS) + 0.5) * 2 * np.pi / STEPS / float(field.orbit.rate)
+    turns = np.arange(TURNS) * 2 * np.pi / TURNS
+    over = jax.jit(jax.vmap(jax.vmap(field.over, (0, None)), (None, 0)))
+    margins = []
+    for there in np.asarray(over(instants, turns)):
+        values = np.linalg.svd(factor(np.cross(dipoles.T[None], there[:, None])))[1]
+        margins.append(float(values[-1] / values[0]))
+    return margins
 
 
 def _factor(
@@ -114,6 +139,26 @@ def _effort(factor: Float[np.ndarray, "6 n"], tolerance: float) -> Float[np.ndar
     return efforts
 
 
+def magnetic_verdict(authority: MagneticAuthority) -> str:
+    """A sentence on three axes by magnetorquers alone."""
+    low, high = (f"{one:.2g}" for one in authority.margin)
+    if authority.rank < 6:
+        return (
+            f"Magnetorquers alone do not control all axes: rank {authority.rank} of 6 over an "
+            "orbit, however the field turns."
+        )
+    turns = f"margin {low} to {high} as the Earth turns (least over largest singular value)"
+    if authority.margin[0] < LEAST_MARGIN:
+        return (
+            "Magnetorquers alone control all axes only while the field turns in the orbit, not at "
+            f"all times of a day: rank 6 of 6 over an orbit, {turns}."
+        )
+    return (
+        "Magnetorquers alone control all axes over an orbit, as the field turns, by torques about "
+        f"two axes at any instant: rank 6 of 6, {turns}."
+    )
+
+
 def magnetic_words(authority: MagneticAuthority, thruster: float, wheels: bool) -> list[str]:
     """Sentences on it beside wheels and thrusters, of which one makes up to `thruster` N m.
 
@@ -124,19 +169,30 @@ def magnetic_words(authority: MagneticAuthority, thruster: float, wheels: bool) 
     torques, efforts = (
         ", ".join(f"{one:.2g}" for one in row) for row in (authority.torque, 100 * authority.effort)
     )
-    slowly = (
-        "so near rest they control attitude and rate alone, as the field turns"
-        if authority.rank == 6
-        else "so alone they do not hold all axes, however the field turns"
-    )
     unload = "; they take the momentum out of wheels that is across the field" if wheels else ""
     return [
         f"Magnetorquers: at rest in the orbit frame at most {authority.largest:.2g} N m{beside}, "
         f"and on average {torques} N m about body x, y, z, in a field of {low} to {high} µT; none "
         f"about the field itself{unload}",
-        "Magnetorquers alone, linear system about the orbit frame over one orbit: rank "
-        f"{authority.rank} of 6, {slowly}. Removing one degree about x, y, z within an orbit takes "
-        f"{efforts} % of their limits (rms)",
-        "The verdict, the momentum, and the table of failures are those of thrusters and wheels "
-        "without magnetorquers; with them laws of three torques, such as quaternion-feedback, fly",
+        f"{magnetic_verdict(authority)} This is of the linear system about the orbit frame; "
+        f"removing one degree about x, y, z within an orbit takes {efforts} % of their limits "
+        "(rms)",
+        "The margins, the momentum, and the table of failures are those of thrusters and wheels "
+        "without magnetorquers; with them the law magnetic, and others of three torques, fly",
     ]
+
+
+def magnetic_law_words(motion: LinearMotion, weight: float) -> str:
+    """A sentence on what the gains of the law `magnetic` with a `weight` do to small errors."""
+    gain = periodic_gain(motion, weight)
+    if gain is None:
+        return "The law magnetic has no gains that hold all axes: no Riccati solution is periodic"
+    sizes = np.abs(floquet_multipliers(motion, gain)[:, 0])
+    least, most = (f"{100 * one:.2g}" for one in (sizes.min(), sizes.max()))
+    told = f"Under the law magnetic small errors fall to {least} to {most} % in an orbit"
+    if sizes.max() < 1:
+        return f"{told}, as the Earth turns (Floquet multipliers)"
+    return (
+        f"{told} (Floquet multipliers): while the field hardly turns in the orbit, a part of each "
+        "day, they do not fall"
+    )

@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from jaxsat.control.periodic_gain import linear_motion
 from jaxsat.controllability import (
     Analysis,
     DriftField,
     FailureCase,
     GyroCluster,
     Judgement,
+    MagneticAuthority,
     NoEquilibriumError,
     analyse,
     angle_grid,
@@ -23,6 +25,8 @@ from jaxsat.controllability import (
     judge,
     judge_once_stopped,
     magnetic_authority,
+    magnetic_law_words,
+    magnetic_verdict,
     magnetic_words,
     margins_over_angles,
     margins_over_inertias,
@@ -42,7 +46,9 @@ from jaxsat.report.printers import markdown_page
 from jaxsat.report.saving import save_figures
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.actuator_set import all_actuators
+from jaxsat.scenario.build.actuators import magnetic_context
 from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
+from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.spacecraft import ControlMomentGyros, Magnetorquers
 from jaxsat.store import OutputFolder, dataset_bytes
 
@@ -75,11 +81,15 @@ class ControllabilityStudy(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """A sentence, and before it one of control moment gyros, if there are any."""
+        """A sentence, and before it one of control moment gyros, if there are any.
+
+        Without other actuators that of magnetorquers alone.
+        """
         sentence, gyros = verdict_sentence(self.judgement), _gyro_cluster(self.scenario)
-        if gyros is None:
-            return sentence
         others = self.judgement.actuators.names
+        if gyros is None:
+            torquers = None if others else _magnetic_authority(self.scenario)
+            return sentence if torquers is None else magnetic_verdict(torquers)
         more = f"Without them: {sentence[0].lower()}{sentence[1:]}" if others else ""
         return f"{gyros.verdict()} {more}".strip()
 
@@ -163,29 +173,54 @@ def _analyse(
     return judgement, analysis, cases
 
 
+def _magnetic_authority(scenario: Scenario) -> MagneticAuthority | None:
+    """That of the magnetorquers that work; None without any.
+
+    None, too, where rest in the orbit frame is no equilibrium.
+    """
+    working = [place for place, one in enumerate(scenario.magnetorquer) if not one.failed]
+    torquers = build_plant(scenario).find(Magnetorquers)
+    if not working or torquers is None:
+        return None
+    axes, limits = (np.asarray(x)[..., working] for x in (torquers.axes, torquers.dipole_limit))
+    try:
+        return magnetic_authority(scenario.spacecraft.inertia_kg_m2, axes, limits, torquers.field)
+    except NoEquilibriumError:
+        return None
+
+
 def _magnetic_lines(scenario: Scenario) -> list[str]:
     """What magnetorquers add to a verdict that leaves them out."""
     if not scenario.magnetorquer:
         return []
-
-    working = [place for place, one in enumerate(scenario.magnetorquer) if not one.failed]
-    torquers = build_plant(scenario).find(Magnetorquers)
-    if not working or torquers is None:
+    if all(one.failed for one in scenario.magnetorquer):
         return ["Magnetorquers: all have failed"]
-    axes, limits = (np.asarray(x)[..., working] for x in (torquers.axes, torquers.dipole_limit))
-    actuators, others = all_actuators(scenario)
-    left = actuators.only(others)
-    sizes = np.linalg.norm(left.torques, axis=0) if scenario.thruster else np.zeros(0)
-    try:
-        authority = magnetic_authority(
-            scenario.spacecraft.inertia_kg_m2, axes, limits, torquers.field
-        )
-    except NoEquilibriumError:
+    authority = _magnetic_authority(scenario)
+    if authority is None:
         return [
             "Magnetorquers: not analysed, and not part of the verdict and the table. The analysis "
             "linearises about rest in the orbit frame, which is no equilibrium of this body"
         ]
-    return magnetic_words(authority, sizes.max(initial=0.0), bool(left.wheels))
+    actuators, others = all_actuators(scenario)
+    left = actuators.only(others)
+    sizes = np.linalg.norm(left.torques, axis=0) if scenario.thruster else np.zeros(0)
+    words = magnetic_words(authority, sizes.max(initial=0.0), bool(left.wheels))
+    return [*words, *_magnetic_law(scenario)]
+
+
+def _magnetic_law(scenario: Scenario) -> list[str]:
+    """What the law of magnetorquers will do with small errors, where it flies."""
+    context = magnetic_context(scenario)
+    if scenario.control.law != "magnetic" or context is None:
+        return []
+    motion = linear_motion(
+        inertia_matrix(scenario.spacecraft.inertia_kg_m2),
+        context.steering.field,
+        np.asarray(context.steering.wanted),
+        context.momentum,
+        gravity_gradient=scenario.disturbance.gravity_gradient,
+    )
+    return [magnetic_law_words(motion, scenario.control.control_weight)]
 
 
 def _gyro_cluster(scenario: Scenario) -> GyroCluster | None:

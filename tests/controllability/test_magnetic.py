@@ -82,6 +82,6 @@ def test_a_dipole_along_the_orbit_normal_never_turns_the_body_about_it():
     assert np.isinf(found.effort[1])
     assert np.all(np.isfinite(found.effort[[0, 2]]))
     told = " ".join(magnetic_words(found, 0.01, wheels=True))
-    assert "rank 4 of 6, so alone they do not hold all axes" in told
+    assert "Magnetorquers alone do not control all axes: rank 4 of 6" in told
     assert "momentum out of wheels" in told
     assert "of a thruster's" in told

@@ -22,8 +22,10 @@ KEYS = {
 }
 """Of `[control]`: those without a default."""
 
-BODIES = {"fault-tolerant": "hybrid-wheels"}
-"""Scenarios of the library whose actuators a law commands itself."""
+BODIES = {"fault-tolerant": "hybrid-wheels", "magnetic": "rods-only"}
+"""Scenarios of the library that have the actuators that a law needs."""
+
+ACTUATORS = ("thruster", "wheel", "magnetorquer")
 
 LEFT = {
     0: ([1.0, 0.0, 0.0], [3]),
@@ -57,7 +59,7 @@ def scenario_of(law, **changes):
     control = {"law": law, **KEYS.get(law, {})}
     if law in BODIES:
         data = library(BODIES[law])
-        kept = ("title", "spacecraft", "orbit", "thruster", "modulation", "wheel", "initial")
+        kept = ("title", "spacecraft", "orbit", *ACTUATORS, "modulation", "initial")
         data = {key: data[key] for key in (*kept, "simulation") if key in data}
     else:
         first, failed = LEFT[LAWS[law].declaration.torques]

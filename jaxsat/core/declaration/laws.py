@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from jaxsat.core.declaration.law import LawDeclaration
+from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
 from jaxsat.core.declaration.one_torque import ONE_TORQUE
 from jaxsat.core.declaration.paper import RATE, SWITCHING, THREE_AXIS
 from jaxsat.core.declaration.settling import OSCILLATORY, PLANNED, THREE_SLEW
@@ -86,6 +87,7 @@ LAWS: Mapping[str, Law] = MappingProxyType(
                 "jaxsat.control.fault_tolerant_law:build_planned",
             ),
             Law("one-torque", ONE_TORQUE, "jaxsat.control.one_torque:OneTorque"),
+            Law("magnetic", MAGNETIC_CONTROL, "jaxsat.control.magnetic:MagneticLaw"),
         )
     }
 )

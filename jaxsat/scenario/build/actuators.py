@@ -7,8 +7,8 @@ import pkgutil
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.control.controller import WheelContext
-from jaxsat.control.steering import AbstractSteering, Steered, SteeringContext
+from jaxsat.control.controller import MagneticContext, WheelContext
+from jaxsat.control.steering import AbstractSteering, MagneticSteering, Steered, SteeringContext
 from jaxsat.core.allocation import (
     allocation_matrix,
     direction_matrix,
@@ -42,6 +42,7 @@ from jaxsat.spacecraft import (
     Actuators,
     Direct,
     EffectorContext,
+    Magnetorquers,
     PluginActuators,
     Reach,
     Relief,
@@ -154,14 +155,31 @@ def wheel_context(scenario: Scenario) -> WheelContext | None:
     return WheelContext(wheels, failed, tachometer_noise(scenario), delay, rate_noise(scenario))
 
 
-def _steering(scenario: Scenario, plant: RigidBody) -> tuple[AbstractSteering, ...]:
-    """What steers effectors of the plant, in the order in which they are asked."""
+def magnetic_context(scenario: Scenario) -> MagneticContext | None:
+    """What a law is told of the magnetorquers that work; None without any."""
+    tables, wheels = scenario.magnetorquer, scenario.wheel
+    if all(one.failed for one in tables):
+        return None
+    place = EffectorContext(place_of(scenario.orbit), ())
+    torquers, _ = Magnetorquers.from_tables(tables, place)
+    momentum = wheel_axes(wheels) @ np.array([one.momentum_N_m_s for one in wheels])
+    context = _steering_context(scenario)
+    return MagneticContext(MagneticSteering.from_tables(torquers, tables, context), momentum)
+
+
+def _steering_context(scenario: Scenario) -> SteeringContext:
+    """What steerings are told of wheels."""
     unloading, wheels = scenario.unloading or UnloadingTable(), scenario.wheel
-    context = SteeringContext(
+    return SteeringContext(
         wheel_axes(wheels) if wheels else None,
         left_by_wheels(wheels, 3) if wheels else np.eye(3),
         1 / unloading.time_constant_s,
     )
+
+
+def _steering(scenario: Scenario, plant: RigidBody) -> tuple[AbstractSteering, ...]:
+    """What steers effectors of the plant, in the order in which they are asked."""
+    context = _steering_context(scenario)
     makers = {one.name: one.steering for one in EFFECTORS if one.steering}
     return tuple(
         pkgutil.resolve_name(makers[one.kind])(one, getattr(scenario, one.kind), context)

@@ -10,7 +10,7 @@ from jaxsat.control.controller import LawContext, UnsuitableModel
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.laws import Law
 from jaxsat.core.errors import FOREIGN
-from jaxsat.scenario.build.actuators import wheel_context
+from jaxsat.scenario.build.actuators import magnetic_context, wheel_context
 from jaxsat.scenario.build.errors import BuildError
 from jaxsat.scenario.build.plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.scenario.build.plugin_trial import broken
@@ -48,6 +48,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         wheel_context(scenario),
         disturbance.gravity_gradient,
         wheel_axes(scenario.wheel) if scenario.wheel else None,
+        magnetic_context(scenario),
     )
     try:
         controller = law.from_table(values, context)
@@ -102,6 +103,8 @@ def _unsuitable(law: Law, table: ModelTable, error: UnsuitableModel) -> Issue:
     if error.about == "inertia":
         own = table.inertia_kg_m2 is not None
         key = "control.model.inertia_kg_m2" if own else "spacecraft.inertia_kg_m2"
+    elif error.about == "inclination":
+        key = "orbit.inclination_rad"
     else:
         own = table.orbit_rate_rad_s is not None
         key = "control.model.orbit_rate_rad_s" if own else "orbit.rate_rad_s"

@@ -106,7 +106,12 @@ class DipoleField(eqx.Module):
 
     def __call__(self, t: Float[Array, ""]) -> Float[Array, "3"]:
         """B at time `t` (s) in orbit axes, T: (R/r)³ (3 (m·r̂) r̂ - m) of the Earth's dipole m."""
-        axes, angle = self.orbit.axes(t), self.orbit.sidereal_angle + EARTH_ROTATION * t
+        return self.over(t, EARTH_ROTATION * t)
+
+    def over(self, t: Float[Array, ""], turn: Float[Array, ""]) -> Float[Array, "3"]:
+        """B in orbit axes, T, where the orbit is at time `t` (s) and the Earth has turned by `turn`
+        (rad) since time zero: periodic in both."""
+        axes, angle = self.orbit.axes(t), self.orbit.sidereal_angle + turn
         east, north = cos(angle), sin(angle)
         x, y, z = DIPOLE
         m = axes @ jnp.stack([x * east - y * north, x * north + y * east, z + 0 * angle])

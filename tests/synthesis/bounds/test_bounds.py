@@ -31,6 +31,7 @@ REAL = (
     "failures-telescope",
     "hybrid-wheels",
     "pulsed-two-torque",
+    "rods-only",
     "thruster-dies",
     "wheels-fail",
     "two-wheel-telescope",

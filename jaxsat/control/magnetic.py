@@ -1,0 +1,227 @@
+"""Three axes by magnetorquers, alone or with wheels: a tumble is damped, then attitude is held.
+
+A magnetorquer makes no torque along the Earth's field. What steers it, `MagneticSteering`, makes of
+the law's torque what is across the field, so that the law is one of torques.
+"""
+
+import dataclasses
+import enum
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.control.controller import LawContext, MagneticContext, UnsuitableModel
+from jaxsat.control.periodic_gain import (
+    PeriodicGain,
+    floquet_multipliers,
+    linear_motion,
+    periodic_gain,
+)
+from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.control.steering import MagneticSteering
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.declaration import LawDeclaration
+from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
+from jaxsat.spacecraft import wheel_momentum
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment import DipoleField
+from jaxsat.spacecraft.environment.disturbances import GravityGradient
+from jaxsat.spacecraft.environment.orbit import DIPOLE
+
+RealScalar = Float[Array, ""]
+
+SLOW = 4.0
+"""Default of the rate below which a tumble has been stopped, over the orbit's rate."""
+
+LEAVE = 2.0
+"""Rate or turn at which a mode is left, over the one below which it began."""
+
+NEAR = 0.5
+"""rad; turn from the orbit frame within which the body is pointed."""
+
+STIFFNESS, SLEW_DAMPING = 2.0, 3.0
+"""Of a slew from farther away, over the largest moment of inertia times the orbit's rate, squared
+and as it is: gravity gradient alone makes at most 1.5 of the former."""
+
+SMALLEST = 1e-30
+"""Keeps a quotient of two zeros finite."""
+
+
+class MagneticMode(enum.IntEnum):
+    """What the law is doing."""
+
+    DAMPING = 1
+    SLEWING = 2
+    POINTING = 3
+
+
+class MagneticMemory(NamedTuple):
+    """The mode; estimates of the residual dipole (A m²) and of a constant torque (N m); and the
+    momentum (N m s) of body and wheels at the next sample, which the law `predicts` where it knows
+    what magnetorquers do, within their limits; in body axes."""
+
+    mode: Int[Array, ""]
+    dipole: Float[Array, "3"]
+    torque: Float[Array, "3"]
+    momentum: Float[Array, "3"]
+    predicts: Bool[Array, ""]
+
+
+class MagneticLaw(AbstractSampledController):
+    """Damps a tumble, u = -k ω_r, slews, u = -s θ - c ω_r, and points, u = -K (θ, ω_r, d).
+
+    θ = 2 sgn(q0) q is the turn from the orbit frame and ω_r the rate relative to it. Of u, what is
+    across the field B is made, so that damping is -k (1 - b bᵀ) ω_r, b = B / |B|, as by a dipole
+    against the change of the field in the body (B-dot). `damping` is k (N m s), `stiffness` s
+    (N m), `slew_damping` c (N m s). A tumble has been stopped once |ω_r| is below `pointing_rate`
+    (rad/s). `gain` is K, periodic in orbit and day; it is not made for large turns, hence the slew.
+    A residual dipole m of the body and a constant torque d are estimated by what d + m × B does to
+    the momentum of body and wheels; m × B is opposed. `steering` makes dipoles of u.
+    Avanzini and Giulietti, J. Guidance, Control, and Dynamics 35(4), 2012; Lovera and Astolfi,
+    Automatica 40(8), 2004; for K see `jaxsat.control.periodic_gain`.
+    """
+
+    declaration: ClassVar[LawDeclaration] = MAGNETIC_CONTROL
+    modes: ClassVar[type[enum.IntEnum]] = MagneticMode
+
+    model: RigidBody
+    steering: MagneticSteering
+    gain: PeriodicGain
+    stiffness: RealScalar = eqx.field(converter=as_float)
+    slew_damping: RealScalar = eqx.field(converter=as_float)
+    damping: RealScalar = eqx.field(converter=as_float)
+    pointing_rate: RealScalar = eqx.field(converter=as_float)
+    period: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        for name in ("stiffness", "slew_damping", "damping", "pointing_rate", "period"):
+            require_positive(name, getattr(self, name))
+
+    @classmethod
+    def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "MagneticLaw":
+        """The law of a table of a scenario.
+
+        Raises `UnsuitableModel` where magnetorquers do not control all axes over a day.
+        """
+        magnetic = context.magnetic
+        if magnetic is None:
+            raise ValueError("Argument `context` must have magnetorquers, but has none.")
+        model, field = context.model, magnetic.steering.field
+        inertia = np.asarray(model.spacecraft.inertia)
+        rate = float(field.orbit.rate)
+        if context.gravity_gradient:
+            model = dataclasses.replace(model, disturbance=GravityGradient(rate))
+        damping, pointing = values["damping_N_m_s"], values["pointing_rate_rad_s"]
+        moments = np.linalg.eigvalsh(inertia).tolist()
+        return cls(
+            model=model,
+            steering=magnetic.steering,
+            gain=_gain(inertia, magnetic, values["control_weight"], context.gravity_gradient),
+            stiffness=STIFFNESS * moments[2] * rate**2,
+            slew_damping=SLEW_DAMPING * moments[2] * rate,
+            damping=_damping(field, moments[0]) if damping is None else damping,
+            pointing_rate=SLOW * rate if pointing is None else pointing,
+            period=values["period_s"],
+        )
+
+    def init(self, state: PlantState) -> MagneticMemory:
+        """The body tumbles, and has no dipole."""
+        mode = jnp.array(int(MagneticMode.DAMPING))
+        none = jnp.zeros_like(state.omega)
+        return MagneticMemory(mode, none, none, self._momentum(state), jnp.array(False))
+
+    def step(
+        self, t: RealScalar, state: PlantState, memory: MagneticMemory
+    ) -> tuple[Float[Array, "3"], MagneticMemory]:
+        """The torque, N m."""
+        relative, turn = self.model.relative_rate(state), _turn(state)
+        mode = self._mode(_size(relative), _size(turn), memory.mode)
+        field = self.steering.field.in_body(t, state.attitude)
+        momentum = self._momentum(state)
+        stopped = mode != int(MagneticMode.DAMPING)
+        learns = stopped & memory.predicts
+        surplus = jnp.where(learns, self.gain.rate, 0.0) * (momentum - memory.momentum)
+        dipole = memory.dipole + jnp.cross(field, surplus) / jnp.sum(field**2)
+        constant = memory.torque + surplus
+        residual = jnp.cross(dipole, field)
+        points = self.gain(t) @ jnp.concatenate([turn, relative, constant])
+        slews = self.stiffness * turn + self.slew_damping * relative
+        pull = jnp.where(mode == int(MagneticMode.POINTING), points, slews) + residual
+        torque = -jnp.where(stopped, pull, self.damping * relative)
+        dipoles = self.steering.unlimited(field, state, torque)
+        within = jnp.all(jnp.abs(dipoles) <= self.steering.dipole_limit)
+        outside = jnp.cross(self.steering.axes @ dipoles, field) + residual + constant
+        outside = outside + self.model.disturbance_torque(t, state)
+        outside = outside - jnp.cross(state.omega, momentum)
+        return torque, MagneticMemory(
+            mode, dipole, constant, momentum + self.period * outside, stopped & within
+        )
+
+    def _mode(self, speed: RealScalar, turn: RealScalar, before: Int[Array, ""]) -> Int[Array, ""]:
+        """By the relative rate (rad/s) and the turn from the orbit frame (rad), with hysteresis."""
+        stopped = before != int(MagneticMode.DAMPING)
+        pointed = before == int(MagneticMode.POINTING)
+        slow = speed < jnp.where(stopped, LEAVE, 1.0) * self.pointing_rate
+        near = turn < jnp.where(pointed, LEAVE, 1.0) * NEAR
+        mode = jnp.where(near, int(MagneticMode.POINTING), int(MagneticMode.SLEWING))
+        return jnp.where(slow, mode, int(MagneticMode.DAMPING))
+
+    def _momentum(self, state: PlantState) -> Float[Array, "3"]:
+        """That of body and wheels, N m s, in body axes."""
+        momentum = self.model.spacecraft.inertia @ state.omega
+        stored = wheel_momentum(state)
+        if self.steering.wheel_axes is not None and stored is not None:
+            momentum = momentum + self.steering.wheel_axes @ stored
+        return momentum
+
+    def mode(self, memory: MagneticMemory) -> Int[Array, ""]:
+        """The `MagneticMode` at work."""
+        return memory.mode
+
+
+def _turn(state: PlantState) -> Float[Array, "3"]:
+    """2 sgn(q0) q, rad."""
+    quaternion = state.attitude.as_quaternion().q
+    return jnp.where(quaternion[0] < 0, -2.0, 2.0) * quaternion[1:]
+
+
+def _size(vector: Float[Array, "3"]) -> RealScalar:
+    return jnp.sqrt(jnp.sum(vector**2) + SMALLEST**2)
+
+
+def _gain(
+    inertia: Float[np.ndarray, "3 3"],
+    magnetic: MagneticContext,
+    weight: float,
+    gravity_gradient: bool,
+) -> PeriodicGain:
+    steering, momentum = magnetic
+    unmade = np.asarray(steering.wanted, float)
+    motion = linear_motion(
+        inertia, steering.field, unmade, momentum, gravity_gradient=gravity_gradient
+    )
+    gain = periodic_gain(motion, weight)
+    largest = np.inf
+    if gain is not None:  # a day passes through all turns of the Earth
+        sizes = np.abs(floquet_multipliers(motion, gain)[:, 0])
+        largest = float(np.exp(np.mean(np.log(sizes))))
+    if gain is None or not largest < 1:
+        raise UnsuitableModel(
+            "inclination",
+            "can hold all axes by magnetorquers, for which the field must turn in the orbit: "
+            "errors must fall in an orbit, on average over a day, to less than 1 of what they "
+            f"were, got {largest:.3g} (largest Floquet multiplier)",
+        )
+    return gain
+
+
+def _damping(field: DipoleField, least: float) -> float:
+    """2 ω0 (1 + sin ξ) J_min, ξ the orbit's inclination to the geomagnetic equator, on average."""
+    orbit = field.orbit
+    axial = abs(DIPOLE[2]) / float(np.linalg.norm(DIPOLE))
+    inclined = abs(np.sin(float(orbit.inclination))) * axial
+    return 2 * float(orbit.rate) * (1 + inclined) * least

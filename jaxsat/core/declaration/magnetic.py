@@ -1,0 +1,48 @@
+"""What the law of magnetorquers declares."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from jaxsat.core.declaration.keys import Finding, Rule, number
+from jaxsat.core.declaration.law import LawDeclaration, control_period
+
+
+def _flies_by_magnetorquers(magnetorquers: Any, law: str) -> Iterator[Finding]:
+    if all(one.failed for one in magnetorquers):
+        message = f'must have one that works under the law "{law}", which makes torques by them'
+        yield Finding("magnetorquer", f"{message}, got {len(magnetorquers)} that do not")
+
+
+MAGNETIC_CONTROL = LawDeclaration(
+    summary="damp a tumble by magnetorquers, then hold all axes by them, alone or with wheels, as "
+    "the Earth's field turns",
+    keys=(
+        number(
+            "control_weight",
+            "Weight of torques against angles (rad) and rates in what the gains make least, in "
+            "units of the mean moment of inertia and the orbit's rate; smaller is faster",
+            "1",
+            above=0,
+            default=0.1,
+        ),
+        number(
+            "damping_N_m_s",
+            "Torque over rate while the body tumbles; by default from the least moment of inertia "
+            "and the orbit",
+            "N m s",
+            above=0,
+            default=None,
+        ),
+        number(
+            "pointing_rate_rad_s",
+            "Rate relative to the orbit frame below which the attitude is controlled, and beyond "
+            "twice of which it is left alone; by default four times that of the orbit",
+            "rad/s",
+            above=0,
+            default=None,
+        ),
+        control_period(default=1.0),
+    ),
+    torques=3,
+    rules=(Rule(("magnetorquer", "control.law"), _flies_by_magnetorquers),),
+)
