@@ -49,34 +49,24 @@ ERRORS = {
 
 
 HISTORIES = {
-    "w": Column((2,), "float64", "1", "tilt relative to the orbit frame", ("w_component",)),
-    "z": Column((), "float64", "rad", "turn about the third axis"),
-    "omega": Column(
-        (3,), "float64", "rad s-1", "inertial angular velocity in body axes", ("body_axis",)
-    ),
-    "relative_rate": Column(
-        (3,),
+    name: Column(
+        tuple(len(labels.AXES[axis]) for axis in label.dimensions),
         "float64",
-        "rad s-1",
-        "angular velocity relative to the orbit frame in body axes",
-        ("body_axis",),
-    ),
-    "torque": Column((3,), "float64", "N m", "torque of all actuators", ("body_axis",)),
+        label.units,
+        label.long_name,
+        label.dimensions,
+    )
+    for name in ("w", "z", "omega", "relative_rate", "torque")
+    for label in [labels.VARIABLES[name]]
 }
 """The signals of which a study can keep a history."""
 
 RANGES = {
-    f"torque_{name}": (
+    name: (
         part,
-        Column(
-            (3,), "float64", "N m", f"{what} torque until the next kept instant", ("body_axis",)
-        ),
+        HISTORIES["torque"]._replace(long_name=f"{what} torque until the next kept instant"),
     )
-    for name, part, what in (
-        ("min", "least", "least"),
-        ("max", "largest", "largest"),
-        ("mean", "mean", "mean"),
-    )
+    for part, (name, what) in labels.RANGES.items()
 }
 """Of sampled loops: what the torque was between the instants of a history."""
 
