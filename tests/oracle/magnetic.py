@@ -95,7 +95,7 @@ def fly(c, omega, momenta, count, period, *, inertia, orbit, torquers, wheels, g
     for number in range(count):
         t, end = number * period, (number + 1) * period
         c, omega, h = y[:9].reshape(3, 3), y[9:12], y[12:]
-        torque = law(c, omega, inertia, orbit[0], *gains)
+        torque = law(c, omega, inertia, orbit[0], *gains) + np.cross(omega, spun @ h)
         b = c @ field(t, orbit)
         asked = dipole_of(left @ torque - unloading * spun @ h, b, axes, limits, everyone)
         u = share @ (torque - np.cross(axes @ asked, b))
