@@ -51,15 +51,15 @@ class _SharedTicks(Axis):
         first, last = np.sort(self.get_transform().transform(self.get_view_interval()))
         room = ROUNDING * (last - first)
         places = []
-        for ticker, locate in (
-            (self.major, self.get_majorticklocs),
-            (self.minor, self.get_minorticklocs),
-        ):
-            locations = np.asarray(locate(), float)
+        kinds: Any = (  # of ticks, whose objects are made where there are some
+            (self.get_majorticklocs(), self.major.formatter, lambda: self.majorTicks),
+            (self.get_minorticklocs(), self.minor.formatter, lambda: self.minorTicks),
+        )
+        for given, formatter, ticks in kinds:
+            locations = np.asarray(given, float)
             if not len(locations):
                 continue
-            texts = ticker.formatter.format_ticks(locations)
-            tick = (self.majorTicks if ticker is self.major else self.minorTicks)[0]
+            texts, tick = formatter.format_ticks(locations), ticks()[0]
             there = self.get_transform().transform(locations)
             shown = (there >= first - room) & (there <= last + room)
             before: list[_Place | None] = [None]
