@@ -159,9 +159,10 @@ def says_no_more_than_a_vehicle(scenario: str, overrides: Sequence[str]) -> bool
 
 
 def _require_vehicle(scenario: "Scenario") -> None:
-    from jaxsat.synthesis.controller_design.vehicle import vehicle_verdict
+    from jaxsat.controllability.judging import actuator_layout
+    from jaxsat.synthesis.controller_design.vehicle import working_actuators
 
-    vehicle_verdict(scenario)
+    actuator_layout(scenario.spacecraft.inertia_kg_m2, working_actuators(scenario))
 
 
 def _require_flight_code(scenario: "Scenario") -> None:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.controllability import Judgement, judge, verdict_sentence
+from jaxsat.controllability import ActuatorSet, Judgement, judge, verdict_sentence
 from jaxsat.controllability.cone import ROUNDING
 from jaxsat.controllability.wording import LAW_WORDS, lost_words
 from jaxsat.core.allocation import torque_directions
@@ -96,8 +96,11 @@ class Scale(NamedTuple):
         return math.sqrt(self.moment / self.torque)
 
 
-def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
-    """The verdict on the actuators that work at the start."""
+def working_actuators(scenario: Scenario) -> ActuatorSet:
+    """The actuators that work at the start, for which a controller can be designed.
+
+    Raises `UnsuitableVehicle` where there are some that the verdict does not cover.
+    """
     for name in STEERED:
         if getattr(scenario, name):
             raise UnsuitableVehicle(
@@ -105,7 +108,12 @@ def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
                 f"and its verdict on controllability does not cover {name}s"
             )
     actuators, working = all_actuators(scenario)
-    left = actuators.only(working)
+    return actuators.only(working)
+
+
+def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
+    """The verdict on the actuators that work at the start."""
+    left = working_actuators(scenario)
     judgement = judge(scenario.spacecraft.inertia_kg_m2, left)
     return VehicleVerdict(
         judgement,
