@@ -12,7 +12,6 @@ from jaxsat.simulation import simulate
 CASES = (
     ("benchmark-three-axis", "10"),
     # pulses, a diagnosis whose unknown numbers are NaN
-    pytest.param("failures-12u", "10", marks=pytest.mark.slow),
     pytest.param("thruster-dies", "10", marks=pytest.mark.slow),
     pytest.param("wheels-fail", "10", marks=pytest.mark.slow),
     pytest.param("two-wheel-telescope", "10", marks=pytest.mark.slow),
