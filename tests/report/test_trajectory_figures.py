@@ -129,7 +129,9 @@ def test_a_run_that_ended_at_once_is_drawn():
     run = dataset()
     for name in run:
         run[name][1:] = np.nan
-    for figure in trajectory_figures(run).values():
+    figures = trajectory_figures(run)
+    assert figures.keys() == trajectory_figures(dataset()).keys()
+    for figure in figures.values():
         figure.canvas.draw()
 
 
