@@ -94,7 +94,8 @@ class FaultTolerant(AbstractSampledController):
             torque = torque if stored is None else torque + jnp.cross(state.omega, stored)
         following, unloading = self._unloading(state, reading, able, three, memory.mix)
         commands, memories = [], []
-        demands = mix.demands(torque, unloading, three)
+        demands, unmade = mix.demands(torque, unloading, three)
+        following = None if following is None else following._replace(unmade=unmade)
         for (one, before), now, demand in zip(pairs, able, demands, strict=True):
             command, after = one.act(state, reading, law, demand, before, now)
             commands.append(command)
@@ -147,7 +148,7 @@ class FaultTolerant(AbstractSampledController):
         for one, now in zip(self.actuators, able, strict=True):
             full, wanted = one.overfull(state, reading, self.healthy, now, before.unloads)
             unloads, torque = unloads | full, torque + wanted
-        return MixMemory(three, unloads & three), jnp.where(three, torque, 0.0)
+        return before._replace(three=three, unloads=unloads & three), jnp.where(three, torque, 0.0)
 
     def _diagnosed(
         self, one: AbstractTolerantActuators, reading: Reading, memory: TolerantMemory
@@ -179,15 +180,22 @@ class FaultTolerant(AbstractSampledController):
         return sum(false_alarm_rate(one.watch, reference, threshold) for one in self.actuators)
 
     def telemetry(self, memory: FaultTolerantMemory) -> dict[str, Array]:
-        """The verdict on each actuator, how near an alarm it is, and whether there is one."""
+        """The verdict on each actuator, how near an alarm it is, and whether there is one; of
+        several kinds, the torque about three axes that they do not make."""
         diagnoses = [one.diagnosis for one in memory.actuators]
         nearest = jnp.concatenate([jnp.max(one.statistic, axis=0) for one in diagnoses])
         alarmed = jnp.any(jnp.stack([one.alarmed for one in diagnoses]))
-        return {
+        mix = {} if memory.mix is None else {"torque_unmade": memory.mix.unmade}
+        return mix | {
             "diagnosed_kind": jnp.concatenate([one.kind for one in diagnoses]),
             "detection_statistic": nearest / self.diagnosis.threshold,
             "alarm": jnp.where(alarmed, 1.0, 0.0),
         }
+
+    @property
+    def tells_unmade(self) -> bool:
+        """Of several kinds, it does."""
+        return len(self.actuators) > 1
 
     def mode(self, memory: FaultTolerantMemory) -> Int[Array, ""]:
         """The `TolerantMode` at work."""

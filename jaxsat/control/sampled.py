@@ -69,6 +69,11 @@ class AbstractSampledController(eqx.Module):
         del memory
         return {}
 
+    @property
+    def tells_unmade(self) -> bool:
+        """Whether `telemetry` has the torque that actuators do not make; here, that has none."""
+        return False
+
     def mode(self, memory: Memory) -> Int[Array, ""]:
         """Which part of the controller is at work, a member of `modes`; here, the only one."""
         del memory

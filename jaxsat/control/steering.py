@@ -92,6 +92,10 @@ class Steered(AbstractDistribution):
         uses = tuple(steered[kind] if kind in steered else next(left) for kind in kinds)
         return Shares(uses, shares.left)
 
+    def tells_left(self, effectors) -> bool:
+        """Of what steering leaves, or as the rest tells."""
+        return self.rest is None or self.rest.tells_left(effectors)
+
 
 class MagneticSteering(AbstractSteering):
     """Dipoles m = B × τ / |B|², which make of a wanted torque τ what is across the field B.

@@ -18,15 +18,17 @@ RealScalar = Float[Array, ""]
 
 
 class MixMemory(NamedTuple):
-    """Whether torques about three axes were left, and whether momentum was being taken out."""
+    """Whether torques about three axes were left, whether momentum was being taken out, and the
+    torque (N m) about three axes that all together did not make."""
 
     three: Bool[Array, ""]
     unloads: Bool[Array, ""]
+    unmade: Float[Array, "3"]
 
     @staticmethod
     def begin() -> "MixMemory":
         """All work, and nothing is full."""
-        return MixMemory(jnp.array(True), jnp.array(False))
+        return MixMemory(jnp.array(True), jnp.array(False), jnp.zeros(3))
 
 
 class Mix(NamedTuple):
@@ -82,18 +84,19 @@ class Mix(NamedTuple):
 
     def demands(
         self, torque: Float[Array, "3"], unloading: Float[Array, "3"], three: Bool[Array, ""]
-    ) -> list[Demand]:
-        """What each kind is asked for, of a `torque` about three axes if they make one (N m).
+    ) -> tuple[list[Demand], Float[Array, "3"]]:
+        """What each kind is asked for, of a `torque` about three axes if they make one, and what
+        all together do not make of that (N m).
 
         While one kind settles alone, the others make up for what acts all the time at most.
         """
         if len(self.reaches) == 1:
-            return [Demand(torque, self.steady[0], three)]
+            return [Demand(torque, self.steady[0], three)], jnp.zeros(3)
         kinds = zip(self.reaches, self.stores, strict=True)
         stores = jnp.concatenate([jnp.full(one.low.shape, stores) for one, stores in kinds])
         total = torque + sum(self.steady, jnp.zeros(3))
-        uses = allocate_unloading(self.reach, total, unloading, stores).use
-        uses = jnp.split(uses, _ends(self.reaches))
+        allocated = allocate_unloading(self.reach, total, unloading, stores)
+        uses = jnp.split(allocated.use, _ends(self.reaches))
         settled = jnp.stack(self.alone)
         demands = []
         for number, (use, one, steady) in enumerate(
@@ -109,7 +112,7 @@ class Mix(NamedTuple):
                     jnp.where(three, use, 0.0),
                 )
             )
-        return demands
+        return demands, jnp.where(three, allocated.unmade, 0.0)
 
 
 def _ends(reaches: tuple[Reach, ...]) -> list[int]:

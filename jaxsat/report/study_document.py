@@ -19,6 +19,7 @@ from jaxsat.studies import (
     percent_texts,
     reason_words,
 )
+from jaxsat.studies.columns import UNMADE
 from jaxsat.studies.recovery_summary import SETTLING_PERCENTS
 
 EXPLAINED = 200
@@ -31,8 +32,13 @@ PERCENTILES = {
     "settling_time": "settling time (s), of those that settle",
     "effort": "effort (N m s), of those that end",
     **{name: f"{one.overall}, of those that end" for name, (one, _) in STUDIED.items()},
+    "peak_torque_unmade": "largest torque not made (N m), of those that end",
+    "unmade_fraction": "fraction of samples with torque not made, of those that end",
 }
 """What is told in percentiles, by its name in the summary."""
+
+MUTE = {*UNMADE, *(name for name, (one, _) in STUDIED.items() if one.mute)}
+"""Of these, what is not told where it is nothing."""
 
 
 def study_document(summary: Summary, scenario: Mapping[str, Any], again: str = "") -> Document:
@@ -45,7 +51,7 @@ def study_document(summary: Summary, scenario: Mapping[str, Any], again: str = "
     used = {
         name: found
         for name, found in summary.actuators.items()
-        if not STUDIED[name][0].mute or any(one.value > 0 for one in found.values() if one)
+        if name not in MUTE or any(one.value > 0 for one in found.values() if one)
     }
     percentiles = {"settling_time": summary.settling_time, "effort": summary.effort} | used
     blocks = [

@@ -12,6 +12,9 @@ from jaxsat.core.declaration.actuators import SIGNALS
 from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.trajectory import Signals, TorqueRange
 
+LACKING = 1e-9
+"""Of the largest torque so far: what of a command is not made above that counts."""
+
 Numbers = Int[Array | np.ndarray, " times"]
 
 
@@ -60,6 +63,36 @@ class HeldTorque(NamedTuple):
             over_parts(np.add, self.integral, numbers) / length[:, None],
         )
         return jax.tree.map(lambda x: _with_last(x, last), parts)
+
+
+class Unmade(NamedTuple):
+    """Of how many `samples` actuators made less torque than was commanded, at how many they were
+    `lacking`, and the largest squares of what was not made and of the torque (N² m²)."""
+
+    samples: Float[Array, ""]
+    lacking: Float[Array, ""]
+    square: Float[Array, ""]
+    torque_square: Float[Array, ""]
+
+    @staticmethod
+    def none(like: Float[Array, "..."]) -> "Unmade":
+        """Before the first sample, in the precision of an array."""
+        return Unmade(*[jnp.zeros((), like.dtype)] * 4)
+
+    def with_sample(self, torque: Float[Array, "3"], unmade: Float[Array, "3"]) -> "Unmade":
+        """With one more sample, of which nothing is differentiated."""
+        torque, unmade = stop_gradient((torque, unmade))
+        square = jnp.sum(unmade**2)
+        largest = jnp.maximum(self.torque_square, jnp.maximum(jnp.sum(torque**2), square))
+        lacking = jnp.where(square > LACKING**2 * largest, 1.0, 0.0)
+        return Unmade(
+            self.samples + 1, self.lacking + lacking, jnp.maximum(self.square, square), largest
+        )
+
+    def outputs(self) -> dict[str, Array]:
+        """The largest torque not made (N m), and at which fraction of the samples there was one."""
+        fraction = self.lacking / jnp.maximum(self.samples, 1.0)
+        return {"peak_torque_unmade": jnp.sqrt(self.square), "unmade_fraction": fraction}
 
 
 def saved(signals: Signals, numbers: Numbers, held: HeldTorque) -> Signals:

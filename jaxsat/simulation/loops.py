@@ -27,6 +27,11 @@ class AbstractLoop(eqx.Module):
 
     plant: eqx.AbstractVar[RigidBody]
 
+    @property
+    def tells_unmade(self) -> bool:
+        """Whether at every sample it tells the torque that actuators do not make."""
+        return False
+
     @abc.abstractmethod
     def start(self, state: PlantState) -> PyTree:
         """The loop's state when the plant is in `state` and the controller begins."""

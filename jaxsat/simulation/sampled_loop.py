@@ -84,6 +84,14 @@ class SampledLoop(AbstractLoop):
                 f"Argument `delay` must not exceed the period {period} s, but got {delay} s."
             )
 
+    @property
+    def tells_unmade(self) -> bool:
+        """By the law, or by who shares its command."""
+        effectors = self.plant.effectors
+        if self.controller.tells_unmade or self.distribution.tells_left(effectors):
+            return True
+        return any(one.unmade(one.idle()) is not None for one in effectors)
+
     def start(self, state: PlantState) -> SampledState:
         """The plant's state, and first memories: the controller's is for what is measured."""
         state, effectors = self.plant.complete(state), self.plant.effectors
@@ -163,6 +171,8 @@ class SampledLoop(AbstractLoop):
     def _with_unmade(self, signals: Signals, shares: Shares) -> Signals:
         """With what effectors do not make of a command."""
         unmade = shares.torque_unmade(self.plant.effectors)
+        if unmade is None:  # then the law tells it, or nothing does
+            return signals
         return dataclasses.replace(signals, torque_unmade=unmade)
 
     def _plans(self, t: Float[Array, ""], uses: OfEach, state: SampledState) -> OfEach:
@@ -225,7 +235,9 @@ class SampledLoop(AbstractLoop):
         acceleration = driven.acceleration(t, after, pieces=pieces)
         torque = driven.control_torque(t, after, pieces, acceleration)
         signals = plant_signals(body, t, plant, torque, error, none, mode)
-        made, telemetry = driven.signals(after, pieces, acceleration), law.telemetry(memory)
+        made, telemetry = driven.signals(after, pieces, acceleration), dict(law.telemetry(memory))
+        unmade = telemetry.pop("torque_unmade", None)
+        signals = dataclasses.replace(signals, torque_unmade=unmade)
         return signals.with_parts(made, told.errors, telemetry)
 
     def plant_rate(

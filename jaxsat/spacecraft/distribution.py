@@ -59,6 +59,11 @@ class AbstractDistribution(eqx.Module):
         `state` is what the law is told of the plant.
         """
 
+    def tells_left(self, effectors: tuple[AbstractEffector, ...]) -> bool:
+        """Whether `Shares.left` is told of these effectors."""
+        del effectors
+        return False
+
     @property
     def event_count(self) -> int:
         """How many corners the uses have as functions of the command."""
@@ -189,6 +194,11 @@ class WheelsFirst(AbstractDistribution):
             lambda: (shares, rest, jnp.zeros_like(command)),
             lambda: relief.allocate(command, unloading, momentum),
         )
+
+    def tells_left(self, effectors) -> bool:
+        """It is."""
+        del effectors
+        return True
 
     def wheels(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"]:
         """The torque that each wheel is to put on the body for a command, N m."""

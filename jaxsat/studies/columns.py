@@ -41,6 +41,16 @@ COLUMNS = {
     ),
 }
 
+UNMADE = {
+    "peak_torque_unmade": Column(
+        (), "float64", "N m", "largest torque commanded beyond what actuators make"
+    ),
+    "unmade_fraction": Column(
+        (), "float64", "1", "fraction of samples at which actuators do not make the torque"
+    ),
+}
+"""Of sampled loops that tell it."""
+
 ERRORS = {
     name: (part, Column((), "float64", label.units, label.long_name))
     for name, (part, label) in labels.ERRORS.items()
@@ -95,14 +105,19 @@ def columns_of(loop: AbstractLoop) -> dict[str, Column]:
         return dict(ChainMap(peaks_of(ChainMap(*stored)), *used))
 
     shapes = {name: one.shape for name, one in jax.eval_shape(of_parts).items()}
-    return COLUMNS | {
-        name: Column(
-            shapes[name],
-            "float64",
-            signal.units,
-            signal.meaning if signal.total else f"largest {signal.meaning}",
-            (kind.name,) * signal.each,
-        )
-        for name, (signal, kind) in STUDIED.items()
-        if name in shapes
-    }
+    unmade = UNMADE if loop.tells_unmade else {}
+    return (
+        COLUMNS
+        | unmade
+        | {
+            name: Column(
+                shapes[name],
+                "float64",
+                signal.units,
+                signal.meaning if signal.total else f"largest {signal.meaning}",
+                (kind.name,) * signal.each,
+            )
+            for name, (signal, kind) in STUDIED.items()
+            if name in shapes
+        }
+    )

@@ -9,7 +9,7 @@ from jaxsat.core.declaration.actuators import STUDIED
 from jaxsat.simulation import Outcome
 from jaxsat.store.chunks import DONE
 from jaxsat.store.labels import SETTLED, UNSETTLED
-from jaxsat.studies.columns import DRAWN, ERRORS
+from jaxsat.studies.columns import DRAWN, ERRORS, UNMADE
 from jaxsat.studies.recovery_summary import RecoverySummary, summarise_recovery
 from jaxsat.studies.sensitivities import Sensitivities, Sensitivity
 from jaxsat.studies.statistics import Interval, percentile, wilson
@@ -22,7 +22,8 @@ class Summary(NamedTuple):
 
     `settled` is a fraction; `settling_time` (s, of the settled cases) and `effort` (N m s, of the
     cases that reached their end) are by percent, empty where there are none. So are `actuators`, by
-    column: what all devices together used, and the largest peak of any, as actuators declare.
+    column: what all devices together used, and the largest peak of any, as actuators declare, and
+    the torque (N m) that they did not make, with the fraction of samples at which they did not.
     `outcomes` counts the cases by how they ended, `worst` lists case numbers, those that failed
     first. The rankings say which dispersion matters for the cost and for settling at all. Intervals
     are of 95 %, those of independent draws, and open (infinite) where there are too few cases;
@@ -91,7 +92,8 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
             name: _percentiles(_of_all(column(name)[success], signal.total))
             for name, (signal, _) in STUDIED.items()
             if name in dataset
-        },
+        }
+        | {name: _percentiles(column(name)[success]) for name in UNMADE if name in dataset},
     )
 
 

@@ -21,7 +21,7 @@ from jaxsat.store import trajectory_dataset
 AXES = np.array([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]]).T / np.sqrt(2)
 TORQUE = canted()[0]
 FULL = 0.5 * np.abs(TORQUE).max()
-BEFORE = MixMemory(jnp.array(False), jnp.array(False))
+BEFORE = MixMemory.begin()._replace(three=jnp.array(False))
 
 
 def mix(duty, usable, steady=(0.0, 0.0, 0.0), left=(False, False)):
@@ -78,7 +78,7 @@ def test_wheels_make_what_they_can_and_thrusters_the_rest():
     def shared(usable, torque, unloading):
         one = mix(np.ones(8), np.zeros(4), steady)
         wheels = one.reaches[1]._replace(low=-usable, high=usable)
-        return one._replace(reaches=(one.reaches[0], wheels)).demands(torque, unloading, three)
+        return one._replace(reaches=(one.reaches[0], wheels)).demands(torque, unloading, three)[0]
 
     demands = jax.jit(shared)
     for count in (4, 2, 1):

@@ -53,12 +53,15 @@ def test_what_actuators_used_is_told_where_there_are_some():
         "propellant": np.linspace(0.01, 0.03, 25),
         "valve_openings": np.arange(50.0).reshape(25, 2),
         "peak_wheel_momentum": np.stack([np.full(25, 4.0), np.linspace(1, 3, 25)], axis=1),
+        "peak_torque_unmade": np.zeros(25),
+        "unmade_fraction": np.linspace(0.1, 0.3, 25),
     }
     found = percentiles(document(np.ones(25), used))
     assert found["propellant (kg)"][0].startswith("0.02 (")
     assert found["openings of all valves"][0].startswith("49 (")
     assert found["largest momentum of any wheel (N m s)"][0] == "4 (4 to 4)"
-    assert len(found) == len(percentiles(document(np.ones(25)))) + 3
+    assert found["fraction of samples with torque not made"][0].startswith("0.2 (")
+    assert len(found) == len(percentiles(document(np.ones(25)))) + 4  # of the torque there is none
 
 
 def test_what_matters_is_listed_first_and_noise_is_said_to_be():

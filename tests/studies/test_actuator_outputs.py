@@ -2,6 +2,7 @@
 
 import csv
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 import xarray as xr
@@ -9,6 +10,7 @@ import xarray as xr
 from jaxsat.report.study_document import study_document
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
+from jaxsat.simulation.held_torque import Unmade
 from jaxsat.store import OutputError, open_study, save_case_table
 from jaxsat.studies import AbstractExecutor, run_study, summarise
 from jaxsat.studies.columns import COLUMNS
@@ -23,6 +25,8 @@ MORE = {
     "propellant": ("kg", ("case",)),
     "valve_openings": ("1", ("case", "thruster")),
     "peak_wheel_momentum": ("N m s", ("case", "wheel")),
+    "peak_torque_unmade": ("N m", ("case",)),
+    "unmade_fraction": ("1", ("case",)),
 }
 
 
@@ -53,6 +57,10 @@ def test_store_table_and_summary_have_them_with_units(tmp_path):
     assert found.sizes["thruster"] == 4
     assert np.all(found["valve_openings"].sum("thruster") >= 3)
     np.testing.assert_allclose(found["peak_wheel_momentum"], 1.5, rtol=1e-2)
+    history = made.engine.histories(made.program, made.cases(np.arange(3)))
+    sizes = np.linalg.norm(history.torque_unmade[:, :-1], axis=-1)
+    np.testing.assert_allclose(found["peak_torque_unmade"], sizes.max(axis=1), rtol=1e-12)
+    np.testing.assert_allclose(found["unmade_fraction"], (sizes > 1e-9).mean(axis=1), rtol=1e-12)
     table = study_document(summarise(found), {}).blocks[0]
     for title in ("propellant (kg)", "openings of all valves", "largest momentum of any wheel"):
         assert sum(row[0].startswith(title) for row in table.rows) == 1
@@ -75,9 +83,22 @@ def test_a_store_from_before_is_read_and_not_continued(tmp_path, monkeypatch):
         before.setattr("jaxsat.studies.ensemble.columns_of", lambda loop: dict(COLUMNS))
         run_study(study(), tmp_path / "s.zarr", executor=Nobody())
     assert set(MORE).isdisjoint(open_study(tmp_path / "s.zarr"))
-    told = r"another study \(columns\.propellant: null there, .* here; columns\.valve_openings: "
+    told = r"columns\.propellant: null there, .* here; columns\.\w+: null"
     with pytest.raises(OutputError, match=told):
         run_study(study(), tmp_path / "s.zarr")
+
+
+def test_torque_that_is_not_made_is_counted_by_sample_and_rounding_is_none():
+    rng = np.random.default_rng(3)
+    torque = rng.normal(size=(40, 3))
+    unmade = np.where(rng.random((40, 1)) < 0.3, rng.normal(size=(40, 3)), 1e-17)
+    record = Unmade.none(jnp.zeros(()))
+    for sample in zip(jnp.asarray(torque), jnp.asarray(unmade), strict=True):
+        record = record.with_sample(*sample)
+    sizes = np.linalg.norm(unmade, axis=1)
+    assert float(record.samples) == 40
+    assert float(record.lacking) == np.sum(sizes > 1e-12)
+    np.testing.assert_allclose(np.sqrt(record.square), sizes.max())
 
 
 def test_axes_of_parts_have_the_names_of_the_scenario():

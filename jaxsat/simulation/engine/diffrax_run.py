@@ -37,7 +37,7 @@ from jaxsat.simulation.engine.rates import (
     running_cost,
     within_limit,
 )
-from jaxsat.simulation.held_torque import HeldTorque
+from jaxsat.simulation.held_torque import HeldTorque, Unmade
 from jaxsat.simulation.methods import Adjoint
 from jaxsat.spacecraft.dynamics import PlantState
 
@@ -210,6 +210,7 @@ def _sampled(program: Program, case: Case, times, solver: AbstractSolver) -> Int
         code=code,
         steps=jnp.array(count * loop.substeps),
         failures=_failures(program, case, times, signals),
+        unmade=_unmade(loop, signals),
     )
     return Integrated(_outputs(program, case, progress, times, signals), signals, held)
 
@@ -285,6 +286,15 @@ def _outputs(program: Program, case: Case, progress: Progress, times, signals) -
     used, cost = consumption(case.loop, progress.state), program.running_cost
     told = (used, program.interval, details, dwell, begin)
     return outputs_of(progress, plant, end, case.drawn, cost, *told)
+
+
+def _unmade(loop: SampledLoop, signals: Signals) -> Unmade | None:
+    """What the history of a sampled loop tells of torque that is not made."""
+    if not loop.tells_unmade:
+        return None
+    history = (signals.torque[:-1], signals.torque_unmade[:-1])
+    none = Unmade.none(signals.torque)
+    return jax.lax.scan(lambda one, now: (one.with_sample(*now), None), none, history)[0]
 
 
 def _failures(program: Program, case: Case, times, signals: Signals) -> FailureRecord | None:

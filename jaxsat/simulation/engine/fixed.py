@@ -35,7 +35,7 @@ from jaxsat.simulation.engine.rates import (
 )
 from jaxsat.simulation.engine.runge_kutta import explicit_step, require_explicit, tableau_of
 from jaxsat.simulation.engine.stepper import AbstractStepper
-from jaxsat.simulation.held_torque import HeldTorque
+from jaxsat.simulation.held_torque import HeldTorque, Unmade
 from jaxsat.spacecraft import Sensors
 
 NOISE_BLOCK = 16
@@ -166,6 +166,9 @@ class SampledStepper(AbstractStepper):
             through = partial(integrate, number)
             state, carry, signals = loop.period(number, t, progress.state, through, carry)
             seen = with_peaks(progress, signals.omega, signals.parts)
+            if progress.unmade is not None:
+                known = progress.unmade.with_sample(signals.torque, signals.torque_unmade)
+                seen = seen._replace(unmade=known)
             if progress.failures is not None:
                 known = progress.failures.observe(t, signals, program.tolerances)
                 seen = seen._replace(failures=known)
@@ -197,7 +200,8 @@ def _initial(program: Program, case: Case) -> Progress:
     begin = initial_progress(
         state, case.loop.plant, plant_state(case.loop, 0.0, state), case.possible
     )
-    begin = begin._replace(failures=initial_record(case.loop, state))
+    unmade = Unmade.none(begin.peak_square) if case.loop.tells_unmade else None
+    begin = begin._replace(failures=initial_record(case.loop, state), unmade=unmade)
     if program.error_every:
         begin = begin._replace(error=IntegrationError.none(begin.peak_square))
     return with_details(begin, case.loop, 3) if program.detailed else begin

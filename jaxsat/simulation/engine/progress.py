@@ -18,7 +18,7 @@ from jaxsat.simulation import Outcome
 from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gradient
 from jaxsat.simulation.engine.details import Details
 from jaxsat.simulation.engine.failure_record import FailureRecord
-from jaxsat.simulation.held_torque import HeldTorque
+from jaxsat.simulation.held_torque import HeldTorque, Unmade
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
@@ -145,6 +145,7 @@ class Progress(NamedTuple):
     `held` is what the torque of a sampled loop was since it was last observed, None for others.
     `rest` tells since when the inertial rate has been small, and `forced` counts the smallest steps
     taken in spite of their error, where steps are adaptive; both in a detailed program alone.
+    `unmade` is kept of sampled loops that tell it.
     """
 
     state: PyTree
@@ -161,6 +162,7 @@ class Progress(NamedTuple):
     error: IntegrationError | None = None
     rest: SettlingTracker | None = None
     forced: Int[Array, ""] | None = None
+    unmade: Unmade | None = None
 
 
 class Outputs(NamedTuple):
@@ -170,10 +172,10 @@ class Outputs(NamedTuple):
     where the running cost has a limit), peak |ω| at the instants observed (rad/s), end of the good
     part (s); attitude and ω (rad/s) at the end of the horizon; and what was drawn, by name. `parts`
     has by column what effectors used, and the peaks, at the instants observed, of what they store,
-    see `jaxsat.core.declaration.actuator.Signal`. `failures` is what `FailureRecord` tells, of
-    sampled loops with failures in flight, and `details` are told by a detailed program.
-    `integration_error`, up to the end of the good part, is told by a program that estimates it.
-    With a leading axis these are the outputs of many cases.
+    see `jaxsat.core.declaration.actuator.Signal`, and what `Unmade` tells. `failures` is what
+    `FailureRecord` tells, of sampled loops with failures in flight, and `details` are told by a
+    detailed program. `integration_error`, up to the end of the good part, is told by a program that
+    estimates it. With a leading axis these are the outputs of many cases.
     """
 
     code: Int[Array, "*n"]
@@ -269,6 +271,7 @@ def outputs_of(
         whole = cost.whole(progress.integrals.cost, success, missing)
     wz, quaternion = plant.attitude.as_wz(), plant.attitude.as_quaternion()
     failures, error = progress.failures, progress.error
+    unmade = {} if progress.unmade is None else progress.unmade.outputs()
     return Outputs(
         code=progress.code,
         settling_time=jnp.where(
@@ -283,7 +286,7 @@ def outputs_of(
         quaternion=kept(quaternion.q),
         omega=kept(plant.omega),
         drawn=drawn,
-        parts=jax.tree.map(kept, (consumption or {}) | progress.peaks),
+        parts=jax.tree.map(kept, (consumption or {}) | progress.peaks | unmade),
         failures=None if failures is None else failures.outputs(jnp.asarray(interval)),
         details=details,
         integration_error=error,
