@@ -17,6 +17,9 @@ from jaxsat.report.timeline import failures_of
 from jaxsat.store import time_at_rest, time_to_settle
 from jaxsat.store.dataset import errors_of
 
+AT_LIMIT = 1 - 1e-6
+"""Of a limit: from here on a device counts as being there."""
+
 UNMADE = 1e-9
 """Of the largest torque: what is below counts as made."""
 
@@ -29,7 +32,7 @@ def run_document(dataset: xr.Dataset, name: str = "") -> Document:
     scenario = scenario_tables(dataset)
     dataset = until_end(dataset)
     failures = failures_of(scenario, dataset["time"].values)
-    facts = Facts("Result", {**_final_state(dataset), **_actuation(dataset)})
+    facts = Facts("Result", {**_final_state(dataset), **_actuation(dataset, scenario)})
     return Document(_title(dataset, name), run_verdict(dataset, scenario, failures), [facts])
 
 
@@ -84,8 +87,9 @@ def _final_state(dataset: xr.Dataset) -> dict[str, str]:
     }
 
 
-def _actuation(dataset: xr.Dataset) -> dict[str, str]:
-    """Torque, effort and, told apart, the ideal torque that holds the third rate; the steps."""
+def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, str]:
+    """Torque, effort, what each device did and, told apart, the ideal torque that holds the third
+    rate; the steps."""
     ranged = "torque_max" in dataset
     torques = ("torque_min", "torque_max") if ranged else ("torque",)
     peak = np.nanmax(np.abs(np.concatenate([dataset[one].values for one in torques])), axis=0)
@@ -104,8 +108,12 @@ def _actuation(dataset: xr.Dataset) -> dict[str, str]:
     for actuator in ACTUATORS:
         for signal in actuator.signals:
             if signal.peak and signal.name in dataset:
-                largest = _numbers(abs(dataset[signal.name]).max("time"))
-                rows[f"{actuator.name}s"] = f"at most {largest} {shown_unit(signal.units)}"
+                limits = [one.get(signal.limit) for one in scenario.get(actuator.name, ())]
+                rows[f"{actuator.name}s"] = _peaks(dataset[signal.name], signal.units, limits)
+    if "thrust_level" in dataset:
+        spans = np.diff(dataset["time"].values)
+        open_for = spans @ dataset["thrust_level"].values[:-1]
+        rows["thrusters"] = f"at full thrust for {_numbers(open_for)} s"
     if "propellant" in dataset and (used := float(dataset["propellant"].max())) > 0:
         rows["propellant"] = f"{number_text(used, 3)} kg"
     if "constraint_effort" in dataset:
@@ -118,6 +126,19 @@ def _actuation(dataset: xr.Dataset) -> dict[str, str]:
     error = step_error(*errors_of(dataset))
     rows["steps"] = f"{dataset.attrs.get('steps', '')}{f'; errors of {error}' if error else ''}"
     return {label: text for label, text in rows.items() if text}
+
+
+def _peaks(history: xr.DataArray, units: str, limits: Sequence[float | None]) -> str:
+    """The largest size of each device, its part of the limit where all have one, and for which
+    part of the saved times any is at that."""
+    sizes = np.abs(history.values)
+    text = f"at most {_numbers(np.nanmax(sizes, axis=0))} {shown_unit(units)}"
+    if len(limits) != sizes.shape[1] or not all(limits):
+        return text
+    parts = sizes / np.array(limits, float)
+    text += f", {number_text(100 * np.nanmax(parts), 3)} % of a limit"
+    full = np.mean(np.any(parts >= AT_LIMIT, axis=1))
+    return f"{text}, at one for {number_text(100 * full, 3)} % of the saved times" if full else text
 
 
 def _numbers(values: Iterable[Any]) -> str:

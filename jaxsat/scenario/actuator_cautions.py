@@ -25,6 +25,9 @@ from jaxsat.scenario.wording import shown
 PHASES = 25
 """Of a turn of the orbit frame, at which momentum is compared with what wheels can hold."""
 
+MOST_TURNS = 20
+"""So many turns have phases of their own; of more, phases are further apart."""
+
 NOTHING = 1e6
 """A momentum over what wheels hold along it that is as good as infinite."""
 
@@ -57,7 +60,10 @@ def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
 
 
 def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
-    """Momentum of body and wheels that the wheels cannot hold where the law is to bring it."""
+    """Momentum of body and wheels that the wheels cannot hold where the law is to bring it.
+
+    Of the torques from outside the constant one is counted.
+    """
     wheels, law = scenario.wheel, scenario.law.declaration
     limits = [one.momentum_limit_N_m_s for one in wheels if not one.failed]
     if (
@@ -71,35 +77,51 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     if unloaded or (law.torques and left_by_wheels(wheels, law.torques).any()):
         return  # thrusters take part
     axes, limit = wheel_axes(tuple(one for one in wheels if not one.failed)), np.array(limits)
-    most, worst = 1 + ROUNDING, None
-    for momentum in _momenta_to_hold(scenario):
-        share, direction = _share_held(axes, limit, momentum)
-        if share > most:
-            most, worst = share, momentum @ direction
-    if worst is not None:
-        message = (
-            "should hold the momentum of body and wheels when the attitude is reached: along one "
-            f"direction {abs(worst):.4g} N m s, "
-            f"{f'{most:.3g} times what they hold' if most < NOTHING else 'where they hold none'}"
-        )
-        yield Issue(("wheel",), message)
+    times, momenta = _momenta_to_hold(scenario)
+    held = [_share_held(axes, limit, momentum) for momentum in momenta]
+    shares = np.array([share for share, _ in held])
+    worst = int(np.argmax(shares))
+    most = shares[worst]
+    if most <= 1 + ROUNDING:
+        return
+    filled = ""
+    if shares[0] <= 1:  # then it is the torque from outside, or how the frame turns
+        after = int(np.argmax(shares > 1))
+        part = (1 - shares[after - 1]) / (shares[after] - shares[after - 1])
+        full = times[after - 1] + part * (times[after] - times[after - 1])
+        filled = f"; they are full after {full:.4g} s"
+    message = (
+        "should hold the momentum of body and wheels when the attitude is reached: along one "
+        f"direction {abs(momenta[worst] @ held[worst][1]):.4g} N m s, "
+        f"{f'{most:.3g} times what they hold' if most < NOTHING else 'where they hold none'}"
+    )
+    yield Issue(("wheel",), message + filled)
 
 
-def _momenta_to_hold(scenario: Scenario) -> Iterator[np.ndarray]:
-    """What wheels that work must hold (N m s), in body axes along the orbit frame, over time."""
+def _momenta_to_hold(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
+    """Times (s), and what wheels that work must hold then (N m s), in body axes along the orbit
+    frame, with the impulse of a constant torque from outside."""
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     coasting = [one.momentum_N_m_s if one.failed else 0.0 for one in scenario.wheel]
     stored = [one.momentum_N_m_s for one in scenario.wheel]
     axes, start = wheel_axes(scenario.wheel), scenario.initial
     whole = inertia @ np.array(start.omega_rad_s) + axes @ stored
     whole = _body_axes(start).T @ whole
-    rate = scenario.orbit.rate()
-    angles = np.linspace(0, min(rate * scenario.simulation.duration_s, 2 * math.pi), PHASES)
-    for angle in angles if rate else angles[:1]:
+    rate, duration = scenario.orbit.rate(), scenario.simulation.duration_s
+    pushed = np.array(scenario.disturbance.constant_N_m)
+    turns = min(math.ceil(rate * duration / (2 * math.pi)), MOST_TURNS)
+    moves = bool(rate) or bool(pushed.any())
+    times = np.linspace(0, duration, 1 + PHASES * max(turns, 1)) if moves else np.zeros(1)
+    momenta = []
+    for time in times:
+        angle = rate * time
         cos, sin = math.cos(angle), math.sin(angle)
         # The orbit frame turns by -ω0 about its second axis, what is fixed in space by ω0 in it.
         turned = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]) @ whole
-        yield turned - inertia @ [0, -rate, 0] - axes @ coasting
+        along, across = (sin / rate, (1 - cos) / rate) if rate else (time, 0.0)
+        gathered = np.array([[along, 0, across], [0, time, 0], [-across, 0, along]]) @ pushed
+        momenta.append(turned + gathered - inertia @ [0, -rate, 0] - axes @ coasting)
+    return times, np.array(momenta)
 
 
 def _body_axes(start: InitialTable) -> np.ndarray:

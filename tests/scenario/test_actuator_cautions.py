@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import linprog
 from scipy.spatial.transform import Rotation
 
@@ -86,7 +87,7 @@ def test_momentum_is_that_of_the_start_in_axes_of_the_orbit():
     _, scenario = told("wheels-fail", *start, wheels([1, 2, 3, 4]), *OWN)
     axes = np.array(WHEELS, float).T / np.sqrt(2)
     whole = np.diag([420.0, 380.0, 250.0]) @ rate + axes @ [1, 2, 3, 4]
-    (found,) = _momenta_to_hold(scenario)
+    _, (found,) = _momenta_to_hold(scenario)
     np.testing.assert_allclose(found, rotation.apply(whole), rtol=1e-9)
 
 
@@ -99,9 +100,11 @@ def test_momentum_in_orbit_is_that_of_every_phase():
         "initial.omega_rad_s=[0.01,-0.001,0]",
     )
     _, scenario = told("wheels-fail", *changes, wheels([0, 0, 0, 0]), *OWN)
-    found = np.array(list(_momenta_to_hold(scenario)))
+    times, found = _momenta_to_hold(scenario)
+    turn = 0.001 * times[6]
     np.testing.assert_allclose(np.hypot(found[:, 0], found[:, 2]), 4.2, rtol=1e-9)
-    np.testing.assert_allclose(found[6], [0, 0, -4.2], atol=1e-9)
+    expected = [4.2 * np.cos(turn), 0, -4.2 * np.sin(turn)]
+    np.testing.assert_allclose(found[6], expected, atol=1e-9)
     np.testing.assert_allclose(found[:, 1], 0, atol=1e-12)  # the rate of the orbit is kept
 
 
@@ -116,6 +119,24 @@ def test_too_much_momentum_is_told():
     assert any("where they hold none" in one for one in messages)
     slow = f"initial.omega_rad_s=[0,0,{0.9 * 80 / np.sqrt(2) / 250}]"
     assert not told("wheels-fail", still, slow, *OWN)[0]
+
+
+def test_wheels_that_a_constant_torque_fills_are_told_with_the_time():
+    """Along z all four hold 56.6 N m s; a torque fixed in the body turns with it in orbit."""
+    still = ("initial.quaternion=[1,0,0,0]", "initial.omega_rad_s=[0,0,0]")
+    pushed = "disturbance.constant_N_m=[0,0,0.05]"
+    (message,) = told("wheels-fail", *still, pushed, *OWN)[0]
+    assert f"full after {4 * 20 / np.sqrt(2) / 0.05:.4g} s" in message
+    assert not told("wheels-fail", *still, pushed.replace("0.05", "0.045"), *OWN)[0]
+    orbit = ("orbit.rate_rad_s=0.001", "disturbance.constant_N_m=[0.01,0.02,0.03]")
+    start = ("initial.quaternion=[1,0,0,0]", "initial.omega_rad_s=[0,-0.001,0]")
+    _, scenario = told("wheels-fail", *start, *orbit, wheels([0, 0, 0, 0]), *OWN)
+    times, found = _momenta_to_hold(scenario)
+    force, rate = np.array([0.01, 0.02, 0.03]), np.array([0, -0.001, 0])
+    change = solve_ivp(
+        lambda t, h: force - np.cross(rate, h), (0, times[-1]), [0, 0, 0], rtol=1e-10, atol=1e-10
+    )
+    np.testing.assert_allclose(found[-1], change.y[:, -1], atol=1e-6)
 
 
 JET = "{torque_axis=%s, torque_N_m=0.01, min_on_time_s=0.02}"

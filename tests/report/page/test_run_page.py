@@ -49,6 +49,19 @@ def test_a_torque_that_is_not_made_is_counted():
     assert told in str(run_document(run))
 
 
+def test_how_full_wheels_were_and_how_long_thrusters_fired():
+    run = run_dataset()
+    spans, level = np.diff(run["time"].values), run["thrust_level"].values
+    facts = run_document(run).blocks[0].rows
+    assert facts["wheels"] == "at most (2) N m s, 50 % of a limit"
+    fired = (spans[:, None] * level[:-1]).sum(axis=0)
+    assert facts["thrusters"] == f"at full thrust for ({fired[0]:.4g}, {fired[1]:.4g}) s"
+    run["wheel_momentum"] = (run["wheel_momentum"] * 4).clip(-4, 4).assign_attrs(units="N m s")
+    at_limit = np.mean(np.abs(run["wheel_momentum"].values) >= 4)
+    told = f"100 % of a limit, at one for {100 * at_limit:.3g} % of the saved times"
+    assert told in run_document(run).blocks[0].rows["wheels"]
+
+
 @pytest.mark.slow
 def test_a_run_that_failed_says_how_far_it_came_and_shows_that_part(run_file):
     run = run_dataset()
