@@ -162,8 +162,8 @@ class FailureRecovery:
     def _struck(self, drawn: Mapping[str, np.ndarray], cases: int) -> dict[str, np.ndarray]:
         """Time, part, kind and amount (cases, failures) of every failure."""
 
-        def numbers(name: str, field: str) -> np.ndarray:
-            parts = [getattr(one, field) for one in self._events if hasattr(one, field)]
+        def numbers(name: str, field: str, of: str | None = None) -> np.ndarray:
+            parts = [getattr(one, field) for one in self._events if of in (None, one.part)]
             if name in drawn:
                 return np.asarray(drawn[name]).reshape(cases, -1)
             nominal = np.concatenate([np.asarray(part) for part in parts] or [np.zeros(0)])
@@ -172,7 +172,7 @@ class FailureRecovery:
         at, kind = numbers("failure_time", "at"), numbers("failure_kind", "kind")
         parts, before = [], 0
         for name, count in _counts(self.loop).items():
-            parts.append(numbers(f"failed_{name}", name) + before)
+            parts.append(numbers(f"failed_{name}", "number", name) + before)
             before += count
         part = np.rint(np.concatenate(parts, axis=1)).astype(int)
         shift = np.concatenate([np.full(one.count, first_code(one.kinds)) for one in self._events])
