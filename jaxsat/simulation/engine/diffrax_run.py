@@ -290,7 +290,7 @@ def _outputs(program: Program, case: Case, progress: Progress, times, signals) -
 
 def _unmade(loop: SampledLoop, signals: Signals) -> Unmade | None:
     """What the history of a sampled loop tells of torque that is not made."""
-    if not loop.tells_unmade:
+    if not loop.tells_unmade or signals.torque_unmade is None:
         return None
     history = (signals.torque[:-1], signals.torque_unmade[:-1])
     none = Unmade.none(signals.torque)
