@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.scenario.optimisers import OptimiserSettings
-from jaxsat.store import OutputError, machine
+from jaxsat.store import OutputError, ResumableFolder, machine
 from jaxsat.store.header import differences
 from jaxsat.synthesis.execution import resumable_folder
 from jaxsat.synthesis.tuning.descent import (
@@ -39,18 +39,15 @@ class TuningFolder:
     may differ.
     """
 
-    path: Path
-    saved_steps: int
-    """Steps of the state that was kept last by this process; 0 for none."""
+    files: ResumableFolder
+    """Where its results are written and read."""
 
     def __init__(self, path: str | Path, identity: Mapping[str, Any], *, elsewhere: bool = False):
-        self._folder = resumable_folder(path, "tuning", identity, "run")
-        self.path = self._folder.path
+        self.files = resumable_folder(path, "tuning", identity, "run")
         try:
             self._arrays = self._read(elsewhere)
-            self.saved_steps = 0
         except BaseException:
-            self._folder.close()
+            self.files.close()
             raise
 
     def __enter__(self) -> "TuningFolder":
@@ -59,20 +56,12 @@ class TuningFolder:
 
     def __exit__(self, *exception: Any) -> None:
         """Let other processes write."""
-        self._folder.__exit__(*exception)
-
-    def is_complete(self, name: str) -> bool:
-        """Whether a result is there, and every other one that was ever written."""
-        return self._folder.is_complete(name)
-
-    def read(self, name: str) -> bytes | None:
-        """A result as it was written; raises `OutputError` for one that was damaged or changed."""
-        return self._folder.read(name)
+        self.files.__exit__(*exception)
 
     @property
     def lost_state(self) -> bool:
         """Whether a state was written that is not there any more, so that the run begins again."""
-        return self._arrays is None and self._folder.is_begun
+        return self._arrays is None and self.files.is_begun
 
     def state(self, plan: TuningPlan) -> DescentState:
         """Where the run is: the state last kept, or its first one.
@@ -94,15 +83,10 @@ class TuningFolder:
         buffer = io.BytesIO()
         arrays = _to_arrays(state) | {"about": np.array(json.dumps(about))}
         np.savez(buffer, **arrays)  # pyright: ignore
-        self.write(CHECKPOINT, buffer.getvalue())
-        self.saved_steps = state.step
-
-    def write(self, name: str, content: str | bytes) -> None:
-        """Write a file, or replace it, in one step; raises `OutputError`."""
-        self._folder.write(name, content)
+        self.files.write(CHECKPOINT, buffer.getvalue())
 
     def _read(self, elsewhere: bool) -> dict[str, np.ndarray] | None:
-        content = self._folder.read(CHECKPOINT)
+        content = self.files.read(CHECKPOINT)
         if content is None:
             return None
         try:
@@ -116,8 +100,8 @@ class TuningFolder:
             raise self._no_state() from error
         if other and not elsewhere:
             raise OutputError(
-                f"{self.path} was written under other conditions ({'; '.join(other)}), so the run "
-                "would not be the one that was begun; allow that explicitly or give another "
+                f"{self.files.path} was written under other conditions ({'; '.join(other)}), so the "
+                "run would not be the one that was begun; allow that explicitly or give another "
                 "folder.",
                 elsewhere=True,
             )
@@ -125,7 +109,7 @@ class TuningFolder:
 
     def _no_state(self) -> OutputError:
         return OutputError(
-            f"{self.path / CHECKPOINT} is no state of this tuning run; give another folder."
+            f"{self.files.path / CHECKPOINT} is no state of this tuning run; give another folder."
         )
 
 

@@ -147,7 +147,9 @@ def tune(
     with TuningFolder(out, plan_identity(plan), elsewhere=elsewhere) as folder:
         if folder.lost_state:
             listener.warn(f"{out} has lost its state, so the run begins again")
-        if folder.is_complete(SUMMARY) and (folder.is_complete(BASELINES) or not baselines):
+        if folder.files.is_complete(SUMMARY) and (
+            folder.files.is_complete(BASELINES) or not baselines
+        ):
             kept = read_document(scenario.title, folder)
             return _result(scenario, plan, folder.state(plan), baselines, listener, kept)
         listener.progress("compiling; trying the starts", None)
@@ -189,7 +191,7 @@ def run_descent(
     def keep(state: DescentState) -> None:
         best = tuned_scenario(scenario, plan, state.best_point)
         folder.keep(state)
-        folder.write(TUNED, dump(best))
+        folder.files.write(TUNED, dump(best))
 
     state = folder.state(plan)
     keep(state)
@@ -239,13 +241,13 @@ def _told(listener: Listener) -> Callable[[DescentProgress], None]:
 def read_document(title: str, folder: TuningFolder) -> Document:
     """The document of a concluded run."""
     names = ("verdict.json", "receipt.json", BASELINES)
-    verdict, receipt, baselines = (parse_json(folder.read(name)) for name in names)
+    verdict, receipt, baselines = (parse_json(folder.files.read(name)) for name in names)
     return tuning_document(title, verdict, receipt, baselines or (), missing_packages())
 
 
 def _write_json(folder: TuningFolder | None, name: str, data: Any) -> None:
     if folder is not None:
-        folder.write(name, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
+        folder.files.write(name, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
 
 
 def _write_results(result: TuningResult, folder: TuningFolder) -> None:
@@ -253,9 +255,9 @@ def _write_results(result: TuningResult, folder: TuningFolder) -> None:
     from jaxsat.report.saving import save_figures
     from jaxsat.store import dataset_bytes
 
-    folder.write("history.nc", dataset_bytes(result.history))
-    folder.write(SUMMARY, result.summary)
-    save_figures(lambda: _figures(result), folder.write)
+    folder.files.write("history.nc", dataset_bytes(result.history))
+    folder.files.write(SUMMARY, result.summary)
+    save_figures(lambda: _figures(result), folder.files.write)
 
 
 def _figures(result: TuningResult) -> "dict[str, Figure]":

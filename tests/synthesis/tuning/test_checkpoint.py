@@ -89,10 +89,10 @@ def outcome(folder, plan, final):
     """What becomes of a run whose folder was damaged."""
     try:
         with TuningFolder(folder, {"steps": 4}) as opened:
-            if opened.lost_state or not opened.is_complete("summary.md"):
+            if opened.lost_state or not opened.files.is_complete("summary.md"):
                 return "begun again"
             state = opened.state(plan)
-            assert opened.read("summary.md") == b"a summary"
+            assert opened.files.read("summary.md") == b"a summary"
     except OutputError:
         return "told"
     assert state.step == final.step
@@ -106,8 +106,8 @@ def test_no_damage_of_a_run_is_silent_or_a_traceback(plan, final, tmp_path, seed
     monkeypatch.setattr(os, "fsync", lambda handle: None)  # what is tested needs no disk
     with TuningFolder(tmp_path / "run", {"steps": 4}) as folder:
         folder.keep(final)
-        folder.write("tuned.toml", "tuned")
-        folder.write("summary.md", "a summary")
+        folder.files.write("tuned.toml", "tuned")
+        folder.files.write("summary.md", "a summary")
     found = set()
     for seed in seeds:
         shutil.copytree(tmp_path / "run", tmp_path / "damaged")
@@ -148,7 +148,7 @@ def test_a_state_that_the_run_cannot_have_come_to_is_refused(plan, final, tmp_pa
             arrays = {**stored, **change}
         buffer = io.BytesIO()
         np.savez(buffer, **{name: value for name, value in arrays.items() if value is not None})
-        folder.write("checkpoint.npz", buffer.getvalue())
+        folder.files.write("checkpoint.npz", buffer.getvalue())
     with (
         pytest.raises(OutputError, match="is no state of this tuning run"),
         TuningFolder(tmp_path / "run", {"steps": 4}) as folder,
