@@ -75,22 +75,22 @@ class Builder:
         if simple is not None:
             return simple
         key = (name, dtype.char, *map(identity, args))
-        found = self.block.find(key)
-        if found is None:
-            found = Value(dtype, uniform or name == "any")
-            self.block.steps.append(Operation(name, args, found))
-            self._note(found)
+        value = self.block.find(key)
+        if value is None:
+            value = Value(dtype, uniform or name == "any")
+            self.block.steps.append(Operation(name, args, value))
+            self._note(value)
             self.written += 1
-            self.block.known[key] = found
+            self.block.known[key] = value
             if name == "neg":
-                self._negated[found.number] = args[0]
+                self._negated[value.number] = args[0]
             if name == "mul" and self.compact:
-                self.factors[found.number] = (args[0], args[1])
+                self.factors[value.number] = (args[0], args[1])
             if name == "convert":
-                self.ranges.note_converted(args[0], found)
+                self.ranges.note_converted(args[0], value)
                 if args[0].dtype == BOOL or identity(args[0]) in self.truths:
-                    self.truths.add(found.number)
-        return found
+                    self.truths.add(value.number)
+        return value
 
     def _with_sign_outside(self, name: str, args: Sequence[Scalar]) -> Scalar | None:
         """The same value with a negation taken in or handed on, or None; equal in all bits."""
@@ -128,13 +128,13 @@ class Builder:
     def load(self, memory: Memory, index: Scalar) -> Scalar:
         """An element of a memory that is not written any more."""
         key = ("load", memory.number, identity(index))
-        found = self.block.find(key)
-        if found is None:
-            found = Value(memory.dtype, memory.uniform and is_uniform(index))
-            self.block.steps.append(Load(memory, index, found))
-            self._note(found)
-            self.block.known[key] = found
-        return found
+        value = self.block.find(key)
+        if value is None:
+            value = Value(memory.dtype, memory.uniform and is_uniform(index))
+            self.block.steps.append(Load(memory, index, value))
+            self._note(value)
+            self.block.known[key] = value
+        return value
 
     def store(self, memory: Memory, index: Scalar, value: Scalar) -> None:
         """Put a value at an element of a memory."""
@@ -212,10 +212,10 @@ class Builder:
             return cold() if predicate else hot
         block = Block(self.block)
         with self.inside(block, predicate):
-            found = self.select(predicate, cold(), hot)
+            result = self.select(predicate, cold(), hot)
         needed = self.convert(self.any(predicate), INT)
         blocks = [Block(self.block), block]
-        return self._switch(needed, blocks, [[hot], [found]], cold=True)[0]
+        return self._switch(needed, blocks, [[hot], [result]], cold=True)[0]
 
     def loop(
         self,
@@ -242,9 +242,9 @@ class Builder:
     def call(self, function: Function, args: Sequence[Scalar]) -> list[Scalar]:
         """The results of a function."""
         key = ("call", function.name, *map(identity, args))
-        known = self.block.find(key)
-        if known is not None:
-            return list(known)  # pyright: ignore[reportArgumentType]
+        cached = self.block.find(key)
+        if cached is not None:
+            return list(cached)  # pyright: ignore[reportArgumentType]
         outs = [Value(result.dtype, is_uniform(result)) for result in function.results]
         self.block.steps.append(Call(function, list(args), outs))
         self._note(*outs)
@@ -262,9 +262,9 @@ class Builder:
         self.kept += [cut, outline]
         return cut
 
-    def _note(self, *made: Value) -> None:
+    def _note(self, *values: Value) -> None:
         if self.trace is not None:
-            self.trace.places.update((value.number, self.trace.now) for value in made)
+            self.trace.places.update((value.number, self.trace.now) for value in values)
 
     def _switch(self, index, blocks, yields, *, cold: bool = False) -> list[Scalar]:
         kinds = zip(*yields, strict=True)
@@ -295,8 +295,8 @@ class Builder:
             if chosen is None:
                 chosen = [result.dtype.type(0) for result in results]
             with self.inside(block, mask):
-                found = [self.select(mask, a, b) for a, b in zip(results, chosen, strict=True)]
+                merged = [self.select(mask, a, b) for a, b in zip(results, chosen, strict=True)]
             needed = self.convert(self.any(mask), INT)
-            chosen = self._switch(needed, [Block(self.block), block], [chosen, found])
+            chosen = self._switch(needed, [Block(self.block), block], [chosen, merged])
         assert chosen is not None
         return chosen

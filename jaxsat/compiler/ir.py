@@ -107,9 +107,9 @@ class Block:
         """What is known under a key here or in a block around; None for nothing."""
         block: Block | None = self
         while block is not None:
-            found = block.known.get(key)
-            if found is not None:
-                return found
+            value = block.known.get(key)
+            if value is not None:
+                return value
             block = block.outer
         return None
 

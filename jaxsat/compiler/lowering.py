@@ -101,9 +101,9 @@ def note_repeated(b: Builder, jaxpr: Jaxpr) -> None:
     """Tell the builder which long functions are called several times."""
     called = [eqn.parameters["body"] for eqn in jaxpr.equations if eqn.is_call]
     for inner, times in Counter(map(id, called)).items():
-        found = next(one for one in called if id(one) == inner)
-        if times >= REPEATED and equations(found) >= LONG:
-            b.repeated[inner] = found
+        body = next(one for one in called if id(one) == inner)
+        if times >= REPEATED and equations(body) >= LONG:
+            b.repeated[inner] = body
 
 
 def note_pairs(b: Builder, jaxpr: Jaxpr) -> None:

@@ -66,8 +66,8 @@ def note_elements(trace: Trace, arrays: Sequence[Any]) -> None:
         number = len(trace.elements)
         for index, x in zip(np.ndindex(shape), array.flat, strict=True):
             if isinstance(x, Value):
-                found = Element(number, shape, index, trace.now)
-                trace.elements.setdefault(x.number, found)
+                element = Element(number, shape, index, trace.now)
+                trace.elements.setdefault(x.number, element)
 
 
 def frames_of(eqn: Equation, trace: Trace) -> tuple[Frame, ...]:
@@ -79,16 +79,16 @@ def frames_of(eqn: Equation, trace: Trace) -> tuple[Frame, ...]:
     if id(eqn) in trace.calls:
         return trace.calls[id(eqn)]
     outer = trace.now
-    found = [
+    frames = [
         Frame(one.function.split(".<locals>")[0], one.file, one.line)
         for one in eqn.place
         if not is_wrapper(one.file)
     ]
     if not outer:
-        return tuple(found)
-    for number, frame in enumerate(found):
+        return tuple(frames)
+    for number, frame in enumerate(frames):
         if (frame.function, frame.file) == (outer[-1].function, outer[-1].file):
-            return (*outer[:-1], *found[number:])
+            return (*outer[:-1], *frames[number:])
     return outer
 
 

@@ -163,13 +163,13 @@ class Marker:
             if name == MARKER and stat.S_ISREG(mode):
                 continue
             if stat.S_ISDIR(mode):
-                known = name in folders
+                ours = name in folders
             elif not stat.S_ISREG(mode):
-                known = False
+                ours = False
             else:
-                known = name == self._partial.name or _is_of_system(self.folder / name)
-                known = known or (name in self._hashes and self.is_unchanged(name))
-            if not known and not (_is_plain(mode) and is_made_of_it(name)):
+                ours = name == self._partial.name or _is_of_system(self.folder / name)
+                ours = ours or (name in self._hashes and self.is_unchanged(name))
+            if not ours and not (_is_plain(mode) and is_made_of_it(name)):
                 foreign.append(name)
         return sorted(foreign)
 

@@ -137,13 +137,13 @@ class StudyStore:
             raise ValueError(f"Argument `values` must have the store's columns; see {missing}.")
         files = {}
         for name, column in columns.items():
-            given = np.asarray(values[name], column.dtype)
-            if given.shape != (len(numbers), *column.shape):
+            array = np.asarray(values[name], column.dtype)
+            if array.shape != (len(numbers), *column.shape):
                 raise ValueError(
                     f"Column {name} must have shape {(len(numbers), *column.shape)}, "
-                    f"but got {given.shape}."
+                    f"but got {array.shape}."
                 )
-            files[name] = encoded(column, given, self.chunk)
+            files[name] = encoded(column, array, self.chunk)
         hashes = {name: chunk_hash(name, chunk, data) for name, data in files.items()}
         with self._writing():
             if chunk in self._ledger.done:  # fewer cases of it, and its files will be others

@@ -103,10 +103,10 @@ def operation(
         if dtype.kind == "b" and name not in ("eq", "ne"):
             args = [Expression(f"(int32_t){arg.inside(UNARY)}", UNARY) for arg in args]
         return infix(*_INFIX[name], *args)
-    found = {"f": _floating, "b": _logical}.get(dtype.kind, _whole)(name, args, dtype, need)
-    if found is None:
+    expression = {"f": _floating, "b": _logical}.get(dtype.kind, _whole)(name, args, dtype, need)
+    if expression is None:
         raise NativeBug("printing C", f"no {name} of {dtype} numbers")
-    return found
+    return expression
 
 
 def _floating(name, args, dtype, need) -> Expression | None:
@@ -149,10 +149,10 @@ def _whole(name, args, dtype, need) -> Expression | None:
     shifts = {"shift_left": "<<", "shift_right_logical": ">>"}
     if name in ("add", "sub", "mul", "div", "rem"):
         sign, level = _INFIX.get(name, ("%", PRODUCT))
-        found = infix(sign, level, *args)
+        expression = infix(sign, level, *args)
     elif name in _BITS or name in shifts:
         sign = _BITS.get(name) or shifts[name]
-        found = Expression(f"{args[0].inside(UNARY)} {sign} {args[1].inside(UNARY)}", CHOICE)
+        expression = Expression(f"{args[0].inside(UNARY)} {sign} {args[1].inside(UNARY)}", CHOICE)
     elif name == "shift_right_arithmetic":
         word = np.dtype(f"i{dtype.itemsize}")
         signed_args = [called(need("signed_of", dtype, None), arg) for arg in args]
@@ -161,7 +161,7 @@ def _whole(name, args, dtype, need) -> Expression | None:
     else:
         return None
     narrow = dtype.itemsize < 4
-    return Expression(f"({TYPES[dtype]})({found.text})", UNARY) if narrow else found
+    return Expression(f"({TYPES[dtype]})({expression.text})", UNARY) if narrow else expression
 
 
 def _converted(x: Expression, old: np.dtype, new: np.dtype, need: Need) -> Expression:

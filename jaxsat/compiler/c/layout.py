@@ -87,17 +87,17 @@ class Struct:
 
 def fields_of(tree: PyTree, names: Names, prefix: str = "") -> tuple[Field, ...]:
     """The fields of a tree in the order of its leaves."""
-    found = []
+    fields = []
     for number, (path, leaf) in enumerate(jax.tree_util.tree_leaves_with_path(tree)):
         owner, about = _owner(tree, path)
         words = [_word(key) for key in path]
         name = names.new(identifier(*([prefix] if prefix else []), *words))
         aval = jax.typeof(leaf) if isinstance(leaf, jax.Array) else leaf
         path_text = re.sub(r"\['(\w+)'\]", r".\1", jax.tree_util.keystr(path)).lstrip(".") or name
-        found.append(
+        fields.append(
             Field(name, number_type(aval.dtype), tuple(aval.shape), path_text, owner, about, number)
         )
-    return tuple(found)
+    return tuple(fields)
 
 
 def parameter_fields(

@@ -22,20 +22,20 @@ _LETTERS = {
 
 def ascii_text(text: str) -> str:
     """The text in ASCII: Greek letters by their names, other signs by what is nearest."""
-    found = []
+    letters = []
     for letter in text:
         name = unicodedata.name(letter, "")
         if letter.isascii():
-            found.append(letter)
+            letters.append(letter)
         elif letter in _LETTERS:
-            found.append(_LETTERS[letter])
+            letters.append(_LETTERS[letter])
         elif name.startswith("GREEK") and "LETTER" in name:
             word = name.split("LETTER ")[1].split()[0].lower()
-            found.append(word.capitalize() if "CAPITAL" in name else word)
+            letters.append(word.capitalize() if "CAPITAL" in name else word)
         else:
             plain = unicodedata.normalize("NFKD", letter).encode("ascii", "ignore").decode()
-            found.append(plain or "?")
-    return "".join(found)
+            letters.append(plain or "?")
+    return "".join(letters)
 
 
 def comment(text: str, indent: str = "", width: int = 98) -> list[str]:
@@ -107,27 +107,27 @@ def _statements(file: str) -> dict[int, ast.stmt]:
     tree = _tree(file)
     if tree is None:
         return {}
-    found: dict[int, ast.stmt] = {}
+    statements: dict[int, ast.stmt] = {}
     for node in ast.walk(tree):  # from the outermost
         if isinstance(node, ast.stmt):
             for line in range(node.lineno, (node.end_lineno or node.lineno) + 1):
-                found[line] = node
-    return found
+                statements[line] = node
+    return statements
 
 
 def docstring(file: str, function: str) -> str:
     """The first paragraph that a Python function says of itself; `function` is its full name."""
     body: list[ast.stmt] = _statements_of(file)
-    found = None
+    definition = None
     for word in function.split("."):
         if word == "<locals>":
             continue
         inside = (node for node in _definitions(body) if node.name == word)
-        found = next(inside, None)
-        if found is None:
+        definition = next(inside, None)
+        if definition is None:
             return ""
-        body = found.body
-    text = ast.get_docstring(found) if found is not None else None
+        body = definition.body
+    text = ast.get_docstring(definition) if definition is not None else None
     return " ".join(text.split("\n\n")[0].split()) if text else ""
 
 
@@ -247,13 +247,13 @@ def is_reserved(name: str) -> bool:
 
 def element_of(trace: Trace, value: Value) -> Element | None:
     """The array's element that a value is, if it was computed by the statement that made that."""
-    found, places = trace.elements.get(value.number), trace.places.get(value.number, ())
-    if found is None or not places or not found.place:
+    element, places = trace.elements.get(value.number), trace.places.get(value.number, ())
+    if element is None or not places or not element.place:
         return None
-    here, there = places[-1], found.place[-1]
+    here, there = places[-1], element.place[-1]
     same = here.function == there.function and here.file == there.file
     if same and assigned_name(here.file, here.line) == assigned_name(there.file, there.line):
-        return found
+        return element
     return None
 
 

@@ -97,15 +97,15 @@ def _with_few_comments(lines: list[str], own: str | None) -> list[str]:
 
 def _declared_together(lines: list[str]) -> list[str]:
     """Neighbouring variables of one type, which functions set, in one declaration."""
-    found: list[str] = []
+    merged: list[str] = []
     for line in lines:
         here = _DECLARED.fullmatch(line)
-        before = _DECLARED.fullmatch(found[-1]) if found and here else None
-        if here and before and here[1] == before[1] and len(found[-1]) + len(here[2]) < 98:
-            found[-1] = f"{found[-1][:-1]}, {here[2]};"
+        before = _DECLARED.fullmatch(merged[-1]) if merged and here else None
+        if here and before and here[1] == before[1] and len(merged[-1]) + len(here[2]) < 98:
+            merged[-1] = f"{merged[-1][:-1]}, {here[2]};"
         else:
-            found.append(line)
-    return found
+            merged.append(line)
+    return merged
 
 
 _DECLARED = re.compile(r"( *(?:double|float|bool|u?int\d+_t)) (\w+(?:, \w+)*);")
@@ -155,18 +155,18 @@ def _units(lines: list[str]) -> list[_Unit]:
 
 
 def _rolled_once(units: list[_Unit]) -> list[_Unit]:
-    found: list[_Unit] = []
+    result: list[_Unit] = []
     place = 0
     while place < len(units):
         run = _run(units, place)
         size = len(units[place].lines)
         if run * size >= size + 2 and run > 2 and units[place].depth < len(VARIABLES):
-            found.append(_loop(units[place : place + run]))
+            result.append(_loop(units[place : place + run]))
             place += run
         else:
-            found.append(units[place])
+            result.append(units[place])
             place += 1
-    return found
+    return result
 
 
 def _numbers(unit: _Unit) -> list[int]:
@@ -232,10 +232,13 @@ def with_initialisers(lines: Sequence[str]) -> list[str]:
     place = 0
     while place < len(statements):
         declared = _ARRAY.fullmatch("\n".join(statements[place]))
-        found = _assigned(statements, place, declared) if declared else None
-        if declared and found:
-            statements[place : found[1]] = [*found[2], _initialised(declared, found[0])]
-            place += len(found[2])
+        assignment = _assigned(statements, place, declared) if declared else None
+        if declared and assignment:
+            statements[place : assignment[1]] = [
+                *assignment[2],
+                _initialised(declared, assignment[0]),
+            ]
+            place += len(assignment[2])
             if declared[4].count("[") > 1:
                 statements = [_without_casts(one, declared[3]) for one in statements]
         place += 1
@@ -244,16 +247,16 @@ def with_initialisers(lines: Sequence[str]) -> list[str]:
 
 def _statements(lines: Sequence[str]) -> list[list[str]]:
     """Lines of one statement together."""
-    found: list[list[str]] = []
+    statements: list[list[str]] = []
     is_open = False
     for line in lines:
         if is_open:
-            found[-1].append(line)
+            statements[-1].append(line)
         else:
-            found.append([line])
+            statements.append([line])
         plain = line.strip()
         is_open = not plain.endswith((";", "{", "}", "*/", ":")) and plain != ""
-    return found
+    return statements
 
 
 def _assigned(
@@ -262,16 +265,16 @@ def _assigned(
     """The elements' expressions, the statement after the last, and what stands in between."""
     name = declared[3]
     shape = [int(n) for n in re.findall(r"\d+", declared[4])]
-    wanted = [f"{name}{''.join(f'[{i}]' for i in index)}" for index in np.ndindex(*shape)]
+    elements = [f"{name}{''.join(f'[{i}]' for i in index)}" for index in np.ndindex(*shape)]
     values: list[str] = []
     between: list[list[str]] = []
     place = first + 1
-    while len(values) < len(wanted):
+    while len(values) < len(elements):
         if place == len(statements):
             return None
         text = " ".join(line.strip() for line in statements[place])
         target, sign, value = text.partition(" = ")
-        if sign and target == wanted[len(values)] and not re.search(rf"\b{name}\b", value):
+        if sign and target == elements[len(values)] and not re.search(rf"\b{name}\b", value):
             values.append(value.removesuffix(";"))
         elif _CONSTANT.match(statements[place][0]) and not re.search(rf"\b{name}\b", text):
             between.append(statements[place])

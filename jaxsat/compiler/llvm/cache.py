@@ -79,11 +79,11 @@ def object_code(text: str) -> bytes:
     host = target.host()
     made_from = (target.PASSES, target.version(), host.name, host.features, text)
     name = f"{hashlib.sha256(repr(made_from).encode()).hexdigest()}.o"
-    found = kept(name)
-    if found is None:
-        found = target.object_code(text)
-        keep(name, found)
-    return found
+    code = kept(name)
+    if code is None:
+        code = target.object_code(text)
+        keep(name, code)
+    return code
 
 
 def kept(name: str) -> bytes | None:
@@ -175,16 +175,16 @@ def private_folder(path: Path) -> Path:
             if not folder.is_dir():
                 raise
     real = path.parent.resolve() / path.name
-    found = os.lstat(real)
-    if not stat.S_ISDIR(found.st_mode):
+    status = os.lstat(real)
+    if not stat.S_ISDIR(status.st_mode):
         raise NotPrivate(f"{real} is not a folder")
     if not hasattr(os, "geteuid"):
         return real
-    if found.st_uid != os.geteuid():
+    if status.st_uid != os.geteuid():
         raise NotPrivate(f"{real} belongs to another user")
-    if _others_write(found):
+    if _others_write(status):
         raise NotPrivate(f"{real} can be written by other users (chmod 700 would change that)")
-    if found.st_mode & ANYBODY_ELSE:
+    if status.st_mode & ANYBODY_ELSE:
         real.chmod(stat.S_IRWXU)
     for folder in real.parents:
         above = os.stat(folder)
@@ -195,10 +195,10 @@ def private_folder(path: Path) -> Path:
     return real
 
 
-def _others_write(found: os.stat_result) -> bool:
-    if found.st_mode & stat.S_IWOTH:
+def _others_write(status: os.stat_result) -> bool:
+    if status.st_mode & stat.S_IWOTH:
         return True
-    return bool(found.st_mode & stat.S_IWGRP) and not _is_own_group(found.st_gid)
+    return bool(status.st_mode & stat.S_IWGRP) and not _is_own_group(status.st_gid)
 
 
 def _is_own_group(number: int) -> bool:
@@ -231,12 +231,12 @@ def read(path: Path) -> bytes | None:
         os.close(handle)
 
 
-def _is_ours(found: os.stat_result) -> bool:
+def _is_ours(status: os.stat_result) -> bool:
     """Whether a file is a plain one that this user alone can read and write."""
     if not hasattr(os, "geteuid"):
-        return stat.S_ISREG(found.st_mode)
-    owned = found.st_uid == os.geteuid() and not found.st_mode & ANYBODY_ELSE
-    return stat.S_ISREG(found.st_mode) and owned
+        return stat.S_ISREG(status.st_mode)
+    owned = status.st_uid == os.geteuid() and not status.st_mode & ANYBODY_ELSE
+    return stat.S_ISREG(status.st_mode) and owned
 
 
 def write(path: Path, content: bytes) -> None:

@@ -163,8 +163,8 @@ def _entry_point(jaxpr: Jaxpr, per_case: int) -> EntryPoint:
         size = int(np.prod(aval.shape))
         for element in range(size):
             params.append(Value(number_type(aval.dtype), array >= per_case))
-            varying = PerCase(array, element, size)
-            inputs.append(varying if array < per_case else SharedElement(array, element))
+            of_case = PerCase(array, element, size)
+            inputs.append(of_case if array < per_case else SharedElement(array, element))
     b = Builder()
     results = scalars_of(lower(b, jaxpr, arrays_of(params, shapes)))
     outputs: list[Location] = []

@@ -151,11 +151,11 @@ class _DataFlow:
 
     def of(self, scalars: Iterable[Scalar]) -> int:
         """What any of them needs."""
-        found = 0
+        needs = 0
         for x in scalars:
             if isinstance(x, Value):
-                found |= self.known.get(x.number, 0)
-        return found
+                needs |= self.known.get(x.number, 0)
+        return needs
 
     def block(self, block: Block, control: int) -> None:
         """Go through a block; whether it runs depends on `control`."""

@@ -57,13 +57,13 @@ def _moved_out(loop: Loop) -> list[Step]:
         for step in block.steps:
             if isinstance(step, Operation) and _needs(step) & inside <= alike.keys():
                 alike[step.out.number] = step
-    wanted: set[int] = set()
+    hoisted: set[int] = set()
     for number, step in reversed(alike.items()):
-        if number in wanted or (step.name in DEAR and not step.out.uniform):
-            wanted |= {number} | (_needs(step) & alike.keys())
+        if number in hoisted or (step.name in DEAR and not step.out.uniform):
+            hoisted |= {number} | (_needs(step) & alike.keys())
     for block in blocks:
-        block.steps = [s for s in block.steps if not _is_in(s, wanted)]
-    return [step for number, step in alike.items() if number in wanted]
+        block.steps = [s for s in block.steps if not _is_in(s, hoisted)]
+    return [step for number, step in alike.items() if number in hoisted]
 
 
 def _is_in(step: Step, wanted: set[int]) -> bool:
@@ -166,14 +166,14 @@ def _list_scheduled(nodes: list[_Node]) -> list[Step]:
     missing = [len(node.before) for node in nodes]
     waiting = [(0.0, number) for number, count in enumerate(missing) if not count]
     ready: list[tuple[float, int]] = []
-    found: list[Step] = []
+    order: list[Step] = []
     now = 0.0
     while waiting or ready:
         while waiting and waiting[0][0] <= now:
             number = heappop(waiting)[1]
             heappush(ready, (-nodes[number].height, number))
         node = nodes[heappop(ready or waiting)[1]]
-        found += node.steps
+        order += node.steps
         begin = max(now, node.start)
         now = begin + 1
         for number in node.after:
@@ -182,7 +182,7 @@ def _list_scheduled(nodes: list[_Node]) -> list[Step]:
             missing[number] -= 1
             if not missing[number]:
                 heappush(waiting, (later.start, number))
-    return found
+    return order
 
 
 def _nodes(steps: Sequence[Step], kept: set[int]) -> list[_Node]:
@@ -219,7 +219,7 @@ def _fused(
         for number in numbers:
             uses[number] += 1
     products: dict[int, Operation] = {}
-    found: dict[int, Operation] = {}
+    fused: dict[int, Operation] = {}
     for i, step in enumerate(steps):
         match step:
             case Operation(name="mul", out=out) if out.dtype.kind == "f" and not out.uniform:
@@ -228,6 +228,6 @@ def _fused(
             case Operation(name="add" | "sub", args=args):
                 for arg in args:
                     if isinstance(arg, Value) and arg.number in products:
-                        found[i] = products.pop(arg.number)
+                        fused[i] = products.pop(arg.number)
                         break
-    return found
+    return fused

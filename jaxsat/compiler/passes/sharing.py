@@ -76,7 +76,7 @@ def without_repeated_calls(
     `function_of` gives the function of a call, and None for other equations; `changed` replaces
     parts of an equation.
     """
-    found: list[Equation] = []
+    unique: list[Equation] = []
     calls: dict[Any, int] = {}
     for eqn in eqns:
         renamed = tuple([values.atom(atom) for atom in eqn.inputs])
@@ -86,11 +86,11 @@ def without_repeated_calls(
         if function is not None:
             key = (id(function), *map(values.identity, eqn.inputs))
             if key in calls:
-                found[calls[key]] = _with_results(values, found[calls[key]], eqn, changed)
+                unique[calls[key]] = _with_results(values, unique[calls[key]], eqn, changed)
                 continue
-            calls[key] = len(found)
-        found.append(eqn)
-    return found
+            calls[key] = len(unique)
+        unique.append(eqn)
+    return unique
 
 
 def _with_results(values: Values, first: Equation, other: Equation, changed) -> Equation:

@@ -35,10 +35,10 @@ def _shared(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Elements
         (x.dtype.char, x.uniform) if isinstance(x, Value) else (x.dtype.char, x.tobytes())
         for x in args
     )
-    given = [x for x in args if isinstance(x, Value)]
+    arguments = [x for x in args if isinstance(x, Value)]
     key = (id(inner), known)
     if key not in b.functions:
-        params = [Value(x.dtype, x.uniform) for x in given]
+        params = [Value(x.dtype, x.uniform) for x in arguments]
         rest = iter(params)
         inside = [next(rest) if isinstance(x, Value) else x for x in args]
         body = Builder(like=b)
@@ -46,7 +46,7 @@ def _shared(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Elements
         results = scalars_of(lower(body, inner, arrays_of(inside, shapes)))
         label = f"{eqn.parameters['name']}.{len(b.functions)}"
         b.functions[key] = without_dead_code(Function(label, params, body.block, results))
-    found = b.call(b.functions[key], given)
+    found = b.call(b.functions[key], arguments)
     return arrays_of(found, [var.aval.shape for var in eqn.outputs])
 
 

@@ -86,10 +86,10 @@ def _clamped(b: Builder, index: Scalar, last: int) -> Scalar:
 
 def _linear(b: Builder, starts: Sequence[Scalar], shape: Sequence[int]) -> Scalar:
     """The number of an element in C order."""
-    found: Scalar = INT.type(0)
+    position: Scalar = INT.type(0)
     for start, size in zip(starts, shape, strict=True):
-        found = b.operation("add", b.operation("mul", found, INT.type(size)), start)
-    return found
+        position = b.operation("add", b.operation("mul", position, INT.type(size)), start)
+    return position
 
 
 def _reader(b: Builder, x: Elements, last: Sequence[int]) -> Callable[..., Scalar]:
@@ -185,10 +185,10 @@ def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
             starts[dim] = INT.type(batch[of])
         inside = _inside(b, starts, last)
         starts = [_clamped(b, s, end) for s, end in zip(starts, last, strict=True)]
-        found = read(starts, offset)
+        value = read(starts, offset)
         if mode == GatherScatterMode.FILL_OR_DROP:
-            found = b.select(inside, found, _filling(eqn, found.dtype))
-        out[index] = found
+            value = b.select(inside, value, _filling(eqn, value.dtype))
+        out[index] = value
     return out
 
 
@@ -207,11 +207,11 @@ def _starts(
 
 
 def _inside(b: Builder, starts: Sequence[Scalar], last: Sequence[int]) -> Scalar:
-    found: Scalar = np.True_
+    condition: Scalar = np.True_
     for start, end in zip(starts, last, strict=True):
-        found = b.operation("and", found, b.operation("ge", start, INT.type(0)))
-        found = b.operation("and", found, b.operation("le", start, INT.type(end)))
-    return found
+        condition = b.operation("and", condition, b.operation("ge", start, INT.type(0)))
+        condition = b.operation("and", condition, b.operation("le", start, INT.type(end)))
+    return condition
 
 
 def _filling(eqn, dtype: np.dtype) -> Scalar:

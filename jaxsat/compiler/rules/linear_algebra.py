@@ -26,8 +26,8 @@ def _dot_general(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
     if b.compact and not x_batch and len(x_sum) == 1 and _is_worth_a_call(x, y, length):
         aval = eqn.outputs[0].aval
         axes, out = (x_sum[0], y_sum[0]), (aval.shape, aval.dtype)
-        found = b.loop("product", scalars_of([x, y]), [x.shape, y.shape], out, axes)
-        return arrays_of(found, [aval.shape])[0]
+        results = b.loop("product", scalars_of([x, y]), [x.shape, y.shape], out, axes)
+        return arrays_of(results, [aval.shape])[0]
     rows = x.transpose([*x_batch, *x_free, *x_sum]).reshape(batch, height, length)
     columns = y.transpose([*y_batch, *y_free, *y_sum]).reshape(batch, width, length)
     aval = eqn.outputs[0].aval
@@ -159,13 +159,13 @@ def _triangular_solve(b: Builder, eqn, a: Elements, y: Elements) -> Elements:
     if not params["left_side"]:  # x a = y is a' x' = y'
         a, y, lower_half = np.swapaxes(a, -1, -2), np.swapaxes(y, -1, -2), not lower_half
     out = np.empty(y.shape, object)
-    for _, matrix, sides, found in _batches(a, y, out):
+    for _, matrix, sides, solution in _batches(a, y, out):
         order = range(len(matrix)) if lower_half else range(len(matrix))[::-1]
         for i in order:
-            known = slice(0, i) if lower_half else slice(i + 1, len(matrix))
+            solved = slice(0, i) if lower_half else slice(i + 1, len(matrix))
             for column in range(sides.shape[1]):
-                rest = _reduced(b, sides[i, column], matrix[i, known], found[known, column])
+                rest = _reduced(b, sides[i, column], matrix[i, solved], solution[solved, column])
                 if not params["unit_diagonal"]:
                     rest = b.operation("div", rest, matrix[i, i])
-                found[i, column] = rest
+                solution[i, column] = rest
     return out if params["left_side"] else np.swapaxes(out, -1, -2)

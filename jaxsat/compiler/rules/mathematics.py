@@ -33,11 +33,11 @@ def _called(b: Builder, name: str, scalars: Sequence[Scalar]) -> Sequence[Scalar
     function = function_of(b, name, program(name, *dtypes), scalars)
     if name == "sincos" and not function.parts and not b.compact:
         function.parts = [function_of(b, part, program(part, *dtypes), scalars) for part in PARTS]
-    known = [x for x in scalars if not isinstance(x, Value)]
-    if len(known) < len(scalars):
+    constants = [x for x in scalars if not isinstance(x, Value)]
+    if len(constants) < len(scalars):
         return b.call(function, scalars)
-    found = interpret(function, known)
-    return [out.dtype.type(x) for x, out in zip(found, function.results, strict=True)]
+    results = interpret(function, constants)
+    return [out.dtype.type(x) for x, out in zip(results, function.results, strict=True)]
 
 
 @lowers(*SHORT)
@@ -88,11 +88,11 @@ def _compact(b: Builder, part: str, y: Scalar) -> Scalar:
         inner.functions = b.functions
         closed = b.cut(program(f"near_{part}", y.dtype))
         with b.at(()):
-            found = [result[()] for result in lower(inner, closed, [filled((), param)])]
+            results = [result[()] for result in lower(inner, closed, [filled((), param)])]
             result = inner.switch(
-                inner.convert(found[-1], INT),
+                inner.convert(results[-1], INT),
                 [
-                    lambda: found[:1],
+                    lambda: results[:1],
                     lambda: [_called(inner, "sincos", [param])[PARTS.index(part)]],
                 ],
             )[0]
@@ -109,13 +109,13 @@ def _integer_pow(b: Builder, eqn, x: Elements) -> Elements:
 def power(b: Builder, x: Scalar, exponent: int) -> Scalar:
     """x to a whole number, by repeated squaring."""
     one = x.dtype.type(1)
-    found, square, left = None, x, abs(exponent)
+    product, square, left = None, x, abs(exponent)
     while left:
         if left & 1:
-            found = square if found is None else b.operation("mul", found, square)
+            product = square if product is None else b.operation("mul", product, square)
         left >>= 1
         if left:
             square = b.operation("mul", square, square)
-    if found is None:
+    if product is None:
         return one
-    return b.operation("div", one, found) if exponent < 0 else found
+    return b.operation("div", one, product) if exponent < 0 else product

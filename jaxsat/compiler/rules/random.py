@@ -88,8 +88,8 @@ def _fold_in(b: Builder, eqn, keys: Elements, numbers: Elements) -> Elements:
     numbers = np.broadcast_to(numbers, keys.shape)
     fold = _mapped(_kind(eqn).fold_in, keys.ndim)
     words = jax.ShapeDtypeStruct(keys.shape, eqn.inputs[1].aval.dtype)
-    found = written(b, fold, [_key_words(keys), words], _words(b, keys), numbers)
-    return _wrap(b, eqn, found[0])
+    folded = written(b, fold, [_key_words(keys), words], _words(b, keys), numbers)
+    return _wrap(b, eqn, folded[0])
 
 
 def _kind(eqn):

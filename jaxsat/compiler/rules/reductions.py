@@ -97,8 +97,8 @@ def _accumulate(b: Builder, eqn, x: Elements) -> Elements:
     out = np.empty(rows.shape, object)
     for index in np.ndindex(rows.shape[:-1]):
         row = list(rows[index])[:: -1 if reverse else 1]
-        found = list(accumulate(_begun(b, name, row), joining(b, name)))
-        out[index] = found[:: -1 if reverse else 1]
+        running = list(accumulate(_begun(b, name, row), joining(b, name)))
+        out[index] = running[:: -1 if reverse else 1]
     return np.moveaxis(out, -1, axis)
 
 
@@ -154,7 +154,7 @@ def _sort(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
 
 def _follows(b: Builder, one: list[Scalar], other: list[Scalar], keys: int) -> Scalar:
     """Whether `one` must come after `other`; NaN comes last."""
-    found: Scalar = np.False_
+    follows: Scalar = np.False_
     for x, y in reversed(list(zip(one[:keys], other[:keys], strict=True))):
         if x.dtype == BOOL:
             x, y = (b.convert(z, np.dtype(np.int32)) for z in (x, y))
@@ -163,5 +163,5 @@ def _follows(b: Builder, one: list[Scalar], other: list[Scalar], keys: int) -> S
             x_nan, y_nan = b.operation("ne", x, x), b.operation("ne", y, y)
             after = b.operation("or", after, b.operation("and", x_nan, b.negation(y_nan)))
             equal = b.operation("or", equal, b.operation("and", x_nan, y_nan))
-        found = b.operation("or", after, b.operation("and", equal, found))
-    return found
+        follows = b.operation("or", after, b.operation("and", equal, follows))
+    return follows

@@ -107,8 +107,8 @@ def _convolution(b: Builder, eqn, x: Elements, weights: Elements) -> Elements:
             if at is not None:
                 pairs[0].extend(x[(batch, slice(first, first + inputs), *at)])
                 pairs[1].extend(weights[(feature, slice(None), *index)])
-        found = inner_product(b, *pairs, aval.dtype)
-        out[(batch, feature, *place)] = from_zero(b, found)
+        total = inner_product(b, *pairs, aval.dtype)
+        out[(batch, feature, *place)] = from_zero(b, total)
     return out.transpose(np.argsort(numbers.out_spec))
 
 

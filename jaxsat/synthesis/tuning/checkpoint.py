@@ -100,9 +100,9 @@ class TuningFolder:
             raise self._no_state() from error
         if other and not elsewhere:
             raise OutputError(
-                f"{self.files.path} was written under other conditions ({'; '.join(other)}), so the "
-                "run would not be the one that was begun; allow that explicitly or give another "
-                "folder.",
+                f"{self.files.path} was written under other conditions ({'; '.join(other)}), so "
+                "the run would not be the one that was begun; allow that explicitly or give "
+                "another folder.",
                 elsewhere=True,
             )
         return arrays
