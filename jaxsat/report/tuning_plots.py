@@ -77,5 +77,5 @@ def methods_plot(traces: Mapping[str, np.ndarray]) -> Plot:
     """Validation loss of the best point so far over trajectories spent, a line each method."""
     spent = Axis("trajectories computed (a gradient of n gains: n + 1)", linear_to=100.0)
     loss = Axis("validation loss, exact law", log=True)
-    lines = [Line(*trace.T, name, steps=True) for name, trace in traces.items()]
+    lines = [Line(one[:, 0], one[:, 1], name, steps=True) for name, one in traces.items()]
     return Plot("the best point so far of each method", "", spent, loss, lines)
