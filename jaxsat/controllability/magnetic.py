@@ -14,7 +14,12 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.periodic_gain import LinearMotion, floquet_multipliers, periodic_gain
+from jaxsat.control.periodic_gain import (
+    TURNS,
+    LinearMotion,
+    floquet_multipliers,
+    periodic_gain,
+)
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 from jaxsat.controllability.linear import lvlh_linearisation
 from jaxsat.spacecraft.environment import DipoleField
@@ -22,8 +27,8 @@ from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION
 
 DAY = 2 * np.pi / EARTH_ROTATION  # s
 STEPS = 128  # an orbit
-TURNS = 8  # of the Earth
 LEAST_MARGIN = 2e-3  # below which the field hardly turns
+HARDLY = 0.99  # of an error that is left after an orbit
 DEGREE = np.pi / 180
 
 
@@ -188,11 +193,11 @@ def magnetic_law_words(motion: LinearMotion, weight: float) -> str:
     if gain is None:
         return "The law magnetic has no gains that hold all axes: no Riccati solution is periodic"
     sizes = np.abs(floquet_multipliers(motion, gain)[:, 0])
-    least, most = (f"{100 * one:.2g}" for one in (sizes.min(), sizes.max()))
+    least, most = (f"{100 * one:.3g}" for one in (sizes.min(), sizes.max()))
     told = f"Under the law magnetic small errors fall to {least} to {most} % in an orbit"
-    if sizes.max() < 1:
+    if sizes.max() < HARDLY:
         return f"{told}, as the Earth turns (Floquet multipliers)"
     return (
         f"{told} (Floquet multipliers): while the field hardly turns in the orbit, a part of each "
-        "day, they do not fall"
+        "day, they hardly fall"
     )

@@ -4,9 +4,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxsat.controllability.magnetic import magnetic_authority, magnetic_words
+from jaxsat.control.periodic_gain import linear_motion
+from jaxsat.controllability.magnetic import (
+    magnetic_authority,
+    magnetic_law_words,
+    magnetic_verdict,
+    magnetic_words,
+)
 from jaxsat.spacecraft.environment import CircularOrbit, DipoleField
 from oracle import magnetic
+from oracle import orbital_torques as earth
 
 INERTIA = np.array([0.04, 0.05, 0.02])
 RATE = 1.1e-3
@@ -85,3 +92,26 @@ def test_a_dipole_along_the_orbit_normal_never_turns_the_body_about_it():
     assert "Magnetorquers alone do not control all axes: rank 4 of 6" in told
     assert "momentum out of wheels" in told
     assert "of a thruster's" in told
+
+
+@pytest.mark.slow
+def test_an_orbit_that_comes_to_the_magnetic_equator_is_told():
+    """The normal of one is along the dipole of the field at one of the turns of the Earth."""
+    dipole = np.array([earth.G11, earth.H11, earth.G10])
+    east = np.arctan2(dipole[1], dipole[0])
+    tilt = np.arccos(-dipole[2] / np.linalg.norm(dipole))
+    near = DipoleField(CircularOrbit(RATE, tilt, east - np.pi / 2))
+    authority = magnetic_authority(INERTIA, AXES, LIMITS, near)
+    assert authority.margin[0] < 1e-4 < 2e-3 < authority.margin[1]
+    assert "only while the field turns in the orbit" in magnetic_verdict(authority)
+    normal = np.eye(3)[:, 1:2]
+    assert "rank 4 of 6" in magnetic_verdict(magnetic_authority(INERTIA, normal, LIMITS[:1], near))
+    for place, told in ((near, "they hardly fall"), (polar(), "as the Earth turns (Floquet")):
+        motion = linear_motion(
+            np.diag(INERTIA), place, np.eye(3), np.zeros(3), gravity_gradient=True
+        )
+        assert told in magnetic_law_words(motion, 0.1)
+
+
+def polar():
+    return DipoleField(CircularOrbit(RATE, 1.5))
