@@ -4,7 +4,12 @@ import jax
 import numpy as np
 import pytest
 
+import small_coupling
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import study_program
 from jaxsat.scenario.holding import missing_torque
+from jaxsat.simulation.engine import NativeEngine
+from jaxsat.studies import Independent, Study
 from random_family import LEAST_COUPLING, family_member, family_scenario
 
 
@@ -59,3 +64,14 @@ def test_dispersions_are_those_of_the_acceptance_set_in_its_own_units(members):
         amplitude = np.array(scenario.disturbance.amplitude_N_m)
         np.testing.assert_allclose(amplitude / torque, np.array([0.01, 0.02, 0.001]) / 5)
         assert torque <= member.limit
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
+def test_a_small_coupling_settles_after_a_lost_attitude():
+    """c = 0.089: three of these cases turned about the third axis for ever, each with an
+    oscillation beyond what the torque makes."""
+    scenario = small_coupling.vehicle(family_member(13, 2, (0.05, 0.1)), "three-slew")
+    _, program = study_program(scenario, build(scenario), 7)
+    study = Study(program, Independent(7), NativeEngine(batch_size=256), 256)
+    assert np.isfinite(study.values(np.arange(256))["settling_time"]).sum() >= 255

@@ -87,9 +87,11 @@ class FineStage(eqx.Module):
         third: ThirdAxis,
         memory: FineMemory,
         aid: Aid | None = None,
+        largest: RealScalar | None = None,
     ) -> tuple[Float[Array, "2"], Float[Array, "2"], FineMemory]:
         """The torque about x and y, not yet limited (N m), the rates asked for (rad/s), and the
-        next memory."""
+        next memory. `largest` is the largest amplitude (rad/s), `None` for that of the oscillator.
+        """
         tilt = tilt_of(state.attitude)
         if self.fade_lean:
             third = third._replace(lean=third.lean * jnp.maximum(0.0, 1 - tilt.size**2))
@@ -116,6 +118,8 @@ class FineStage(eqx.Module):
             memory.late, tilt, slow, excess, deceleration, third.turn[2], coast, clock
         )
         early, quiet = self.oscillator, self.end_game
+        if largest is not None:
+            early = dataclasses.replace(early, largest_amplitude=largest)
         aim, slow_late, third_late = None, slow, third
         if hold is not None and coast is not None:
             hold = hold.after(late, clock, coast)

@@ -1,11 +1,12 @@
 """The quickest way that settles: stop, slew, then the fine stage."""
 
 import enum
+import math
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.fine import FineMemory, FineMode, FineStage
@@ -20,6 +21,9 @@ from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
+
+SINE_OF_SQUARE = 4 / math.pi
+"""Amplitude of the sine in a square wave of amplitude 1."""
 
 STOPPED = 1.5
 """The rate law's dead zone times this: below it ω3 counts as gone."""
@@ -37,7 +41,8 @@ class Phase(enum.IntEnum):
 class SettlingMemory(NamedTuple):
     """The phase but `HOLDING`, the memories of its parts, and when the phase began (s).
 
-    `samples` counts those since the law began, from which all its times count.
+    `samples` counts those since the law began, from which all its times count. `lost` tells whether
+    a fine stage has ended without success.
     """
 
     phase: Int[Array, ""]
@@ -49,6 +54,7 @@ class SettlingMemory(NamedTuple):
     reference: Float[Array, "2"]
     samples: Int[Array, ""]
     push: RealScalar | None
+    lost: Bool[Array, ""]
 
 
 class ThreeSlewSettling(AbstractSampledController):
@@ -60,7 +66,9 @@ class ThreeSlewSettling(AbstractSampledController):
     No phase is stayed in in vain: the slews also begin after `patience` (s) where |ω3| is below
     `slow_rate` (rad/s), the fine stage after as long beyond the planned end of the slews, and all
     begins again where the slews meet twice `slow_rate`, and after as long in the fine stage where
-    |z| is still above `late_turn` (rad). `torque_limit` (N m) cuts the commands, `period` is in s.
+    |z| is still above `late_turn` (rad). Once it has begun again from the fine stage, that asks for
+    no oscillation that the torque cannot make (`made_amplitude`). `torque_limit` (N m) cuts the
+    commands, `period` is in s.
     """
 
     modes: ClassVar[type[enum.IntEnum]] = Phase
@@ -103,7 +111,20 @@ class ThreeSlewSettling(AbstractSampledController):
             jnp.zeros(2, omega.dtype),
             jnp.array(0),
             jnp.zeros_like(omega[0]) if self.aided else None,
+            jnp.array(False),
         )
+
+    @property
+    def made_amplitude(self) -> RealScalar:
+        """The largest amplitude (rad/s) of an oscillation that torques within the limit make.
+
+        A rate ρ sin νt takes a torque of amplitude S ν ρ, and the sine in a square wave at the
+        limit has 4/π of it. A larger request comes late and with another mean product p1 p2 than
+        asked for; where c is small, that may turn the body about n for ever.
+        """
+        oscillator, (first, second, _) = self.fine.oscillator, self.form.moments
+        largest = jnp.maximum(first, second * oscillator.ratio) * oscillator.frequency
+        return SINE_OF_SQUARE * self.torque_limit / largest
 
     def clock(self, memory: SettlingMemory) -> RealScalar:
         """Time of the next sample since the law began, s."""
@@ -139,16 +160,22 @@ class ThreeSlewSettling(AbstractSampledController):
         phase = jnp.where(given > 0, given, chosen)
         begun = phase != memory.phase
         begins_fine = begun & (phase == Phase.OSCILLATING)
+        again = begun & (phase == Phase.STOPPING)
+        lost = memory.lost | (again & (memory.phase == Phase.OSCILLATING))
         estimator = self.estimator.forget_ripple(estimator, begun & (phase != Phase.SLEWING))
         plan = self.planner.plan(t, seen)
         slewing = choose(begun & (phase == Phase.SLEWING), plan, slewing)
-        signs = choose(begun & (phase == Phase.STOPPING), self.rate_law.init(state), memory.signs)
+        signs = choose(again, self.rate_law.init(state), memory.signs)
         fine = choose(begins_fine, self.fine.init(seen.omega), memory.fine)
         since = jnp.where(begun, t, memory.since)
 
         signs = self.rate_law.signs(third, seen.omega, signs)
         tracking = self.rate_law.tracking(third, seen.omega, signs)
-        fine_torque, fine_reference, fine = self.fine.step(t - since, seen, third, fine, aid)
+        own = self.fine.oscillator.largest_amplitude
+        largest = jnp.where(lost, jnp.minimum(self.made_amplitude, own), own)
+        fine_torque, fine_reference, fine = self.fine.step(
+            t - since, seen, third, fine, aid, largest
+        )
         push = None
         if aid is not None:
             slow = self.fine.oscillator.slow(
@@ -166,7 +193,7 @@ class ThreeSlewSettling(AbstractSampledController):
         slew_reference = self.planner.references(slewing)
         reference = _by_phase(phase, tracking.rate, slew_reference, fine_reference)
         following = SettlingMemory(
-            phase, signs, slewing, fine, since, estimator, reference, memory.samples + 1, push
+            phase, signs, slewing, fine, since, estimator, reference, memory.samples + 1, push, lost
         )
         return self.form.command(clipped(torque, self.torque_limit)), following
 

@@ -7,9 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_simpson, simpson
 
 import jaxsat
-from control.cases import ORBIT_RATE, actuators, body, paper_disturbance
+from control.cases import INERTIA, ORBIT_RATE, actuators, body, paper_disturbance
 from jaxsat.control import oscillatory_settling, three_slew_settling
 from jaxsat.control.fine import FineMode
 from jaxsat.control.supervisor import Phase
@@ -160,18 +161,42 @@ def test_the_end_game_oscillates_at_the_frequency_that_is_given(name):
 
 
 @pytest.mark.slow
-def test_a_lost_attitude_begins_again():
+def test_a_lost_attitude_begins_again_with_an_oscillation_that_the_torque_makes():
     controller = three_slew_settling(body(), 5.0)
     step = eqx.filter_jit(controller.step)
 
-    def phase(z, omega3):
+    def after(z, omega3, lost=False):
         state = PlantState(WZ([0.0, 0.0], z), [0.0, -ORBIT_RATE, omega3])
-        memory = controller.init(state)._replace(phase=jnp.array(Phase.OSCILLATING))
-        return int(step(jnp.zeros(()), state, memory)[1].phase)
+        memory = controller.init(state)
+        memory = memory._replace(phase=jnp.array(Phase.OSCILLATING), lost=jnp.array(lost))
+        return step(jnp.zeros(()), state, memory)[1]
 
-    assert phase(0.9, 0.04) == Phase.OSCILLATING
-    assert phase(1.1, 0.0) == Phase.STOPPING
-    assert phase(0.0, -0.06) == Phase.STOPPING
+    kept, large, quick = after(0.9, 0.04), after(1.1, 0.0), after(0.0, -0.06)
+    assert [int(one.phase) for one in (kept, large, quick)] == [
+        Phase.OSCILLATING,
+        Phase.STOPPING,
+        Phase.STOPPING,
+    ]
+    assert [bool(one.lost) for one in (kept, large, quick)] == [False, True, True]
+    made = float(controller.made_amplitude)
+    assert kept.fine.oscillation.amplitude > 1.5 * made
+    assert after(0.9, 0.04, lost=True).fine.oscillation.amplitude <= made * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("ratio", [1.2, 2.5])
+def test_the_largest_oscillation_that_a_torque_makes_is_the_sine_of_a_square_wave(ratio):
+    """About the axis that needs more; both share it as the ratio of the amplitudes says."""
+    law = three_slew_settling(body(), 5.0)
+    law = eqx.tree_at(lambda one: one.fine.oscillator.ratio, law, jnp.array(ratio))
+    frequency = float(law.fine.oscillator.frequency)
+    phase = np.linspace(0, 2 * np.pi, 20001)
+    torque = 5.0 * np.sign(np.cos(phase))
+    made = []
+    for moment in INERTIA[:2]:
+        rate = cumulative_simpson(torque / moment, x=phase / frequency, initial=0)
+        made.append(simpson(rate * np.sin(phase), x=phase) / np.pi)
+    expected = min(made[0], made[1] / ratio)
+    assert float(law.made_amplitude) == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.slow
