@@ -64,11 +64,11 @@ class ThreeSlewSettling(AbstractSampledController):
     `stopped_rate` (rad/s), the fine stage when the third slew is over. It all begins again when
     |z| exceeds `lost_turn` (rad) or s its value at rest by `lost_rate` (rad/s) in the fine stage.
     No phase is stayed in in vain: the slews also begin after `patience` (s) where |ω3| is below
-    `slow_rate` (rad/s), the fine stage after as long beyond the planned end of the slews, and all
-    begins again where the slews meet twice `slow_rate`, and after as long in the fine stage where
-    |z| is still above `late_turn` (rad). Once it has begun again from the fine stage, that asks for
-    no oscillation that the torque cannot make (`made_amplitude`). `torque_limit` (N m) cuts the
-    commands, `period` is in s.
+    `slow_rate` (rad/s), and where it is not the rate law brakes and begins again; the fine stage
+    begins after as long beyond the planned end of the slews, and all begins again where the slews
+    meet twice `slow_rate`, and after as long in the fine stage where |z| is still above `late_turn`
+    (rad). Once it has begun again from the fine stage, that asks for no oscillation that the torque
+    cannot make (`made_amplitude`). `torque_limit` (N m) cuts the commands, `period` is in s.
     """
 
     modes: ClassVar[type[enum.IntEnum]] = Phase
@@ -166,8 +166,10 @@ class ThreeSlewSettling(AbstractSampledController):
         plan = self.planner.plan(t, seen)
         slewing = choose(begun & (phase == Phase.SLEWING), plan, slewing)
         signs = choose(again, self.rate_law.init(state), memory.signs)
+        vain = (phase == Phase.STOPPING) & ~begun & (t - memory.since > self.patience)
+        signs = signs._replace(most=jnp.where(vain, 0.0, signs.most))  # brakes, and chooses anew
         fine = choose(begins_fine, self.fine.init(seen.omega), memory.fine)
-        since = jnp.where(begun, t, memory.since)
+        since = jnp.where(begun | vain, t, memory.since)
 
         signs = self.rate_law.signs(third, seen.omega, signs)
         tracking = self.rate_law.tracking(third, seen.omega, signs)

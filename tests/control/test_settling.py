@@ -160,10 +160,37 @@ def test_the_end_game_oscillates_at_the_frequency_that_is_given(name):
     assert np.abs(torque(7.0 + period / 2) - torque(7.0)).max() > 1e-3 * np.abs(torque(7.0)).max()
 
 
-@pytest.mark.slow
-def test_a_lost_attitude_begins_again_with_an_oscillation_that_the_torque_makes():
+@pytest.fixture(scope="module")
+def three_slew():
+    """A controller and its compiled step."""
     controller = three_slew_settling(body(), 5.0)
-    step = eqx.filter_jit(controller.step)
+    return controller, eqx.filter_jit(controller.step)
+
+
+@pytest.mark.slow
+def test_a_rotation_that_does_not_stop_is_braked_and_begun_again(three_slew):
+    """After the patience, and counted anew from there; it is not where |ω3| is slow."""
+    controller, step = three_slew
+    late = int(controller.patience / controller.period) + 1
+
+    def after(omega3, samples):
+        state = PlantState(WZ([0.1, 0.0], 0.5), [0.06, -0.06, omega3])
+        memory = controller.init(state)._replace(samples=jnp.array(samples))
+        signs = memory.signs._replace(third=jnp.ones(()), most=jnp.ones(()))
+        return step(jnp.zeros(()), state, memory._replace(signs=signs))[1]
+
+    quick = float(2 * controller.slow_rate)
+    early, braked = after(quick, late - 1), after(quick, late)
+    assert np.abs(early.reference).max() > 0
+    assert np.all(np.asarray(braked.reference) == 0)
+    assert (float(early.since), float(braked.since)) == (0.0, pytest.approx(late * 0.1))
+    assert [int(one.phase) for one in (early, braked)] == [Phase.STOPPING] * 2
+    assert int(after(quick / 4, late).phase) == Phase.SLEWING
+
+
+@pytest.mark.slow
+def test_a_lost_attitude_begins_again_with_an_oscillation_that_the_torque_makes(three_slew):
+    controller, step = three_slew
 
     def after(z, omega3, lost=False):
         state = PlantState(WZ([0.0, 0.0], z), [0.0, -ORBIT_RATE, omega3])
