@@ -200,7 +200,7 @@ def compare_sampled(options: argparse.Namespace) -> None:
         print(f"{name}: native and C differ by {np.median(off):.0e}, at most {off.max():.0e}")
     if pulsed:
         for name, column in (("propellant", 11), ("valve_openings", 12)):
-            values = np.asarray(getattr(found, name)).reshape(count, -1).sum(axis=1)
+            values = np.asarray(found.parts[name]).reshape(count, -1).sum(axis=1)
             off = np.abs(values - results[:, column]) / np.maximum(results[:, column], 1e-30)
             print(f"{name}: native and C differ by {np.median(off):.0e}, at most {off.max():.0e}")
     late = np.isinf(found.settling_time), np.isinf(results[:, 3])
