@@ -88,7 +88,7 @@ def test_a_failure_is_an_event_of_the_run(tmp_path):
     assert isinstance(actuators, PulsedThrusters)
     events = actuators.failures
     assert [int(k) for k in events.kind] == [FailureKind.STUCK_ON]
-    assert [int(k) for k in events.thruster] == [2]  # the way that it is declared
+    assert [int(k) for k in events.number] == [2]  # the way that it is declared
     level = np.asarray(run.simulate().signals.parts["thrust_level"])[:, 2]
     np.testing.assert_allclose(level[17:], 1, rtol=1e-12)
     assert level.max() == pytest.approx(1)
@@ -123,7 +123,7 @@ high = 0.01
     events = copies.loop.plant.effectors[0].failures
     for name, reached in (
         ("failure_time", events.at),
-        ("failed_thruster", events.thruster),
+        ("failed_thruster", events.number),
         ("failure_kind", events.kind),
     ):
         np.testing.assert_allclose(reached, outputs.drawn[name], rtol=1e-14)

@@ -44,7 +44,7 @@ class Struck(AbstractCaseFactory):
     def __call__(self, case, gains):
         del gains
         events = self.loop.plant.effectors[0].failures
-        events = eqx.tree_at(lambda one: (one.at, one.thruster), events, (case[:1], case[1:]))
+        events = eqx.tree_at(lambda one: (one.at, one.number), events, (case[:1], case[1:]))
         loop = eqx.tree_at(lambda loop: loop.plant.effectors[0].failures, self.loop, events)
         return Case(loop, self.start, {"failure": case}, jnp.array(True))
 
