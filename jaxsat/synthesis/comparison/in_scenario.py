@@ -19,6 +19,7 @@ from jaxsat.synthesis.comparison.run import (
     KIND,
     ComparisonRun,
     UnsuitableLaw,
+    UnsuitableSetting,
     scenario_figures,
     write_record,
 )
@@ -99,8 +100,8 @@ def compare_in_scenario(
 
     Case i has the same spacecraft, start, failures and noise under every law. With `out` the
     studies are kept in that folder, with the record and the figures that `jaxsat compare` writes,
-    and the same call resumes them. Raises `UnsuitableLaw`, and as `scenario_under` and `run_study`
-    do.
+    and the same call resumes them. Raises `UnsuitableLaw`, `UnsuitableSetting` for a scenario
+    without dispersions, and as `scenario_under` and `run_study` do.
     """
     tell = listener.remark
     studies = {
@@ -123,7 +124,8 @@ def _study(
     try:
         return refined_study(scenario_under(scenario, law), count, tell, **keys)
     except ValueError as error:
-        raise UnsuitableLaw(str(error)) from error
+        kind = UnsuitableSetting if scenario.dispersion is None else UnsuitableLaw
+        raise kind(str(error)) from error
 
 
 def _compared(

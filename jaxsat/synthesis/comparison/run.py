@@ -53,7 +53,7 @@ CASE = 400
 
 
 class UnsuitableSetting(JaxsatError, ValueError):
-    """An engine for a law with which the acceptance set cannot be run."""
+    """An engine for a law with which the acceptance set cannot be run, or no dispersed cases."""
 
 
 class UnsuitableLaw(JaxsatError, ValueError):

@@ -5,6 +5,7 @@ import pytest
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.synthesis.comparison.in_scenario import compare_in_scenario, scenario_under
+from jaxsat.synthesis.comparison.run import UnsuitableSetting
 
 LAWS = ("quaternion-feedback", "fault-tolerant")
 
@@ -30,6 +31,11 @@ def test_laws_that_do_not_suit_are_refused():
         scenario_under(scenario, "no-law")
     with pytest.raises(ScenarioError, match="law"):
         scenario_under(scenario, "rate")
+
+
+def test_a_scenario_without_dispersed_cases_is_no_fault_of_a_law():
+    with pytest.raises(UnsuitableSetting, match=r"must have a \[dispersion\] table"):
+        compare_in_scenario(load("switching"), ["switching"], count=2)
 
 
 @pytest.mark.slow
