@@ -59,7 +59,7 @@ def test_each_failure_strikes_its_own_part_and_a_file_reads_back(tmp_path):
     loop = build(scenario).loop
     wheels, thrusters = loop.plant.find(Wheels).failures, loop.plant.effectors[0].failures
     assert isinstance(wheels, WheelFailures)
-    np.testing.assert_array_equal(wheels.wheel, [0, 1, 1])
+    np.testing.assert_array_equal(wheels.number, [0, 1, 1])
     np.testing.assert_array_equal(wheels.at, [8.05, 4, 6])
     kinds = WheelFailureKind
     np.testing.assert_array_equal(
@@ -107,7 +107,7 @@ def test_failures_of_both_kinds_of_part_are_drawn_in_one_study(tmp_path):
     for name, field in (("failure_time", "at"), ("failure_kind", "kind")):
         both = np.concatenate([getattr(thrusters, field), getattr(wheels, field)], axis=1)
         np.testing.assert_allclose(both, drawn[name], rtol=1e-14)
-    np.testing.assert_array_equal(wheels.wheel, drawn["failed_wheel"])
+    np.testing.assert_array_equal(wheels.number, drawn["failed_wheel"])
     assert len(np.unique(drawn["failed_wheel"])) == 2
     np.testing.assert_allclose(wheel_momentum(copies.start), drawn["wheel_momentum"], atol=1e-13)
     assert np.ptp(drawn["wheel_momentum"], axis=0).min() > 5
