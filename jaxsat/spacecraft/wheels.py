@@ -398,7 +398,7 @@ class Wheels(AbstractEffector):
         wheel_failures.require_continuous(self)
 
 
-def wheel_momentum(state: Any) -> Float[Array, " wheels"] | None:
+def wheel_momentum(state: Any) -> Float[Array, "*cases wheels"] | None:
     """The momentum of each wheel in a state of the plant, N m s; None where it has no wheels."""
     own = state.find(WheelMomenta)
     return None if own is None else own.momentum
