@@ -119,7 +119,7 @@ def test_an_interrupted_study_says_what_is_kept(tmp_path, sent, status):
 def test_ctrl_c_ends_all_processes_of_a_study(tmp_path):
     """SIGINT to the whole group, as from a terminal; resumed, the bits are as if never stopped."""
     store = tmp_path / "s"
-    options = ("--engine", "scan", "-n", "64", "--processes", "2")
+    options = ("--engine", "scan", "-n", "256", "--processes", "2")
     process = begun_study(store, *options)
     os.killpg(process.pid, signal.SIGINT)
     assert_ended_as_told(process, store, 130)
@@ -128,12 +128,12 @@ def test_ctrl_c_ends_all_processes_of_a_study(tmp_path):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     before = contents(store)["status"].sum()
-    assert 8 <= before < 64
-    study = same_study(64, "scan")
+    assert 8 <= before < 256
+    study = same_study(256, "scan")
     run_study(study, store, executor=Threads(2))
     found = contents(store)
-    assert found.pop("status").sum() == 64
-    same(found, _by_column(study.evaluate(np.arange(64))))
+    assert found.pop("status").sum() == 256
+    same(found, _by_column(study.evaluate(np.arange(256))))
 
 
 def running_in_group(group):
