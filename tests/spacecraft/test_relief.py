@@ -1,5 +1,6 @@
 """Thrusters beside wheels, held against a linear programme and the balance of momentum."""
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -22,6 +23,9 @@ def relief(rng, thrusters=8):
     return Relief(reach, AXES, shares, 0.2 * np.ones(4), 10 * np.ones(4), np.eye(3), 0.5)
 
 
+allocate = eqx.filter_jit(Relief.allocate)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_thrusters_make_what_wheels_lack_at_the_least_price(seed):
     """The price is that of a linear programme, in which wheels are free."""
@@ -29,7 +33,8 @@ def test_thrusters_make_what_wheels_lack_at_the_least_price(seed):
     parts, momentum = relief(rng), rng.uniform(-10, 10, 4)
     momentum[0] = 10.0  # it can make no more torque of that sign
     command = rng.uniform(-0.5, 0.5, 3)
-    wheels, jets, unmade = parts.allocate(jnp.asarray(command), jnp.zeros(3), jnp.asarray(momentum))
+    numbers = map(jnp.asarray, (command, np.zeros(3), momentum))
+    wheels, jets, unmade = allocate(parts, *numbers)
     low = -np.minimum(0.2, (10 - momentum) / 0.5)
     high = np.minimum(0.2, (10 + momentum) / 0.5)
     columns = np.hstack([AXES, parts.thrusters.columns])
@@ -59,7 +64,7 @@ def test_momentum_is_taken_out_beyond_the_dead_band_and_without_turning_the_body
     np.testing.assert_array_equal(parts.unloading(slew, beyond), 0)
     unloading = parts.unloading(still, beyond)
     assert unloading @ (AXES @ beyond) < 0
-    wheels, jets, unmade = parts.allocate(still, unloading, beyond)
+    wheels, jets, unmade = allocate(parts, still, unloading, beyond)
     np.testing.assert_allclose(jets, unloading, atol=1e-9)
     np.testing.assert_allclose(AXES @ wheels + jets, 0, atol=1e-9)
     np.testing.assert_allclose(unmade, 0, atol=1e-9)

@@ -10,7 +10,7 @@ from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation import simulate
 
 CASES = (
-    ("benchmark-three-axis", "10"),
+    pytest.param("benchmark-three-axis", "10", marks=pytest.mark.slow),
     # pulses, a diagnosis whose unknown numbers are NaN
     pytest.param("thruster-dies", "10", marks=pytest.mark.slow),
     pytest.param("wheels-fail", "10", marks=pytest.mark.slow),
