@@ -30,6 +30,7 @@ from jaxsat.spacecraft import (
 )
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.studies.columns import UNMADE
 
 PERIOD, SECONDS = 0.2, 12.0
 
@@ -87,7 +88,9 @@ def test_engines_agree(name):
         np.testing.assert_allclose(found.effort, other.effort, rtol=1e-9)
         np.testing.assert_allclose(found.parts["propellant"], other.parts["propellant"], rtol=1e-9)
         np.testing.assert_array_equal(found.parts["valve_openings"], other.parts["valve_openings"])
-    assert set(found.parts) == {"propellant", "valve_openings"}
+        for unmade in UNMADE:
+            np.testing.assert_allclose(found.parts[unmade], other.parts[unmade], atol=1e-11)
+    assert set(found.parts) == {"propellant", "valve_openings", *UNMADE}
     assert np.ptp(found.omega, axis=0).max() > 1e-4  # the failures differ
     alone = NativeEngine(SampledStepper()).evaluate(program, CASES[3:4])
     assert alone.omega.tobytes() == found.omega[3:4].tobytes()
