@@ -138,12 +138,12 @@ def failure_of(error: BaseException) -> str | None:
     from jaxsat.store.files import FAILURES
 
     if isinstance(error, BrokenPipeError):
-        return "a process that was to take part in this has gone"
+        return "a process that takes part in the run has exited"
     if isinstance(error, OSError) and error.errno in FAILURES:
         where = "" if error.filename is None else f"{error.filename}: "
         return f"{where}{error.strerror}"
     if isinstance(error, MemoryError) or any(sign in str(error) for sign in OUT_OF_MEMORY_TEXTS):
-        return "not enough memory; ask for fewer cases at once"
+        return "not enough memory; use fewer cases at once"
     return None
 
 

@@ -43,8 +43,8 @@ def design(
 
     States which torques are left and which attitude can be held, screens the laws that fit, tunes
     the best, and verifies it. Writes designed.toml, ready for every command, a page, a record and
-    figures. The same command resumes an interrupted run. Exits with 1 if the wanted fraction does
-    not settle, or if there is nothing to design.
+    figures. The same command resumes an interrupted run. Exits with 1 if the required fraction
+    does not settle, or if there is nothing to design.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def design(
         to which the body axes of designed.toml are rotated.
     goal
         quickest: the fastest of the laws that settle most, with tuned gains; settled: the first law
-        proven to settle the wanted fraction, and tuning only if there is none.
+        proven to settle the required fraction, and tuning only if there is none.
     results.out
         Output folder; by default jaxsat-NAME-designed in the current folder.
     """
@@ -106,7 +106,7 @@ def design(
 
 
 def _concluded(result: "ControllerDesign", target: Path, quiet: bool) -> int:
-    """Print the page; the status says whether the wanted fraction settles."""
+    """Print the page; the status says whether the required fraction settles."""
     from jaxsat.report.design_document import design_document
     from jaxsat.synthesis.controller_design.files import design_record
 

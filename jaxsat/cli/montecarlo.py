@@ -246,7 +246,7 @@ def _write_study(
     if not results.quiet:
         from jaxsat.report.study_document import study_document
 
-        tables, again = scenario.model_dump(exclude_none=True), "`--case` flies one of them again."
+        tables, again = scenario.model_dump(exclude_none=True), "`--case` reruns one of them."
         print_document(study_document(summary, tables, again))
         written = [target, *(place for _, place in saved.places())]
         print_stdout(f"written to {', '.join(map(str, written))}")

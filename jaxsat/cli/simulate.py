@@ -112,7 +112,9 @@ def _run(scenario: "Scenario", tell: "Callable[[str], None]") -> tuple["xr.Datas
     begin = time.perf_counter()
     run = build(scenario)
     trajectory = run.simulate(
-        lambda obstacle: tell(f"not the compiled engine, which starts in seconds: {obstacle}")
+        lambda obstacle: tell(
+            f"the compiled engine, which starts in seconds, cannot run this: {obstacle}"
+        )
     )
     dataset = trajectory_dataset(
         trajectory,

@@ -112,8 +112,8 @@ class GyroCluster:
         """The momentum that they can gather, and what one or two more locked gimbals leave."""
         gathered = vector_text([self.envelope(axis) for axis in np.eye(3)])
         lines = [
-            f"Control moment gyros, which the table leaves out: they gather at most {gathered} "
-            "N m s along body x, y, z"
+            f"Control moment gyros (not in the table): they store at most {gathered} N m s along "
+            "body x, y, z"
         ]
         places = np.flatnonzero(self.turning).tolist()
         for number, way in enumerate(WAYS, 1):

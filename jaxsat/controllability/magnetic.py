@@ -174,12 +174,12 @@ def magnetic_words(authority: MagneticAuthority, thruster: float, wheels: bool) 
     torques, efforts = (
         ", ".join(f"{one:.2g}" for one in row) for row in (authority.torque, 100 * authority.effort)
     )
-    unload = "; they take the momentum out of wheels that is across the field" if wheels else ""
+    unload = "; they unload wheel momentum perpendicular to the field" if wheels else ""
     return [
         f"Magnetorquers: at rest in the orbit frame at most {authority.largest:.2g} N m{beside}, "
         f"and on average {torques} N m about body x, y, z, in a field of {low} to {high} µT; none "
         f"about the field itself{unload}",
-        f"{magnetic_verdict(authority)} This is of the linear system about the orbit frame; "
+        f"{magnetic_verdict(authority)} This holds for the linear system about the orbit frame; "
         f"removing one degree about x, y, z within an orbit takes {efforts} % of their limits "
         "(rms)",
         "The margins, the momentum, and the table of failures are those of thrusters and wheels "

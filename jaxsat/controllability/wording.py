@@ -103,7 +103,7 @@ def lost_words(judgement: Judgement) -> str:
     if judgement.rank < 6:
         return f"{_rank_lost(judgement.decision, cone.span)}; {ways}"
     if judgement.barrier is not None and judgement.verdict == "uncontrollable":
-        return f"{ways}; any return from momentum along {direction_words(judgement.barrier)}"
+        return f"{ways}; removal of angular momentum along {direction_words(judgement.barrier)}"
     if judgement.verdict == "by drift":
         return f"{ways}; reached through the drift, by no law"
     return ways

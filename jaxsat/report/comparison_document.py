@@ -60,7 +60,9 @@ def law_cells(row: Record) -> list[Cell]:
 
 
 def _taken(verdict: Record) -> str:
-    return f"take {verdict['law'] or 'none'}. {capitalised(verdict['reason'])}."
+    law = verdict["law"]
+    advice = f"the recommended law is {law}" if law else "no law is recommended"
+    return f"{advice}. {capitalised(verdict['reason'])}."
 
 
 def _laws(rows: Sequence[Record], least: Sequence[Record]) -> Table:

@@ -19,7 +19,7 @@ SHOWN_CASES = 20
 LINES = {
     "assumed": "Assumptions, where the file gives no value",
     "left_out": "Laws left out",
-    "cautions": "Beyond what the laws are verified on",
+    "cautions": "Outside the verified range of the laws",
 }
 
 Record = Mapping[str, Any]
@@ -34,7 +34,7 @@ def design_document(record: Record) -> Document:
     verdict = Verdict(
         record["outcome"] == "reached", record["headline"], [missed] if missed else []
     )
-    blocks: list[Block] = [Lines("What is left", record["controllability"]["lines"])]
+    blocks: list[Block] = [Lines("Remaining control authority", record["controllability"]["lines"])]
     blocks += [Lines(title, record[name]) for name, title in LINES.items() if record[name]]
     if record["screening"] is not None:
         blocks += _choice(record)
@@ -56,7 +56,7 @@ def _choice(record: Record) -> Iterator[Block]:
         sentences.insert(1, _tuning(record["tuning"]))
     gains = ", ".join(f"{name} = {_gain(value)}" for name, value in record["gains"].items())
     sentences.append(f"Chosen: {record['chosen']}{f' with {gains}' if gains else ''}.")
-    yield Lines("Why this law", sentences)
+    yield Lines("Choice of the law", sentences)
 
 
 def _tuning(tuning: Record) -> str:
@@ -84,7 +84,7 @@ def _verification(record: Record, verification: Record) -> Iterator[Block]:
         label: {float(percent): interval_of(one) for percent, one in verification[name].items()}
         for name, label in (("settling_time_s", "settling_time"), ("effort_N_m_s", "effort"))
     }
-    note = f"Seed {seed}, used for nothing before. Outcomes: {outcomes}."
+    note = f"Seed {seed}, not used before. Outcomes: {outcomes}."
     yield from percentile_table(times, "Verification", note)
     if not failing:
         return
@@ -92,7 +92,7 @@ def _verification(record: Record, verification: Record) -> Iterator[Block]:
     rest = f" and {more:,} more, all of them in design.json" if more > 0 else ""
     command = f"jaxsat montecarlo {DESIGNED} --seed {seed} --case {failing[0]}"
     listed = ", ".join(map(str, failing[:SHOWN_CASES]))
-    sentences = [f"{listed}{rest}.", f"Each alone, with figures: `{command}`."]
+    sentences = [f"{listed}{rest}.", f"To rerun one of them, with figures: `{command}`."]
     yield Lines("Cases that do not settle", sentences)
     if record["outcome"] != "reached":
         yield from _explained(verification)
@@ -100,7 +100,7 @@ def _verification(record: Record, verification: Record) -> Iterator[Block]:
 
 def _explained(verification: Record) -> Iterator[Block]:
     """What the failing cases have in common, and what would help."""
-    title = "What they have in common"
+    title = "Common features of the failing cases"
     if verification["separations"]:
         rows: list[list[Cell]] = [
             [one["name"], one["share"], _three(one["failing"]), _three(one["settled"])]
@@ -109,16 +109,16 @@ def _explained(verification: Record) -> Iterator[Block]:
         columns = ["number", "share explained", "failing: 10, 50, 90 %", "settled: 10, 50, 90 %"]
         yield Table(title, columns, rows)
     else:
-        message = "No drawn number separates them from the others by more than chance."
+        message = "No dispersed quantity separates them significantly from the settled cases."
         yield Lines(title, [message])
     if verification["limit"] is not None:
         limit = verification["limit"]
         helped = f"With {limit['change']} {limit['settled']} of {limit['flown']} settle."
-        yield Lines("What limits it", [helped, *([limit["cause"]] if limit["cause"] else [])])
+        yield Lines("Limiting factor", [helped, *([limit["cause"]] if limit["cause"] else [])])
     if verification["remedies"]:
         rows = [[one["change"], _helped(one)] for one in verification["remedies"]]
         note = "The failing cases simulated again, each time with one change."
-        yield Table("What would help", ["change", "settle then"], rows, note)
+        yield Table("Possible remedies", ["change", "cases that then settle"], rows, note)
 
 
 def _helped(one: Record) -> Shown:

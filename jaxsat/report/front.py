@@ -36,7 +36,7 @@ def bound_document(title: str, record: Mapping[str, Any]) -> Document:
         "duration": f"{number_text(record['duration_s'])} s",
         "effort": f"{number_text(flight['effort'])} N m s",
         "end": record["end_meaning"],
-        "flown again": f"ends {where}",
+        "independent verification": f"ends {where}",
         "local optima": f"{listed} {unit}, of {record['starts']} starts",
     }
     text = f"Least {record['objective']}: {value} {unit}, not certified."

@@ -98,9 +98,9 @@ def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, st
         unmade = np.linalg.norm(dataset["torque_unmade"].values, axis=1)
         lacking = unmade > UNMADE * np.max(peak, initial=0.0)
         if lacking.any():
-            rows["torque not made"] = (
-                f"at most {number_text(np.nanmax(unmade), 3)} N m beyond what actuators make, at "
-                f"{number_text(100 * lacking.mean(), 3)} % of the saved times"
+            rows["unmet torque"] = (
+                f"at most {number_text(np.nanmax(unmade), 3)} N m beyond what the actuators make, "
+                f"at {number_text(100 * lacking.mean(), 3)} % of the saved times"
             )
     if "effort" in dataset:
         by = "all actuators" if has_effectors(dataset) else "the thrusters"

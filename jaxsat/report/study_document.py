@@ -29,11 +29,11 @@ SHOWN = 8
 """Worst cases, numbers of a ranking and cases that did not recover that text shows."""
 
 PERCENTILES = {
-    "settling_time": "settling time (s), of those that settle",
-    "effort": "effort (N m s), of those that end",
-    **{name: f"{one.overall}, of those that end" for name, (one, _) in STUDIED.items()},
-    "peak_torque_unmade": "largest torque not made (N m), of those that end",
-    "unmade_fraction": "fraction of samples with torque not made, of those that end",
+    "settling_time": "settling time (s), over settled cases",
+    "effort": "effort (N m s), over completed cases",
+    **{name: f"{one.overall}, over completed cases" for name, (one, _) in STUDIED.items()},
+    "peak_torque_unmade": "largest unmet torque (N m), over completed cases",
+    "unmade_fraction": "fraction of samples with unmet torque, over completed cases",
 }
 """What is told in percentiles, by its name in the summary."""
 
@@ -88,9 +88,9 @@ def _steps(summary: Summary, scenario: Mapping[str, Any]) -> list[str]:
     solver = scenario.get("simulation", {}).get("solver", {})
     allowed = [solver.get(key, np.inf) for key in ("rate_error_rad_s", "attitude_error_rad")]
     if all(error <= most for error, most in zip(errors, allowed, strict=True) if error is not None):
-        return [f"The steps leave errors of {text}."]
+        return [f"Integration errors are {text}."]
     most = f"{number_text(allowed[0], 2)} rad/s and {number_text(allowed[1], 2)} rad"
-    return [f"The steps leave errors of {text}: more than the scenario allows, {most}."]
+    return [f"Integration errors are {text}: more than the scenario allows, {most}."]
 
 
 def percentile_table(
@@ -162,7 +162,7 @@ def recovery_tables(recovery: RecoverySummary | None) -> list[Table]:
         return []
     columns = ["failure", "cases", "recovered", "fraction", "recoverable", "fraction of these"]
     columns += [f"settled {percent:.0f} % (s)" for percent in SETTLING_PERCENTS]
-    columns.append("the others")
+    columns.append("not recovered")
     rows = [_of_kind(row) for row in recovery.by_kind]
     note = f"Settled: the time from the last failure, of the recovered cases. {INTERVALS}"
     tables = [Table("Recovery by kind of failure", columns, rows, note)]
@@ -191,7 +191,7 @@ def _of_kind(row: KindRecovery) -> list[Cell]:
 
 
 def _diagnosis(diagnosed: list[KindRecovery]) -> Table:
-    columns = ["failure", "cases", "detected", "correctly isolated", "with the right kind"]
+    columns = ["failure", "cases", "detected", "correctly isolated", "with the correct kind"]
     columns += [f"{what} {percent} % (s)" for what in ("alarm", "verdict") for percent in (50, 90)]
     rows: list[list[Cell]] = []
     for row in diagnosed:

@@ -52,10 +52,10 @@ def settling_times(times: np.ndarray) -> Plot | None:
     heights, edges = np.histogram(good, bins=min(60, max(5, int(np.sqrt(len(good))))))
     low, middle, high = np.quantile(good, [0.1, 0.5, 0.9])
     sentence = (
-        f"Of {len(good):,} that settle 10 % do by {low:.4g} s, half by {middle:.4g} s, 90 % by "
-        f"{high:.4g} s; {len(times) - len(good):,} do not."
+        f"Of {len(good):,} settled cases, 10 % settle by {low:.4g} s, half by {middle:.4g} s, 90 % "
+        f"by {high:.4g} s; {len(times) - len(good):,} cases do not settle."
     )
-    title = "Settling times of the cases that settle"
+    title = "Settling times of settled cases"
     return Plot(title, sentence, _until(good), Axis("cases"), bars=Bars(edges, heights))
 
 
@@ -109,7 +109,7 @@ def settling_over(label: str, values: np.ndarray, times: np.ndarray, unit: str) 
     middles = np.array([np.median(there[0][one]) for one in parts])
     points = np.array([np.quantile(there[1][one], [0.5, 0.1, 0.9]) for one in parts])
     sentence = f"Medians from {points[:, 0].min():.4g} to {points[:, 0].max():.4g} s."
-    title = f"Settling time over {label}: median, 10 % and 90 % points of those that settle"
+    title = f"Settling time over {label}: median, 10 % and 90 % points of settled cases"
     y = Axis("settling time", "s")
     return _banded(title, sentence, middles, points, Axis(label, unit), y, points=True)
 

@@ -86,7 +86,7 @@ def _conclusion(verdict: Record) -> str:
     better, overfitting = verdict["better"], verdict["overfitting"]
     ends = [better["low"], better["high"]]
     unsure = "" if None not in ends and ends[0] * ends[1] > 0 else ", which does not exclude zero"
-    text = f"Mean cost before less after, case by case: {_cell(better).text}{unsure}."
+    text = f"Mean cost before minus after, case by case: {_cell(better).text}{unsure}."
     if overfitting is None:
         return text
     side = "above" if overfitting > 0 else "below"
@@ -113,11 +113,11 @@ def _evaluations(verdict: Record) -> Table:
     ]
     for percent in (50, 90):
         times = [_percentile(one["settling_time"], percent) for one in evaluations]
-        rows.append([f"settling time of those, {percent} % (s)", *times])
+        rows.append([f"settling time over settled cases, {percent} % (s)", *times])
     rows.append(
         ["effort, median (N m s)", *(_percentile(one["effort"], 50) for one in evaluations)]
     )
-    rows.append(["mean cost of those that end", *(_cell(one["cost"]) for one in evaluations)])
+    rows.append(["mean cost over completed cases", *(_cell(one["cost"]) for one in evaluations)])
     rows.append(["failed", *(_fraction(one["failed"]) for one in evaluations)])
     if evaluations[0]["alarming"] is not None:
         rows.append(
@@ -143,10 +143,10 @@ def _baselines(results: Sequence[Record], absent: Sequence[str]) -> Table:
             ]
         )
     columns = ["method", "trajectories", "objective on validation", "objective held out",
-               "mean cost of those that end", "settled", "failed",
+               "mean cost over completed cases", "settled", "failed",
                "failed or above the alarm"]  # fmt: skip
     left = f"Left out, as their packages are not installed: {', '.join(absent)}." if absent else ""
-    return Table("Other methods, with as many trajectories", columns, rows, left)
+    return Table("Other methods, with the same number of trajectories", columns, rows, left)
 
 
 def _derivatives(receipt: Record) -> Table:
@@ -156,7 +156,7 @@ def _derivatives(receipt: Record) -> Table:
     note = (
         "Derivatives of the mean cost as the run takes them, and the central difference that "
         "agrees best. The run rests on the law it differentiates, in the rows start and end; the "
-        "rows of the exact law show what the same method makes of it."
+        "rows of the exact law show what the same method gives for that law."
     )
     columns = ["where", "gain", "derivative", "difference", "half width", "relative error",
                "cases"]  # fmt: skip
@@ -182,9 +182,9 @@ def _receipt(receipt: Record) -> Iterator[str]:
     )
     yield f"Finer steps change the costs by {_steps(receipt)}, relative."
     yield (
-        f"Of {receipt['gradient_samples']} runs that gradients were taken of, {receipt['failed']} "
-        f"ended early and were charged for it, {receipt['masked']} were left out and "
-        f"{receipt['bounded']} counted for less than their derivative."
+        f"Of {receipt['gradient_samples']} runs with gradients, {receipt['failed']} ended early "
+        f"and were penalised, {receipt['masked']} were left out, and the derivatives of "
+        f"{receipt['bounded']} were clipped."
     )
 
 
@@ -194,8 +194,8 @@ def _without_derivatives(receipt: Record) -> Iterator[str]:
         f"{receipt['failed']} runs of which ended early."
     )
     yield (
-        f"Finer steps change what cases count by {_steps(receipt)}, relative to their mean. Where "
-        "pulses and alarms fall otherwise, single cases differ; the verdict is of many."
+        f"Finer steps change the cost of a case by {_steps(receipt)}, relative to the mean cost. "
+        "Single cases differ where pulses and alarms shift; the verdict averages over many cases."
     )
 
 

@@ -226,6 +226,6 @@ def _slow_samples(scenario: Scenario) -> Iterator[Issue]:
     if period + delay > most:
         message = (
             "should be, with sampling.delay_s, at most 1 / (2 damping natural_frequency_rad_s) = "
-            f"{most:.4g} s, else a rate error is overcome with another of the other sign"
+            f"{most:.4g} s, else the control turns a rate error into one of opposite sign"
         )
         yield Issue(("control", "period_s"), f"{message}, got {shown(period)}")

@@ -113,16 +113,16 @@ def _holding_cautions(scenario: Scenario) -> list[Issue]:
     turn = nearest_held(inertia, normal, scenario.disturbance.gravity_gradient)
     if scenario.orbit.rate_rad_s != 0 and (turn is None or np.abs(turn).max() > HELD_TURN):
         nearest = (
-            "none can be"
+            "no attitude can be held"
             if turn is None
             else (
-                "the nearest attitude that can be held is turned from it by the rotation vector "
+                "the nearest attitude that can be held is rotated from it by the rotation vector "
                 f"{shown(tuple(float(f'{part:.3g}') for part in turn))} rad"
             )
         )
         message = (
             f'should let the law "{law}" hold the attitude of the orbit frame, where a torque '
-            f"about the axis without one would be needed: {nearest}"
+            f"about the unactuated axis would be needed: {nearest}"
         )
         issues.append(Issue(location, message))
     return issues
@@ -173,15 +173,15 @@ def _one_torque_cautions(scenario: Scenario) -> list[Issue]:
     if not tilt >= LEAST_TILT:
         message = (
             "should give the one torque an acceleration at least a tenth of a radian from its "
-            f'axis under the law "{scenario.control.law}", which needs the longer the nearer this '
-            f"is to a principal axis, got {tilt:.2g} rad, torque axis {named}"
+            f'axis under the law "{scenario.control.law}", which takes longer the nearer this is '
+            f"to a principal axis, got {tilt:.2g} rad, torque axis {named}"
         )
         issues.append(Issue(location, message))
     steering = max(abs(mobility[1, 1] - mobility[0, 0]), abs(mobility[1, 2]))
     if steering < LEAST_STEERING * mobility[0, 0]:
         message = (
-            "should let the one torque turn a momentum against J⁻¹b × b, b its axis, as it cannot "
-            f"stop a rotation that begins there otherwise, got b = {named}"
+            "should let the one torque turn a momentum against J⁻¹b × b, b its axis; otherwise it "
+            f"cannot stop a rotation that begins there, got b = {named}"
         )
         issues.append(Issue(location, message))
     return issues

@@ -127,8 +127,8 @@ def refined(
             break
         count = finer.simulation.solver.substeps
         tell(
-            f"flown with simulation.solver.substeps = {count}, as fewer leave too large an error "
-            "of the steps"
+            f"simulated with simulation.solver.substeps = {count}, because with fewer substeps the "
+            "integration error is too large"
         )
         scenario, flown = finer, fly(finer)
     return scenario, flown
@@ -157,7 +157,7 @@ def excessive_error(errors: Errors, scenario: Scenario) -> str:
         "attitude_error_rad": ("attitude", errors[1], solver.attitude_error_rad, "rad"),
     }
     parts = [
-        f"the {of} of about {value:.2g} {unit} (simulation.solver.{key} = {most:g})"
+        f"{of} error about {value:.2g} {unit} (limit: simulation.solver.{key} = {most:g})"
         for key, (of, value, most, unit) in allowed.items()
         if value is not None and value > most
     ]
@@ -169,7 +169,8 @@ def excessive_error(errors: Errors, scenario: Scenario) -> str:
             f"raise simulation.solver.substeps, now {substeps_of(scenario)}, or name a solver of "
             "higher order"
         )
-    return f"the steps leave an error of {' and of '.join(parts)}, against halved ones; {finer}"
+    found = " and ".join(parts)
+    return f"the steps are too long: {found}, compared with steps of half the length; {finer}"
 
 
 def _period(scenario: Scenario) -> float:

@@ -46,7 +46,7 @@ from jaxsat.scenario.wording import issue_of, item_kind, table_at, validated
 class _Body(ScenarioTable):
     """What a scenario has before its actuators."""
 
-    title: Line = choice("One line for a person")
+    title: Line = choice("Title of the scenario, in one line")
     description: Text = choice("What the scenario shows", "")
     spacecraft: SpacecraftTable = choice("The rigid body and its thrusters")
     orbit: OrbitTable = choice("The circular orbit")

@@ -157,7 +157,7 @@ class SolverTable(ScenarioTable):
         "Smallest adaptive step, taken whatever the error there", "s", None
     )
     max_steps: Annotated[Whole, Ge(1), Le(MAX_FIXED_STEPS)] | None = quantity(
-        "Most steps of a run with adaptive steps", "1", None
+        "Largest number of steps of a run with adaptive steps", "1", None
     )
     step_s: Seconds | None = quantity("Size of fixed steps", "s", None)
     substeps: Annotated[Whole, Ge(1), Le(10000)] | None = quantity(

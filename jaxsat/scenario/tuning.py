@@ -56,7 +56,7 @@ class CostTable(ScenarioTable):
     )
     limit: Positive = quantity(
         "Cost c_max of a second at most: c saturates as c/(1 + c/c_max), and a run that fails is "
-        "charged c_max for each second that it lacks",
+        "penalised with c_max for each missing second",
         "1",
         100.0,
     )
@@ -88,7 +88,7 @@ class TuningTable(ScenarioTable):
     schedule: Literal["constant", "cosine", "exponential"] = choice(
         "How the learning rate falls", "cosine"
     )
-    clip: Positive = quantity("A gradient longer than this is shortened to it", "1", 1.0)
+    clip: Positive = quantity("Largest gradient norm; longer gradients are clipped to it", "1", 1.0)
     case_bound: Positive = quantity(
         "A case's derivative counts for at most this many times the median length", "1", 10.0
     )
@@ -114,7 +114,7 @@ class TuningTable(ScenarioTable):
         "Horizons, each for an equal share of the steps; by default the whole duration", "s", None
     )
     halve_at: Annotated[tuple[Annotated[Whole, Ge(1), Le(10**6)], ...], Len(0, 100)] = quantity(
-        "Steps after which the worse half of the starts is given up", "1", ()
+        "Steps after which the worse half of the starts is dropped", "1", ()
     )
     tolerance: Positive = quantity(
         "Relative and absolute tolerance of adaptive steps, where [simulation.solver] has none",

@@ -264,7 +264,7 @@ def time_at_rest(dataset: xr.Dataset) -> float:
 def _total(dataset: xr.Dataset, name: str) -> float:
     if name not in dataset:
         raise ValueError(
-            f"Argument `dataset` must hold {name}, which the run itself tells, but got one with "
+            f"Argument `dataset` must hold {name}, which the run itself records, but got one with "
             f"{', '.join(map(str, dataset.data_vars))}; simulate again."
         )
     return float(dataset[name])

@@ -113,8 +113,8 @@ def read_header(path: Path) -> Header:
     if content is None:
         raise none
     damaged = OutputError(
-        f"{path / METADATA} is damaged, or not jaxsat's: what study the store holds cannot be "
-        "told; put a copy of the file back, or give another folder."
+        f"{path / METADATA} is damaged, or not jaxsat's: the study in the store cannot be "
+        "identified; restore a copy of the file, or give another folder."
     )
     data = parse_json(content)
     kept = data.get("attributes") if isinstance(data, dict) else None

@@ -127,8 +127,8 @@ def read_ledger(store: Path, header: Header) -> Ledger:
     ledger = Ledger(store, header)
     if ledger.damaged or status - ledger.chunks:
         raise OutputError(
-            f"{store / LEDGER} is damaged, so it cannot be told which cases are done; run the same "
-            "study again, which mends it."
+            f"{store / LEDGER} is damaged, so the completed cases are unknown; run the same study "
+            "again to repair it."
         )
     return ledger
 

@@ -90,7 +90,7 @@ class ResumableFolder:
         """
         data = content.encode() if isinstance(content, str) else content
         self._refuse(name)
-        more = " What was kept before is good; the same command resumes."
+        more = " Earlier results are intact; the same command resumes."
         with explained(self.path / name, "written", more):
             (self.path / name).parent.mkdir(exist_ok=True)
             self._marker.write(name, data)

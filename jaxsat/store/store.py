@@ -175,8 +175,8 @@ class StudyStore:
             yield
         except OSError as error:
             raise OutputError(
-                f"{self.path} cannot be written: {reason(error)}. What is in it is good; "
-                "make room and run the same study again to go on.",
+                f"{self.path} cannot be written: {reason(error)}. Its contents are intact; "
+                "free disk space and run the same study again to resume.",
                 failure=True,
             ) from error
 

@@ -130,7 +130,7 @@ def _require_same_versions(client: Client, address: str) -> None:
         told = in_time(lambda: cast(Any, client.sync(ask)), ANSWER_S)
         there = {name: str(told["packages"][name]) for name in here}
     except Exception as error:
-        message = f"the scheduler at {address} tells no versions: {reason(error)}"
+        message = f"the scheduler at {address} reports no versions: {reason(error)}"
         raise ClusterError(message) from error
     other = [
         f"{name}: {there[name]} there, {here[name]} here"

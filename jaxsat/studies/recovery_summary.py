@@ -43,7 +43,7 @@ _LEFT = {
     TorquesLeft.SOME_ATTITUDES: "two wheels with momentum are left, which hold some attitudes",
     TorquesLeft.TOO_FEW: "too few torques are left: not controllable",
     TorquesLeft.UNOPPOSED_TORQUE: "nothing opposes the torque of a failed thruster with a margin",
-    TorquesLeft.NOT_DECIDED: "what is left is not decided",
+    TorquesLeft.NOT_DECIDED: "controllability of the remaining actuators is not decided",
     TorquesLeft.UNHELD_MOMENTUM: "the others cannot hold the momentum of a runaway wheel",
 }
 

@@ -16,7 +16,7 @@ def jaxsat(command_line):
 def test_nothing_to_design_is_a_plain_statement(jaxsat, tmp_path):
     status, out, err = jaxsat(*ONE_TORQUE, "--out", "d")
     assert status == 1
-    assert "Nothing to design. No law of jaxsat fits what is left." in out
+    assert "Nothing to design. No law of jaxsat fits the remaining actuators." in out
     assert "rank 2 of 6" in out
     assert "Traceback" not in err
     assert json.loads((tmp_path / "d" / "design.json").read_text())["chosen"] is None

@@ -117,7 +117,7 @@ def test_code_of_others_that_ends_python_is_no_success(failing, code):
 def test_a_pipe_that_is_closed_inside_is_no_success(failing, tmp_path):
     status, _, err = failing(raising(BrokenPipeError(errno.EPIPE, "Broken pipe")))
     assert status == 1
-    assert "has gone" in err
+    assert "has exited" in err
     assert not list((tmp_path / "tmp").iterdir())
 
 

@@ -61,8 +61,8 @@ def test_a_run_is_flown_again_and_tells_its_steps(command_line):
     tight += ["--set", f"simulation.solver.rate_error_rad_s={before / 100!r}"]
     status, _, err = command_line("simulate", "two-torque-free", *tight, "--out", "fine")
     assert status == 0, err
-    assert "flown with simulation.solver.substeps = " in err
-    assert "warning: the steps leave an error" not in err
+    assert "simulated with simulation.solver.substeps = " in err
+    assert "warning: the steps are too long" not in err
     found = open_trajectory("fine")
     assert 1e-15 < float(found["rate_error_estimate"]) <= before / 100
     assert "substeps = " in found.attrs["scenario"]
@@ -70,7 +70,7 @@ def test_a_run_is_flown_again_and_tells_its_steps(command_line):
     status, _, err = command_line("simulate", "two-torque-free", *tight, *named, "--out", "named")
     assert status == 0, err
     assert "flown again" not in err
-    assert "warning: the steps leave an error" in err
+    assert "warning: the steps are too long" in err
 
 
 @pytest.mark.slow
@@ -87,8 +87,8 @@ def test_a_study_has_the_steps_that_its_first_and_its_fastest_case_need(command_
     for count in ("6", "12"):
         status, _, err = command_line(*command, "-n", count, "--out", "s.zarr")
         assert status == 0, err
-        assert "flown with simulation.solver.substeps = " in err
-        assert "warning: the steps leave an error" not in err
+        assert "simulated with simulation.solver.substeps = " in err
+        assert "warning: the steps are too long" not in err
     found = open_study("s.zarr")
     assert found.sizes["case"] == 12
     assert 1e-15 < float(found["rate_error_estimate"].max()) <= before.max() / 4

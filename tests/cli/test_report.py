@@ -94,7 +94,7 @@ def test_a_design_and_an_analysis_have_pages(command_line, tmp_path):
     assert status == 1
     assert "report written to d/report.html" in out
     page = (tmp_path / "d" / "report.html").read_text()
-    assert "Nothing to design. No law of jaxsat fits what is left." in page
+    assert "Nothing to design. No law of jaxsat fits the remaining actuators." in page
     tokens = ("--set", "spacecraft.failed_thrusters=[3]", "--out", "c", "--report", "--quiet")
     assert command_line("controllability", "two-torque-free", *tokens) == (0, "", "")
     page = (tmp_path / "c" / "report.html").read_text()

@@ -34,7 +34,7 @@ def test_the_verdict_tells_all_cases_and_what_settled_means():
     assert "errors" not in " ".join(found.verdict.more)
     errors = {"rate_error_estimate": np.full(25, 1e-5), "attitude_error_estimate": np.ones(25)}
     told = " ".join(document(np.ones(25), errors).verdict.more)
-    assert "errors of up to 1e-05 rad/s and 1 rad" in told
+    assert "Integration errors are up to 1e-05 rad/s and 1 rad" in told
     assert "more than the scenario allows" not in told
     solver = {"rate_error_rad_s": 1e-4, "attitude_error_rad": 0.01}
     told = document(np.ones(25), errors, {"simulation": {"solver": solver}}).verdict.more
@@ -60,7 +60,7 @@ def test_what_actuators_used_is_told_where_there_are_some():
     assert found["propellant (kg)"][0].startswith("0.02 (")
     assert found["openings of all valves"][0].startswith("49 (")
     assert found["largest momentum of any wheel (N m s)"][0] == "4 (4 to 4)"
-    assert found["fraction of samples with torque not made"][0].startswith("0.2 (")
+    assert found["fraction of samples with unmet torque"][0].startswith("0.2 (")
     assert len(found) == len(percentiles(document(np.ones(25)))) + 4  # of the torque there is none
 
 

@@ -82,7 +82,7 @@ def test_a_store_goes_on_once_there_is_room(small_disk):
     ballast = small_disk / "ballast"
     ballast.write_bytes(bytes(600_000))
     with store() as opened:
-        with pytest.raises(OutputError, match=r"No space left on device.*go on") as caught:
+        with pytest.raises(OutputError, match=r"No space left on device.*to resume") as caught:
             for chunk in opened.pending():
                 opened.write(chunk, values)
         done = opened.done()

@@ -131,7 +131,7 @@ def test_a_full_disk_is_told_and_leaves_a_store_that_goes_on(tmp_path, monkeypat
             plain(path, *arguments, **options)
 
         monkeypatch.setattr(arrays_module, "write_file", full)
-        with pytest.raises(OutputError, match=r"No space left on device.*go on"):
+        with pytest.raises(OutputError, match=r"No space left on device.*to resume"):
             store.write(1, values(store.numbers(1)))
         monkeypatch.undo()
     with made(tmp_path / "s") as store:

@@ -19,7 +19,7 @@ MAGNETIC_CONTROL = LawDeclaration(
     keys=(
         number(
             "control_weight",
-            "Weight of torques against angles (rad) and rates in what the gains make least, in "
+            "Weight of torques against angles (rad) and rates in the minimised cost, in "
             "units of the mean moment of inertia and the orbit's rate; smaller is faster",
             "1",
             above=0,

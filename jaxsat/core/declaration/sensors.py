@@ -45,7 +45,7 @@ WHITE_NOISE = PartDeclaration(
     (
         number(
             "rate_noise_rad_s",
-            "Standard deviation of white noise on each measured rate, a sample",
+            "Standard deviation of white noise on each measured rate, per sample",
             "rad/s",
             within=RATE_NOISE,
             default=0.0,
@@ -53,7 +53,7 @@ WHITE_NOISE = PartDeclaration(
         ),
         number(
             "attitude_noise_rad",
-            "Standard deviation of the measured attitude about each body axis, a sample",
+            "Standard deviation of the measured attitude about each body axis, per sample",
             "rad",
             within=ATTITUDE_NOISE,
             default=0.0,
@@ -106,7 +106,7 @@ GYRO = SensorDeclaration(
         ),
         number(
             "bias_sigma_rad_s",
-            "Standard deviation of what is drawn onto each bias at the start",
+            "Standard deviation of the random part of each bias at the start",
             "rad/s",
             within=RATE_NOISE,
             default=0.0,
@@ -132,7 +132,7 @@ GYRO = SensorDeclaration(
         ),
         number(
             "limit_rad_s",
-            "Largest rate that an axis can tell; by default none",
+            "Largest rate that an axis can measure; by default unlimited",
             "rad/s",
             within=RATE_RANGE,
             default=None,
@@ -189,7 +189,7 @@ STAR_TRACKER = SensorDeclaration(
         ),
         number(
             "rate_limit_rad_s",
-            "Largest size of ω at which there are measurements; by default none",
+            "Largest |ω| at which there are measurements; by default unlimited",
             "rad/s",
             within=RATE_RANGE,
             default=None,

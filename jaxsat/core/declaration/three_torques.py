@@ -28,8 +28,8 @@ QUATERNION_FEEDBACK = LawDeclaration(
 
 
 FAULT_TOLERANT = LawDeclaration(
-    summary="quaternion feedback that detects and isolates failed thrusters and wheels and flies "
-    "by what is left",
+    summary="quaternion feedback that detects and isolates failed thrusters and wheels and "
+    "reallocates the torque",
     keys=(
         *of_part("healthy", QUATERNION_FEEDBACK.keys),
         number(

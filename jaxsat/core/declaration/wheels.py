@@ -82,7 +82,7 @@ WHEEL = ActuatorDeclaration(
         ),
         number(
             "tachometer_noise_N_m_s",
-            "Standard deviation of white noise on the momentum that a sampled law is told, a "
+            "Standard deviation of white noise on the momentum that a sampled law receives, per "
             "sample",
             "N m s",
             within=WHEEL_NOISE,

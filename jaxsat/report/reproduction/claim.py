@@ -37,7 +37,7 @@ RUNS: Mapping[str, PaperRun] = MappingProxyType(
         "rate-fine": PaperRun(
             "paper-rate",
             ("simulation.duration_s=70.0", "simulation.save_every_s=0.001"),
-            "rate law, torque looked at 100 times more closely",
+            "rate law, torque saved 100 times more often",
         ),
         "three-axis": PaperRun(
             "paper-three-axis", _LONG, "three-axis law, third rate held (Figs. 5-7)"

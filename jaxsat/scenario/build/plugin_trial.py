@@ -200,7 +200,7 @@ def _require_tunable(law: Law, controller: Controller) -> None:
             attrgetter(place)(controller)
         except AttributeError:
             message = (
-                f'has an attribute `{place}`, as its key {key} is tunable (tunable="name" tells of '
+                f'has an attribute `{place}`, as its key {key} is tunable (tunable="name" gives '
                 "another name), got none"
             )
             raise BuildError(_issue(law, LAW, message)) from None

@@ -292,7 +292,7 @@ def _engine(
     elif jax.default_backend() != "cpu" and batch_size < ACCELERATOR_BATCH:
         remark = (
             f"batches of {batch_size} cases leave an accelerator idle, "
-            f"at least {ACCELERATOR_BATCH} are worth their while"
+            f"use at least {ACCELERATOR_BATCH} cases"
         )
     return ScanEngine(stepper=stepper, batch_size=batch_size), remark
 

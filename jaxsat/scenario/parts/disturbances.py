@@ -51,7 +51,7 @@ Share = Annotated[Number, Ge(0), Le(1)]
 class PanelTable(ScenarioTable):
     """`[[panel]]`: one flat plate, struck on the side of its normal."""
 
-    name: Line | None = choice("A name for a person", None)
+    name: Line | None = choice("Name of the panel, for display", None)
     area_m2: Annotated[Number, Ge(0), Le(1e6)] = quantity("Area", "m²")
     normal: Direction = quantity("Direction of its outward normal, body axes", "1")
     centre_m: Position3 = quantity("Its centre, from the centre of mass, body axes", "m")

@@ -26,7 +26,7 @@ from jaxsat.scenario.wording import shown
 
 ESTIMATOR_KIND = key_choice(
     "kind",
-    'What the law is told: the estimates of a multiplicative extended Kalman filter ("mekf"), '
+    'What the law receives: the estimates of a multiplicative extended Kalman filter ("mekf"), '
     'or what was measured last ("none")',
     ESTIMATOR.own,
     "mekf",
@@ -34,7 +34,7 @@ ESTIMATOR_KIND = key_choice(
 
 ATTITUDE_SIGMA = number(
     "attitude_sigma_rad",
-    "Standard deviation of what is drawn onto the first estimate of the attitude, about each axis",
+    "Standard deviation of the random error of the first attitude estimate, about each axis",
     "rad",
     at_least=0,
     at_most=TRACKER_NOISE.high,

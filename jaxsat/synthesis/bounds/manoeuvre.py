@@ -98,7 +98,7 @@ def manoeuvre_of(
     if not isinstance(loop, ContinuousLoop | SampledLoop):
         raise ValueError("Bounds need thrusters with a limit, but the loop has ideal ones.")
     if plant.find(Wheels) is not None:
-        raise ValueError("Bounds are those of thrusters alone, but the spacecraft has wheels.")
+        raise ValueError("Bounds support thrusters only, but the spacecraft has wheels.")
     thrusters = plant.find(Actuators)
     if thrusters is None:
         names = [type(one).__name__ for one in plant.effectors]

@@ -87,11 +87,11 @@ def comparison_row(
 def choose_law(rows: Sequence[ComparisonRow]) -> ComparisonVerdict:
     """The law to take among rows of one level and limit, whose cases are the same.
 
-    A law is less sure than the one that settles most if of the cases that only one of the two
-    settles more than chance allows (95 %, two-sided) are the other's: McNemar's exact test. Of the
-    others the one with the least median is taken, the tail (t90) deciding between equals, or of
-    those that this sample cannot tell from it the one with the least effort. Raises `ValueError`
-    for rows of different numbers of cases.
+    A law settles significantly fewer cases than the law that settles most if, of the cases that
+    only one of the two settles, more than chance allows (95 %, two-sided) are the other's:
+    McNemar's exact test. Of the other laws the one with the least median is taken, the tail (t90)
+    deciding between equals, or of the laws whose times do not differ significantly from it the one
+    with the least effort. Raises `ValueError` for rows of different numbers of cases.
     """
     level, limit, _ = rows[0].setting
     return ComparisonVerdict(level, limit, *chosen_law(rows))
@@ -128,24 +128,27 @@ def _reason(
     rows: Sequence[ComparisonRow],
 ) -> str:
     fraction = best.settled
-    clauses = [
-        f"settles {fraction.value:.1%} ({fraction.low:.1%} to {fraction.high:.1%}), half within "
-        f"{_seconds(best.t50.value)}"
-    ]
+    half = "no median settling time"
+    if np.isfinite(best.t50.value):
+        half = f"half within {_seconds(best.t50.value)}"
+    interval = f"{fraction.low:.1%} to {fraction.high:.1%}"
+    clauses = [f"it settles {fraction.value:.1%} ({interval}), {half}"]
     if best is not surest:
-        clauses.append(f"not provably fewer than {surest.setting.law} ({surest.settled.value:.1%})")
+        clauses.append(
+            f"not significantly fewer than {surest.setting.law} ({surest.settled.value:.1%})"
+        )
     for row in sure:
         if row is best:
             continue
-        sure_too = "as sure"
+        settles = "at least as many"
         if row.settled.value < fraction.value:
-            sure_too = f"not provably less sure ({row.settled.value:.1%})"
-        clauses.append(f"{row.setting.law} is {sure_too} and takes {_seconds(row.t50.value)}")
+            settles = f"not significantly fewer ({row.settled.value:.1%})"
+        clauses.append(f"{row.setting.law} settles {settles} and takes {_seconds(row.t50.value)}")
         clauses[-1] += _quicker(best, row)
     beaten = [row for row in rows if all(row is not one for one in sure)]
     if beaten:
-        listed = ", ".join(f"{row.setting.law} {row.settled.value:.1%}" for row in beaten)
-        clauses.append(f"less sure: {listed}")
+        listed = ", ".join(f"{row.setting.law} ({row.settled.value:.1%})" for row in beaten)
+        clauses.append(f"significantly fewer cases settle with {listed}")
     return "; ".join(clauses)
 
 
@@ -182,11 +185,11 @@ def _quicker(best: ComparisonRow, row: ComparisonRow) -> str:
     """In how many of the cases that differ which law is quicker, and what the other one spends."""
     ahead, behind = _ahead(best, row)
     if not _differ(ahead, behind):
-        clause = ", which this sample cannot tell apart"
+        clause = " (difference in time not significant)"
         if row.effort > best.effort:
             clause += f", with {number_text(row.effort / best.effort, 3)} times the effort"
         return clause
-    return f", {best.setting.law} being quicker in {ahead} of {ahead + behind} cases"
+    return f", while {best.setting.law} is quicker in {ahead} of {ahead + behind} cases"
 
 
 def _tail(fewer: int, count: int) -> float:
@@ -195,7 +198,7 @@ def _tail(fewer: int, count: int) -> float:
 
 
 def _seconds(value: float) -> str:
-    return f"{number_text(value)} s" if np.isfinite(value) else "no time seen"
+    return f"{number_text(value)} s" if np.isfinite(value) else "an unknown time"
 
 
 def _or_nan(statistic, values: np.ndarray) -> float:

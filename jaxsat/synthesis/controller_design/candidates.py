@@ -63,8 +63,8 @@ WHEEL_LAWS, THRUSTER_LAWS = ("three-axis",), ("planned",)
 """Laws for two wheels without momentum, and those that know nothing of a limit of momentum."""
 
 SLOW_LAWS: Mapping[str, str] = {
-    "planned": "plans in flight, so that its verification takes many minutes; it is designed "
-    "where it is asked for"
+    "planned": "plans in flight, so its verification takes many minutes; give the law planned or "
+    "all to include it"
 }
 """Laws that are designed only on request, and why."""
 

@@ -78,7 +78,7 @@ def completed(
         noise = float(f"{RATE_NOISE / scale.time:.2g}")
         table = SamplingTable(rate_noise_rad_s=noise, attitude_noise_rad=ATTITUDE_NOISE)  # pyright: ignore[reportCallIssue]
         data["sampling"] = table.model_dump()
-        assumed.append(f"sensors with noise of {noise:g} rad/s and {ATTITUDE_NOISE:g} rad a sample")
+        assumed.append(f"sensor noise of {noise:g} rad/s and {ATTITUDE_NOISE:g} rad per sample")
     filled = Scenario.model_validate(data)
     if dispersed:
         return Completed(filled, tuple(assumed))

@@ -89,7 +89,7 @@ def remedies(
     """Changes that may help, and the scenario with each; the first one tells what chance does."""
     scenario = chosen.scenario
     yield (
-        "nothing but 0.1 % more torque, to see what chance does",
+        "0.1 % more torque, to show the effect of chance",
         lambda: stronger(scenario, CHANCE),
     )
     yield "twice the torque", lambda: stronger(scenario, 2.0)

@@ -77,7 +77,7 @@ class Verification:
 class ControllerDesign:
     """A controller for a vehicle, and the proof; or why there is none.
 
-    `outcome` is "reached" where at least the wanted fraction of the verification settles,
+    `outcome` is "reached" where at least the required fraction of the verification settles,
     `proven` whether the whole interval is above it. `scenario` is the designed one, None where
     there is nothing to design; `left_out` says which laws do not fit and why.
     """
@@ -101,13 +101,13 @@ class ControllerDesign:
         if self.verdict.holds:
             return None
         if self.verdict.turn is None:
-            return "No attitude can be held without a torque about that axis, so cases drift."
+            return "No attitude can be held without torque about the unactuated axis; cases drift."
         if self.settings.attitude == "nearest":
             return None
         turn = float(np.linalg.norm(self.verdict.turn))
         return (
-            "The wanted attitude cannot be held, so cases drift out of it whatever the law. "
-            "`jaxsat design --attitude nearest` takes the nearest one that can be held, "
+            "The target attitude cannot be held, so cases drift away from it under any law. "
+            "`jaxsat design --attitude nearest` takes the nearest attitude that can be held, "
             f"{turn:.3g} rad away."
         )
 
@@ -132,11 +132,10 @@ class ControllerDesign:
         if orbit_rate(scenario) == 0 or c >= HELD_COUPLING:
             return ()
         return (
-            f"In orbit a c of {c:.2g}, below {HELD_COUPLING:g}, seldom lets 99 % of the cases "
-            "settle, in any time: the errors of the inertia leave a drift about the axis without "
-            "torque, only a small part of which so little c can balance, and the noise of the "
-            "sensors moves the estimated balance until the hold is lost. A better known inertia "
-            "helps.",
+            f"In orbit with c = {c:.2g}, below {HELD_COUPLING:g}, seldom do 99 % of the cases "
+            "settle, however long the run: inertia errors leave a drift about the unactuated axis, "
+            "of which so small a c can balance only a small part, and sensor noise moves the "
+            "estimated balance until the hold is lost. A better known inertia helps.",
         )
 
     @property
@@ -146,7 +145,7 @@ class ControllerDesign:
 
     @property
     def outcome(self) -> DesignOutcome:
-        """Whether the wanted fraction settles."""
+        """Whether the required fraction settles."""
         if self.verification is None:
             return "nothing to design"
         reached = self.verification.settled.value >= self.settings.settled
@@ -154,30 +153,33 @@ class ControllerDesign:
 
     @property
     def proven(self) -> bool:
-        """Whether the interval of the fraction, of 95 %, is above the wanted one."""
+        """Whether the 95 % interval of the fraction is above the required one."""
         verification = self.verification
         return verification is not None and verification.settled.low >= self.settings.settled
 
     @property
     def headline(self) -> str:
         """The verdict in one sentence or two."""
-        verification, wanted = self.verification, f"{100 * self.settings.settled:.8g}"
+        verification, required = self.verification, f"{100 * self.settings.settled:.8g}"
         if verification is None or self.chosen is None:
-            why = "No law of jaxsat fits what is left."
+            why = "No law of jaxsat fits the remaining actuators."
             if self.settings.law not in (ALL, QUICK):
                 why = f"The law {self.settings.law} does not fit the vehicle."
             return f"Nothing to design. {why}"
         fraction = verification.settled
         first = (
             f"{self.chosen.name} settles {fraction_text(fraction)} of "
-            f"{verification.summary.cases} unseen cases; wanted were {wanted} %"
+            f"{verification.summary.cases} unseen cases; {required} % were required"
         )
         if self.proven:
-            return f"Reached: {first}. The whole interval is above."
+            return f"Reached: {first}. The whole 95 % interval is above the requirement."
         if self.outcome == "reached":
-            return f"Reached: {first}. So many cases do not prove it: the interval begins below."
+            return (
+                f"Reached: {first}. This number of cases does not prove it: the 95 % interval "
+                "begins below the requirement."
+            )
         excluded = fraction.high < self.settings.settled
-        unsure = "" if excluded else ", which the interval does not exclude"
+        unsure = "" if excluded else ", which the 95 % interval does not exclude"
         return f"Not reached: {first}{unsure}."
 
     @property
@@ -252,8 +254,8 @@ class ControllerDesign:
         if "error of the axes" not in change or not self.original.thruster:
             return None
         return (
-            "Every thruster leans by an angle of its own, so the torques of one that pushes and "
-            "of its opposite leave the plane by different amounts: about the axis without a torque "
-            "there is one that goes with the size of the command, which no law here knows. "
-            "Measure the axes, or give the thrusters that are used less error."
+            "Every thruster has its own misalignment, so the torques of a thruster and of its "
+            "opposite leave the plane by different amounts. This gives a torque about the "
+            "unactuated axis in proportion to the magnitude of the command, which no law here "
+            "models. Measure the thruster axes, or reduce the misalignment of the thrusters in use."
         )

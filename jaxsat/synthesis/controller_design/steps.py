@@ -75,7 +75,7 @@ class DesignRun:
             tuned, not_tuned = self._tuned(screening, best)
             contenders = _contenders(candidates, screening, tuned)
         else:
-            not_tuned = f"{best.name} surely settles the wanted fraction"
+            not_tuned = f"{best.name} meets the requirement with 95 % confidence"
         chosen, validation = best, None
         if len(contenders) > 1 or self.settings.goal == "quickest":
             validation, contenders = self._validation(contenders)
@@ -189,12 +189,12 @@ class DesignRun:
     def _tuned(self, screening: Step, best: Candidate) -> tuple[Tuned | None, str | None]:
         """The best candidate with tuned gains, or why it has none."""
         if not self.settings.steps:
-            return None, "no steps were asked for"
+            return None, "no steps were requested"
         row = next(row for row in screening.rows if row.setting.law == best.name)
         if not best.tunable:
             return None, f"{best.name} has no gains that are keys of [control]"
         if row.settled.value == 0:
-            return None, f"{best.name} settled no case, so no cost tells better gains from worse"
+            return None, f"{best.name} settled no case, so the cost cannot rank gains"
         table = self._tuning_table(best)
         what = f"step 3 of 5, tuning of {best.name}"
         seed = self.settings.seeds.tuning
@@ -252,7 +252,7 @@ class DesignRun:
         aimed = verdict if self.settings.attitude == "wanted" else replace(verdict, turn=(0, 0, 0))
         changes = list(remedies(chosen, others, aimed))
         for place, (change, make) in enumerate(changes, 1):
-            what = f"what would help, {place} of {len(changes)}: {len(failing)} cases with {change}"
+            what = f"remedies, {place} of {len(changes)}: {len(failing)} cases with {change}"
             try:
                 again = self.studies.settled_again(what, make(), count, seed, failing)
             except ValueError:  # a number out of its range, or a law that cannot be built for it

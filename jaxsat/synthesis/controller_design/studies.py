@@ -73,7 +73,7 @@ def first_answer(name: str, columns: Columns) -> str:
     within = f", half within {number_text(half)} s" if np.isfinite(half) else ""
     return (
         f"first answer: {name} settles {fraction_text(fraction)} of {len(times)} unseen "
-        f"cases{within}; the design goes on"
+        f"cases{within}; the design continues"
     )
 
 

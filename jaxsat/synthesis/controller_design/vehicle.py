@@ -60,17 +60,17 @@ class VehicleVerdict:
     def lines(self) -> list[str]:
         """The verdict for a person, a sentence each."""
         sentences = [verdict_sentence(self.judgement)]
-        sentences.append(f"What the failures took away: {self.lost}.")
+        sentences.append(f"Lost through the failures: {self.lost}.")
         sentences.append(f"Laws: {LAW_WORDS[self.judgement.laws]}.")
         if self.turn is None:
-            sentences.append("No attitude can be held without a torque about the axis without one.")
+            sentences.append("No attitude can be held without torque about the unactuated axis.")
         elif self.holds:
-            sentences.append("The wanted attitude can be held.")
+            sentences.append("The target attitude can be held.")
         else:
             turn = ", ".join(f"{round(part, 6):.3g}" for part in self.turn)
             sentences.append(
-                "The wanted attitude cannot be held: it would take a torque about the axis without "
-                "one. The nearest attitude that can be is turned from it by the rotation vector "
+                "The target attitude cannot be held: it needs a torque about the unactuated axis. "
+                "The nearest attitude that can be held is rotated from it by the rotation vector "
                 f"({turn}) rad, body axes."
             )
         return [*sentences, *self.orbit, *self.in_flight]

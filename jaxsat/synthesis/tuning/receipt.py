@@ -86,12 +86,12 @@ class Receipt:
                     "their end have no finite derivative"
                 )
             elif not comparison.cases:
-                problems.append(f"at the {place} no case reached its end, so nothing is known")
+                problems.append(f"at the {place} no case reached its end, so there is no check")
             for label, error in zip(self.labels, comparison.error, strict=True):
                 if comparison.cases and not error <= MAX_RELATIVE_ERROR:
                     problems.append(
-                        f"at the {place} the derivative by {label} is {error:.1%} off the best "
-                        "central difference"
+                        f"at the {place} the derivative with respect to {label} differs by "
+                        f"{error:.1%} from the best central difference"
                     )
         return problems
 

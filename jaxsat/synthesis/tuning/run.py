@@ -70,13 +70,13 @@ class TuningResult:
     @once_property
     def receipt(self) -> Receipt:
         """Whether the gradients were right."""
-        self.listener.progress("making the receipt", None)
+        self.listener.progress("computing the receipt", None)
         return make_receipt(self.plan, self.state)
 
     @once_property
     def verdict(self) -> TuningVerdict:
         """How both scenarios do on cases that were never tuned on."""
-        self.listener.progress("judging on held-out cases", None)
+        self.listener.progress("evaluating held-out cases", None)
         return make_verdict(self.plan, self.state.best_point)
 
     @once_property

@@ -137,7 +137,7 @@ def test_a_comparison_begins_with_the_law_to_take(tmp_path):
     record = {"command": "jaxsat compare", "seed": 1, "rows": rows, "verdicts": [verdict]}
     (tmp_path / "comparison.json").write_text(json.dumps(record))
     page = report_page([tmp_path])
-    assert first_sentence(page) == "hard, 5 N m: take three-slew. It is quick."
+    assert first_sentence(page) == "hard, 5 N m: the recommended law is three-slew. It is quick."
     assert page.count("<td>hard</td>") == 2
 
 
@@ -184,7 +184,7 @@ def design_record():
     }
     return {
         "outcome": "not reached",
-        "headline": "Not reached: three-slew settles 90 %; wanted were 99 %.",
+        "headline": "Not reached: three-slew settles 90 %; 99 % were required.",
         "seeds": {"screening": 4, "verification": 7},
         "title": "A run",
         "controllability": {"lines": ["Controllable."], "misses_attitude": None},
@@ -204,7 +204,7 @@ def test_a_design_begins_with_its_verdict_and_lists_what_fails_and_what_helps(tm
     (tmp_path / "design.json").write_text(json.dumps(design_record()))
     (tmp_path / "designed.toml").write_text(SCENARIO)
     page = report_page([tmp_path])
-    assert first_sentence(page) == "Not reached: three-slew settles 90 %; wanted were 99 %."
+    assert first_sentence(page) == "Not reached: three-slew settles 90 %; 99 % were required."
     assert 'class="verdict bad"' in page
     assert ">70 (over 35)</td>" in page
     assert "<code>jaxsat montecarlo designed.toml --seed 7 --case 0</code>" in page

@@ -41,11 +41,11 @@ def test_a_torque_that_is_not_made_is_counted():
     run = run_dataset()
     unmade = np.zeros((len(run["time"]), 3))
     run["torque_unmade"] = (("time", "body_axis"), unmade)
-    assert "torque not made" not in str(run_document(run))
+    assert "unmet torque" not in str(run_document(run))
     count = len(unmade) // 4
     unmade[:count] = [0.0, 0.3, 0.4]
     run["torque_unmade"] = (("time", "body_axis"), unmade)
-    told = f"at most 0.5 N m beyond what actuators make, at {100 * count / len(unmade):.3g} %"
+    told = f"at most 0.5 N m beyond what the actuators make, at {100 * count / len(unmade):.3g} %"
     assert told in str(run_document(run))
 
 

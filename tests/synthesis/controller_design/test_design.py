@@ -255,7 +255,7 @@ def test_too_few_that_settle_are_explained_and_measured():
     assert found.outcome == "not reached"
     assert len(made.failing) == 12
     helped = {one.change: one.settled for one in made.remedies}
-    assert helped["nothing but 0.1 % more torque, to see what chance does"] == 0
+    assert helped["0.1 % more torque, to show the effect of chance"] == 0
     assert {one.flown for one in made.remedies} == {12}
     assert "twice the torque" in helped
     assert "--case 0`" in markdown_page(design_document(design_record(found)))

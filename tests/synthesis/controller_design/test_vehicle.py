@@ -162,7 +162,7 @@ def test_a_small_coupling_takes_longer_as_physics_does(bare):
     assert not any("hold is lost" in line for line in told)
     in_orbit, told = filled(0.2, "orbit.rate_rad_s=1e-3")
     assert in_orbit == pytest.approx(usual, rel=0.2)
-    assert "In orbit a c of 0.05, below 0.2," in told[0]
+    assert "In orbit with c = 0.05, below 0.2," in told[0]
 
 
 def test_dispersions_that_are_given_are_kept_with_their_duration():

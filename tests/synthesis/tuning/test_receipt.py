@@ -52,7 +52,8 @@ def test_a_wrong_gradient_is_told_at_the_top(plan, final, receipt, monkeypatch):
     monkeypatch.undo()
     receipt = dataclasses.replace(receipt, end=comparison)
     assert receipt.problems == [
-        "at the end the derivative by k2 is 100.0% off the best central difference"
+        "at the end the derivative with respect to k2 differs by 100.0% from the best central "
+        "difference"
     ]
     verdict = make_verdict(plan, final.best_point)
     told = tuning_document("a run", verdict.as_data(), receipt.as_data()).verdict
