@@ -92,7 +92,7 @@ class FaultTolerant(AbstractSampledController):
         for one in self.actuators:
             stored = one.stored(reading)
             torque = torque if stored is None else torque + jnp.cross(state.omega, stored)
-        following, unloading = self._unloading(state, reading, able, three, memory.mix)
+        following, unloading = self._unloading(state, reading, able, three, mix, memory.mix)
         commands, memories = [], []
         demands, unmade = mix.demands(torque, unloading, three)
         following = None if following is None else following._replace(unmade=unmade)
@@ -139,15 +139,22 @@ class FaultTolerant(AbstractSampledController):
         reading: Reading,
         able: list[TolerantMemory],
         three: Bool[Array, ""],
+        mix: Mix,
         before: MixMemory | None,
     ) -> tuple[MixMemory | None, Float[Array, "3"]]:
-        """Whether others take momentum out, and the torque (N m) that does."""
-        unloads, torque = jnp.array(False), jnp.zeros_like(state.omega)
+        """Whether others take momentum out, and the torque (N m) that does.
+
+        While they do, and where a failed device makes a torque all the time, it makes up for what
+        acts steadily, too: what stores momentum would be full again at once.
+        """
+        unloads, flows, torque = jnp.array(False), jnp.array(False), jnp.zeros_like(state.omega)
         if before is None:
             return None, torque
         for one, now in zip(self.actuators, able, strict=True):
             full, wanted = one.overfull(state, reading, self.healthy, now, before.unloads)
             unloads, torque = unloads | full, torque + wanted
+            flows = flows | one.flows(now)
+        torque = torque + jnp.where(unloads | flows, sum(mix.steady, jnp.zeros(3)), 0.0)
         return before._replace(three=three, unloads=unloads & three), jnp.where(three, torque, 0.0)
 
     def _diagnosed(

@@ -130,6 +130,10 @@ class AbstractTolerantActuators(eqx.Module):
         """Whether something has failed."""
         return jnp.any(memory.diagnosis.condition.failed)
 
+    def flows(self, memory: TolerantMemory) -> Bool[Array, ""]:
+        """Whether one that has failed makes a torque on the spacecraft all the time."""
+        return jnp.zeros_like(memory.diagnosis.alarmed)
+
     def stored(self, reading: Reading) -> Float[Array, "3"] | None:
         """The momentum (N m s) that they hold; None for none ever."""
         del reading

@@ -122,6 +122,11 @@ class TolerantThrusters(AbstractTolerantActuators):
         ability = self.reconfiguration.find(diagnosis.condition, before.ability)
         return before._replace(diagnosis=diagnosis, ability=ability)
 
+    def flows(self, memory: TolerantMemory) -> Bool[Array, ""]:
+        """Whether a thruster is stuck on or leaks."""
+        condition = memory.diagnosis.condition
+        return jnp.any(condition.failed & (condition.flow > 0))
+
     def steady(self, memory: TolerantMemory, period: RealScalar) -> Float[Array, "3"]:
         """Against what failed thrusters make all the time, and what acts from outside, N m."""
         condition = memory.diagnosis.condition

@@ -17,6 +17,8 @@ from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation import simulate
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.studies.failure_codes import FAILURES
+from jaxsat.studies.recovery import wrong_kind
 
 
 class Told(eqx.Module):
@@ -111,6 +113,11 @@ def test_a_constant_torque_from_outside_is_no_failure():
     beside = load("failures-12u", ["disturbance.constant_N_m=[2e-4, -2e-4, 0]"])
     found = build_study(beside, len(cases), seed=9).values(cases)
     assert np.count_nonzero(np.isfinite(found["settling_time"])) >= len(cases) - 1
+    kinds = found["failure_kind"][:, 0]
+    flows = np.isin(kinds, [FAILURES.index(kind) for kind in ("stuck on", "stuck at", "leaking")])
+    wrong = wrong_kind(found, tuple(map(str, range(8)))).any(axis=1)
+    assert np.count_nonzero(wrong & flows) < 0.3 * np.count_nonzero(flows)
+    assert not wrong[kinds == FAILURES.index("stuck on")].any()
     isolated = found["isolated_kind"] > 0
     failed = np.round(found["drawn_failed_thruster"]).astype(int)
     isolated[cases, failed] = False

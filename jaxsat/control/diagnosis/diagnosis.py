@@ -162,12 +162,14 @@ class Diagnosis(eqx.Module):
     two are standard normal where nothing has failed and the model is true, so that
     `average_run_length` of `reference` and `threshold` (both in sigmas) is the mean number of
     samples to a false alarm of each; that of the third is e^(2 reference threshold) at least. From
-    the alarm on the evidence is gathered anew. The best explanation is the verdict once its
-    log-likelihood exceeds that of no failure, that of any other actuator, and that of a constant
-    torque from outside, by `margin`; if such a torque is the best, it is counted with from then on.
-    After `patience` samples the more likely of two actuators is taken, a torque from outside rather
-    than an actuator that is hardly more likely, and an alarm that nothing explains is dismissed. A
-    failed actuator whose commanded torque is there again works again, at most `MOST_RETURNS` times.
+    the alarm on the evidence is gathered anew. At an alarm for a flow the filter starts anew, too:
+    its signature would be that of a flow which has always been there. The best explanation is the
+    verdict once its log-likelihood exceeds that of no failure, that of any other actuator, and that
+    of a constant torque from outside, by `margin`; if such a torque is the best, it is counted with
+    from then on. After `patience` samples the more likely of two actuators is taken, a torque from
+    outside rather than an actuator that is hardly more likely, and an alarm that nothing explains
+    is dismissed. A failed actuator whose commanded torque is there again works again, at most
+    `MOST_RETURNS` times.
     """
 
     reference: RealScalar = eqx.field(converter=as_float, default=1.0)
@@ -235,7 +237,10 @@ class Diagnosis(eqx.Module):
         disturbed = alarmed & ~verdict & (best.disturbance > self.margin)
         disturbed = disturbed & ((ahead < -self.margin) | late)
         over = verdict | disturbed | (alarmed & late)
-        alarm = ~alarmed & (jnp.max(statistic) > self.threshold)
+        largest = jnp.max(statistic, axis=1)
+        alarm = ~alarmed & (jnp.max(largest) > self.threshold)
+        flows_most = jnp.max(largest[1 : 1 + len(hypotheses.tests)]) == jnp.max(largest)
+        anew = alarm & (watch.restarts_at_losses | flows_most)
         hit = verdict & (jnp.arange(lasting.shape[0]) == best.actuator)
         fails = hit & ~condition.failed
         comes_back = hit & condition.failed & (best.kind == DiagnosedKind.DEAD)
@@ -253,7 +258,7 @@ class Diagnosis(eqx.Module):
         )
         named = watch.named(best.kind, best.actuator, filtered).astype(memory.kind.dtype)
         return DiagnosisMemory(
-            watch.restarted(filtered, verdict | disturbed, alarm),
+            filtered._replace(started=filtered.started & ~(verdict | disturbed | anew)),
             residual.doubt(self.uncertainty),
             jnp.where(over | alarm, 0.0, statistic),
             jnp.where(over, int(Stage.QUIET), jnp.where(alarm, int(Stage.ALARM), memory.stage)),

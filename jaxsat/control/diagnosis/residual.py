@@ -116,8 +116,8 @@ class AbstractResidualFilter(eqx.Module):
     hypotheses: ClassVar[Hypotheses]
     """What may have happened to an actuator of the kind."""
 
-    restarts_at_alarm: ClassVar[bool]
-    """Whether the filter starts anew at an alarm, too, and not at a verdict alone."""
+    restarts_at_losses: ClassVar[bool]
+    """Whether the filter starts anew at an alarm for a loss, too, and not for a flow alone."""
 
     @property
     @abc.abstractmethod
@@ -147,13 +147,6 @@ class AbstractResidualFilter(eqx.Module):
         memory: FilterMemory,
     ) -> Prediction:
         """What the period (s) that ends with a reading is believed to have done."""
-
-    def restarted(
-        self, memory: FilterMemory, verdict: Bool[Array, ""], alarm: Bool[Array, ""]
-    ) -> FilterMemory:
-        """The memory after a verdict, or an alarm, or neither."""
-        ends = verdict | alarm if self.restarts_at_alarm else verdict
-        return memory._replace(started=memory.started & ~ends)
 
     def step(
         self,

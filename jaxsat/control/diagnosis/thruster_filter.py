@@ -138,7 +138,7 @@ class ThrusterFilter(AbstractResidualFilter):
         level=1.0,
         parts=_parts,
     )
-    restarts_at_alarm: ClassVar[bool] = False
+    restarts_at_losses: ClassVar[bool] = False
 
     model: RigidBody
     thrusters: ThrusterModel

@@ -99,7 +99,7 @@ class WheelFilter(AbstractResidualFilter):
         weak_losses=False,
         in_service=(DiagnosedKind.DEGRADED, DiagnosedKind.FRICTION_UP),
     )
-    restarts_at_alarm: ClassVar[bool] = True
+    restarts_at_losses: ClassVar[bool] = True
 
     wheels: Wheels
     momentum_noise: OfEach = eqx.field(converter=as_float)
