@@ -12,7 +12,7 @@ import sympy as sp
 
 jax.config.update("jax_enable_x64", True)
 
-from jaxsat.controllability import margins_over_inertias, physical_inertias  # noqa: E402
+from jaxsat.controllability.maps import margins_over_inertias, physical_inertias  # noqa: E402
 
 AXES = np.array([[1.0, 0.2], [0.1, 1.0], [0.3, -0.2]])
 

@@ -28,8 +28,9 @@ import jaxsat
 from family_figure import family_figure
 from jaxsat.report.saving import save_figures
 from jaxsat.scenario import ScenarioWarning
-from jaxsat.store import ResumableFolder
-from jaxsat.studies import Serial, wilson
+from jaxsat.store.resumable import ResumableFolder
+from jaxsat.studies.executors import Serial
+from jaxsat.studies.statistics import wilson
 from jaxsat.synthesis.execution import Execution
 from random_family import SEED, SIZE, family_member, family_scenario
 

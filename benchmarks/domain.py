@@ -25,7 +25,9 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import study_program
 from jaxsat.simulation.engine import FixedStepper, NativeEngine
-from jaxsat.studies import Independent, Study, wilson
+from jaxsat.studies.designs import Independent
+from jaxsat.studies.ensemble import Study
+from jaxsat.studies.statistics import wilson
 
 LAWS = ("three-slew", "oscillatory")
 LIMIT, PERIOD, DURATION = 5.0, 0.1, 1200.0

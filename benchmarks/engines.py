@@ -38,8 +38,8 @@ from contenders.work import errors, final_state, starts
 from jaxsat.core.process import processors
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
-from jaxsat.store import machine
-from jaxsat.studies import Study
+from jaxsat.store.provenance import machine
+from jaxsat.studies.ensemble import Study
 
 PERCENT = 95.0
 PATIENCE = 60.0

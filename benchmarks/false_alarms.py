@@ -17,7 +17,7 @@ import jax
 import numpy as np
 from scipy.stats import chi2
 
-from jaxsat.control.diagnosis import false_alarm_rate
+from jaxsat.control.diagnosis.diagnosis import false_alarm_rate
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 

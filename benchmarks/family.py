@@ -21,7 +21,8 @@ from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import study_program
 from jaxsat.scenario.dump import dump
 from jaxsat.simulation.engine import FixedStepper, NativeEngine
-from jaxsat.studies import Independent, Study
+from jaxsat.studies.designs import Independent
+from jaxsat.studies.ensemble import Study
 from random_family import (
     SEED,
     SIZE,

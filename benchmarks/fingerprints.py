@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.store import open_study, open_trajectory
+from jaxsat.store.dataset import open_trajectory
+from jaxsat.store.tables import open_study
 
 OF_THE_MAKING = ("command", "created", "history")
 """Entries of a record that tell when and by which command it was made."""

@@ -30,7 +30,7 @@ from contenders.work import GAINS, SIZE, rate, reference, starts
 from engines import PERCENT, made_study, paces
 from jaxsat.simulation.engine import AdaptiveStepper, NativeEngine, Tolerance
 from jaxsat.simulation.engine.program import AbstractCaseFactory, Case
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 
 NAMES = ("k3", "mu", "a", "k4")
 DIFFERENCE = 1e-4

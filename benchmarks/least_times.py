@@ -21,7 +21,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from jaxsat.control.planning import Plan, Planner, PlanStatus
+from jaxsat.control.planning.planner import Plan, Planner, PlanStatus
 from jaxsat.scenario.build.run import build, build_tolerances
 from jaxsat.synthesis.bounds.manoeuvre import End, manoeuvre_of
 from jaxsat.synthesis.bounds.search import best_of_starts, solution_of

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.compiler import Mapped
-from jaxsat.control.planning import Plan, Planner, PlanStatus
+from jaxsat.control.planning.planner import Plan, Planner, PlanStatus
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.process import processors
 from jaxsat.scenario.build.load import load

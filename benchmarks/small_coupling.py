@@ -36,7 +36,9 @@ from jaxsat.scenario.holding import missing_torque
 from jaxsat.simulation import SampledLoop
 from jaxsat.simulation.engine import FixedStepper, NativeEngine
 from jaxsat.spacecraft import Actuators
-from jaxsat.studies import Dispersed, Independent, Study, StudyCase
+from jaxsat.studies.designs import Independent
+from jaxsat.studies.dispersions import Dispersed, StudyCase
+from jaxsat.studies.ensemble import Study
 from jaxsat.synthesis.controller_design.candidates import Candidate, with_larger_end_game
 from jaxsat.synthesis.controller_design.completion import completed
 from jaxsat.synthesis.controller_design.vehicle import scale_of, vehicle_verdict

@@ -14,8 +14,10 @@ from pathlib import Path
 
 import jax
 
-from jaxsat.store import open_study
-from jaxsat.studies import Threads, run_study, summarise
+from jaxsat.store.tables import open_study
+from jaxsat.studies.ensemble import run_study
+from jaxsat.studies.executors import Threads
+from jaxsat.studies.summary import summarise
 
 
 def peak() -> float:

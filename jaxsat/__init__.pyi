@@ -43,17 +43,23 @@ from jaxsat.synthesis.comparison.verdict import (
     ComparisonRow as ComparisonRow,
     ComparisonVerdict as ComparisonVerdict,
 )
-from jaxsat.control import (
+from jaxsat.control.controller import (
     AbstractController as AbstractController,
     AbstractFeedbackLaw as AbstractFeedbackLaw,
-    AbstractSampledController as AbstractSampledController,
     LawContext as LawContext,
 )
-from jaxsat.controllability import (
-    Analysis as Analysis,
-    NoEquilibriumError as NoEquilibriumError,
-    analyse as analyse,
+from jaxsat.control.sampled import (
+    AbstractSampledController as AbstractSampledController,
+)
+from jaxsat.controllability.failures import (
     failure_table as failure_table,
+)
+from jaxsat.controllability.linear import (
+    NoEquilibriumError as NoEquilibriumError,
+)
+from jaxsat.controllability.rank import (
+    Analysis as Analysis,
+    analyse as analyse,
 )
 from jaxsat.synthesis.controller_design.request import (
     read_vehicle as read_vehicle,
@@ -98,20 +104,30 @@ from jaxsat.core.errors import (
     JaxsatError as JaxsatError,
     PrecisionError as PrecisionError,
 )
-from jaxsat.studies import (
-    ClusterError as ClusterError,
+from jaxsat.studies.dispersions import (
     Dispersed as Dispersed,
     Dispersions as Dispersions,
+)
+from jaxsat.studies.ensemble import (
     Study as Study,
-    Summary as Summary,
     run_study as run_study,
+)
+from jaxsat.studies.executors import (
+    ClusterError as ClusterError,
+)
+from jaxsat.studies.summary import (
+    Summary as Summary,
     summarise as summarise,
 )
-from jaxsat.store import (
+from jaxsat.store.dataset import (
+    open_trajectory as open_trajectory,
+)
+from jaxsat.store.files import (
     OutputError as OutputError,
+)
+from jaxsat.store.tables import (
     case_table as case_table,
     open_study as open_study,
-    open_trajectory as open_trajectory,
 )
 from jaxsat.scenario import (
     Scenario as Scenario,

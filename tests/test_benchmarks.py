@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from jaxsat.control.diagnosis import average_run_length
+from jaxsat.control.diagnosis.diagnosis import average_run_length
 
 ROOT = Path(__file__).parents[1]
 

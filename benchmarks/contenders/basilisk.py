@@ -4,7 +4,7 @@ import numpy as np
 
 from contenders.contender import Contender, Run
 from contenders.work import J1, J2
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 
 J3 = 312.5
 NOTE = (

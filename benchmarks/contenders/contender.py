@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 
 Run = Callable[[], np.ndarray | None]
 """Does the whole work again; gives what `work.final_state` gives, or None where it does another."""

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from contenders.contender import TOLERANCES, Contender, Run
 from contenders.work import final_state, is_smooth, rate, starts
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 
 
 def solved(study: Study, count: int, solver, steps, first_step: float | None = None) -> Run:

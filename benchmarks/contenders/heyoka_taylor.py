@@ -29,7 +29,7 @@ from contenders.work import (
     starts,
 )
 from jaxsat.core.process import processors
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 
 INSIDE, OFFSET = (6, 7), (8, 9)
 """Parameters of the law in pieces: sat is `inside` times its argument plus `offset`."""

@@ -18,7 +18,8 @@ from jaxsat.simulation.engine import (
     ScanEngine,
     Tolerance,
 )
-from jaxsat.studies import Study, Threads
+from jaxsat.studies.ensemble import Study
+from jaxsat.studies.executors import Threads
 
 LANES = 256
 

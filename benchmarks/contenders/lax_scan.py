@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from contenders.contender import Contender, Run
 from contenders.work import final_state, is_smooth, starts
 from contenders.work import rate as rate_of
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 
 
 def rk4(study: Study, count: int, step: float) -> Run:

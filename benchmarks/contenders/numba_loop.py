@@ -7,7 +7,7 @@ import numpy as np
 
 from contenders.contender import TOLERANCES, Contender, Run
 from contenders.work import J1, J2, K3, K4, MU, SIZE, WIDTH2, A, final_state, is_smooth, starts
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 
 TIMES = np.array([0, 1 / 5, 3 / 10, 4 / 5, 8 / 9, 1, 1])
 STAGES = np.zeros((7, 6))

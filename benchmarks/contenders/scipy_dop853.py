@@ -5,7 +5,7 @@ from scipy.integrate import solve_ivp
 
 from contenders.contender import TOLERANCES, Contender, Run
 from contenders.work import SIZE, final_state, is_smooth, starts
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 
 
 def prepared(study: Study, count: int, tolerance: float) -> Run:

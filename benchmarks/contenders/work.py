@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 
 J1, J2 = 449.5, 264.6
 K3, MU, A, K4, WIDTH2 = 0.05, 1.0, 0.1, 0.01, 1e-4

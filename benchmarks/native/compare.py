@@ -41,7 +41,7 @@ from jaxsat.simulation.engine import (
     ScanEngine,
     Tolerance,
 )
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 
 SUBSTEPS = 20
 GAINS = {"k3": K3, "mu": MU, "a": A, "k4": K4}

@@ -15,7 +15,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation.engine import NativeEngine, SampledStepper
 from jaxsat.spacecraft import Actuators, FailureKind, PulsedThrusters, PulseWidth
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 from pulses import study_of
 
 COLUMNS = 11

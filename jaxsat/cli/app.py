@@ -121,7 +121,7 @@ def _command(tokens: Sequence[str] | None) -> int:
             command(*bound.args, **bound.kwargs)
         return SUCCESS
     computes = command.__module__ not in ("jaxsat.cli.scenarios", "jaxsat.cli.completion")
-    import_interruptibly("jaxsat.scenario", *(["jaxsat.store"] if computes else []))
+    import_interruptibly("jaxsat.scenario", *(["jaxsat.store.resumable"] if computes else []))
     digits = (getattr(options, "digits", None) for options in bound.arguments.values())
     with at_least_digits(next(filter(None, digits), None)):
         result = command(*bound.args, **bound.kwargs)
@@ -174,7 +174,7 @@ def report_error(error: Exception) -> int:
         if isinstance(error, ScenarioError):
             print_problems(error)
             return USER_MISTAKE
-        from jaxsat.store import OutputError  # slow to import
+        from jaxsat.store.files import OutputError  # slow to import
 
         if isinstance(error, OutputError):
             print_stderr(f"{error}{' (--elsewhere)' if error.elsewhere else ''}")
@@ -219,7 +219,7 @@ def thread_errors_reported() -> Iterator[None]:
 
 
 def _written(error: BaseException) -> Path:
-    from jaxsat.store import command_line
+    from jaxsat.store.provenance import command_line
 
     try:
         lines = traceback.format_exception(error)

@@ -72,7 +72,7 @@ def bound(
     output.overwrite
         Replace an existing file.
     """
-    from jaxsat.store import refuse_existing
+    from jaxsat.store.files import refuse_existing
 
     if output.out is not None:
         refuse_existing(output.out, overwrite=output.overwrite)
@@ -118,7 +118,8 @@ def unsuitable(error: "UnsuitableScenario") -> UserMistake:
 
 
 def _write(path: Path, data: dict[str, Any], overwrite: bool) -> None:
-    from jaxsat.store import command_line, provenance, save_file
+    from jaxsat.store.files import save_file
+    from jaxsat.store.provenance import command_line, provenance
 
     record = {"command": command_line(), **data, **provenance()}
     text = json.dumps(record, indent=1, allow_nan=False) + "\n"

@@ -137,7 +137,7 @@ def _on_acceptance_set(
 ) -> dict[str, Any]:
     """The record of laws on the acceptance set."""
     import jaxsat
-    from jaxsat.store import save_file
+    from jaxsat.store.files import save_file
     from jaxsat.synthesis.comparison.acceptance import LAWS, LEVELS
 
     others = dict.fromkeys(one for one in laws if one not in (*LAWS, "all"))

@@ -46,7 +46,7 @@ def controllability(
     if results.report is not False and out is None:
         raise UserMistake("--report: must be given with --out, the folder of the results")
     use_double_precision()
-    from jaxsat.store import OutputFolder
+    from jaxsat.store.folder import OutputFolder
 
     def opened() -> OutputFolder:
         assert out is not None

@@ -59,7 +59,7 @@ def convert(
     if to == "csv" and epoch is not None:
         raise UserMistake("--epoch: must be given with --to aem, as CSV has seconds")
     start = _epoch(epoch) if to == "aem" else None
-    from jaxsat.store import refuse_existing, save_file
+    from jaxsat.store.files import refuse_existing, save_file
 
     refuse_existing(target, overwrite=output.overwrite)
     use_double_precision()
@@ -92,8 +92,7 @@ def _converted(
     identifier: str | None,
 ) -> str:
     from jaxsat.cli.conversion import ConversionError, attitude_ephemeris, signal_table
-    from jaxsat.store import open_trajectory
-    from jaxsat.store.dataset import coarseness
+    from jaxsat.store.dataset import coarseness, open_trajectory
 
     dataset = open_trajectory(path)
     if start is None:

@@ -52,7 +52,7 @@ def export(
     target = output.out or Path(f"jaxsat-{Path(scenario).stem}-flight")
 
     from jaxsat.flight import CannotExport, CannotLower, is_built
-    from jaxsat.store import OutputFolder
+    from jaxsat.store.folder import OutputFolder
 
     try:
         place = OutputFolder(
@@ -84,7 +84,7 @@ def _export(scenario: "Scenario", *, single: bool, libm: bool) -> "Export":
     from jaxsat.flight import Request, export
     from jaxsat.scenario import dump
     from jaxsat.scenario.build.run import build
-    from jaxsat.store import provenance
+    from jaxsat.store.provenance import provenance
 
     run = build(scenario)
     request = Request(

@@ -71,7 +71,8 @@ def front(
         _require_suitable(one, laws)
     use_double_precision()
     from jaxsat.report.front import front_document, write_front
-    from jaxsat.store import OutputFolder, command_line, provenance
+    from jaxsat.store.folder import OutputFolder
+    from jaxsat.store.provenance import command_line, provenance
     from jaxsat.synthesis.bounds.run import end_data, tolerances_at
 
     out = output.out or Path("jaxsat-front")

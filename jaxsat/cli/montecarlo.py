@@ -47,7 +47,10 @@ from jaxsat.core.errors import LibraryError
 
 if TYPE_CHECKING:
     from jaxsat.scenario import Scenario
-    from jaxsat.studies import AbstractExecutor, StopRule, Study, Summary
+    from jaxsat.studies.ensemble import Study
+    from jaxsat.studies.executors import AbstractExecutor
+    from jaxsat.studies.statistics import StopRule
+    from jaxsat.studies.summary import Summary
 
 
 @Parameter(name="*")
@@ -220,7 +223,7 @@ def _write_study(
 ) -> None:
     """Run the study into its store; write and print what is asked for of it."""
     from jaxsat.scenario.resolution import excessive_error
-    from jaxsat.studies import study_work
+    from jaxsat.studies.work import study_work
 
     executor = chosen_executor(
         results.workers, sharing.processes, sharing.scheduler, sharing.devices
@@ -259,14 +262,14 @@ def _what_is_left(target: Path) -> str:
 
 
 def _summary(target: Path, counted: int) -> "Summary":
-    from jaxsat.store import study_columns
-    from jaxsat.studies import summarise
+    from jaxsat.store.ledger import study_columns
+    from jaxsat.studies.summary import summarise
 
     return summarise(study_columns(target), counted)
 
 
 def _stop_rule(text: str) -> "StopRule":
-    from jaxsat.studies import StopRule
+    from jaxsat.studies.statistics import StopRule
 
     match = re.fullmatch(r"([0-9.eE+-]+)\s*(%?)", text.strip())
     try:
@@ -285,7 +288,7 @@ def _run(
     rule: "StopRule | None",
     elsewhere: bool,
 ) -> int:
-    from jaxsat.studies import run_study
+    from jaxsat.studies.ensemble import run_study
 
     return interruptibly(
         lambda: run_study(

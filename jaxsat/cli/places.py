@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from jaxsat.cli.terminal import UserMistake
 
 if TYPE_CHECKING:
-    from jaxsat.store import OutputFolder
+    from jaxsat.store.folder import OutputFolder
 
 
 class _Opened(Exception):

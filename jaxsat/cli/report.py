@@ -47,7 +47,7 @@ def report(
 
 def write_report(paths: Sequence[Path], out: Path, *, overwrite: bool) -> None:
     """Make the page of results and write it; raises `OutputError` or `UserMistake`."""
-    from jaxsat.store import refuse_existing, save_file
+    from jaxsat.store.files import refuse_existing, save_file
 
     refuse_existing(out, overwrite=overwrite)
     save_file(out, _page(paths), overwrite=overwrite)
@@ -64,7 +64,8 @@ class PlannedReport:
 
     def write(self) -> None:
         """Make and write the page, once the results are written."""
-        from jaxsat.store import ResumableFolder, save_file
+        from jaxsat.store.files import save_file
+        from jaxsat.store.resumable import ResumableFolder
 
         use_double_precision()
         page = _page([self.results])
@@ -84,7 +85,7 @@ def planned_report(options: Results, results: Path, *, store: bool = False) -> P
     request, overwrite = options.report, options.overwrite
     if request is False:
         return None
-    from jaxsat.store import refuse_existing
+    from jaxsat.store.files import refuse_existing
 
     _require_packages()
     if request is True:

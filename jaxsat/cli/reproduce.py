@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from jaxsat.report.document import Document
-    from jaxsat.store import OutputFolder
+    from jaxsat.store.folder import OutputFolder
 
 
 def reproduce(
@@ -37,7 +37,7 @@ def reproduce(
     out, quiet = results.out or Path("jaxsat-reproduction"), results.quiet
     planned = planned_report(results, out)
 
-    from jaxsat.store import OutputFolder
+    from jaxsat.store.folder import OutputFolder
 
     with OutputFolder(out, kind="reproduction", overwrite=results.overwrite) as folder:
         use_double_precision()
@@ -63,7 +63,7 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
     from jaxsat.report.reproduction import RUNS
     from jaxsat.scenario import dump
     from jaxsat.scenario.build.run import build
-    from jaxsat.store import trajectory_dataset
+    from jaxsat.store.dataset import trajectory_dataset
 
     datasets = {}
     for number, (name, run) in enumerate(RUNS.items(), start=1):
@@ -88,7 +88,7 @@ def _write(folder: "OutputFolder", datasets: "dict[str, xr.Dataset]") -> "Docume
     from jaxsat.report.reproduction import claims_document, judge
     from jaxsat.report.reproduction.figures import paper_figures
     from jaxsat.report.saving import save_figures
-    from jaxsat.store import dataset_bytes
+    from jaxsat.store.dataset import dataset_bytes
 
     document = claims_document(judge(datasets))
     folder.write("verdicts.md", markdown_page(document))

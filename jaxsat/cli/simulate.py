@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from jaxsat.scenario import Scenario
-    from jaxsat.store import OutputFolder
+    from jaxsat.store.folder import OutputFolder
 
 ADVICE = {
     "STATE_LIMIT": 'check gains and initial state, and use simulation.attitude = "quaternion" '
@@ -59,7 +59,7 @@ def simulate(
     planned = planned_report(results, target)
 
     from jaxsat.scenario.resolution import excessive_error, refined
-    from jaxsat.store import OutputFolder
+    from jaxsat.store.folder import OutputFolder
 
     written = OutputFolder(target, kind="run", overwrite=results.overwrite)
     with dask_unseen(), written as folder:
@@ -107,7 +107,7 @@ def _run(scenario: "Scenario", tell: "Callable[[str], None]") -> tuple["xr.Datas
     """The trajectory as a dataset, and the seconds that it took; see `Run.simulate`."""
     from jaxsat.scenario import dump
     from jaxsat.scenario.build.run import build
-    from jaxsat.store import trajectory_dataset
+    from jaxsat.store.dataset import trajectory_dataset
 
     begin = time.perf_counter()
     run = build(scenario)
@@ -128,7 +128,7 @@ def _run(scenario: "Scenario", tell: "Callable[[str], None]") -> tuple["xr.Datas
 
 def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "xr.Dataset") -> None:
     from jaxsat.report.saving import save_figures
-    from jaxsat.store import dataset_bytes
+    from jaxsat.store.dataset import dataset_bytes
 
     folder.write("scenario.toml", dataset.attrs["scenario"])
     record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
@@ -146,7 +146,7 @@ def figures_of(dataset: "xr.Dataset") -> "dict[str, Figure]":
 
 def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
     """What a person needs to make the same run again."""
-    from jaxsat.store import command_line, provenance
+    from jaxsat.store.provenance import command_line, provenance
 
     return {
         "title": scenario.title,

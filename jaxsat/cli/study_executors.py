@@ -10,7 +10,7 @@ from jaxsat.cli.terminal import UserMistake, print_stderr
 from jaxsat.core.process import processors
 
 if TYPE_CHECKING:
-    from jaxsat.studies import AbstractExecutor
+    from jaxsat.studies.executors import AbstractExecutor
 
 
 @Parameter(name="*")
@@ -51,7 +51,8 @@ def chosen_executor(
 
     On this machine no more threads compute than there are processors, whatever is asked for.
     """
-    from jaxsat.studies import Devices, Processes, Serial, Threads
+    from jaxsat.studies.executors import Devices, Serial, Threads
+    from jaxsat.studies.processes import Processes
 
     for name, value in (("--workers", workers), ("--processes", processes)):
         if value is not None and value < 1:

@@ -11,8 +11,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from jaxsat.scenario import Scenario
-    from jaxsat.store import OutputFolder
-    from jaxsat.studies import Study, Summary
+    from jaxsat.store.folder import OutputFolder
+    from jaxsat.studies.ensemble import Study
+    from jaxsat.studies.summary import Summary
 
 
 def write_figures(
@@ -33,21 +34,21 @@ def figures_folder(folder: Path) -> "OutputFolder":
 
     Raises `OutputError`.
     """
-    from jaxsat.store import OutputFolder
+    from jaxsat.store.folder import OutputFolder
 
     return OutputFolder(folder, kind="figures", overwrite=True, option="--figures")
 
 
 def refuse_csv(path: Path, *, overwrite: bool) -> None:
     """Raise `OutputError` now for a table that could not be written later."""
-    from jaxsat.store import refuse_existing
+    from jaxsat.store.files import refuse_existing
 
     refuse_existing(path, overwrite=overwrite, option="--csv")
 
 
 def write_csv(path: Path, store: Path, count: int, *, overwrite: bool) -> None:
     """The first `count` cases of a store as CSV."""
-    from jaxsat.store import save_case_table
+    from jaxsat.store.tables import save_case_table
 
     interruptibly(lambda: save_case_table(store, path, count=count, overwrite=overwrite))
 
@@ -69,11 +70,11 @@ def write_one_case(
     """One case again, as a folder like that of `jaxsat simulate`."""
     from jaxsat.cli.simulate import figures_of
     from jaxsat.report.saving import save_figures
-    from jaxsat.store import OutputFolder
+    from jaxsat.store.folder import OutputFolder
 
     try:
         with dask_unseen(), OutputFolder(target, kind="run", overwrite=overwrite) as folder:
-            from jaxsat.store import dataset_bytes  # imports xarray
+            from jaxsat.store.dataset import dataset_bytes  # imports xarray
 
             dataset, drawn = interruptibly(lambda: replayed(scenario, study, number))
             folder.write("scenario.toml", dataset.attrs["scenario"])

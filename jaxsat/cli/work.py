@@ -10,7 +10,7 @@ from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import UserMistake, print_stderr
 
 if TYPE_CHECKING:
-    from jaxsat.studies import Work
+    from jaxsat.studies.work import Work
 
 MAX_STEPS = 10**12
 """About a day of ten processors with the native engine; docs/scenarios.md names all."""

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.control.diagnosis import ThrusterModel
+from jaxsat.control.diagnosis.thruster_filter import ThrusterModel
 from jaxsat.control.steering import MagneticSteering
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.laws import COAST

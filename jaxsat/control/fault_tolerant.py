@@ -8,7 +8,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.diagnosis import Diagnosis, DiagnosisMemory, Reading, false_alarm_rate
+from jaxsat.control.diagnosis.diagnosis import Diagnosis, DiagnosisMemory, false_alarm_rate
+from jaxsat.control.diagnosis.residual import Reading
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.sampled import AbstractSampledController

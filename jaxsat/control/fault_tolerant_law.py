@@ -15,7 +15,9 @@ from jaxsat.control.controller import (
     UnsuitableModel,
     WheelContext,
 )
-from jaxsat.control.diagnosis import Diagnosis, ThrusterFilter, WheelFilter
+from jaxsat.control.diagnosis.diagnosis import Diagnosis
+from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter
+from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.fault_tolerant import FaultTolerant
 from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.leaks import Leaks

@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.diagnosis import WEAK, ActuatorCondition
+from jaxsat.control.diagnosis.diagnosis import WEAK
+from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.core.allocation import (
     largest_torque,
     torque_directions,

@@ -8,7 +8,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxsat.control.diagnosis import AbstractResidualFilter, DiagnosisMemory, Reading
+from jaxsat.control.diagnosis.diagnosis import DiagnosisMemory
+from jaxsat.control.diagnosis.residual import AbstractResidualFilter, Reading
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.spacecraft import Reach
 from jaxsat.spacecraft.dynamics import PlantState

@@ -7,7 +7,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxsat.control.diagnosis import DiagnosisMemory, Reading, ThrusterFilter
+from jaxsat.control.diagnosis.diagnosis import DiagnosisMemory
+from jaxsat.control.diagnosis.residual import Reading
+from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter
 from jaxsat.control.leaks import LeakMemory, Leaks
 from jaxsat.control.least_squares import Fit
 from jaxsat.control.pulse_rounding import PulseRounding

@@ -7,13 +7,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.diagnosis import (
-    MOST_RETURNS,
-    DiagnosisMemory,
-    Reading,
-    WheelFilter,
-    momentum_with_rotors,
-)
+from jaxsat.control.diagnosis.diagnosis import MOST_RETURNS, DiagnosisMemory
+from jaxsat.control.diagnosis.residual import Reading, momentum_with_rotors
+from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.tolerant_actuators import (

@@ -9,7 +9,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.diagnosis import WEAK, ActuatorCondition, WheelFilter
+from jaxsat.control.diagnosis.diagnosis import WEAK
+from jaxsat.control.diagnosis.residual import ActuatorCondition
+from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.reconfiguration import Left
 from jaxsat.core.quotients import length, root
 from jaxsat.spacecraft import Reach, Wheels, allocate

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.compiler.c.layout import Struct
-from jaxsat.control import AbstractSampledController
-from jaxsat.control.navigation import AbstractEstimator, Estimate, Measurement
+from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Measurement
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import LibraryError
 from jaxsat.flight.flight import FlightController, Measured, Seen

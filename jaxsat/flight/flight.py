@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
-from jaxsat.control import AbstractSampledController
-from jaxsat.control.navigation import AbstractEstimator, Measurement
+from jaxsat.control.navigation.estimator import AbstractEstimator, Measurement
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import AbstractAttitude, Quaternion
 from jaxsat.core.errors import JaxsatError
 from jaxsat.simulation import SampledLoop

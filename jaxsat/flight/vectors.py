@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.compiler.llvm.mapped import Mapped, compiled_over_cases
-from jaxsat.control import AbstractSampledController
-from jaxsat.control.navigation import AbstractEstimator, Estimate, Measurement
+from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Measurement
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.flight.flight import Begin, Input, Measured, Seen, State

@@ -8,25 +8,18 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jaxsat.controllability import (
-    Analysis,
-    FailureCase,
-    Judgement,
-    analyse,
-    failure_arrays,
-    gramian_time_scales,
-    net_force,
-    torque_cone,
-    verdict_sentence,
-)
-from jaxsat.controllability.cone import direction_words
-from jaxsat.controllability.judgement import CONTROLLABLE
-from jaxsat.controllability.net_force import net_force_words
+from jaxsat.controllability.cone import direction_words, torque_cone
+from jaxsat.controllability.failures import FailureCase, failure_arrays
+from jaxsat.controllability.judgement import CONTROLLABLE, Judgement
+from jaxsat.controllability.linear import gramian_time_scales
+from jaxsat.controllability.net_force import net_force, net_force_words
+from jaxsat.controllability.rank import Analysis, analyse
 from jaxsat.controllability.wording import (
     LAW_WORDS,
     cone_words,
     momentum_words,
     once_stopped_words,
+    verdict_sentence,
 )
 from jaxsat.core.numerals import number_text
 from jaxsat.core.text import clean

@@ -16,7 +16,8 @@ from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from jaxsat.controllability import ActuatorSet, TorqueCone
+from jaxsat.controllability.actuators import ActuatorSet
+from jaxsat.controllability.cone import TorqueCone
 from jaxsat.report.figure_painter import paint
 from jaxsat.report.plot import TIME, Axis, Line, Plot
 from jaxsat.report.style import escape_mathematics

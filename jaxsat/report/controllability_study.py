@@ -7,35 +7,29 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.control.periodic_gain import linear_motion
-from jaxsat.controllability import (
-    Analysis,
-    DriftField,
-    FailureCase,
-    GyroCluster,
-    Judgement,
+from jaxsat.controllability.drift import energy_bound, energy_counterexample, recurrence
+from jaxsat.controllability.failures import FailureCase, failure_csv, failure_records, failure_table
+from jaxsat.controllability.gyros import GyroCluster
+from jaxsat.controllability.judgement import Judgement
+from jaxsat.controllability.judging import judge, judge_once_stopped
+from jaxsat.controllability.lie import DriftField, pack
+from jaxsat.controllability.linear import NoEquilibriumError
+from jaxsat.controllability.magnetic import (
     MagneticAuthority,
-    NoEquilibriumError,
-    analyse,
-    angle_grid,
-    energy_bound,
-    energy_counterexample,
-    failure_csv,
-    failure_records,
-    failure_table,
-    judge,
-    judge_once_stopped,
     magnetic_authority,
     magnetic_law_words,
     magnetic_verdict,
     magnetic_words,
+)
+from jaxsat.controllability.maps import (
+    angle_grid,
     margins_over_angles,
     margins_over_inertias,
-    pack,
     physical_inertias,
-    recurrence,
     uncontrollable_single_directions,
-    verdict_sentence,
 )
+from jaxsat.controllability.rank import Analysis, analyse
+from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.report.controllability_document import (
     controllability_document,
     controllability_lines,
@@ -50,7 +44,8 @@ from jaxsat.scenario.build.actuators import magnetic_context
 from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.spacecraft import ControlMomentGyros, Magnetorquers
-from jaxsat.store import OutputFolder, dataset_bytes
+from jaxsat.store.dataset import dataset_bytes
+from jaxsat.store.folder import OutputFolder
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -15,7 +15,7 @@ from jaxsat.report.document import Facts, Shown
 from jaxsat.scenario.control import known_law
 from jaxsat.scenario.tables import OrbitTable
 from jaxsat.store.labels import PARTS
-from jaxsat.studies import Interval, ends_text, fraction_text
+from jaxsat.studies.statistics import Interval, ends_text, fraction_text
 
 
 def scenario_tables(dataset: xr.Dataset) -> dict[str, Any]:

@@ -14,8 +14,7 @@ from jaxsat.report.document import Document, Facts, Verdict
 from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude, step_error
 from jaxsat.report.run_plots import has_effectors, shown_unit
 from jaxsat.report.timeline import failures_of
-from jaxsat.store import time_at_rest, time_to_settle
-from jaxsat.store.dataset import errors_of
+from jaxsat.store.dataset import errors_of, time_at_rest, time_to_settle
 
 AT_LIMIT = 1 - 1e-6
 """Of a limit: from here on a device counts as being there."""

@@ -9,18 +9,16 @@ from jaxsat.core.declaration.actuators import STUDIED
 from jaxsat.core.numerals import number_text
 from jaxsat.report.document import Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.report.facts import INTERVALS, fraction_cell, interval_cell, settled_meaning, step_error
-from jaxsat.studies import (
-    Interval,
+from jaxsat.studies.columns import UNMADE
+from jaxsat.studies.recovery_summary import (
+    SETTLING_PERCENTS,
     KindRecovery,
     RecoverySummary,
-    Sensitivity,
-    Summary,
-    ends_text,
-    percent_texts,
     reason_words,
 )
-from jaxsat.studies.columns import UNMADE
-from jaxsat.studies.recovery_summary import SETTLING_PERCENTS
+from jaxsat.studies.sensitivities import Sensitivity
+from jaxsat.studies.statistics import Interval, ends_text, percent_texts
+from jaxsat.studies.summary import Summary
 
 EXPLAINED = 200
 """Cases that did not recover in the table that explains them."""

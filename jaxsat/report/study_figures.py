@@ -18,8 +18,10 @@ from jaxsat.report.figure_painter import paint
 from jaxsat.report.saving import save_figures
 from jaxsat.report.style import LINES, panels
 from jaxsat.simulation import Signals
-from jaxsat.store import open_study
-from jaxsat.studies import Study, Summary, numbers_of
+from jaxsat.store.tables import open_study
+from jaxsat.studies.ensemble import Study
+from jaxsat.studies.sensitivities import numbers_of
+from jaxsat.studies.summary import Summary
 
 BANDS = ((1.0, 99.0), (10.0, 90.0), (25.0, 75.0))
 """Percentiles between which the shades of a fan chart lie."""

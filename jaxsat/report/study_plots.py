@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from jaxsat.report.plot import Axis, Band, Bars, Line, Plot
-from jaxsat.studies import fraction_text, percent_texts, wilson
+from jaxsat.studies.statistics import fraction_text, percent_texts, wilson
 
 EARLIEST = 10.0
 """Seconds at which the logarithmic time axes begin; nothing that tumbles settles before."""

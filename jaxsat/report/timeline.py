@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jaxsat.control.diagnosis import DiagnosedKind
+from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.report.facts import scenario_tables
 from jaxsat.report.plot import Timeline
 from jaxsat.store.labels import ALL_PARTS

@@ -60,7 +60,8 @@ def known_law(name: Any) -> Law | None:
 
 def _require_true(law: Law) -> None:
     """Raise `PluginError` where a class is not what it declares."""
-    from jaxsat.control import AbstractBacksteppingLaw, AbstractSampledController
+    from jaxsat.control.controller import AbstractBacksteppingLaw
+    from jaxsat.control.sampled import AbstractSampledController
 
     sampled = issubclass(law.controller, AbstractSampledController)
     if sampled and not law.declaration.sampled:

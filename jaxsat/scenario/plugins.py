@@ -51,7 +51,10 @@ class PluginKind:
 LAW = PluginKind(
     "a law",
     "jaxsat.laws",
-    ("jaxsat.control:AbstractController", "jaxsat.control:AbstractSampledController"),
+    (
+        "jaxsat.control.controller:AbstractController",
+        "jaxsat.control.sampled:AbstractSampledController",
+    ),
     LawDeclaration,
     "law",
 )
@@ -67,7 +70,7 @@ ACTUATORS = PluginKind(
 ESTIMATOR = PluginKind(
     "an estimator",
     "jaxsat.estimators",
-    ("jaxsat.control.navigation:AbstractEstimator",),
+    ("jaxsat.control.navigation.estimator:AbstractEstimator",),
     PartDeclaration,
     own=("mekf", "none"),
 )

@@ -9,8 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.control import AbstractBacksteppingLaw
-from jaxsat.control.controller import AbstractIntegratingFactor, Memory
+from jaxsat.control.controller import AbstractBacksteppingLaw, AbstractIntegratingFactor, Memory
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import concrete
 from jaxsat.core.quotients import reciprocal

@@ -15,8 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.control import AbstractBacksteppingLaw, AbstractController
-from jaxsat.control.controller import AbstractIntegratingFactor, Memory
+from jaxsat.control.controller import (
+    AbstractBacksteppingLaw,
+    AbstractController,
+    AbstractIntegratingFactor,
+    Memory,
+)
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.spacecraft import AbstractDistribution, AbstractFailures, Direct
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody, Struck

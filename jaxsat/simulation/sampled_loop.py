@@ -10,9 +10,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
-from jaxsat.control import AbstractSampledController
 from jaxsat.control.controller import Memory
-from jaxsat.control.navigation import Navigation, NavigationState, Told
+from jaxsat.control.navigation.navigation import Navigation, NavigationState, Told
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_optional_float, concrete, require_counts, require_positive
 from jaxsat.simulation.divided_holds import through_hold
 from jaxsat.simulation.loops import AbstractLoop, plant_signals

@@ -60,7 +60,7 @@ class Signals(eqx.Module):
     actuators declare, such as `wheel_momentum` (N m s); with `jaxsat.control.navigation` truth less
     estimate of attitude (rotation vector), rate and gyro bias ("rate_estimate_error"), and three of
     the standard deviations that the estimator claims ("rate_estimate_3sigma"). A law that diagnoses
-    actuators tells of each the `jaxsat.control.diagnosis.DiagnosedKind` (`diagnosed_kind`), -1 for
+    actuators tells of each the `DiagnosedKind` (`diagnosed_kind`), -1 for
     one that works, and its CUSUM statistic over the threshold (`detection_statistic`); `alarm` is 1
     while the cause of an alarm is being isolated. With a leading axis it is a history.
     """

@@ -8,13 +8,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.control import (
-    AbstractBacksteppingLaw,
-    InternalModel,
-    NormalForm,
-    RippleFilter,
-    RippleObserver,
-)
+from jaxsat.control.controller import AbstractBacksteppingLaw
+from jaxsat.control.normal_form import NormalForm
+from jaxsat.control.ripple import RippleFilter, RippleObserver
+from jaxsat.control.three_axis import InternalModel
 from jaxsat.core.attitude import DCM, WZ, AbstractAttitude, Quaternion
 from jaxsat.simulation import AbstractLoop
 from jaxsat.simulation.loops import parts_of

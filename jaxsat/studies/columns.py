@@ -9,7 +9,8 @@ from jaxtyping import Array
 from jaxsat.core.declaration.actuators import STUDIED
 from jaxsat.simulation import AbstractLoop, SampledLoop, Signals
 from jaxsat.simulation.engine.progress import peaks_of
-from jaxsat.store import Column, labels
+from jaxsat.store import labels
+from jaxsat.store.chunks import Column
 
 DRAWN = "drawn_"
 """Prefix of the columns that hold what was drawn for a case."""
@@ -55,7 +56,7 @@ ERRORS = {
     name: (part, Column((), "float64", label.units, label.long_name))
     for name, (part, label) in labels.ERRORS.items()
 }
-"""Of programs that estimate it, see `jaxsat.simulation.IntegrationError`."""
+"""Of programs that estimate it, see `jaxsat.simulation.assessment.IntegrationError`."""
 
 
 HISTORIES = {

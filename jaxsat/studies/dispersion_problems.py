@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import jaxsat.core.ranges as ranges
-from jaxsat.control import InternalModel
+from jaxsat.control.three_axis import InternalModel
 from jaxsat.core.checks import concrete
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.simulation import AbstractLoop

@@ -15,10 +15,12 @@ from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.once import once_property
 from jaxsat.core.pointing import pointing_error
 from jaxsat.simulation.engine import AbstractEngine, Outputs, Program, Replay, program_identity
-from jaxsat.store import Column, OutputError, StudyStore, machine
-from jaxsat.store.chunks import Coordinate, chunk_numbers
+from jaxsat.store.chunks import Column, Coordinate, chunk_numbers
+from jaxsat.store.files import OutputError
 from jaxsat.store.header import differences
 from jaxsat.store.labels import components, distinct
+from jaxsat.store.provenance import machine
+from jaxsat.store.store import StudyStore
 from jaxsat.studies.columns import (
     DRAWN,
     ERRORS,

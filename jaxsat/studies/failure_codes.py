@@ -2,7 +2,7 @@
 
 import enum
 
-from jaxsat.control.diagnosis import DiagnosedKind
+from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.failures import AbstractFailureKind
 

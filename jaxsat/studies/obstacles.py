@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from jaxsat.control import AbstractBacksteppingLaw
+from jaxsat.control.controller import AbstractBacksteppingLaw
 from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
 from jaxsat.simulation.loops import failures_of, parts_of
 from jaxsat.spacecraft import (

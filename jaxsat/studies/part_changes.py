@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.control.navigation import Navigation
+from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.declaration.keys import DispersibleQuantity
 from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.simulation.loops import failures_of, parts_of

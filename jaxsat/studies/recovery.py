@@ -16,7 +16,7 @@ from jaxsat.simulation.engine.failure_record import initial_record
 from jaxsat.simulation.loops import failures_of
 from jaxsat.spacecraft import AbstractFailures
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.store import Column
+from jaxsat.store.chunks import Column
 from jaxsat.store.labels import ALL_PARTS
 from jaxsat.studies.failure_codes import (
     AMOUNTLESS,

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.controllability import actuator_set, judge_ranges, torque_reserve
+from jaxsat.controllability.actuators import actuator_set
+from jaxsat.controllability.torque_ranges import judge_ranges, torque_reserve
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import AbstractLoop
 from jaxsat.spacecraft import AbstractEffector, Reach, Wheels

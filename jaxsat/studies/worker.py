@@ -1,4 +1,4 @@
-"""A worker process of `jaxsat.studies.Processes`: it reads what to compute, and answers.
+"""A worker process of `jaxsat.studies.processes.Processes`: it reads what to compute, and answers.
 
 Both go through the pipes that it was started with, standard input and output, which no process but
 the one that started it holds. It ends when that one does, however that ends. What goes to and fro

@@ -14,11 +14,16 @@ import numpy as np
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.study import EngineName
 from jaxsat.scenario.resolution import excessive_error
-from jaxsat.store import OutputError, ResumableFolder, study_columns
+from jaxsat.store.files import OutputError
 from jaxsat.store.header import differences
-from jaxsat.studies import AbstractExecutor, AbstractStopRule, Study, Work, run_study
+from jaxsat.store.ledger import study_columns
+from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.columns import ERRORS
+from jaxsat.studies.ensemble import Study, run_study
+from jaxsat.studies.executors import AbstractExecutor
+from jaxsat.studies.statistics import AbstractStopRule
 from jaxsat.studies.summary import largest_errors
+from jaxsat.studies.work import Work
 
 
 @dataclass(frozen=True)

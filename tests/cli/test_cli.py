@@ -14,7 +14,7 @@ import pytest
 
 from jaxsat.scenario import library
 from jaxsat.scenario.build.load import load
-from jaxsat.store import open_trajectory
+from jaxsat.store.dataset import open_trajectory
 
 ROOT = Path(__file__).parents[2]
 SHORT = ["--set", "simulation.duration_s=5"]

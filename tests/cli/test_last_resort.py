@@ -238,7 +238,7 @@ def test_a_title_of_every_evil_comes_out_harmless(command_line, tmp_path):
     import xml.etree.ElementTree as xml
 
     from jaxsat.core.text import clean
-    from jaxsat.store import open_trajectory
+    from jaxsat.store.dataset import open_trajectory
 
     _, text, _ = command_line("scenarios", "show", "switching")
     lines = [f"title = {toml(TITLE)}" if "title" in one else one for one in text.splitlines()]

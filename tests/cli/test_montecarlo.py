@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from jaxsat.store import case_table, open_study, open_trajectory
+from jaxsat.store.dataset import open_trajectory
+from jaxsat.store.tables import case_table, open_study
 
 SHORT = [
     "switching",
@@ -128,7 +129,7 @@ DEVICES_IN_USE = """
 import time
 import jax.numpy as jnp
 from jaxsat.cli import main
-from jaxsat.studies import Devices
+from jaxsat.studies.executors import Devices
 
 def where(chunk):
     time.sleep(0.2)

@@ -175,7 +175,7 @@ def test_options_given_twice_are_refused(command_line, tokens):
 def test_places_are_judged_before_the_study_runs(
     command_line, monkeypatch, tmp_path, tokens, message
 ):
-    monkeypatch.setattr("jaxsat.studies.Study.evaluate", None)  # not reached
+    monkeypatch.setattr("jaxsat.studies.ensemble.Study.evaluate", None)  # not reached
     (tmp_path / "file.txt").write_text("mine")
     status, _, err = command_line(*MONTECARLO, *tokens)
     assert status == 2

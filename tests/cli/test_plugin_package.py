@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxsat.scenario import plugins
-from jaxsat.store import study_columns
+from jaxsat.store.ledger import study_columns
 from scenario.packages import PACKAGE, forget_package, install_package
 
 AIR = 'disturbance.torques.air={kind="aerodynamic", force_N=1e-4, arm_m=[0.0, 0.1, 0.2]}'

@@ -13,8 +13,9 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import refined_study
 from jaxsat.scenario.dump import dump
 from jaxsat.scenario.resolution import with_finer_steps
-from jaxsat.store import open_study, open_trajectory
-from jaxsat.studies import Study
+from jaxsat.store.dataset import open_trajectory
+from jaxsat.store.tables import open_study
+from jaxsat.studies.ensemble import Study
 
 SHORT = ("simulation.duration_s=4", "simulation.save_every_s=1")
 

@@ -7,8 +7,8 @@ import pytest
 
 from jaxsat.report.document import Table
 from jaxsat.report.page.batches import comparison_section
-from jaxsat.store import open_study
 from jaxsat.store.labels import named_store
+from jaxsat.store.tables import open_study
 
 LAWS = ("quaternion-feedback", "fault-tolerant")
 

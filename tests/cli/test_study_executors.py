@@ -5,7 +5,8 @@ import pytest
 from jaxsat.cli import study_executors
 from jaxsat.cli.study_executors import chosen_executor
 from jaxsat.cli.terminal import UserMistake
-from jaxsat.studies import Processes, Serial, Threads
+from jaxsat.studies.executors import Serial, Threads
+from jaxsat.studies.processes import Processes
 
 
 @pytest.fixture

@@ -12,9 +12,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from jaxsat.control.diagnosis import average_run_length
+from jaxsat.control.diagnosis.diagnosis import average_run_length
 from jaxsat.scenario.build.load import load
-from jaxsat.studies import Work
+from jaxsat.studies.work import Work
 from synthesis.tuning.scenarios import RATE
 
 FIGURES = ("loss", "gains", "before-after")
@@ -112,7 +112,7 @@ def test_a_scenario_without_the_table_is_refused(jaxsat):
 
 
 def test_a_full_disk_is_a_failure_and_no_mistake(jaxsat, monkeypatch):
-    from jaxsat.store import OutputError
+    from jaxsat.store.files import OutputError
     from jaxsat.synthesis.tuning import run
 
     def full(*_, **__):

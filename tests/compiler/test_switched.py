@@ -7,7 +7,7 @@ import pytest
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation.engine import AdaptiveStepper, NativeEngine, ScanEngine, Tolerance
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 from simulation.engine.examples import same_bits
 
 COUNT, DURATION = 6, 30.0

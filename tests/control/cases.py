@@ -4,7 +4,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from helpers.paper import PAPER_DISTURBANCE
-from jaxsat.control import NormalForm, RecursiveLeastSquares, RippleFilter, RippleObserver
+from jaxsat.control.least_squares import RecursiveLeastSquares
+from jaxsat.control.normal_form import NormalForm
+from jaxsat.control.ripple import RippleFilter, RippleObserver
 from jaxsat.spacecraft import Actuators, Spacecraft
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit, NoDisturbance, PeriodicTorque

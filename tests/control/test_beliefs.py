@@ -9,12 +9,8 @@ import numpy as np
 import pytest
 
 from control.cases import body, form, paper_fit, ripple_filter_of
-from jaxsat.control import (
-    ThirdAxisEstimator,
-    ripple_filter,
-    three_slew_settling,
-)
-from jaxsat.control.estimators import MIN_COUPLING, MIN_SHARE
+from jaxsat.control.estimators import MIN_COUPLING, MIN_SHARE, ThirdAxisEstimator
+from jaxsat.control.presets import ripple_filter, three_slew_settling
 from jaxsat.core.declaration.settling import equivalent_limit
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.build.load import load

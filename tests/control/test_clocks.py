@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from control.cases import ORBIT_RATE, body
-from jaxsat.control import oscillatory_settling, three_slew_settling
+from jaxsat.control.presets import oscillatory_settling, three_slew_settling
 from jaxsat.control.supervisor import Phase
 from jaxsat.core.attitude import WZ
 from jaxsat.spacecraft.dynamics import PlantState

@@ -12,12 +12,12 @@ import pytest
 
 from helpers.derivatives import Derivatives
 from helpers.every_law import PLACES, PLANNED, UPSIDE_DOWN, scenario_of
-from jaxsat.control import AbstractSampledController
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.build.run import build_loop
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.studies import number_at
+from jaxsat.studies.dispersions import number_at
 from jaxsat.studies.perturbed import controller_of
 
 SAMPLES = 12

@@ -7,9 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from control.cases import INERTIA, C, form, paper_fit, ripple_filter_of, ripple_observer
-from jaxsat.control import (
-    ThirdAxisEstimator,
-)
+from jaxsat.control.estimators import ThirdAxisEstimator
 from jaxsat.control.ripple import Ripple, Steady
 
 PERIOD = 0.1

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jaxsat.control.diagnosis import DiagnosedKind
+from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.tolerant_actuators import TolerantMode
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.control.diagnosis import DiagnosedKind
+from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.tolerant_actuators import TolerantMode
 from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioError
@@ -19,7 +19,7 @@ from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation import simulate
 from jaxsat.spacecraft import WheelMomenta, Wheels
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.store import trajectory_dataset
+from jaxsat.store.dataset import trajectory_dataset
 
 
 class Told(eqx.Module):

@@ -6,7 +6,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from control.cases import INERTIA, C, actuators, body, form, paper_disturbance
-from jaxsat.control import FiniteTimeRate, FiniteTimeRateLaw, ThirdAxis, ThirdAxisEstimator
+from jaxsat.control.estimators import ThirdAxis, ThirdAxisEstimator
+from jaxsat.control.finite_time_rate import FiniteTimeRate, FiniteTimeRateLaw
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import SampledLoop, simulate
 from jaxsat.spacecraft.dynamics import PlantState

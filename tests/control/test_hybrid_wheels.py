@@ -9,14 +9,14 @@ import pytest
 from scipy.optimize import linprog
 
 from helpers.thruster_layouts import canted
-from jaxsat.control.diagnosis import DiagnosedKind
+from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.tolerant_actuators import TolerantMode
 from jaxsat.control.tolerant_mix import Mix, MixMemory
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.spacecraft import Reach
-from jaxsat.store import trajectory_dataset
+from jaxsat.store.dataset import trajectory_dataset
 
 AXES = np.array([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]]).T / np.sqrt(2)
 TORQUE = canted()[0]

@@ -4,8 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.linalg import expm
 
-from jaxsat.control import InternalModel
-from jaxsat.control.three_axis import OscillatorState
+from jaxsat.control.three_axis import InternalModel, OscillatorState
 
 
 def test_internal_model_advances_exactly():

@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from control.cases import INERTIA, ORBIT_RATE, body, paper_fit
-from jaxsat.control import NormalForm, ThirdAxisEstimator
+from jaxsat.control.estimators import ThirdAxisEstimator
+from jaxsat.control.normal_form import NormalForm
 from jaxsat.core.allocation import direction_matrix, torque_directions
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.inertia import normal_axes

@@ -8,7 +8,8 @@ import sympy
 from scipy.integrate import solve_ivp
 
 from control.test_normal_form import any_inertia
-from jaxsat.control import InertiaFit, OneTorqueMode, TorqueAxisFrame
+from jaxsat.control.inertia_fit import InertiaFit, TorqueAxisFrame
+from jaxsat.control.one_torque import OneTorqueMode
 from jaxsat.core.allocation import allocation_matrix, plane_map, torque_axis
 from jaxsat.core.inertia import torque_axis_frame
 from jaxsat.scenario import ScenarioError, ScenarioWarning

@@ -8,16 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from control.cases import ORBIT_RATE, C, actuators, form, paper_fit, ripple_observer
-from jaxsat.control import (
-    MorinSamson,
-    Oscillator,
-    OscillatoryLaw,
-    ThirdAxis,
-    ThirdAxisEstimator,
-    TwoChannel,
-)
+from jaxsat.control.demands import MorinSamson, TwoChannel
+from jaxsat.control.estimators import ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.normal_form import tilt_of
-from jaxsat.control.oscillatory import Oscillation, Slow
+from jaxsat.control.oscillatory import Oscillation, Oscillator, OscillatoryLaw, Slow
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.simulation import SampledLoop, simulate
 from jaxsat.spacecraft.dynamics import PlantState

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxsat.control import QuaternionFeedback
+from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import SampledLoop, simulate
 from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters

@@ -9,7 +9,7 @@ import pytest
 
 from helpers.paper import PAPER_RATE, bodies, rate_loop, rate_start, size
 from helpers.references import RATES
-from jaxsat.control import RateLaw
+from jaxsat.control.rate import RateLaw
 from jaxsat.simulation import Outcome, fixed, simulate
 from oracle import simulate_rate_law
 

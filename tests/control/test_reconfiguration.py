@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 from helpers.thruster_layouts import allocated, canted, pairs
-from jaxsat.control.diagnosis import ActuatorCondition
+from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.reconfiguration import (
     Ability,
     Left,
@@ -18,7 +18,7 @@ from jaxsat.control.reconfiguration import (
     failed_sets,
     what_is_left,
 )
-from jaxsat.controllability import torque_cone
+from jaxsat.controllability.cone import torque_cone
 
 KINDS = {3: Left.THREE_AXES, 2: Left.PLANE, 1: Left.LESS, 0: Left.LESS}
 

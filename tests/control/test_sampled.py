@@ -6,16 +6,13 @@ import equinox as eqx
 import jax.numpy as jnp
 import pytest
 
-from jaxsat.control import (
-    AbstractSampledController,
-    FiniteTimeRateLaw,
-    OscillatoryLaw,
-    OscillatorySettling,
-    SwitchingLaw,
-    ThreeSlewLaw,
-    ThreeSlewSettling,
-)
-from jaxsat.control.sampled import mode_label
+from jaxsat.control.fine import OscillatorySettling
+from jaxsat.control.finite_time_rate import FiniteTimeRateLaw
+from jaxsat.control.oscillatory import OscillatoryLaw
+from jaxsat.control.sampled import AbstractSampledController, mode_label
+from jaxsat.control.slews import ThreeSlewLaw
+from jaxsat.control.supervisor import ThreeSlewSettling
+from jaxsat.control.switching import SwitchingLaw
 
 SHOWN = {
     SwitchingLaw: {0: "three-axis law", 1: "rate law"},

@@ -11,8 +11,8 @@ from scipy.integrate import cumulative_simpson, simpson
 
 import jaxsat
 from control.cases import INERTIA, ORBIT_RATE, actuators, body, paper_disturbance
-from jaxsat.control import oscillatory_settling, three_slew_settling
 from jaxsat.control.fine import FineMode
+from jaxsat.control.presets import oscillatory_settling, three_slew_settling
 from jaxsat.control.supervisor import Phase
 from jaxsat.core.attitude import WZ
 from jaxsat.core.declaration.settling import TUNED_LIMITS, TUNED_MOMENTS, TUNED_PERIOD

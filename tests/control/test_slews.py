@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from control.cases import INERTIA, ORBIT_RATE, actuators, body, form
 from helpers.strategies import rotations
-from jaxsat.control import SlewPlanner, ThreeSlewLaw, slews
+from jaxsat.control import slews
+from jaxsat.control.slews import SlewPlanner, ThreeSlewLaw
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import SampledLoop, simulate
 from jaxsat.spacecraft.dynamics import PlantState

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from helpers.switching import CASE, GAINS, START, J, start, switching_loop
-from jaxsat.control import InternalModel
+from jaxsat.control.three_axis import InternalModel
 from jaxsat.core.attitude import WZ
 from jaxsat.simulation import Outcome, simulate
 from jaxsat.spacecraft.dynamics import PlantState

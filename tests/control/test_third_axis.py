@@ -7,11 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from control.cases import ORBIT_RATE, body
-from jaxsat.control import FiniteTimeRate, NormalForm, ThirdAxisEstimator, three_slew_settling
-from jaxsat.control.estimators import MOST_TILT, MOST_TURN, in_body, products_of
+from jaxsat.control.estimators import MOST_TILT, MOST_TURN, ThirdAxisEstimator, in_body, products_of
 from jaxsat.control.fine import Handover
-from jaxsat.control.normal_form import NormalState, tilt_of
+from jaxsat.control.finite_time_rate import FiniteTimeRate
+from jaxsat.control.normal_form import NormalForm, NormalState, tilt_of
 from jaxsat.control.oscillatory import Slow, turned
+from jaxsat.control.presets import three_slew_settling
 from jaxsat.control.supervisor import Phase
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.core.inertia import normal_axes

@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.control.diagnosis import ActuatorCondition, WheelFilter
+from jaxsat.control.diagnosis.residual import ActuatorCondition
+from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.wheel_allocation import LEAST_MOMENTUM, MOST_MOMENTUM, WheelAllocation
 from jaxsat.spacecraft import Wheels

@@ -3,11 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.controllability import (
-    DriftField,
-    control_fields,
-    pack,
-)
+from jaxsat.controllability.lie import DriftField, control_fields, pack
 
 JA = np.array([[9.0, 0.5, -0.3], [0.5, 5.0, 0.8], [-0.3, 0.8, 7.0]])
 

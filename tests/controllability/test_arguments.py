@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.controllability import analyse
+from jaxsat.controllability.rank import analyse
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxsat.controllability import analyse, failure_arrays, failure_table, turn_time
+from jaxsat.controllability.decision import turn_time
+from jaxsat.controllability.failures import failure_arrays, failure_table
+from jaxsat.controllability.rank import analyse
 
 PAPER = np.array([449.5, 264.6, 312.5])
 GENERAL = np.array([[9.0, 0.5, -0.3], [0.5, 5.0, 0.8], [-0.3, 0.8, 7.0]])

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from jaxsat.controllability import actuator_set, analyse, judge
+from jaxsat.controllability.actuators import actuator_set
+from jaxsat.controllability.judging import judge
 from jaxsat.controllability.layout import TOLERANCE
+from jaxsat.controllability.rank import analyse
 
 from .layouts import AXES, PLANES, X, Y, Z, columns, random_rotation
 from .oracles import fraction_rank

@@ -8,17 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import svdvals
 
-from jaxsat.controllability import (
-    analyse,
+from jaxsat.controllability.closure import (
     controllability_margin,
     generating_vectors,
     generator_names,
-    one_thruster_condition,
     singular_values,
     symmetric_product,
-    two_thruster_condition,
 )
+from jaxsat.controllability.decision import one_thruster_condition, two_thruster_condition
 from jaxsat.controllability.layout import make_layout
+from jaxsat.controllability.rank import analyse
 
 PAPER = np.array([449.5, 264.6, 312.5])
 

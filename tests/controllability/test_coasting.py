@@ -4,14 +4,10 @@ import dataclasses
 
 import numpy as np
 
-from jaxsat.controllability import (
-    actuator_set,
-    failure_records,
-    failure_table,
-    judge,
-    judge_once_stopped,
-    verdict_sentence,
-)
+from jaxsat.controllability.actuators import actuator_set
+from jaxsat.controllability.failures import failure_records, failure_table
+from jaxsat.controllability.judging import judge, judge_once_stopped
+from jaxsat.controllability.wording import verdict_sentence
 
 INERTIA = np.diag([4.0, 3.0, 2.0])
 

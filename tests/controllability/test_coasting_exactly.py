@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from sympy import Matrix
 
 from controllability.oracles import GibbsAlgebra
-from jaxsat.controllability import actuator_set, judge, judge_once_stopped
+from jaxsat.controllability.actuators import actuator_set
+from jaxsat.controllability.judging import judge, judge_once_stopped
 
 RNG = np.random.default_rng(11)
 STILL = [0, 0, 0]

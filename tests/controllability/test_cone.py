@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jaxsat.controllability import torque_cone
-from jaxsat.controllability.cone import KINDS, direction_words
+from jaxsat.controllability.cone import KINDS, direction_words, torque_cone
 from jaxsat.controllability.layout import TOLERANCE
 
 

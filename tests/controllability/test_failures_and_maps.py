@@ -9,19 +9,21 @@ import jax
 import numpy as np
 import pytest
 
-from jaxsat.controllability import (
-    analyse,
-    angle_grid,
+from jaxsat.controllability.failures import (
     failure_arrays,
     failure_csv,
     failure_markdown,
     failure_records,
     failure_table,
+)
+from jaxsat.controllability.maps import (
+    angle_grid,
     margins_over_angles,
     margins_over_inertias,
     physical_inertias,
     uncontrollable_single_directions,
 )
+from jaxsat.controllability.rank import analyse
 
 PAPER = np.array([449.5, 264.6, 312.5])
 

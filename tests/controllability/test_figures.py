@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from jaxsat.controllability import (
+from jaxsat.controllability.failures import failure_records, failure_table
+from jaxsat.controllability.maps import (
     angle_grid,
-    failure_records,
-    failure_table,
     margins_over_angles,
     margins_over_inertias,
     physical_inertias,

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.controllability import GyroCluster
+from jaxsat.controllability.gyros import GyroCluster
 
 SKEW = np.radians(54.73)
 

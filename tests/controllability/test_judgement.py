@@ -5,15 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
-from jaxsat.controllability import (
-    actuator_set,
-    analyse,
-    failure_csv,
-    failure_markdown,
-    failure_table,
-    judge,
-    verdict_sentence,
-)
+from jaxsat.controllability.actuators import actuator_set
+from jaxsat.controllability.failures import failure_csv, failure_markdown, failure_table
+from jaxsat.controllability.judging import judge
+from jaxsat.controllability.rank import analyse
+from jaxsat.controllability.wording import verdict_sentence
 
 PAPER = [449.5, 264.6, 312.5]
 X, Y, Z = np.eye(3)

@@ -8,14 +8,14 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxsat.controllability import (
+from jaxsat.controllability.closure import symmetric_product
+from jaxsat.controllability.lie import (
     ControlField,
     DriftField,
     bracket_words,
     control_fields,
     lie_bracket,
     pack,
-    symmetric_product,
     tangent_matrix,
     to_tangent,
 )

@@ -9,18 +9,16 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_continuous_are
 
-from jaxsat.controllability import (
-    DriftField,
-    analyse,
+from jaxsat.controllability.closure import symmetric_product
+from jaxsat.controllability.lie import DriftField, pack, to_tangent
+from jaxsat.controllability.linear import (
+    _exponentials,
     gramian_time_scales,
     linear_controllability,
     lvlh_linearisation,
-    pack,
-    small_time_local_controllability,
-    symmetric_product,
-    to_tangent,
 )
-from jaxsat.controllability.linear import _exponentials
+from jaxsat.controllability.local import small_time_local_controllability
+from jaxsat.controllability.rank import analyse
 
 PAPER = np.array([449.5, 264.6, 312.5])
 XY = np.eye(3)[:, :2]

@@ -7,15 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.controllability import (
+from jaxsat.controllability.lie import (
     DriftField,
-    analyse,
     bracket_words,
     control_fields,
     pack,
+    rank_at_state,
     tangent_matrix,
 )
-from jaxsat.controllability.lie import rank_at_state
+from jaxsat.controllability.rank import analyse
 
 from .fields import random_state
 from .oracles import GibbsAlgebra

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxsat.controllability import analyse
 from jaxsat.controllability.decision import decide_rank
 from jaxsat.controllability.layout import make_layout
+from jaxsat.controllability.rank import analyse
 
 from .layouts import AXES, MOMENTS, PLANES, QUATERNIONS, X, Y, columns
 from .oracles import GibbsAlgebra, fraction_rank, rotated

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxsat.controllability import (
-    DriftField,
+from jaxsat.controllability.drift import (
     divergence,
     drift_trajectory,
     energy_bound,
     energy_counterexample,
     energy_history,
-    pack,
     recurrence,
 )
+from jaxsat.controllability.lie import DriftField, pack
 from jaxsat.spacecraft.environment import PeriodicTorque
 
 GENERAL = np.array([[9.0, 0.5, -0.3], [0.5, 5.0, 0.8], [-0.3, 0.8, 7.0]])

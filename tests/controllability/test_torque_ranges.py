@@ -6,13 +6,9 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from jaxsat.controllability import (
-    actuator_set,
-    judge_ranges,
-    opposing_share,
-    torque_cone,
-    torque_reserve,
-)
+from jaxsat.controllability.actuators import actuator_set
+from jaxsat.controllability.cone import torque_cone
+from jaxsat.controllability.torque_ranges import judge_ranges, opposing_share, torque_reserve
 
 INERTIA = (0.3, 0.55, 0.62)
 PAIRS = np.kron(np.diag([1.0, 2.0, 0.5]), [1, -1])

@@ -8,15 +8,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from jaxsat.controllability import (
-    actuator_set,
-    judge,
-    lie_bracket,
-    momentum_level_set,
-    verdict_sentence,
-)
-from jaxsat.controllability.wheels import one_wheel_brackets
-from jaxsat.controllability.wording import momentum_words
+from jaxsat.controllability.actuators import actuator_set
+from jaxsat.controllability.judging import judge
+from jaxsat.controllability.lie import lie_bracket
+from jaxsat.controllability.wheels import momentum_level_set, one_wheel_brackets
+from jaxsat.controllability.wording import momentum_words, verdict_sentence
 
 JA = np.array([[9.0, 0.5, -0.3], [0.5, 5.0, 0.8], [-0.3, 0.8, 7.0]])
 AXES = np.array([[1.0, 0.3, 0.1], [0.2, -1.0, 0.5], [0.5, 0.4, 1.0]])

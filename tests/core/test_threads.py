@@ -17,7 +17,9 @@ from jaxsat.compiler import functions
 from jaxsat.compiler.c import naming
 from jaxsat.compiler.llvm.threads import _shared
 from jaxsat.control.planning import guesses
-from jaxsat.controllability import analyse, lie, torque_cone
+from jaxsat.controllability import lie
+from jaxsat.controllability.cone import torque_cone
+from jaxsat.controllability.rank import analyse
 from jaxsat.core import process
 from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.laws import LAWS

@@ -38,7 +38,8 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.store import OutputError, OutputFolder
+from jaxsat.store.files import OutputError
+from jaxsat.store.folder import OutputFolder
 from tests.flight.laws import Filtered, Searching, Sliced, loop_of, start
 
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}

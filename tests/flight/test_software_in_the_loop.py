@@ -15,7 +15,7 @@ import pytest
 from jaxtyping import PyTree
 
 from jaxsat.compiler.llvm.mapped import Mapped
-from jaxsat.control import AbstractSampledController
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.flight import Library, Request, export, vectors
 from jaxsat.flight.external import _Call
 from jaxsat.flight.flight import Seen

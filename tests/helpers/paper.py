@@ -4,7 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from helpers.references import DISTURBANCE, RATE, THREE_AXIS
-from jaxsat.control import InternalModel, RateLaw, ThreeAxisLaw
+from jaxsat.control.rate import RateLaw
+from jaxsat.control.three_axis import InternalModel, ThreeAxisLaw
 from jaxsat.core.attitude import WZ
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop
 from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters

@@ -3,7 +3,9 @@
 import numpy as np
 
 from helpers.paper import PAPER_DISTURBANCE, actuators, bodies
-from jaxsat.control import RateLaw, SwitchingLaw, ThreeAxisLaw
+from jaxsat.control.rate import RateLaw
+from jaxsat.control.switching import SwitchingLaw
+from jaxsat.control.three_axis import ThreeAxisLaw
 from jaxsat.core.attitude import WZ
 from jaxsat.simulation import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState

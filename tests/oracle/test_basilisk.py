@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from helpers.thruster_layouts import allocated, canted, thruster_set
 from helpers.tools import needs
-from jaxsat.control import AbstractSampledController, Coast
+from jaxsat.control.controller import Coast
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import ContinuousLoop, SampledLoop, adaptive, simulate
 from jaxsat.spacecraft import (

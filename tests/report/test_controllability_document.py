@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from jaxsat.controllability import actuator_set, analyse, judge, verdict_sentence
+from jaxsat.controllability.actuators import actuator_set
+from jaxsat.controllability.judging import judge
+from jaxsat.controllability.rank import analyse
+from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.report.controllability_document import controllability_lines
 from jaxsat.report.controllability_figures import torque_map
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from jaxsat.report.document import Lines
 from jaxsat.report.study_document import study_document
-from jaxsat.studies import summarise
+from jaxsat.studies.summary import summarise
 
 
 def document(cost, more=None, scenario=None, **drawn):

@@ -13,7 +13,7 @@ from jaxsat.report.study_figures import (
     success_map,
 )
 from jaxsat.simulation import Signals
-from jaxsat.studies import wilson
+from jaxsat.studies.statistics import wilson
 
 RNG = np.random.default_rng(0)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import xarray as xr
 
-from jaxsat.control.diagnosis import DiagnosedKind
+from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.report.timeline import DIAGNOSED, verdicts
 
 

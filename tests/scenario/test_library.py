@@ -10,7 +10,7 @@ from jaxsat.scenario import ScenarioError, ScenarioWarning, dump, library
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.store import time_to_settle, trajectory_dataset
+from jaxsat.store.dataset import time_to_settle, trajectory_dataset
 
 PAPER = ["benchmark-three-axis", "free-third-rate", "paper-rate", "paper-three-axis", "switching"]
 TUNED = ["oscillatory-dispersed", "rate-limited", "switching-dispersed", "switching-rounded"]

@@ -14,8 +14,11 @@ from jaxsat.scenario import ScenarioError, dump, plugins
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.store import OutputError, study_columns
-from jaxsat.studies import Processes, Serial, run_study
+from jaxsat.store.files import OutputError
+from jaxsat.store.ledger import study_columns
+from jaxsat.studies.ensemble import run_study
+from jaxsat.studies.executors import Serial
+from jaxsat.studies.processes import Processes
 from scenario.packages import forget_package, install_package
 
 PARTS = """

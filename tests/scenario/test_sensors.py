@@ -7,7 +7,8 @@ import jax
 import numpy as np
 import pytest
 
-from jaxsat.control.navigation import MultiplicativeFilter, RawMeasurements
+from jaxsat.control.navigation.estimator import RawMeasurements
+from jaxsat.control.navigation.mekf import MultiplicativeFilter
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build

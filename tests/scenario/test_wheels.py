@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.control import AbstractController
+from jaxsat.control.controller import AbstractController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.build.load import load
@@ -15,7 +15,7 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 from jaxsat.spacecraft import PulsedThrusters, Wheels, WheelsFirst, wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.store import trajectory_dataset
+from jaxsat.store.dataset import trajectory_dataset
 
 X, Y = "{axis=[2.0,0.0,0.0]}", "{axis=[0.0,1.0,0.0]}"
 HEAVY = "{axis=[0.0,1.0,0.0],rotor_inertia_kg_m2=1.5}"

@@ -13,7 +13,7 @@ from helpers.paper import (
     three_axis_start,
 )
 from helpers.switching import CASE, start, switching_loop
-from jaxsat.control import Coast
+from jaxsat.control.controller import Coast
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation import ContinuousLoop, simulate
 from jaxsat.simulation.engine import (

@@ -35,7 +35,7 @@ from jaxsat.scenario.plugins import ESTIMATOR
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.studies import number_at
+from jaxsat.studies.dispersions import number_at
 from jaxsat.studies.perturbed import controller_of
 from jaxsat.synthesis.tuning.forms import throttled
 from scenario.packages import PACKAGE, forget_package, install_package

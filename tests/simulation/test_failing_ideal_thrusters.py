@@ -10,8 +10,8 @@ import pytest
 from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 
-from jaxsat.control import AbstractSampledController
 from jaxsat.control.controller import AbstractFeedbackLaw
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop, adaptive, fixed, simulate

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from jaxsat.control import AbstractSampledController
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.solvers import NamedSolver

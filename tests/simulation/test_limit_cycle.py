@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from helpers.thruster_layouts import allocated, pairs, thruster_set
-from jaxsat.control import QuaternionFeedback
+from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import SampledLoop, simulate
 from jaxsat.spacecraft import PulsedThrusters, PulseWidth, Spacecraft

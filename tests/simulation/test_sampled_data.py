@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from scipy.spatial.transform import Rotation
 
 from helpers.switching import CASE, start, switching_loop
-from jaxsat.control import AbstractSampledController
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.noise import key_of_seed, sample_noise

@@ -19,7 +19,7 @@ from helpers.paper import (
     three_axis_loop,
     three_axis_start,
 )
-from jaxsat.control import Coast
+from jaxsat.control.controller import Coast
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.solvers import NamedSolver, class_name
 from jaxsat.simulation import (

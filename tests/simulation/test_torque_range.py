@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from jaxtyping import Array, Float
 
-from jaxsat.control import AbstractSampledController
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.simulation import SampledLoop, simulate
@@ -18,7 +18,7 @@ from jaxsat.simulation.held_torque import over_parts
 from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit
-from jaxsat.store import trajectory_dataset
+from jaxsat.store.dataset import trajectory_dataset
 
 PERIOD, SAMPLES = 0.5, 24
 

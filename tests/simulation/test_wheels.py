@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from scipy.spatial.transform import Rotation
 
 from helpers.thruster_layouts import allocated, pairs, thruster_set
-from jaxsat.control import AbstractSampledController
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.simulation import SampledLoop, fixed, simulate

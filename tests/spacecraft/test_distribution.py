@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from helpers.thruster_layouts import thruster_set
-from jaxsat.control import AbstractSampledController
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import SampledLoop, simulate
 from jaxsat.spacecraft import Direct, IdealThrottle, PulsedThrusters, Spacecraft, Wheels

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from helpers.strategies import inertias, rotations, vectors
-from jaxsat.control import Coast
+from jaxsat.control.controller import Coast
 from jaxsat.core.attitude import DCM, WZ, Quaternion
 from jaxsat.simulation import ContinuousLoop, fixed, simulate
 from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 
-from jaxsat.control import Coast
+from jaxsat.control.controller import Coast
 from jaxsat.control.steering import Steered
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from jaxsat.control import Coast
+from jaxsat.control.controller import Coast
 from jaxsat.control.steering import GimbalSteering
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import ContinuousLoop, adaptive, simulate

@@ -12,8 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from helpers.paper import PAPER_THREE_AXIS, actuators, bodies, three_axis_law, three_axis_start
-from jaxsat.control import Coast
-from jaxsat.control.controller import AbstractFeedbackLaw
+from jaxsat.control.controller import AbstractFeedbackLaw, Coast
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation import ContinuousLoop, adaptive, fixed, simulate
 from jaxsat.spacecraft import (

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from scipy.spatial.transform import Rotation
 
 from helpers.thruster_layouts import allocated, canted, pairs, thruster_set
-from jaxsat.control import AbstractSampledController
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.solvers import NamedSolver

@@ -2,11 +2,8 @@
 
 import numpy as np
 
-from jaxsat.store import (
-    Column,
-    StudyStore,
-)
-from jaxsat.store.chunks import Coordinate
+from jaxsat.store.chunks import Column, Coordinate
+from jaxsat.store.store import StudyStore
 
 COLUMNS = {
     "cost": Column((), "float64", "1", "the cost"),

@@ -11,7 +11,10 @@ import pytest
 import xarray as xr
 
 from corruption import KINDS, corrupt, files_of
-from jaxsat.store import OutputError, StudyStore, open_study, study_columns
+from jaxsat.store.files import OutputError
+from jaxsat.store.ledger import study_columns
+from jaxsat.store.store import StudyStore
+from jaxsat.store.tables import open_study
 from store.stores import COLUMNS, IDENTITY, made, values
 
 COUNT, CHUNK = 22, 4

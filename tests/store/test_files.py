@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from jaxsat.store import OutputError, refuse_existing, save_file
 from jaxsat.store import files as module
-from jaxsat.store.files import read_file, write_file
+from jaxsat.store.files import OutputError, read_file, refuse_existing, save_file, write_file
 
 
 def names(path):

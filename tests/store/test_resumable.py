@@ -4,9 +4,12 @@ import json
 
 import pytest
 
-from jaxsat.store import OutputError, OutputFolder, ResumableFolder, StudyStore
 from jaxsat.store import marker as module
+from jaxsat.store.files import OutputError
+from jaxsat.store.folder import OutputFolder
 from jaxsat.store.marker import MARKER, Marker
+from jaxsat.store.resumable import ResumableFolder
+from jaxsat.store.store import StudyStore
 
 
 def opened(path, kind="tuning", **about):

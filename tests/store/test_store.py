@@ -10,16 +10,14 @@ import sys
 import numpy as np
 import pytest
 
-from jaxsat.store import (
-    OutputError,
-    OutputFolder,
-    StudyStore,
-    open_study,
-    study_columns,
-)
 from jaxsat.store import arrays as arrays_module
 from jaxsat.store import store as store_module
+from jaxsat.store.files import OutputError
+from jaxsat.store.folder import OutputFolder
 from jaxsat.store.header import differences
+from jaxsat.store.ledger import study_columns
+from jaxsat.store.store import StudyStore
+from jaxsat.store.tables import open_study
 from jaxsat.store.temporary import lock_folder, remove_stale, temporary_folder
 from store.stores import IDENTITY, made, values
 
@@ -95,7 +93,7 @@ def test_a_second_writer_is_refused(tmp_path):
     code = (
         "import sys; sys.path[:0] = sys.argv[2:]\n"
         "from store.stores import made\n"
-        "from jaxsat.store import OutputError\n"
+        "from jaxsat.store.files import OutputError\n"
         "try:\n    made(sys.argv[1])\nexcept OutputError as error:\n    print(error)\n"
     )
     with made(tmp_path / "s"):

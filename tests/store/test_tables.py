@@ -9,9 +9,11 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from jaxsat.store import Column, OutputError, StudyStore, case_table, open_study, save_case_table
 from jaxsat.store import arrays as arrays_module
-from jaxsat.store.chunks import Coordinate
+from jaxsat.store.chunks import Column, Coordinate
+from jaxsat.store.files import OutputError
+from jaxsat.store.store import StudyStore
+from jaxsat.store.tables import case_table, open_study, save_case_table
 from store.stores import COLUMNS, IDENTITY, made, values
 
 TABLE_COLUMNS = {

@@ -11,15 +11,11 @@ from helpers.paper import (
     three_axis_law,
 )
 from helpers.switching import CASE, start, switching_loop
-from jaxsat.control import InternalModel
+from jaxsat.control.three_axis import InternalModel
 from jaxsat.simulation import ContinuousLoop, SampledLoop
 from jaxsat.spacecraft import Sensors
-from jaxsat.studies import (
-    Dispersed,
-    Dispersions,
-    Independent,
-    StudyCase,
-)
+from jaxsat.studies.designs import Independent
+from jaxsat.studies.dispersions import Dispersed, Dispersions, StudyCase
 
 
 def sampled():

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxsat.store import open_study
+from jaxsat.store.tables import open_study
 
 
 def contents(path):

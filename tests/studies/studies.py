@@ -4,7 +4,7 @@ import sys
 
 import jax.numpy as jnp
 
-from jaxsat.control import Coast
+from jaxsat.control.controller import Coast
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation import ContinuousLoop
@@ -12,15 +12,11 @@ from jaxsat.simulation.engine import FixedStepper, ScanEngine, program_of
 from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment import ExactOrbit, PeriodicTorque
-from jaxsat.studies import (
-    Dispersed,
-    Dispersions,
-    Independent,
-    Serial,
-    Study,
-    Uniform,
-    run_study,
-)
+from jaxsat.studies.designs import Independent
+from jaxsat.studies.dispersions import Dispersed, Dispersions
+from jaxsat.studies.distributions import Uniform
+from jaxsat.studies.ensemble import Study, run_study
+from jaxsat.studies.executors import Serial
 
 
 def tumbling_loop():

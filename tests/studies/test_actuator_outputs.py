@@ -11,9 +11,12 @@ from jaxsat.report.study_document import study_document
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation.held_torque import Unmade
-from jaxsat.store import OutputError, open_study, save_case_table
-from jaxsat.studies import AbstractExecutor, run_study, summarise
+from jaxsat.store.files import OutputError
+from jaxsat.store.tables import open_study, save_case_table
 from jaxsat.studies.columns import COLUMNS
+from jaxsat.studies.ensemble import run_study
+from jaxsat.studies.executors import AbstractExecutor
+from jaxsat.studies.summary import summarise
 from studies.studies import tumbling
 
 PULSES = [

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from helpers.tools import needs
-from jaxsat.store import OutputError
-from jaxsat.studies import run_study
-from jaxsat.studies.ensemble import _by_column
+from jaxsat.store.files import OutputError
+from jaxsat.studies.ensemble import _by_column, run_study
 from studies.stores import contents, same, without_status
 from studies.studies import tumbling
 

@@ -17,17 +17,11 @@ from helpers.switching import start
 from jaxsat.core import noise
 from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft import Wheels
-from jaxsat.studies import (
-    QUANTITIES,
-    Dispersed,
-    Dispersions,
-    Independent,
-    Normal,
-    RandomAttitude,
-    Uniform,
-    with_gains,
-)
 from jaxsat.studies.changes import possible_inertia
+from jaxsat.studies.designs import Independent
+from jaxsat.studies.dispersions import Dispersed, Dispersions, with_gains
+from jaxsat.studies.distributions import Normal, RandomAttitude, Uniform
+from jaxsat.studies.quantities import QUANTITIES
 from studies.copies import backstepping, copies_of, sampled
 
 J = np.array([449.5, 264.6, 312.5])

@@ -8,16 +8,8 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 
 from jaxsat.core import noise
-from jaxsat.studies import (
-    Discrete,
-    Independent,
-    LatinHypercube,
-    Normal,
-    RandomAttitude,
-    Sobol,
-    TruncatedNormal,
-    Uniform,
-)
+from jaxsat.studies.designs import Independent, LatinHypercube, Sobol
+from jaxsat.studies.distributions import Discrete, Normal, RandomAttitude, TruncatedNormal, Uniform
 
 U = jnp.linspace(1e-6, 1 - 1e-6, 1001)
 NAMES = {"inertia": 3, "turn": 1, "omega": 3}

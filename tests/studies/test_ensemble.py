@@ -9,20 +9,14 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation import Outcome, adaptive
 from jaxsat.simulation.engine import ReferenceEngine, ScanEngine
-from jaxsat.store import OutputError, open_study
-from jaxsat.studies import (
-    Discrete,
-    LatinHypercube,
-    Serial,
-    Sobol,
-    StopRule,
-    Threads,
-    Uniform,
-    run_study,
-    summarise,
-    wilson,
-)
-from jaxsat.studies.ensemble import _by_column
+from jaxsat.store.files import OutputError
+from jaxsat.store.tables import open_study
+from jaxsat.studies.designs import LatinHypercube, Sobol
+from jaxsat.studies.distributions import Discrete, Uniform
+from jaxsat.studies.ensemble import _by_column, run_study
+from jaxsat.studies.executors import Serial, Threads
+from jaxsat.studies.statistics import StopRule, wilson
+from jaxsat.studies.summary import summarise
 from studies.stores import contents, same, without_status
 from studies.studies import tumbling
 

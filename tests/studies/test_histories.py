@@ -9,8 +9,9 @@ import pytest
 
 from jaxsat.core.tolerances import Tolerances, within
 from jaxsat.simulation.engine import FixedStepper, NativeEngine, ReferenceEngine, ScanEngine
-from jaxsat.store import OutputError, open_study
-from jaxsat.studies import run_study
+from jaxsat.store.files import OutputError
+from jaxsat.store.tables import open_study
+from jaxsat.studies.ensemble import run_study
 from studies.studies import tumbling
 
 INSTANTS = 8

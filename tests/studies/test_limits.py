@@ -8,12 +8,9 @@ from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation import Outcome
-from jaxsat.studies import (
-    QUANTITIES,
-    Dispersions,
-    Normal,
-    Uniform,
-)
+from jaxsat.studies.dispersions import Dispersions
+from jaxsat.studies.distributions import Normal, Uniform
+from jaxsat.studies.quantities import QUANTITIES
 from studies.copies import copies_of, sampled
 from studies.studies import tumbling
 

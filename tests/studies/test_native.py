@@ -11,8 +11,8 @@ import pytest
 from jaxsat.compiler.llvm import threads
 from jaxsat.simulation.engine import FixedStepper, NativeEngine
 from jaxsat.simulation.engine.native import kernel
-from jaxsat.studies import Threads, run_study
-from jaxsat.studies.ensemble import _by_column
+from jaxsat.studies.ensemble import _by_column, run_study
+from jaxsat.studies.executors import Threads
 from studies.stores import contents, same, without_status
 from studies.studies import tumbling
 

@@ -6,11 +6,12 @@ import equinox as eqx
 import jax.numpy as jnp
 import pytest
 
-from jaxsat.control import Coast
+from jaxsat.control.controller import Coast
 from jaxsat.simulation.engine import FixedStepper, NativeEngine, ReferenceEngine, ScanEngine
-from jaxsat.store import OutputError, store
-from jaxsat.studies import AbstractExecutor, Study, run_study
-from jaxsat.studies.ensemble import _ChunkWork
+from jaxsat.store import store
+from jaxsat.store.files import OutputError
+from jaxsat.studies.ensemble import Study, _ChunkWork, run_study
+from jaxsat.studies.executors import AbstractExecutor
 from studies.studies import tumbling
 
 LAW = """

@@ -11,11 +11,14 @@ from jaxsat.report.study_document import recovery_line, recovery_tables
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.store import open_study, save_case_table
-from jaxsat.studies import Recovery, TorquesLeft, run_study, summarise, wilson
+from jaxsat.store.tables import open_study, save_case_table
+from jaxsat.studies.ensemble import run_study
 from jaxsat.studies.failure_codes import FAILURES
+from jaxsat.studies.recovery import Recovery
 from jaxsat.studies.recovery_summary import summarise_recovery
-from jaxsat.studies.torques_left import torques_left
+from jaxsat.studies.statistics import wilson
+from jaxsat.studies.summary import summarise
+from jaxsat.studies.torques_left import TorquesLeft, torques_left
 
 NAMES = ("thruster a", "thruster b")
 DEAD, STUCK = FAILURES.index("dead"), FAILURES.index("stuck at")

@@ -14,7 +14,7 @@ happened = []
 jax.monitoring.register_event_duration_secs_listener(lambda name, *_, **__: happened.append(name))
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
-from jaxsat.store import StudyStore
+from jaxsat.store.store import StudyStore
 study = build_study(load("benchmark-three-axis", purpose="study"), 100, engine="scan")
 study.cases(np.arange(100)), study.columns()
 assert "diffrax" not in sys.modules  # which a study needs to be traced, and no kernel that is kept

@@ -5,19 +5,16 @@ import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
-from jaxsat.studies import (
+from jaxsat.studies.sensitivities import Sensitivities, first_order_index, numbers_of, sensitivity
+from jaxsat.studies.statistics import (
     Interval,
     StopRule,
     WhenDecided,
     ends_text,
-    first_order_index,
-    numbers_of,
     percent_texts,
     percentile,
-    sensitivity,
     wilson,
 )
-from jaxsat.studies.sensitivities import Sensitivities
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 10), (10, 10), (3, 10), (977, 1000), (1, 1)])

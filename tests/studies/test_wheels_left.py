@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from jaxsat.control.diagnosis import DiagnosedKind
+from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.studies import TorquesLeft
 from jaxsat.studies.failure_codes import DIAGNOSED, FAILURES, HYPOTHESES
-from jaxsat.studies.torques_left import torques_left
+from jaxsat.studies.torques_left import TorquesLeft, torques_left
 
 
 def left(loop, *failures, momentum=(0.0, 0.0, 0.0)):

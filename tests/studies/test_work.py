@@ -5,8 +5,9 @@ import pytest
 
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
-from jaxsat.store import StudyStore
-from jaxsat.studies import StopRule, most_cases, study_work
+from jaxsat.store.store import StudyStore
+from jaxsat.studies.statistics import StopRule
+from jaxsat.studies.work import most_cases, study_work
 
 
 @pytest.mark.parametrize("half_width", [0.2, 0.03, 0.01])

@@ -36,9 +36,10 @@ from jaxsat.report.study_plots import curves, settled_by_law, settling_plots
 from jaxsat.report.style import MOST_LINES
 from jaxsat.report.tuning_document import tuning_document
 from jaxsat.report.tuning_plots import gain_plots, loss_plots
-from jaxsat.store import OutputError, open_trajectory, study_columns
-from jaxsat.store.files import parse_json
+from jaxsat.store.dataset import open_trajectory
+from jaxsat.store.files import OutputError, parse_json
 from jaxsat.store.labels import store_of_row
+from jaxsat.store.ledger import study_columns
 from jaxsat.store.marker import read_unchanged
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from jaxsat.core.once import imported
 from jaxsat.report.document import Document, ReplayScene, Verdict
 from jaxsat.scenario.plugins import without_imports
-from jaxsat.store import OutputError, open_trajectory
-from jaxsat.store.files import parse_json
+from jaxsat.store.dataset import open_trajectory
+from jaxsat.store.files import OutputError, parse_json
 from jaxsat.store.marker import read_unchanged
 
 MOST_TOGETHER = 6

@@ -18,8 +18,11 @@ from jaxsat.report.study_document import study_document
 from jaxsat.report.study_plots import settling_over, settling_plots, success_over
 from jaxsat.scenario import Scenario, dump
 from jaxsat.simulation.engine.adaptive import Tolerance
-from jaxsat.store import OutputError, case_table, open_study, study_columns
-from jaxsat.studies import Sensitivity, Summary, numbers_of, summarise
+from jaxsat.store.files import OutputError
+from jaxsat.store.ledger import study_columns
+from jaxsat.store.tables import case_table, open_study
+from jaxsat.studies.sensitivities import Sensitivity, numbers_of
+from jaxsat.studies.summary import Summary, summarise
 
 WORST = 25
 """Cases of the table of the worst."""

@@ -29,7 +29,7 @@ from jaxsat.report.reproduction.three_axis_claims import (
     final_rate,
     lyapunov_decreases,
 )
-from jaxsat.store import is_within, time_to_settle
+from jaxsat.store.dataset import is_within, time_to_settle
 
 SMALL_ACCELERATION = 1e-5
 """rad/s². With this much a rate stays small for 100 s; d3 alone makes 3e-6."""

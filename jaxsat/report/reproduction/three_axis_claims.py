@@ -16,7 +16,7 @@ from jaxsat.report.reproduction.claim import (
     scenario_of,
     when,
 )
-from jaxsat.store import time_to_settle
+from jaxsat.store.dataset import time_to_settle
 
 FIGURES_END = 500.0
 """s. Where the time axis of the paper's figures ends."""

@@ -6,14 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.controllability import (
-    ActuatorSet,
-    actuator_set,
-    judge,
-    thruster_torques,
-    verdict_sentence,
-)
+from jaxsat.controllability.actuators import ActuatorSet, actuator_set, thruster_torques
 from jaxsat.controllability.cone import ROUNDING
+from jaxsat.controllability.judging import judge
+from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.scenario.parts.thrusters import ThrusterTable
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft import Spacecraft
@@ -57,7 +53,7 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
 def borderline_words(scenario: Scenario) -> str | None:
     """What to say where the torques that are left are two or three by their last digits alone.
 
-    It is what `jaxsat.controllability.judge` says of the actuators that work at the start. None
+    It is what `judge` says of the actuators that work at the start. None
     where their directions are plainly apart or plainly one.
     """
     actuators, working = all_actuators(scenario)

@@ -2,11 +2,8 @@
 
 import numpy as np
 
-from jaxsat.control import (
-    AbstractController,
-    AbstractSampledController,
-)
-from jaxsat.control.controller import LawContext, UnsuitableModel
+from jaxsat.control.controller import AbstractController, LawContext, UnsuitableModel
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.laws import Law
 from jaxsat.core.errors import FOREIGN

@@ -13,8 +13,8 @@ from jaxsat.scenario.layout import is_upside_down
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import refusal_text, shown
-from jaxsat.studies import AbstractDistribution
 from jaxsat.studies.dispersion_problems import dispersion_problems
+from jaxsat.studies.distributions import AbstractDistribution
 
 
 def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue]:

@@ -10,8 +10,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.control import AbstractController, AbstractFeedbackLaw, AbstractSampledController
-from jaxsat.control.navigation import AbstractEstimator, Estimate, Measurement
+from jaxsat.control.controller import AbstractController, AbstractFeedbackLaw
+from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Measurement
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.laws import Law
 from jaxsat.core.errors import FOREIGN

@@ -10,12 +10,8 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.control import (
-    AbstractBacksteppingLaw,
-    AbstractController,
-    AbstractSampledController,
-    Coast,
-)
+from jaxsat.control.controller import AbstractBacksteppingLaw, AbstractController, Coast
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_array, as_float
 from jaxsat.core.errors import PrecisionError

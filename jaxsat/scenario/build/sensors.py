@@ -5,13 +5,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.control.navigation import (
-    AbstractEstimator,
-    EstimatorContext,
-    MultiplicativeFilter,
-    Navigation,
-    RawMeasurements,
-)
+from jaxsat.control.navigation.estimator import AbstractEstimator, EstimatorContext, RawMeasurements
+from jaxsat.control.navigation.mekf import MultiplicativeFilter
+from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.sensors import SENSORS
 from jaxsat.core.noise import key_of_seed

@@ -45,22 +45,17 @@ from jaxsat.simulation.engine import (
     program_of,
 )
 from jaxsat.simulation.methods import SMOOTH_STEP
-from jaxsat.studies import (
-    AbstractDesign,
+from jaxsat.studies.designs import AbstractDesign, Independent, LatinHypercube, Sobol
+from jaxsat.studies.dispersions import Dispersed, Dispersions, StudyCase
+from jaxsat.studies.distributions import (
     AbstractDistribution,
     Discrete,
-    Dispersed,
-    Dispersions,
-    Independent,
-    LatinHypercube,
     Normal,
     RandomAttitude,
-    Sobol,
-    Study,
-    StudyCase,
     TruncatedNormal,
     Uniform,
 )
+from jaxsat.studies.ensemble import Study
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -323,7 +318,7 @@ def replay_case(scenario: Scenario, study: Study, number: int) -> "xr.Dataset":
     The dataset is that of `jaxsat simulate`. Its attributes hold the number of the case (`case`)
     and the values drawn for it (`drawn_NAME`). It has every observed instant.
     """
-    from jaxsat.store import trajectory_dataset  # slow to import
+    from jaxsat.store.dataset import trajectory_dataset  # slow to import
 
     replay = study.replay(number)
     steps, unknown = as_array(np.array(len(replay.times) - 1)), as_array(np.array(np.nan))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from jaxsat.control.controller import ThrusterContext
-from jaxsat.control.diagnosis import ThrusterModel
+from jaxsat.control.diagnosis.thruster_filter import ThrusterModel
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.failures import FailureKind, failure_kind
 from jaxsat.core.declaration.sensors import GYRO

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.control.planning import Plan, Planner, PlanStatus
+from jaxsat.control.planning.planner import Plan, Planner, PlanStatus
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop
 from jaxsat.spacecraft import Actuators, Wheels

@@ -20,7 +20,7 @@ from jaxsat.scenario.build.study import EngineName, build_study
 from jaxsat.scenario.control import is_plugin, known_law
 from jaxsat.scenario.errors import key_of
 from jaxsat.scenario.overrides import override
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 
 LEVELS = ("nominal", "mc", "hard")
 """Of dispersions, each a scenario `acceptance-LEVEL`."""

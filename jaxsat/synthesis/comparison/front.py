@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.planning import Plan, Planner, PlanStatus
+from jaxsat.control.planning.planner import Plan, Planner, PlanStatus
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import Run, build, build_tolerances, build_uncontrolled
 from jaxsat.simulation import SampledLoop

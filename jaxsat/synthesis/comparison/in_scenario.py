@@ -10,10 +10,12 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import refined_study
 from jaxsat.scenario.control import known_law, law_names
-from jaxsat.store import ResumableFolder, open_study
 from jaxsat.store.labels import named_store
-from jaxsat.studies import RecoverySummary, Study, study_work
-from jaxsat.studies.recovery_summary import summarise_recovery
+from jaxsat.store.resumable import ResumableFolder
+from jaxsat.store.tables import open_study
+from jaxsat.studies.ensemble import Study
+from jaxsat.studies.recovery_summary import RecoverySummary, summarise_recovery
+from jaxsat.studies.work import study_work
 from jaxsat.synthesis.comparison.acceptance import FILE, validated
 from jaxsat.synthesis.comparison.run import (
     KIND,

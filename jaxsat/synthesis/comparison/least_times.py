@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxsat.scenario.build.run import build
-from jaxsat.store import ResumableFolder
 from jaxsat.store.files import parse_json
+from jaxsat.store.resumable import ResumableFolder
 from jaxsat.synthesis.bounds.manoeuvre import End, manoeuvre_of
 from jaxsat.synthesis.bounds.run import end_data, searched, tolerances_at
 from jaxsat.synthesis.bounds.transcription import BoundObjective

@@ -12,15 +12,12 @@ from jaxsat.core.declaration.settling import TUNED_LIMITS
 from jaxsat.core.errors import JaxsatError
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build
-from jaxsat.store import (
-    ResumableFolder,
-    case_table,
-    command_line,
-    open_study,
-    provenance,
-)
 from jaxsat.store.labels import acceptance_store
-from jaxsat.studies import Study, Work
+from jaxsat.store.provenance import command_line, provenance
+from jaxsat.store.resumable import ResumableFolder
+from jaxsat.store.tables import case_table, open_study
+from jaxsat.studies.ensemble import Study
+from jaxsat.studies.work import Work
 from jaxsat.synthesis.bounds.manoeuvre import End
 from jaxsat.synthesis.comparison.acceptance import (
     LAWS,

@@ -8,15 +8,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
-from jaxsat.control import OscillatorySettling, ThreeSlewSettling
+from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.planned import PlannedSettling
+from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build, build_loop, build_tolerances
 from jaxsat.scenario.checks import SOLVER_KEYS
 from jaxsat.scenario.control import known_law
 from jaxsat.scenario.errors import key_of
-from jaxsat.studies import number_at
+from jaxsat.studies.dispersions import number_at
 from jaxsat.studies.perturbed import controller_of
 from jaxsat.synthesis.controller_design.request import ALL, QUICK
 from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict, scale_of

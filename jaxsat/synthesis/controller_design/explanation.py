@@ -10,9 +10,8 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.layout import believed_axes
 from jaxsat.scenario.parts.wheels import rotors
 from jaxsat.scenario.quantities import inertia_matrix
-from jaxsat.studies import Sensitivity, numbers_of
 from jaxsat.studies.ensemble import DRAWN
-from jaxsat.studies.sensitivities import Sensitivities
+from jaxsat.studies.sensitivities import Sensitivities, Sensitivity, numbers_of
 from jaxsat.synthesis.controller_design.candidates import Candidate, times, with_scaled_gains
 from jaxsat.synthesis.controller_design.studies import Columns
 from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict, coupling, entries, turned

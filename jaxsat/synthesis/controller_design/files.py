@@ -8,7 +8,8 @@ from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.report.design_document import DESIGNED, LINES, design_document
 from jaxsat.report.printers import markdown_page
 from jaxsat.scenario import dump
-from jaxsat.store import ResumableFolder, provenance
+from jaxsat.store.provenance import provenance
+from jaxsat.store.resumable import ResumableFolder
 from jaxsat.synthesis.controller_design.explanation import drawn_numbers
 from jaxsat.synthesis.controller_design.result import ControllerDesign, Step
 

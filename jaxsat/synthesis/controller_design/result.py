@@ -8,7 +8,8 @@ import numpy as np
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.domain import dimensionless_numbers, domain_cautions
-from jaxsat.studies import Interval, Summary, fraction_text
+from jaxsat.studies.statistics import Interval, fraction_text
+from jaxsat.studies.summary import Summary
 from jaxsat.synthesis.comparison.verdict import ComparisonRow, ComparisonVerdict
 from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.controller_design.explanation import Remedy, Separation

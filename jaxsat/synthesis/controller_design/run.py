@@ -6,7 +6,8 @@ from pathlib import Path
 from jaxsat.core.process import processors
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.control import known_law
-from jaxsat.studies import Serial, Threads, Work
+from jaxsat.studies.executors import Serial, Threads
+from jaxsat.studies.work import Work
 from jaxsat.synthesis.controller_design.files import write_files
 from jaxsat.synthesis.controller_design.request import (
     ALL,

@@ -8,9 +8,9 @@ import numpy as np
 
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.tuning import TuningTable
-from jaxsat.store import OutputError
-from jaxsat.studies import WhenDecided, summarise, wilson
-from jaxsat.studies.statistics import LEVEL
+from jaxsat.store.files import OutputError
+from jaxsat.studies.statistics import LEVEL, WhenDecided, wilson
+from jaxsat.studies.summary import summarise
 from jaxsat.synthesis.comparison.verdict import choose_law, settles_fewer
 from jaxsat.synthesis.controller_design.candidates import (
     Candidate,

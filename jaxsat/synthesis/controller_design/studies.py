@@ -8,9 +8,10 @@ import numpy as np
 from jaxsat.core.numerals import number_text
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.study import build_study
-from jaxsat.store import ResumableFolder
 from jaxsat.store.labels import named_store
-from jaxsat.studies import AbstractStopRule, Serial, fraction_text, percentile, wilson
+from jaxsat.store.resumable import ResumableFolder
+from jaxsat.studies.executors import Serial
+from jaxsat.studies.statistics import AbstractStopRule, fraction_text, percentile, wilson
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
 from jaxsat.synthesis.comparison.verdict import ComparisonRow, comparison_row
 from jaxsat.synthesis.execution import Execution, Listener, run_columns

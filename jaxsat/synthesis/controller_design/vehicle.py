@@ -11,9 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.controllability import ActuatorSet, Judgement, judge, verdict_sentence
+from jaxsat.controllability.actuators import ActuatorSet
 from jaxsat.controllability.cone import ROUNDING
-from jaxsat.controllability.wording import LAW_WORDS, lost_words
+from jaxsat.controllability.judgement import Judgement
+from jaxsat.controllability.judging import judge
+from jaxsat.controllability.wording import LAW_WORDS, lost_words, verdict_sentence
 from jaxsat.core.allocation import torque_directions
 from jaxsat.core.declaration.actuators import STEERED
 from jaxsat.core.errors import JaxsatError

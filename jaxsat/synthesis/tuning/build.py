@@ -23,7 +23,7 @@ from jaxsat.scenario.tuning import BoundsTable, CostTable, TuningTable
 from jaxsat.scenario.wording import shown
 from jaxsat.simulation.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
 from jaxsat.simulation.engine.native import NativeEngine, process_obstacle
-from jaxsat.studies import number_at
+from jaxsat.studies.dispersions import number_at
 from jaxsat.studies.perturbed import controller_of
 from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator, TrajectoryCounter
 from jaxsat.synthesis.tuning.forms import in_one_form, refined, throttled, with_control

@@ -12,8 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.scenario.optimisers import OptimiserSettings
-from jaxsat.store import OutputError, ResumableFolder, machine
+from jaxsat.store.files import OutputError
 from jaxsat.store.header import differences
+from jaxsat.store.provenance import machine
+from jaxsat.store.resumable import ResumableFolder
 from jaxsat.synthesis.execution import resumable_folder
 from jaxsat.synthesis.tuning.descent import (
     DescentState,

@@ -21,7 +21,8 @@ from jaxsat.simulation.engine import (
     Program,
     program_identity,
 )
-from jaxsat.studies import AbstractDesign, Dispersed, StudyCase
+from jaxsat.studies.designs import AbstractDesign
+from jaxsat.studies.dispersions import Dispersed, StudyCase
 from jaxsat.synthesis.tuning.parameters import SearchSpace, Values
 
 GradientMethod = Literal["forward", "reverse", "differences"]

@@ -11,7 +11,8 @@ from jaxtyping import Float
 
 from jaxsat.simulation import Outcome
 from jaxsat.simulation.engine import Outputs
-from jaxsat.studies import LEVEL, Interval, Summary, summarise, wilson
+from jaxsat.studies.statistics import LEVEL, Interval, wilson
+from jaxsat.studies.summary import Summary, summarise
 from jaxsat.synthesis.plain_data import plain_data
 from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator, TrajectoryCounter
 from jaxsat.synthesis.tuning.plan import TuningPlan

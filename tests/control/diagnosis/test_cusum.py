@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from jaxsat.control.diagnosis import average_run_length, cusum_threshold
+from jaxsat.control.diagnosis.diagnosis import average_run_length, cusum_threshold
 
 
 def exact_run_length(reference, threshold, shift):

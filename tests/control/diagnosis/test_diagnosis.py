@@ -7,15 +7,10 @@ import pytest
 from scipy.optimize import nnls
 
 from helpers.thruster_layouts import canted
-from jaxsat.control.diagnosis import (
-    DiagnosedKind,
-    Diagnosis,
-    Reading,
-    ThrusterFilter,
-    ThrusterModel,
-    average_run_length,
-)
-from jaxsat.control.diagnosis.residual import RESTLESSNESS
+from jaxsat.control.diagnosis.diagnosis import Diagnosis, average_run_length
+from jaxsat.control.diagnosis.isolation import DiagnosedKind
+from jaxsat.control.diagnosis.residual import RESTLESSNESS, Reading
+from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter, ThrusterModel
 from jaxsat.spacecraft import DeltaSigma, Spacecraft
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.environment import SmallAngleOrbit

@@ -5,15 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.control.diagnosis import (
-    ActuatorCondition,
-    DiagnosedKind,
-    Diagnosis,
-    Reading,
-    WheelFilter,
-    average_run_length,
-)
-from jaxsat.control.diagnosis.residual import RESTLESSNESS
+from jaxsat.control.diagnosis.diagnosis import Diagnosis, average_run_length
+from jaxsat.control.diagnosis.isolation import DiagnosedKind
+from jaxsat.control.diagnosis.residual import RESTLESSNESS, ActuatorCondition, Reading
+from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.spacecraft import Wheels
 
 PERIOD, NOISE, FULL, COULOMB = 0.1, 2e-3, 0.4, 0.01

@@ -11,7 +11,8 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.spacecraft import StarTracker
-from jaxsat.studies import QUANTITIES, Uniform
+from jaxsat.studies.distributions import Uniform
+from jaxsat.studies.quantities import QUANTITIES
 from studies.copies import copies_of
 
 SENSORS = [

@@ -10,11 +10,9 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from control.navigation.motion import ORBIT_RATE, attitude_errors, inertial, motion
-from jaxsat.control.navigation import (
-    Measurement,
-    MultiplicativeFilter,
-    Navigation,
-)
+from jaxsat.control.navigation.estimator import Measurement
+from jaxsat.control.navigation.mekf import MultiplicativeFilter
+from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft import Gyro, StarTracker
 from jaxsat.spacecraft.dynamics import PlantState

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from control.navigation.motion import attitude_errors, motion
-from jaxsat.control.navigation import Navigation, RawMeasurements
+from jaxsat.control.navigation.estimator import RawMeasurements
+from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.core.noise import sample_noise
 from jaxsat.spacecraft import Gyro, StarTracker

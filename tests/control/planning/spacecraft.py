@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.control.planning import Planner
+from jaxsat.control.planning.planner import Planner
 from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft import Spacecraft
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody

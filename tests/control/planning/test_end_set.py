@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from control.planning.spacecraft import PAPER, flown, planner, turned_about_x
-from jaxsat.control.planning import PlanStatus
 from jaxsat.control.planning.barriers import (
     BALLS,
     TO_BOUNDARY,
@@ -16,6 +15,7 @@ from jaxsat.control.planning.barriers import (
     longest_place_step,
     slacks,
 )
+from jaxsat.control.planning.planner import PlanStatus
 from jaxsat.control.planning.riccati import ARRIVAL_WEIGHT, _arrival_terms, _place_change
 from jaxsat.core.tolerances import Tolerances
 

@@ -10,7 +10,7 @@ import pytest
 
 from control.planning.spacecraft import PAPER, flown, planner, random_body, state, turned_about_x
 from jaxsat.compiler import Mapped
-from jaxsat.control.planning import Plan, Planner, PlanStatus
+from jaxsat.control.planning.planner import Plan, Planner, PlanStatus
 from jaxsat.core.checks import as_float
 from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario.build.load import load

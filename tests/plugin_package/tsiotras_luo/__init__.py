@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.control import AbstractSampledController
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.declaration import LawDeclaration, number
 from jaxsat.spacecraft.dynamics import RigidBody
 

@@ -11,7 +11,8 @@ import xarray as xr
 from helpers.pages import SCENARIO, run_dataset
 from jaxsat.report.page import batches, report_page
 from jaxsat.report.reproduction import Claim, ClaimVerdict
-from jaxsat.store import OutputError, dataset_bytes
+from jaxsat.store.dataset import dataset_bytes
+from jaxsat.store.files import OutputError
 
 
 def first_sentence(page):

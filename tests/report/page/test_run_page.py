@@ -11,7 +11,7 @@ from jaxsat.report.page import html, report_page
 from jaxsat.report.page.replay import body_box, craft
 from jaxsat.report.plot import kept_samples
 from jaxsat.report.run_document import run_document, run_verdict
-from jaxsat.store import OutputError
+from jaxsat.store.files import OutputError
 
 NASTY = '</script><script>alert("1")</script><b>&amp; $$x$$ \\[y\\]'
 

@@ -13,9 +13,12 @@ from jaxsat.report.page.plots import chart_of
 from jaxsat.report.page.study import case_command, scenario_text
 from jaxsat.report.study_plots import convergence, settled_by, settling_over, success_over
 from jaxsat.scenario import library, read
-from jaxsat.store import Column, OutputError, StudyStore, open_study, open_trajectory
-from jaxsat.store.chunks import Coordinate
-from jaxsat.studies import wilson
+from jaxsat.store.chunks import Column, Coordinate
+from jaxsat.store.dataset import open_trajectory
+from jaxsat.store.files import OutputError
+from jaxsat.store.store import StudyStore
+from jaxsat.store.tables import open_study
+from jaxsat.studies.statistics import wilson
 
 IDENTITY = {
     "scenario": {

@@ -5,8 +5,10 @@ import pytest
 
 from jaxsat.report.page import report_page
 from jaxsat.report.page.batches import read_lines, read_record
-from jaxsat.store import Column, OutputError, StudyStore
+from jaxsat.store.chunks import Column
+from jaxsat.store.files import OutputError
 from jaxsat.store.marker import Marker
+from jaxsat.store.store import StudyStore
 
 COLUMNS = {
     "code": Column((), "int8", "1", "outcome"),

@@ -9,7 +9,7 @@ from jaxsat.report.reproduction.figures import paper_figures
 from jaxsat.scenario import dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.store import time_to_settle, trajectory_dataset
+from jaxsat.store.dataset import time_to_settle, trajectory_dataset
 
 
 @pytest.fixture(scope="module")

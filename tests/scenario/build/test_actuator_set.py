@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from jaxsat.controllability import judge, verdict_sentence
+from jaxsat.controllability.judging import judge
+from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.scenario import dump
 from jaxsat.scenario.build.actuator_set import all_actuators
 from jaxsat.scenario.build.load import load

@@ -19,7 +19,8 @@ from jaxsat.scenario.build.study import (
 from jaxsat.scenario.dispersion_tables import PARAMETERS
 from jaxsat.scenario.toml_text import toml_value
 from jaxsat.simulation.engine import NativeEngine, ReferenceEngine
-from jaxsat.studies import QUANTITIES, LatinHypercube, Sobol
+from jaxsat.studies.designs import LatinHypercube, Sobol
+from jaxsat.studies.quantities import QUANTITIES
 
 OMEGA = "dispersion.omega_rad_s={distribution='uniform', low=-0.1, high=[0.1, 0.2, 0.3]}"
 

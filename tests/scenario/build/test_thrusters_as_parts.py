@@ -9,7 +9,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.spacecraft import FailureKind, IdealThrottle, PulsedThrusters
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 
 HEAD = """\
 title = "Test"

@@ -18,7 +18,8 @@ from helpers.paper import (
     three_axis_start,
 )
 from helpers.switching import CASE, start, switching_loop
-from jaxsat.control.navigation import MultiplicativeFilter, Navigation
+from jaxsat.control.navigation.mekf import MultiplicativeFilter
+from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.noise import key_of_seed
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation import (

@@ -7,7 +7,7 @@ import pytest
 from jaxtyping import Array, Float
 
 from helpers.thruster_layouts import allocated, canted, thruster_set
-from jaxsat.control import QuaternionFeedback
+from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.simulation import SampledLoop, simulate

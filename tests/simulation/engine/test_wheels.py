@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from jaxtyping import Array, Float
 
-from jaxsat.control import AbstractSampledController
 from jaxsat.control.controller import AbstractFeedbackLaw
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop, adaptive, fixed

@@ -4,8 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from jaxsat.control import SwitchingLaw
-from jaxsat.control.switching import SwitchingMode
+from jaxsat.control.switching import SwitchingLaw, SwitchingMode
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.spacecraft.dynamics import PlantState

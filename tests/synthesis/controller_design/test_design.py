@@ -9,7 +9,7 @@ import pytest
 import jaxsat
 from jaxsat.report.design_document import DESIGNED, design_document
 from jaxsat.report.printers import markdown_page
-from jaxsat.store import ResumableFolder
+from jaxsat.store.resumable import ResumableFolder
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
 from jaxsat.synthesis.comparison.verdict import choose_law, comparison_row
 from jaxsat.synthesis.controller_design import steps

@@ -13,7 +13,7 @@ from jaxsat.scenario.build.run import build_loop
 from jaxsat.scenario.holding import missing_torque
 from jaxsat.scenario.layout import believed_axes
 from jaxsat.scenario.quantities import inertia_matrix
-from jaxsat.studies import number_at
+from jaxsat.studies.dispersions import number_at
 from jaxsat.studies.perturbed import controller_of
 from jaxsat.synthesis.controller_design.candidates import (
     GAINS,

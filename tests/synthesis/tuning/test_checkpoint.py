@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from corruption import corrupt
-from jaxsat.control import RateLaw
-from jaxsat.store import OutputError
+from jaxsat.control.rate import RateLaw
+from jaxsat.store.files import OutputError
 from jaxsat.studies.perturbed import controller_of
 from jaxsat.synthesis.tuning.build import build_plan
 from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from jaxsat.control.diagnosis import average_run_length
+from jaxsat.control.diagnosis.diagnosis import average_run_length
 from jaxsat.scenario.build.load import load
 from jaxsat.synthesis.tuning.build import build_plan
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.control import RateLaw
+from jaxsat.control.rate import RateLaw
 from jaxsat.simulation import Outcome
 from jaxsat.simulation.engine import AbstractCaseFactory, nan_in_run
 from jaxsat.synthesis.tuning.cost_evaluator import CaseGradients

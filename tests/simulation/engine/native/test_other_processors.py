@@ -19,7 +19,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation.engine import AdaptiveStepper, NativeEngine, Outputs
 from jaxsat.simulation.engine.native import kernel
-from jaxsat.studies import Study
+from jaxsat.studies.ensemble import Study
 
 pytestmark = pytest.mark.slow
 
