@@ -17,7 +17,7 @@ import numpy as np
 import jaxsat
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation.engine import Outputs
+from jaxsat.simulation.engine.progress import Outputs
 
 SCENARIOS = ("benchmark-three-axis", "acceptance-mc", "failures-12u")
 

@@ -20,7 +20,8 @@ from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import study_program
 from jaxsat.scenario.dump import dump
-from jaxsat.simulation.engine import FixedStepper, NativeEngine
+from jaxsat.simulation.engine.fixed import FixedStepper
+from jaxsat.simulation.engine.native import NativeEngine
 from jaxsat.studies.designs import Independent
 from jaxsat.studies.ensemble import Study
 from random_family import (

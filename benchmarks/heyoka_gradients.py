@@ -28,7 +28,8 @@ from contenders.contender import TOLERANCES, Contender, Run
 from contenders.heyoka_taylor import variational
 from contenders.work import GAINS, SIZE, rate, reference, starts
 from engines import PERCENT, made_study, paces
-from jaxsat.simulation.engine import AdaptiveStepper, NativeEngine, Tolerance
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.native import NativeEngine
 from jaxsat.simulation.engine.program import AbstractCaseFactory, Case
 from jaxsat.studies.ensemble import Study
 

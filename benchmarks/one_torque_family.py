@@ -17,8 +17,8 @@ import numpy as np
 from jaxsat.core.inertia import torque_axis_frame
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import Run, build
-from jaxsat.simulation import simulate
-from jaxsat.spacecraft import Spacecraft
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.spacecraft.spacecraft import Spacecraft
 
 LEVELS = {"nominal": (0.0, 0.0, 0.0, 0.0, 1.0), "hard": (0.1, 0.0175, 0.02, 3e-5, 2.0)}
 """Errors of inertia and torque, of the axis (rad), products, noise (rad/s), largest disturbance."""

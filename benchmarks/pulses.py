@@ -21,7 +21,8 @@ import numpy as np
 from jaxsat.scenario import library
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation.engine import NativeEngine, SampledStepper
+from jaxsat.simulation.engine.fixed import SampledStepper
+from jaxsat.simulation.engine.native import NativeEngine
 
 SIX = "".join(
     f"""

@@ -33,9 +33,10 @@ from jaxsat.scenario import Scenario, ScenarioWarning
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import study_program
 from jaxsat.scenario.holding import missing_torque
-from jaxsat.simulation import SampledLoop
-from jaxsat.simulation.engine import FixedStepper, NativeEngine
-from jaxsat.spacecraft import Actuators
+from jaxsat.simulation.engine.fixed import FixedStepper
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.studies.designs import Independent
 from jaxsat.studies.dispersions import Dispersed, StudyCase
 from jaxsat.studies.ensemble import Study

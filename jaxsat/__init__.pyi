@@ -82,21 +82,37 @@ from jaxsat.spacecraft.dynamics import (
     PlantState as PlantState,
     RigidBody as RigidBody,
 )
-from jaxsat.simulation.engine import (
-    AdaptiveStepper as AdaptiveStepper,
+from jaxsat.compiler import (
     CannotLower as CannotLower,
-    FixedStepper as FixedStepper,
-    NativeEngine as NativeEngine,
-    Outputs as Outputs,
-    Program as Program,
-    ReferenceEngine as ReferenceEngine,
-    ScanEngine as ScanEngine,
+)
+from jaxsat.simulation.engine.adaptive import (
+    AdaptiveStepper as AdaptiveStepper,
     Tolerance as Tolerance,
+)
+from jaxsat.simulation.engine.fixed import (
+    FixedStepper as FixedStepper,
+)
+from jaxsat.simulation.engine.native import (
+    NativeEngine as NativeEngine,
+)
+from jaxsat.simulation.engine.program import (
+    Program as Program,
     program_of as program_of,
 )
-from jaxsat.spacecraft.environment import (
+from jaxsat.simulation.engine.progress import (
+    Outputs as Outputs,
+)
+from jaxsat.simulation.engine.reference import (
+    ReferenceEngine as ReferenceEngine,
+)
+from jaxsat.simulation.engine.scan import (
+    ScanEngine as ScanEngine,
+)
+from jaxsat.spacecraft.environment.disturbances import (
     AbstractDisturbance as AbstractDisturbance,
     DisturbanceContext as DisturbanceContext,
+)
+from jaxsat.spacecraft.environment.orbit import (
     ExactOrbit as ExactOrbit,
 )
 from jaxsat.core.errors import (
@@ -136,16 +152,26 @@ from jaxsat.scenario import (
     dump as dump,
     library as library,
 )
-from jaxsat.simulation import (
-    ContinuousLoop as ContinuousLoop,
+from jaxsat.simulation.engine.single import (
+    simulate as simulate,
+)
+from jaxsat.simulation.error_coordinates import (
     ErrorCoordinateLoop as ErrorCoordinateLoop,
-    Outcome as Outcome,
-    SampledLoop as SampledLoop,
-    Signals as Signals,
-    Trajectory as Trajectory,
+)
+from jaxsat.simulation.loops import (
+    ContinuousLoop as ContinuousLoop,
+)
+from jaxsat.simulation.methods import (
     adaptive as adaptive,
     fixed as fixed,
-    simulate as simulate,
+)
+from jaxsat.simulation.sampled_loop import (
+    SampledLoop as SampledLoop,
+)
+from jaxsat.simulation.trajectory import (
+    Outcome as Outcome,
+    Signals as Signals,
+    Trajectory as Trajectory,
 )
 from jaxsat.synthesis.tuning.descent import (
     DescentProgress as DescentProgress,
@@ -154,12 +180,16 @@ from jaxsat.synthesis.tuning.run import (
     TuningResult as TuningResult,
     tune as tune,
 )
-from jaxsat.spacecraft import (
+from jaxsat.spacecraft.actuators import (
     AbstractActuators as AbstractActuators,
     AbstractSmoothActuators as AbstractSmoothActuators,
     ActuatorContext as ActuatorContext,
     Actuators as Actuators,
+)
+from jaxsat.spacecraft.spacecraft import (
     Spacecraft as Spacecraft,
+)
+from jaxsat.spacecraft.thrusters import (
     Thrusters as Thrusters,
 )
 

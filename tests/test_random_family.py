@@ -8,7 +8,7 @@ import small_coupling
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import study_program
 from jaxsat.scenario.holding import missing_torque
-from jaxsat.simulation.engine import NativeEngine
+from jaxsat.simulation.engine.native import NativeEngine
 from jaxsat.studies.designs import Independent
 from jaxsat.studies.ensemble import Study
 from random_family import LEAST_COUPLING, family_member, family_scenario

@@ -8,16 +8,13 @@ import numpy as np
 
 from contenders.contender import TOLERANCES, Contender, Run
 from jaxsat.core.process import processors
-from jaxsat.simulation import adaptive
-from jaxsat.simulation.engine import (
-    AbstractEngine,
-    AdaptiveStepper,
-    NativeEngine,
-    Outputs,
-    ReferenceEngine,
-    ScanEngine,
-    Tolerance,
-)
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.interface import AbstractEngine
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.progress import Outputs
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.methods import adaptive
 from jaxsat.studies.ensemble import Study
 from jaxsat.studies.executors import Threads
 

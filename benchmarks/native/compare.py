@@ -33,14 +33,11 @@ from sampled_work import Sampled, pulsed_study, sampled_engine, sampled_study
 
 from contenders.work import K3, K4, MU, A, starts
 from engines import made_study
-from jaxsat.simulation.engine import (
-    AbstractEngine,
-    AdaptiveStepper,
-    FixedStepper,
-    NativeEngine,
-    ScanEngine,
-    Tolerance,
-)
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.fixed import FixedStepper
+from jaxsat.simulation.engine.interface import AbstractEngine
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.scan import ScanEngine
 from jaxsat.studies.ensemble import Study
 
 SUBSTEPS = 20

@@ -12,7 +12,7 @@ from pathlib import Path
 import diffrax
 import numpy as np
 
-from jaxsat.simulation.engine import Tolerance
+from jaxsat.simulation.engine.adaptive import Tolerance
 from jaxsat.simulation.engine.dense_output import dense_output
 
 HERE = Path(__file__).parent

@@ -11,10 +11,14 @@ from hand_written import POINTER, WHOLE, address, library
 from jaxsat.compiler.functions import error_function
 from jaxsat.control.demands import MorinSamson
 from jaxsat.control.oscillatory import Oscillator
+from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation.engine import NativeEngine, SampledStepper
-from jaxsat.spacecraft import Actuators, FailureKind, PulsedThrusters, PulseWidth
+from jaxsat.simulation.engine.fixed import SampledStepper
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.spacecraft.actuators import Actuators
+from jaxsat.spacecraft.modulation import PulseWidth
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
 from jaxsat.studies.ensemble import Study
 from pulses import study_of
 

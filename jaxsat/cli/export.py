@@ -12,7 +12,7 @@ from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import SUCCESS, UserMistake, print_stdout
 
 if TYPE_CHECKING:
-    from jaxsat.flight import Export
+    from jaxsat.flight.files import Export
     from jaxsat.scenario import Scenario
 
 Float = Annotated[bool, Parameter(name="--float", negative="")]
@@ -51,7 +51,9 @@ def export(
     chosen = load_scenario(scenario, overrides)
     target = output.out or Path(f"jaxsat-{Path(scenario).stem}-flight")
 
-    from jaxsat.flight import CannotExport, CannotLower, is_built
+    from jaxsat.compiler.lowering import CannotLower
+    from jaxsat.flight.flight import CannotExport
+    from jaxsat.flight.templates import is_built
     from jaxsat.store.folder import OutputFolder
 
     try:
@@ -81,7 +83,7 @@ def export(
 
 
 def _export(scenario: "Scenario", *, single: bool, libm: bool) -> "Export":
-    from jaxsat.flight import Request, export
+    from jaxsat.flight.files import Request, export
     from jaxsat.scenario import dump
     from jaxsat.scenario.build.run import build
     from jaxsat.store.provenance import provenance

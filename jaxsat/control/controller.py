@@ -21,8 +21,8 @@ from jaxsat.control.steering import MagneticSteering
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.laws import COAST
 from jaxsat.core.errors import JaxsatError
-from jaxsat.spacecraft import Wheels
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.wheels import Wheels
 
 
 class ThrusterContext(NamedTuple):

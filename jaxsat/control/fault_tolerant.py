@@ -23,8 +23,8 @@ from jaxsat.control.tolerant_wheels import TolerantWheels
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.three_torques import FAULT_TOLERANT
-from jaxsat.spacecraft import wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.wheels import wheel_momentum
 
 RealScalar = Float[Array, ""]
 

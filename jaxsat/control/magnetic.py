@@ -26,11 +26,10 @@ from jaxsat.control.steering import MagneticSteering
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
-from jaxsat.spacecraft import wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import DipoleField
 from jaxsat.spacecraft.environment.disturbances import GravityGradient
-from jaxsat.spacecraft.environment.orbit import DIPOLE
+from jaxsat.spacecraft.environment.orbit import DIPOLE, DipoleField
+from jaxsat.spacecraft.wheels import wheel_momentum
 
 RealScalar = Float[Array, ""]
 

@@ -16,8 +16,7 @@ from jaxtyping import Array, Complex, Float
 
 from jaxsat.core.attitude import skew
 from jaxsat.core.checks import as_float
-from jaxsat.spacecraft.environment import DipoleField
-from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION
+from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION, DipoleField
 
 TURNS, PHASES = 8, 32
 """Of the Earth and of the orbit, for which gains are stored."""

@@ -17,8 +17,8 @@ from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.three_torques import QUATERNION_FEEDBACK
 from jaxsat.core.quotients import share_within
-from jaxsat.spacecraft import wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.wheels import wheel_momentum
 
 SMALLEST = 1e-30
 """Keeps a quotient of two zeros finite."""

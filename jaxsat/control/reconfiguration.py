@@ -19,7 +19,7 @@ from jaxsat.core.allocation import (
     unit_columns,
 )
 from jaxsat.core.checks import as_array, as_float
-from jaxsat.spacecraft import LeastPropellant
+from jaxsat.spacecraft.least_propellant import LeastPropellant
 
 RealScalar = Float[Array, ""]
 

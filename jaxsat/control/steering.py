@@ -11,19 +11,15 @@ from jaxtyping import Array, Float
 
 from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.errors import ArgumentError
-from jaxsat.spacecraft import (
-    AbstractDistribution,
-    ControlMomentGyros,
-    GyroStates,
-    Magnetorquers,
-    Reach,
-    allocate,
-    inverse_of,
-    wheel_momentum,
-)
-from jaxsat.spacecraft.distribution import Shares, torque_of
+from jaxsat.spacecraft.allocation import allocate
+from jaxsat.spacecraft.distribution import AbstractDistribution, Shares, torque_of
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.spacecraft.environment import DipoleField
+from jaxsat.spacecraft.effector import Reach
+from jaxsat.spacecraft.environment.orbit import DipoleField
+from jaxsat.spacecraft.gimbals import ControlMomentGyros, GyroStates
+from jaxsat.spacecraft.magnetorquers import Magnetorquers
+from jaxsat.spacecraft.spacecraft import inverse_of
+from jaxsat.spacecraft.wheels import wheel_momentum
 
 NEARLY_SINGULAR = 0.1
 """det(A Aᵀ) of unit columns A below which rates of gimbals are damped; an even set has over 1."""

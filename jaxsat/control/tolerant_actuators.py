@@ -11,8 +11,8 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from jaxsat.control.diagnosis.diagnosis import DiagnosisMemory
 from jaxsat.control.diagnosis.residual import AbstractResidualFilter, Reading
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
-from jaxsat.spacecraft import Reach
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.effector import Reach
 
 RealScalar = Float[Array, ""]
 

@@ -12,7 +12,8 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.reconfiguration import FLAT, LEAST_SPARE, SMALL
 from jaxsat.control.tolerant_actuators import Demand
-from jaxsat.spacecraft import Reach, allocate, allocate_unloading
+from jaxsat.spacecraft.allocation import allocate, allocate_unloading
+from jaxsat.spacecraft.effector import Reach
 
 RealScalar = Float[Array, ""]
 

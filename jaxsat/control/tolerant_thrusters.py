@@ -24,8 +24,8 @@ from jaxsat.control.tolerant_actuators import (
 )
 from jaxsat.core.checks import as_float
 from jaxsat.core.trees import choose
-from jaxsat.spacecraft import Reach
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.effector import Reach
 
 RealScalar = Float[Array, ""]
 

@@ -14,7 +14,9 @@ from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.reconfiguration import Left
 from jaxsat.core.quotients import length, root
-from jaxsat.spacecraft import Reach, Wheels, allocate
+from jaxsat.spacecraft.allocation import allocate
+from jaxsat.spacecraft.effector import Reach
+from jaxsat.spacecraft.wheels import Wheels
 
 RealScalar = Float[Array, ""]
 OfEach = Float[Array, " m"]

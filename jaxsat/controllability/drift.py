@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.controllability.lie import DriftField, VectorField, pack
-from jaxsat.spacecraft.environment import PeriodicTorque
+from jaxsat.spacecraft.environment.disturbances import PeriodicTorque
 
 
 def divergence(field: VectorField, state: Float[Array, " n"]) -> Float[Array, ""]:

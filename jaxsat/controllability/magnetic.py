@@ -22,8 +22,7 @@ from jaxsat.control.periodic_gain import (
 )
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 from jaxsat.controllability.linear import lvlh_linearisation
-from jaxsat.spacecraft.environment import DipoleField
-from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION
+from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION, DipoleField
 
 DAY = 2 * np.pi / EARTH_ROTATION  # s
 STEPS = 128  # an orbit

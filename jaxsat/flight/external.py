@@ -22,9 +22,10 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import LibraryError
 from jaxsat.flight.flight import FlightController, Measured, Seen
 from jaxsat.flight.program import FlightProgram, flight_program
-from jaxsat.simulation import AbstractLoop, SampledLoop
-from jaxsat.spacecraft import wheel_momentum
+from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.wheels import wheel_momentum
 
 
 class Library:

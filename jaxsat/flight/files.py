@@ -13,7 +13,8 @@ from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.flight.readme import readme
 from jaxsat.flight.source import header, source
 from jaxsat.flight.vectors import Vectors, vectors
-from jaxsat.simulation import AbstractLoop, SampledLoop
+from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
 
 

@@ -12,16 +12,13 @@ from jaxsat.control.navigation.estimator import AbstractEstimator, Measurement
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import AbstractAttitude, Quaternion
 from jaxsat.core.errors import JaxsatError
-from jaxsat.simulation import SampledLoop
-from jaxsat.spacecraft import (
-    AbstractDistribution,
-    AbstractEffector,
-    Actuators,
-    PulsedThrusters,
-    WheelMomenta,
-    Wheels,
-)
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
+from jaxsat.spacecraft.distribution import AbstractDistribution
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.effector import AbstractEffector
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 
 
 class CannotExport(JaxsatError):

@@ -25,8 +25,8 @@ from jaxsat.flight.flight import (
     State,
     as_type,
 )
-from jaxsat.spacecraft import wheel_momentum
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.wheels import wheel_momentum
 
 
 @dataclass(frozen=True)

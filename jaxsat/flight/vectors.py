@@ -16,10 +16,11 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.flight.flight import Begin, Input, Measured, Seen, State
 from jaxsat.flight.program import FlightProgram
-from jaxsat.simulation import SampledLoop
 from jaxsat.simulation.engine.runge_kutta import explicit_step, tableau_of
-from jaxsat.spacecraft import PulsedThrusters, wheel_momentum
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import OfEach, PlantState
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.wheels import wheel_momentum
 
 CASES, SAMPLES, EDGES = 8, 1280, 512
 """Closed-loop runs, samples that are kept of each, and edge cases."""

@@ -43,7 +43,8 @@ from jaxsat.scenario.build.actuator_set import all_actuators
 from jaxsat.scenario.build.actuators import magnetic_context
 from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
 from jaxsat.scenario.quantities import inertia_matrix
-from jaxsat.spacecraft import ControlMomentGyros, Magnetorquers
+from jaxsat.spacecraft.gimbals import ControlMomentGyros
+from jaxsat.spacecraft.magnetorquers import Magnetorquers
 from jaxsat.store.dataset import dataset_bytes
 from jaxsat.store.folder import OutputFolder
 

@@ -17,7 +17,7 @@ from jaxsat.report import study_plots
 from jaxsat.report.figure_painter import paint
 from jaxsat.report.saving import save_figures
 from jaxsat.report.style import LINES, panels
-from jaxsat.simulation import Signals
+from jaxsat.simulation.trajectory import Signals
 from jaxsat.store.tables import open_study
 from jaxsat.studies.ensemble import Study
 from jaxsat.studies.sensitivities import numbers_of

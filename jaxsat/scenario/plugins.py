@@ -61,11 +61,14 @@ LAW = PluginKind(
 DISTURBANCE = PluginKind(
     "a disturbance",
     "jaxsat.disturbances",
-    ("jaxsat.spacecraft.environment:AbstractDisturbance",),
+    ("jaxsat.spacecraft.environment.disturbances:AbstractDisturbance",),
     PartDeclaration,
 )
 ACTUATORS = PluginKind(
-    "actuators", "jaxsat.actuators", ("jaxsat.spacecraft:AbstractActuators",), PartDeclaration
+    "actuators",
+    "jaxsat.actuators",
+    ("jaxsat.spacecraft.actuators:AbstractActuators",),
+    PartDeclaration,
 )
 ESTIMATOR = PluginKind(
     "an estimator",

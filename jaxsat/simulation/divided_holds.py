@@ -5,8 +5,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.simulation.located_edges import Integrate, through_located_parts
-from jaxsat.spacecraft import Hold
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody
+from jaxsat.spacecraft.held_effector import Hold
 
 
 def through_hold(

@@ -13,8 +13,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.core.trees import choose
-from jaxsat.spacecraft import Hold
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody
+from jaxsat.spacecraft.held_effector import Hold
 
 RealScalar = Float[Array, ""]
 Integrate = Callable[[RealScalar, Hold, PlantState, PyTree], tuple[PlantState, PyTree]]

@@ -22,8 +22,9 @@ from jaxsat.control.controller import (
     Memory,
 )
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.spacecraft import AbstractDistribution, AbstractFailures, Direct
+from jaxsat.spacecraft.distribution import AbstractDistribution, Direct
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody, Struck
+from jaxsat.spacecraft.failures import AbstractFailures
 
 
 class AbstractLoop(eqx.Module):

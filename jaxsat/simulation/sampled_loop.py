@@ -17,18 +17,10 @@ from jaxsat.core.checks import as_optional_float, concrete, require_counts, requ
 from jaxsat.simulation.divided_holds import through_hold
 from jaxsat.simulation.loops import AbstractLoop, plant_signals
 from jaxsat.simulation.trajectory import Signals
-from jaxsat.spacecraft import (
-    AbstractDistribution,
-    Direct,
-    DrawnSensors,
-    Hold,
-    Sensors,
-    Tachometers,
-    hold_by_hold,
-    mean_size,
-)
-from jaxsat.spacecraft.distribution import Shares
+from jaxsat.spacecraft.distribution import AbstractDistribution, Direct, Shares
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody
+from jaxsat.spacecraft.held_effector import Hold, hold_by_hold, mean_size
+from jaxsat.spacecraft.sensors import DrawnSensors, Sensors, Tachometers
 
 
 class SampledState(NamedTuple):

@@ -15,10 +15,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.checks import require_inertia
-from jaxsat.spacecraft import Spacecraft, inverse_of
 from jaxsat.spacecraft.effector import AbstractEffector
-from jaxsat.spacecraft.environment import AbstractDisturbance, AbstractOrbit, NoDisturbance
-from jaxsat.spacecraft.spacecraft import OfEach, PlantState
+from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, NoDisturbance
+from jaxsat.spacecraft.environment.orbit import AbstractOrbit
+from jaxsat.spacecraft.spacecraft import OfEach, PlantState, Spacecraft, inverse_of
 
 RealScalar = Float[Array, ""]
 Struck = tuple[Bool[Array, " _"], ...]

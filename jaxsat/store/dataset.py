@@ -15,7 +15,7 @@ from jaxsat.control.sampled import mode_label
 from jaxsat.core.pointing import SEQUENCE, euler_angles, pointing_error
 from jaxsat.core.text import clean
 from jaxsat.core.tolerances import Tolerances, within
-from jaxsat.simulation import Signals, Trajectory
+from jaxsat.simulation.trajectory import Signals, Trajectory
 from jaxsat.store.files import OutputError, one_line
 from jaxsat.store.labels import (
     ALL_PARTS,

@@ -12,7 +12,7 @@ import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from jaxsat.simulation import Outcome
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.store.chunks import CASE, CASE_COLUMN, DONE, STATUS
 from jaxsat.store.files import save_file
 from jaxsat.store.header import read_header

@@ -13,16 +13,16 @@ from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.ripple import RippleFilter, RippleObserver
 from jaxsat.control.three_axis import InternalModel
 from jaxsat.core.attitude import DCM, WZ, AbstractAttitude, Quaternion
-from jaxsat.simulation import AbstractLoop
-from jaxsat.simulation.loops import parts_of
-from jaxsat.spacecraft import Spacecraft, Wheels
-from jaxsat.spacecraft.environment import (
-    AbstractOrbit,
+from jaxsat.simulation.loops import AbstractLoop, parts_of
+from jaxsat.spacecraft.environment.disturbances import (
     ConstantTorque,
     PeriodicTorque,
     SumOfDisturbances,
 )
+from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.sensors import turned_slightly
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.wheels import Wheels
 from jaxsat.studies.perturbed import (
     PerturbedLoop,
     Values,

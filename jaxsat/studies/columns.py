@@ -7,8 +7,10 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxsat.core.declaration.actuators import STUDIED
-from jaxsat.simulation import AbstractLoop, SampledLoop, Signals
 from jaxsat.simulation.engine.progress import peaks_of
+from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.simulation.trajectory import Signals
 from jaxsat.store import labels
 from jaxsat.store.chunks import Column
 

@@ -10,8 +10,7 @@ import jaxsat.core.ranges as ranges
 from jaxsat.control.three_axis import InternalModel
 from jaxsat.core.checks import concrete
 from jaxsat.core.declaration.quantities import DISPERSIBLE
-from jaxsat.simulation import AbstractLoop
-from jaxsat.simulation.loops import parts_of
+from jaxsat.simulation.loops import AbstractLoop, parts_of
 from jaxsat.spacecraft.dispersible import Limits
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.studies.distributions import AbstractDistribution, Discrete, RandomAttitude

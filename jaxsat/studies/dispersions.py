@@ -12,10 +12,11 @@ from jaxtyping import Array, Bool, Float, PyTree, UInt32
 import jaxsat.core.noise as noise
 from jaxsat.core.checks import as_array
 from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
-from jaxsat.simulation import AbstractLoop, SampledLoop
-from jaxsat.simulation.engine import AbstractCaseFactory, Case
-from jaxsat.spacecraft import Sensors
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Case
+from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.sensors import Sensors
 from jaxsat.studies.changes import follow_frequency, possible_belief, possible_body
 from jaxsat.studies.designs import open_uniform
 from jaxsat.studies.dispersion_problems import dispersion_problems, limits_of

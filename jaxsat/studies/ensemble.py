@@ -14,7 +14,9 @@ from jaxsat.core.checks import require_counts
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.once import once_property
 from jaxsat.core.pointing import pointing_error
-from jaxsat.simulation.engine import AbstractEngine, Outputs, Program, Replay, program_identity
+from jaxsat.simulation.engine.interface import AbstractEngine, Replay, program_identity
+from jaxsat.simulation.engine.program import Program
+from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.store.chunks import Column, Coordinate, chunk_numbers
 from jaxsat.store.files import OutputError
 from jaxsat.store.header import differences

@@ -14,18 +14,17 @@ from jaxtyping import Array, Float
 import jaxsat.core.ranges as ranges
 from jaxsat.core.checks import as_float, concrete, numpy_if_known
 from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.core.ranges import STATE_LIMIT, Range
-from jaxsat.simulation import AbstractLoop, SampledLoop
-from jaxsat.simulation.loops import failures_of, parts_of
-from jaxsat.spacecraft import (
-    AbstractEffector,
-    AbstractFailures,
-    Actuators,
-    FailureKind,
-    Spacecraft,
-)
+from jaxsat.simulation.loops import AbstractLoop, failures_of, parts_of
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dispersible import Limits
-from jaxsat.spacecraft.environment import AbstractOrbit, ConstantTorque, PeriodicTorque
+from jaxsat.spacecraft.effector import AbstractEffector
+from jaxsat.spacecraft.environment.disturbances import ConstantTorque, PeriodicTorque
+from jaxsat.spacecraft.environment.orbit import AbstractOrbit
+from jaxsat.spacecraft.failures import AbstractFailures
+from jaxsat.spacecraft.spacecraft import Spacecraft
 from jaxsat.studies.part_changes import (
     navigation_of,
     thruster_count,

@@ -4,11 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 from jaxsat.control.controller import AbstractBacksteppingLaw
-from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.simulation.loops import failures_of, parts_of
-from jaxsat.spacecraft import (
-    AbstractEffector,
-)
+from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
+from jaxsat.simulation.loops import AbstractLoop, failures_of, parts_of
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.studies.part_changes import navigation_of, thrusters_of
 from jaxsat.studies.perturbed import controller_of
 

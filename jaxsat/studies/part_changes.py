@@ -10,10 +10,12 @@ import numpy as np
 
 from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.declaration.keys import DispersibleQuantity
-from jaxsat.simulation import AbstractLoop, SampledLoop
-from jaxsat.simulation.loops import failures_of, parts_of
-from jaxsat.spacecraft import AbstractEffector, Actuators, ThrusterSet
+from jaxsat.simulation.loops import AbstractLoop, failures_of, parts_of
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dispersible import Dispersible
+from jaxsat.spacecraft.effector import AbstractEffector
+from jaxsat.spacecraft.thrusters import ThrusterSet
 from jaxsat.studies.perturbed import (
     PerturbedLoop,
     Values,

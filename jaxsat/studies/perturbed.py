@@ -6,9 +6,11 @@ import equinox as eqx
 import jax
 from jaxtyping import Array, Float
 
-from jaxsat.simulation import AbstractLoop, ContinuousLoop, ErrorCoordinateLoop, SampledLoop
-from jaxsat.spacecraft import AbstractEffector
+from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
+from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.effector import AbstractEffector
 
 
 class PerturbedLoop(NamedTuple):

@@ -17,10 +17,10 @@ from jaxsat.core.declaration.keys import DispersibleQuantity
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.declaration.sensors import SENSED
 from jaxsat.core.ranges import STATE_LIMIT, Range
-from jaxsat.simulation import AbstractLoop
-from jaxsat.simulation.loops import failures_of, parts_of
-from jaxsat.spacecraft import AbstractEffector, Spacecraft
-from jaxsat.spacecraft.environment import AbstractOrbit
+from jaxsat.simulation.loops import AbstractLoop, failures_of, parts_of
+from jaxsat.spacecraft.effector import AbstractEffector
+from jaxsat.spacecraft.environment.orbit import AbstractOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
 from jaxsat.studies import changes, limits, part_changes
 from jaxsat.studies.obstacles import (
     always,

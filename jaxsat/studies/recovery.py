@@ -11,11 +11,11 @@ from jaxtyping import Float, Int
 
 from jaxsat.core.declaration.failures import ONE_WAY
 from jaxsat.core.tolerances import SETTLED_BEFORE
-from jaxsat.simulation import AbstractLoop, Outcome
 from jaxsat.simulation.engine.failure_record import initial_record
-from jaxsat.simulation.loops import failures_of
-from jaxsat.spacecraft import AbstractFailures
+from jaxsat.simulation.loops import AbstractLoop, failures_of
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.failures import AbstractFailures
 from jaxsat.store.chunks import Column
 from jaxsat.store.labels import ALL_PARTS
 from jaxsat.studies.failure_codes import (

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxsat.core.declaration.actuators import STUDIED
-from jaxsat.simulation import Outcome
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.store.chunks import DONE
 from jaxsat.store.labels import SETTLED, UNSETTLED
 from jaxsat.studies.columns import DRAWN, ERRORS, UNMADE

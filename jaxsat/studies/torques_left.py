@@ -14,9 +14,10 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.controllability.actuators import actuator_set
 from jaxsat.controllability.torque_ranges import judge_ranges, torque_reserve
 from jaxsat.core.attitude import Quaternion
-from jaxsat.simulation import AbstractLoop
-from jaxsat.spacecraft import AbstractEffector, Reach, Wheels
+from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.effector import AbstractEffector, Reach
+from jaxsat.spacecraft.wheels import Wheels
 from jaxsat.studies.failure_codes import NEVER, first_code
 
 SAME_TORQUE = 1e-9

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxsat.simulation import SampledLoop
-from jaxsat.simulation.engine import FixedStepper
+from jaxsat.simulation.engine.fixed import FixedStepper
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.studies.designs import LatinHypercube
 from jaxsat.studies.ensemble import Study
 from jaxsat.studies.statistics import StopRule

@@ -14,7 +14,8 @@ from jax import lax
 from compiler.wrong_arguments import COUNT, compiled, examples, picked
 from jaxsat.compiler import Mapped
 from jaxsat.compiler.llvm import emitter
-from jaxsat.simulation.engine import NativeEngine, ScanEngine
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.scan import ScanEngine
 from simulation.engine.examples import KICKS, continuous_example, program
 
 TESTS = Path(__file__).parents[1]

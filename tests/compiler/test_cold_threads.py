@@ -14,8 +14,8 @@ from helpers.threads import COUNT, at_once, made_once, one
 from jaxsat.compiler import Mapped
 from jaxsat.compiler.llvm import cache, target
 from jaxsat.compiler.llvm.drivers import RUN
-from jaxsat.simulation.engine import FixedStepper, NativeEngine
-from jaxsat.simulation.engine.native import engine
+from jaxsat.simulation.engine.fixed import FixedStepper
+from jaxsat.simulation.engine.native import NativeEngine, engine
 from simulation.engine.examples import KICKS, continuous_example, program, same_bits
 
 LINKERS = []

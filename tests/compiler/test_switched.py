@@ -6,7 +6,9 @@ import pytest
 
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation.engine import AdaptiveStepper, NativeEngine, ScanEngine, Tolerance
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.scan import ScanEngine
 from jaxsat.studies.ensemble import Study
 from simulation.engine.examples import same_bits
 

@@ -7,9 +7,11 @@ from helpers.paper import PAPER_DISTURBANCE
 from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.ripple import RippleFilter, RippleObserver
-from jaxsat.spacecraft import Actuators, Spacecraft
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit, NoDisturbance, PeriodicTorque
+from jaxsat.spacecraft.environment.disturbances import NoDisturbance, PeriodicTorque
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
 
 INERTIA = np.array([449.5, 264.6, 312.5])
 ORBIT_RATE = 0.0011

@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 from jaxsat.control.driven_axes import DrivenFit, DrivenMemory, FittedDynamics
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.core.attitude import Quaternion
-from jaxsat.spacecraft import Spacecraft
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
 
 PERIOD, LIMIT, SAMPLES = 0.1, 5.0, 5
 BELIEVED = np.array([[450.0, 8.0, -5.0], [8.0, 260.0, 6.0], [-5.0, 6.0, 310.0]])

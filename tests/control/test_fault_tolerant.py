@@ -15,7 +15,7 @@ from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation import simulate
+from jaxsat.simulation.engine.single import simulate
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.studies.failure_codes import FAILURES
 from jaxsat.studies.recovery import wrong_kind

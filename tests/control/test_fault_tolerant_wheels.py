@@ -16,9 +16,9 @@ from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation import simulate
-from jaxsat.spacecraft import WheelMomenta, Wheels
+from jaxsat.simulation.engine.single import simulate
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 from jaxsat.store.dataset import trajectory_dataset
 
 

@@ -9,7 +9,8 @@ from control.cases import INERTIA, C, actuators, body, form, paper_disturbance
 from jaxsat.control.estimators import ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.finite_time_rate import FiniteTimeRate, FiniteTimeRateLaw
 from jaxsat.core.attitude import Quaternion
-from jaxsat.simulation import SampledLoop, simulate
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
 
 LIMIT, SHARE = 5.0, 0.779

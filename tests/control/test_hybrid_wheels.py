@@ -15,7 +15,7 @@ from jaxsat.control.tolerant_mix import Mix, MixMemory
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.spacecraft import Reach
+from jaxsat.spacecraft.effector import Reach
 from jaxsat.store.dataset import trajectory_dataset
 
 AXES = np.array([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]]).T / np.sqrt(2)

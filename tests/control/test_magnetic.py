@@ -24,7 +24,7 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.spacecraft.environment import CircularOrbit, DipoleField
+from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
 from jaxsat.spacecraft.spacecraft import PlantState
 from oracle import magnetic as oracle
 from oracle.orbital_torques import EARTH_ROTATION

@@ -13,7 +13,8 @@ from jaxsat.control.estimators import ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.normal_form import tilt_of
 from jaxsat.control.oscillatory import Oscillation, Oscillator, OscillatoryLaw, Slow
 from jaxsat.core.attitude import WZ, Quaternion
-from jaxsat.simulation import SampledLoop, simulate
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
 
 NU = 0.3

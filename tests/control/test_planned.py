@@ -17,10 +17,10 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation import simulate
-from jaxsat.spacecraft import Spacecraft
+from jaxsat.simulation.engine.single import simulate
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
 
 LEAST_TIMES = {1.0: 77.9, 5.0: 30.5, 20.0: 14.3}
 """From the paper's start, s, by torque limit: the best of 12 starts of IPOPT (`jaxsat bound`)."""

@@ -5,10 +5,13 @@ import pytest
 
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.core.attitude import Quaternion
-from jaxsat.simulation import SampledLoop, simulate
-from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.thrusters import Thrusters
 
 INERTIA = [[3.0, 0.2, -0.1], [0.2, 2.0, 0.15], [-0.1, 0.15, 4.0]]
 FREQUENCY, DAMPING = 0.2, 0.7

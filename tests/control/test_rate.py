@@ -10,7 +10,9 @@ import pytest
 from helpers.paper import PAPER_RATE, bodies, rate_loop, rate_start, size
 from helpers.references import RATES
 from jaxsat.control.rate import RateLaw
-from jaxsat.simulation import Outcome, fixed, simulate
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.methods import fixed
+from jaxsat.simulation.trajectory import Outcome
 from oracle import simulate_rate_law
 
 

@@ -18,9 +18,10 @@ from jaxsat.core.attitude import WZ
 from jaxsat.core.declaration.settling import TUNED_LIMITS, TUNED_MOMENTS, TUNED_PERIOD
 from jaxsat.core.declaration.tuned_gains import APPROACH, MORIN_SAMSON, STEPS, TWO_CHANNEL, Scaling
 from jaxsat.scenario.build.run import build_loop
-from jaxsat.simulation import SampledLoop, simulate
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.spacecraft.environment import PeriodicTorque
+from jaxsat.spacecraft.environment.disturbances import PeriodicTorque
 
 MAKERS = {"oscillatory": oscillatory_settling, "three-slew": three_slew_settling}
 

@@ -14,7 +14,8 @@ from helpers.strategies import rotations
 from jaxsat.control import slews
 from jaxsat.control.slews import SlewPlanner, ThreeSlewLaw
 from jaxsat.core.attitude import Quaternion
-from jaxsat.simulation import SampledLoop, simulate
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
 
 ORDERS = [("XYX", True), ("YXY", False)]

@@ -7,7 +7,8 @@ import pytest
 from helpers.switching import CASE, GAINS, START, J, start, switching_loop
 from jaxsat.control.three_axis import InternalModel
 from jaxsat.core.attitude import WZ
-from jaxsat.simulation import Outcome, simulate
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.spacecraft.dynamics import PlantState
 from oracle import simulate_switched_sampled
 

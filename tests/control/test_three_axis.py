@@ -18,7 +18,10 @@ from helpers.paper import (
     three_axis_start,
 )
 from helpers.references import THREE_AXIS_STATES
-from jaxsat.simulation import ContinuousLoop, Outcome, adaptive, simulate
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.simulation.methods import adaptive
+from jaxsat.simulation.trajectory import Outcome
 from oracle import simulate_three_axis, simulate_three_axis_smooth
 
 

@@ -7,9 +7,9 @@ import pytest
 
 from jaxsat.control.two_wheels import NO_TURN, TwoWheels, reference
 from jaxsat.core.attitude import WZ, Quaternion
-from jaxsat.spacecraft import Spacecraft
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
 
 INERTIA = np.array([[420.0, 30.0, -20.0], [30.0, 380.0, 25.0], [-20.0, 25.0, 250.0]])
 OMEGA = 0.05

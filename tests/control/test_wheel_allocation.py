@@ -10,8 +10,8 @@ from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.wheel_allocation import LEAST_MOMENTUM, MOST_MOMENTUM, WheelAllocation
-from jaxsat.spacecraft import Wheels
 from jaxsat.spacecraft.wheel_motion import piece_after
+from jaxsat.spacecraft.wheels import Wheels
 
 PYRAMID = np.array([[1, 0, -1, 0], [0, 1, 0, -1], [1, 1, 1, 1]]) / np.sqrt(2)
 

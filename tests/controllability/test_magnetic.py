@@ -11,7 +11,7 @@ from jaxsat.controllability.magnetic import (
     magnetic_verdict,
     magnetic_words,
 )
-from jaxsat.spacecraft.environment import CircularOrbit, DipoleField
+from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
 from oracle import magnetic
 from oracle import orbital_torques as earth
 

@@ -15,7 +15,7 @@ from jaxsat.controllability.drift import (
     recurrence,
 )
 from jaxsat.controllability.lie import DriftField, pack
-from jaxsat.spacecraft.environment import PeriodicTorque
+from jaxsat.spacecraft.environment.disturbances import PeriodicTorque
 
 GENERAL = np.array([[9.0, 0.5, -0.3], [0.5, 5.0, 0.8], [-0.3, 0.8, 7.0]])
 PAPER = np.diag([449.5, 264.6, 312.5])

@@ -16,7 +16,7 @@ from jaxsat.compiler.lowering import RULES
 from jaxsat.core import jax_internals
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.core.jaxprs import Jaxpr, jaxpr_of
-from jaxsat.simulation.engine import FixedStepper
+from jaxsat.simulation.engine.fixed import FixedStepper
 from jaxsat.simulation.engine.native import native_obstacle
 from simulation.engine.examples import EXAMPLES, KICKS, program
 

@@ -6,7 +6,7 @@ import pytest
 
 from jaxsat.core.solvers import SOLVERS, NamedSolver, class_name, known_class, solver_of
 from jaxsat.scenario.tables import SolverName
-from jaxsat.simulation.engine import AdaptiveStepper
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper
 from jaxsat.simulation.engine.runge_kutta import tableau_of
 
 

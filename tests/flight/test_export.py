@@ -16,27 +16,20 @@ from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.c.contexts import has_rows
 from jaxsat.compiler.c.naming import Names, comment, identifier
 from jaxsat.compiler.c.tidying import rolled
-from jaxsat.compiler.lowering import as_elements, lower
+from jaxsat.compiler.lowering import CannotLower, as_elements, lower
 from jaxsat.compiler.passes.outlining import outlined
+from jaxsat.core.errors import LibraryError
 from jaxsat.core.jaxprs import jaxpr_of
-from jaxsat.flight import (
-    CannotExport,
-    CannotLower,
-    Export,
-    Library,
-    LibraryError,
-    Request,
-    export,
-    is_built,
-    measure,
-    vectors,
-    with_library,
-)
+from jaxsat.flight import measure, vectors
+from jaxsat.flight.external import Library, with_library
+from jaxsat.flight.files import Export, Request, export
+from jaxsat.flight.flight import CannotExport
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import source
+from jaxsat.flight.templates import is_built
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation import SampledLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.store.files import OutputError
 from jaxsat.store.folder import OutputFolder

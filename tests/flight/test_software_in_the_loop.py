@@ -16,12 +16,13 @@ from jaxtyping import PyTree
 
 from jaxsat.compiler.llvm.mapped import Mapped
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.flight import Library, Request, export, vectors
-from jaxsat.flight.external import _Call
+from jaxsat.flight import vectors
+from jaxsat.flight.external import Library, _Call
+from jaxsat.flight.files import Request, export
 from jaxsat.flight.flight import Seen
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.spacecraft import wheel_momentum
+from jaxsat.spacecraft.wheels import wheel_momentum
 
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
 CASES = 16

@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 
 from helpers.tools import needs
-from jaxsat.flight import Request, export, vectors
+from jaxsat.flight import vectors
+from jaxsat.flight.files import Request, export
 from jaxsat.flight.measure import ProcessorUse
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation import SampledLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
 
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
 

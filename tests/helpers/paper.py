@@ -7,10 +7,14 @@ from helpers.references import DISTURBANCE, RATE, THREE_AXIS
 from jaxsat.control.rate import RateLaw
 from jaxsat.control.three_axis import InternalModel, ThreeAxisLaw
 from jaxsat.core.attitude import WZ
-from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop
-from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters
+from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit, PeriodicTorque, SmallAngleOrbit
+from jaxsat.spacecraft.environment.disturbances import PeriodicTorque
+from jaxsat.spacecraft.environment.orbit import ExactOrbit, SmallAngleOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.thrusters import Thrusters
 
 PAPER_DISTURBANCE = {**DISTURBANCE, "phase": (0.0, 0.0, 0.0)}
 PAPER_THREE_AXIS = {

@@ -7,7 +7,7 @@ from jaxsat.control.rate import RateLaw
 from jaxsat.control.switching import SwitchingLaw
 from jaxsat.control.three_axis import ThreeAxisLaw
 from jaxsat.core.attitude import WZ
-from jaxsat.simulation import SampledLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
 
 J = np.array([449.5, 264.6])

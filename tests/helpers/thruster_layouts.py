@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from jaxsat.spacecraft import LeastPropellant, ThrusterSet
+from jaxsat.spacecraft.least_propellant import LeastPropellant
+from jaxsat.spacecraft.thrusters import ThrusterSet
 
 
 def canted(force=0.05, half=(0.1, 0.1, 0.15), cant=0.4):

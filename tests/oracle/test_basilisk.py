@@ -16,18 +16,20 @@ from helpers.tools import needs
 from jaxsat.control.controller import Coast
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
-from jaxsat.simulation import ContinuousLoop, SampledLoop, adaptive, simulate
-from jaxsat.spacecraft import (
-    Actuators,
-    PulsedThrusters,
-    PulseWidth,
-    Spacecraft,
-    Thrusters,
-    Wheels,
-    WheelsFirst,
-)
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.simulation.methods import adaptive
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
+from jaxsat.spacecraft.distribution import WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit, GravityGradient
+from jaxsat.spacecraft.environment.disturbances import GravityGradient
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.modulation import PulseWidth
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.thrusters import Thrusters
+from jaxsat.spacecraft.wheels import Wheels
 
 pytestmark = [
     pytest.mark.slow,

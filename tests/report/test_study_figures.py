@@ -12,7 +12,7 @@ from jaxsat.report.study_figures import (
     study_figures,
     success_map,
 )
-from jaxsat.simulation import Signals
+from jaxsat.simulation.trajectory import Signals
 from jaxsat.studies.statistics import wilson
 
 RNG = np.random.default_rng(0)

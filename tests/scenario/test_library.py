@@ -9,7 +9,9 @@ from jaxsat.control.switching import SwitchingMode
 from jaxsat.scenario import ScenarioError, ScenarioWarning, dump, library
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop, SampledLoop
+from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.store.dataset import time_to_settle, trajectory_dataset
 
 PAPER = ["benchmark-three-axis", "free-third-rate", "paper-rate", "paper-three-axis", "switching"]

@@ -8,7 +8,7 @@ from helpers.magnetic import document
 from jaxsat.control.steering import MagneticSteering
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation import SampledLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
 
 
 def made(data) -> SampledLoop:

@@ -12,9 +12,12 @@ from jaxsat.scenario.build.run import build, build_uncontrolled
 from jaxsat.scenario.layout import torque_limit
 from jaxsat.scenario.overrides import apply_overrides, parse_override
 from jaxsat.scenario.schema import Scenario
-from jaxsat.simulation import ContinuousLoop, SampledLoop
-from jaxsat.spacecraft import PulsedThrusters, Wheels, WheelsFirst, wheel_momentum
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.distribution import WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.wheels import Wheels, wheel_momentum
 from jaxsat.store.dataset import trajectory_dataset
 
 X, Y = "{axis=[2.0,0.0,0.0]}", "{axis=[0.0,1.0,0.0]}"

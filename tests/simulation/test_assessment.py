@@ -15,19 +15,16 @@ from helpers.paper import (
 from helpers.switching import CASE, start, switching_loop
 from jaxsat.control.controller import Coast
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.simulation import ContinuousLoop, simulate
-from jaxsat.simulation.engine import (
-    AbstractCaseFactory,
-    AdaptiveStepper,
-    Case,
-    ReferenceEngine,
-    ScanEngine,
-    Tolerance,
-    program_of,
-)
-from jaxsat.spacecraft import Spacecraft
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, program_of
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.loops import ContinuousLoop
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit, PeriodicTorque
+from jaxsat.spacecraft.environment.disturbances import PeriodicTorque
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
 from oracle import simulate_three_axis
 
 LOOSE = Tolerances(1.1, 1.27, 0.3)

@@ -33,7 +33,7 @@ from jaxsat.scenario.build.run import build_loop
 from jaxsat.scenario.control import find_law
 from jaxsat.scenario.plugins import ESTIMATOR
 from jaxsat.scenario.schema import Scenario
-from jaxsat.simulation import SampledLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.studies.dispersions import number_at
 from jaxsat.studies.perturbed import controller_of

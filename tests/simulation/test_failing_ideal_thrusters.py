@@ -14,21 +14,23 @@ from jaxsat.control.controller import AbstractFeedbackLaw
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
-from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop, adaptive, fixed, simulate
-from jaxsat.simulation.engine import (
-    AbstractCaseFactory,
-    AdaptiveStepper,
-    Case,
-    NativeEngine,
-    ReferenceEngine,
-    SampledStepper,
-    ScanEngine,
-    Tolerance,
-    program_of,
-)
-from jaxsat.spacecraft import Actuators, FailureEvents, FailureKind, Spacecraft, Thrusters
+from jaxsat.core.declaration.failures import FailureKind
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.fixed import SampledStepper
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, program_of
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
+from jaxsat.simulation.methods import adaptive, fixed
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.failures import FailureEvents
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.thrusters import Thrusters
 
 INERTIA = np.array([[4.0, 0.3, -0.2], [0.3, 2.5, 0.1], [-0.2, 0.1, 3.2]])
 AXES = np.eye(3)

@@ -16,14 +16,21 @@ from jaxsat.core.checks import as_float
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation import SampledLoop, fixed, simulate
 from jaxsat.simulation.assessment import IntegrationError
-from jaxsat.simulation.engine import ReferenceEngine, ScanEngine
 from jaxsat.simulation.engine.fixed import SampledStepper
 from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, Program
-from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters, WheelMomenta
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.methods import fixed
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit, PeriodicTorque
+from jaxsat.spacecraft.environment.disturbances import PeriodicTorque
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.thrusters import Thrusters
+from jaxsat.spacecraft.wheels import WheelMomenta
 
 INERTIA = np.array([4.0, 5.0, 6.0])
 AMPLITUDE, FREQUENCY, PHASE = 0.1, 100.0, 1.0

@@ -6,10 +6,13 @@ import pytest
 from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.core.attitude import Quaternion
-from jaxsat.simulation import SampledLoop, simulate
-from jaxsat.spacecraft import PulsedThrusters, PulseWidth, Spacecraft
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.modulation import PulseWidth
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.spacecraft import Spacecraft
 
 TORQUE, INERTIA, MIN_ON, PERIOD = 0.05, 0.3, 0.02, 0.1
 FREQUENCY, DAMPING = 1.0, 0.7

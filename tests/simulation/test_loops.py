@@ -16,8 +16,8 @@ from helpers.paper import (
     three_axis_loop,
     three_axis_start,
 )
-from jaxsat.simulation import ContinuousLoop
 from jaxsat.simulation.engine.flat_ode import into_frame, motion_in_frame, out_of_frame
+from jaxsat.simulation.loops import ContinuousLoop
 
 LOOPS = {
     "error": lambda: (three_axis_loop(PAPER_THREE_AXIS), three_axis_start(PAPER_THREE_AXIS)),

@@ -15,11 +15,14 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.noise import key_of_seed, sample_noise
-from jaxsat.simulation import SampledLoop, simulate
-from jaxsat.spacecraft import Actuators, Sensors, Spacecraft, Thrusters
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
-from jaxsat.spacecraft.sensors import turned_slightly
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.sensors import Sensors, turned_slightly
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.thrusters import Thrusters
 
 INERTIA = (2.0, 3.0, 4.0)
 

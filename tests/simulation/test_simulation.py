@@ -22,19 +22,15 @@ from helpers.paper import (
 from jaxsat.control.controller import Coast
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.solvers import NamedSolver, class_name
-from jaxsat.simulation import (
-    ContinuousLoop,
-    ErrorCoordinateLoop,
-    Outcome,
-    adaptive,
-    default_method,
-    fixed,
-    simulate,
-)
-from jaxsat.simulation.methods import AdaptiveSteps
-from jaxsat.spacecraft import Spacecraft
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.simulation.methods import AdaptiveSteps, adaptive, default_method, fixed
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import AbstractDisturbance, ConstantTorque, ExactOrbit
+from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, ConstantTorque
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
 
 TIMES = jnp.linspace(0.0, 10.0, 11)
 

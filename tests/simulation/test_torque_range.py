@@ -13,11 +13,14 @@ from jaxtyping import Array, Float
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
-from jaxsat.simulation import SampledLoop, simulate
+from jaxsat.simulation.engine.single import simulate
 from jaxsat.simulation.held_torque import over_parts
-from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.thrusters import Thrusters
 from jaxsat.store.dataset import trajectory_dataset
 
 PERIOD, SAMPLES = 0.5, 24

@@ -6,7 +6,7 @@ import numpy as np
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.units import in_units, out_of_units
-from jaxsat.spacecraft import wheel_momentum
+from jaxsat.spacecraft.wheels import wheel_momentum
 
 
 def test_a_state_in_units_has_rates_for_momenta():

@@ -9,17 +9,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from jaxsat.core.attitude import Quaternion
-from jaxsat.simulation import SampledLoop, fixed, simulate
-from jaxsat.spacecraft import (
-    Spacecraft,
-    WheelFailureKind,
-    WheelFailures,
-    WheelMomenta,
-    Wheels,
-    wheel_momentum,
-)
+from jaxsat.core.declaration.wheels import WheelFailureKind
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.methods import fixed
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.wheel_failures import WheelFailures
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels, wheel_momentum
 from oracle import gyrostat
 from simulation.test_wheels import (
     AXES,

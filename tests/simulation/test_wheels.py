@@ -13,19 +13,19 @@ from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
-from jaxsat.simulation import SampledLoop, fixed, simulate
-from jaxsat.spacecraft import (
-    Actuators,
-    IdealThrottle,
-    PulsedThrusters,
-    Spacecraft,
-    Thrusters,
-    WheelMomenta,
-    Wheels,
-    WheelsFirst,
-)
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.methods import fixed
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
+from jaxsat.spacecraft.distribution import WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ConstantTorque, ExactOrbit
+from jaxsat.spacecraft.environment.disturbances import ConstantTorque
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.modulation import IdealThrottle
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.thrusters import Thrusters
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 from oracle import gyrostat
 
 INERTIA = np.array([[4.0, 0.3, -0.2], [0.3, 2.5, 0.1], [-0.2, 0.1, 3.2]])

@@ -11,26 +11,20 @@ from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
 from jaxsat.core.attitude import Quaternion
-from jaxsat.simulation import ContinuousLoop, adaptive, simulate
-from jaxsat.simulation.engine import (
-    AbstractCaseFactory,
-    AdaptiveStepper,
-    Case,
-    NativeEngine,
-    ReferenceEngine,
-    Tolerance,
-    program_of,
-)
-from jaxsat.spacecraft import (
-    Spacecraft,
-    WheelFailureKind,
-    WheelFailures,
-    WheelMomenta,
-    Wheels,
-    WheelsFirst,
-)
+from jaxsat.core.declaration.wheels import WheelFailureKind
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, program_of
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.simulation.methods import adaptive
+from jaxsat.spacecraft.distribution import WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.wheel_failures import WheelFailures
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 from simulation.test_failing_ideal_thrusters import INERTIA, OMEGA, SECONDS, Waves
 
 AXES = np.array([[1.0, 0.0, 0.5, -0.4], [0.0, 1.0, -0.5, -0.6], [0.1, 0.0, 0.7, 0.5]])

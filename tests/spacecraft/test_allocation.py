@@ -9,18 +9,15 @@ from scipy.optimize import linprog
 from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.compiler import Mapped
 from jaxsat.core.attitude import Quaternion
-from jaxsat.spacecraft import (
-    Actuators,
-    Direct,
-    PulsedThrusters,
-    PulseWidth,
-    Reach,
-    Thrusters,
-    Wheels,
-    WheelsFirst,
-    allocate,
-)
+from jaxsat.spacecraft.actuators import Actuators
+from jaxsat.spacecraft.allocation import allocate
+from jaxsat.spacecraft.distribution import Direct, WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.effector import Reach
+from jaxsat.spacecraft.modulation import PulseWidth
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.thrusters import Thrusters
+from jaxsat.spacecraft.wheels import Wheels
 
 AMOUNTS = (0.3, 0.9, 1.0, 1.5, 10.0)
 """Of the greatest torque in a direction: within, at and beyond what can be made."""

@@ -7,10 +7,15 @@ import pytest
 from helpers.thruster_layouts import thruster_set
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
-from jaxsat.simulation import SampledLoop, simulate
-from jaxsat.spacecraft import Direct, IdealThrottle, PulsedThrusters, Spacecraft, Wheels
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.distribution import Direct
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.modulation import IdealThrottle
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.wheels import Wheels
 
 Z = np.array([[0.0], [0.0], [1.0]])
 INERTIA, FULL, PERIOD = 2.0, 0.1, 0.5

@@ -12,19 +12,22 @@ from scipy.spatial.transform import Rotation
 from helpers.strategies import inertias, rotations, vectors
 from jaxsat.control.controller import Coast
 from jaxsat.core.attitude import DCM, WZ, Quaternion
-from jaxsat.simulation import ContinuousLoop, fixed, simulate
-from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters
+from jaxsat.core.earth import circular_orbit_rate
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.simulation.methods import fixed
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import (
+from jaxsat.spacecraft.environment.disturbances import (
     ConstantTorque,
-    ExactOrbit,
     GravityGradient,
     NoDisturbance,
     PeriodicTorque,
-    SmallAngleOrbit,
     SumOfDisturbances,
-    circular_orbit_rate,
 )
+from jaxsat.spacecraft.environment.orbit import ExactOrbit, SmallAngleOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.thrusters import Thrusters
 
 ACTUATORS = Actuators.of(Thrusters(jnp.eye(3)).without([3]))
 acceleration_of = eqx.filter_jit(

@@ -14,18 +14,17 @@ from jaxsat.control.controller import Coast
 from jaxsat.control.steering import Steered
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
-from jaxsat.simulation import ContinuousLoop, adaptive, simulate
-from jaxsat.spacecraft import (
-    AbstractEffector,
-    Effect,
-    Spacecraft,
-    WheelFailureKind,
-    WheelFailures,
-    WheelMomenta,
-    Wheels,
-)
+from jaxsat.core.declaration.wheels import WheelFailureKind
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.simulation.methods import adaptive
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ConstantTorque, ExactOrbit
+from jaxsat.spacecraft.effector import AbstractEffector, Effect
+from jaxsat.spacecraft.environment.disturbances import ConstantTorque
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.wheel_failures import WheelFailures
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 
 INERTIA = np.array([[5.0, 0.2, -0.1], [0.2, 4.0, 0.3], [-0.1, 0.3, 3.0]])
 AXES = np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.4], [0.2, 0.0, 1.0]])

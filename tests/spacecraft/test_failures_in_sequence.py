@@ -10,15 +10,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from helpers.thruster_layouts import allocated, pairs, thruster_set
-from jaxsat.spacecraft import (
-    FailureEvents,
-    FailureKind,
-    MagnetorquerFailures,
-    PulsedThrusters,
-    PulseWidth,
-    WheelFailureKind,
-    WheelFailures,
-)
+from jaxsat.core.declaration.failures import FailureKind
+from jaxsat.core.declaration.wheels import WheelFailureKind
+from jaxsat.spacecraft.failures import FailureEvents
+from jaxsat.spacecraft.magnetorquers import MagnetorquerFailures
+from jaxsat.spacecraft.modulation import PulseWidth
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.wheel_failures import WheelFailures
 
 K, W = FailureKind, WheelFailureKind
 EVENTS, COUNT, CASES = 6, 3, 60

@@ -13,18 +13,15 @@ from scipy.spatial.transform import Rotation
 from jaxsat.control.controller import Coast
 from jaxsat.control.steering import GimbalSteering
 from jaxsat.core.attitude import Quaternion
-from jaxsat.simulation import ContinuousLoop, adaptive, simulate
-from jaxsat.spacecraft import (
-    AbstractDistribution,
-    ControlMomentGyros,
-    GimbalFailureKind,
-    GimbalFailures,
-    GyroStates,
-    Spacecraft,
-)
-from jaxsat.spacecraft.distribution import Shares
+from jaxsat.core.declaration.gimbals import GimbalFailureKind
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.simulation.methods import adaptive
+from jaxsat.spacecraft.distribution import AbstractDistribution, Shares
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.gimbals import ControlMomentGyros, GimbalFailures, GyroStates
+from jaxsat.spacecraft.spacecraft import Spacecraft
 
 INERTIA = np.array([[5.0, 0.2, -0.1], [0.2, 4.0, 0.3], [-0.1, 0.3, 3.0]])
 SKEW = np.deg2rad(54.73)

@@ -14,17 +14,17 @@ from scipy.spatial.transform import Rotation
 from helpers.paper import PAPER_THREE_AXIS, actuators, bodies, three_axis_law, three_axis_start
 from jaxsat.control.controller import AbstractFeedbackLaw, Coast
 from jaxsat.core.attitude import Quaternion
-from jaxsat.simulation import ContinuousLoop, adaptive, fixed, simulate
-from jaxsat.spacecraft import (
-    Actuators,
-    Spacecraft,
-    Thrusters,
-    WheelMomenta,
-    Wheels,
-    WheelsFirst,
-)
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.simulation.methods import adaptive, fixed
+from jaxsat.spacecraft.actuators import Actuators
+from jaxsat.spacecraft.distribution import WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit, NoDisturbance
+from jaxsat.spacecraft.environment.disturbances import NoDisturbance
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.thrusters import Thrusters
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 
 INERTIA = np.array([[400.0, 30.0, -20.0], [30.0, 250.0, 15.0], [-20.0, 15.0, 320.0]])
 AXES = np.array([[1.0, 0.0, 0.5, 0.3], [0.0, 1.0, -0.5, 0.2], [0.1, 0.0, 0.7, -0.9]])

@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 from helpers.thruster_layouts import canted, pairs
 from jaxsat.compiler import Mapped
 from jaxsat.core.allocation import largest_torque, least_propellant, plane_map
-from jaxsat.spacecraft import LeastPropellant
+from jaxsat.spacecraft.least_propellant import LeastPropellant
 
 AMOUNTS = (0.1, 0.5, 0.8, 1.0, 1.5, 10.0)
 """Of the greatest torque in a direction: within, at and beyond what can be made."""

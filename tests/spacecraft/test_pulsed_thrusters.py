@@ -12,21 +12,23 @@ from helpers.thruster_layouts import allocated, canted, pairs, thruster_set
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
+from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.core.solvers import NamedSolver
-from jaxsat.simulation import SampledLoop, fixed, simulate
-from jaxsat.spacecraft import (
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.methods import fixed
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.failures import FailureEvents
+from jaxsat.spacecraft.held_effector import hold_by_hold
+from jaxsat.spacecraft.modulation import (
     DeltaSigma,
-    FailureEvents,
-    FailureKind,
     IdealThrottle,
-    PulsedThrusters,
     PulseWidth,
     PulseWidthPulseFrequency,
-    Spacecraft,
-    hold_by_hold,
 )
-from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.spacecraft import Spacecraft
 from oracle import pulses
 
 INERTIA = np.array([[2.0, 0.1, 0.05], [0.1, 3.0, -0.2], [0.05, -0.2, 4.0]])

@@ -6,19 +6,15 @@ import numpy as np
 import pytest
 
 from jaxsat.core.attitude import Quaternion
-from jaxsat.spacecraft import (
-    Actuators,
-    FailureEvents,
-    FailureKind,
-    MagnetorquerFailures,
-    Magnetorquers,
-    WheelFailureKind,
-    WheelFailures,
-    WheelMomenta,
-    Wheels,
-)
+from jaxsat.core.declaration.failures import FailureKind
+from jaxsat.core.declaration.wheels import WheelFailureKind
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.spacecraft.environment import CircularOrbit, DipoleField
+from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
+from jaxsat.spacecraft.failures import FailureEvents
+from jaxsat.spacecraft.magnetorquers import MagnetorquerFailures, Magnetorquers
+from jaxsat.spacecraft.wheel_failures import WheelFailures
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 
 AXES = np.array([[1.0, 0.3, 0.0], [0.0, 1.0, 0.4], [0.2, 0.0, 1.0]])
 ZERO = jnp.zeros(())

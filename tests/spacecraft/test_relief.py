@@ -8,7 +8,8 @@ from scipy.optimize import linprog
 
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.spacecraft import Reach, Relief
+from jaxsat.spacecraft.effector import Reach
+from jaxsat.spacecraft.relief import Relief
 from jaxsat.store.dataset import trajectory_dataset
 
 AXES = np.array([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]]).T / np.sqrt(2)

@@ -9,7 +9,8 @@ from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.spacecraft import Tachometers, WheelMomenta, wheel_momentum
+from jaxsat.spacecraft.sensors import Tachometers
+from jaxsat.spacecraft.wheels import WheelMomenta, wheel_momentum
 
 CHANGES = ["wheel=[{axis=[1,0,0],torque_limit_N_m=0.4,tachometer_noise_N_m_s=0.1},"
            "{axis=[0,1,0],torque_limit_N_m=0.4},{axis=[0,0,1],torque_limit_N_m=0.4}]",

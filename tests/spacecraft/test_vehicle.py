@@ -8,13 +8,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from helpers.strategies import inertias, vectors
-from jaxsat.spacecraft import (
-    Actuators,
-    Spacecraft,
-    Thrusters,
-    one_thruster_coupling,
-    two_thruster_coupling,
-)
+from jaxsat.spacecraft.actuators import Actuators
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.thrusters import Thrusters, one_thruster_coupling, two_thruster_coupling
 
 
 def axes_of(*columns):

@@ -9,9 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaxsat.core.attitude import Quaternion
-from jaxsat.spacecraft import Actuators, Thrusters, WheelMomenta, Wheels, WheelsFirst
+from jaxsat.spacecraft.actuators import Actuators
+from jaxsat.spacecraft.distribution import WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.thrusters import Thrusters
 from jaxsat.spacecraft.wheel_motion import snapped
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 from oracle.gyrostat import wheel_motion, wheel_torque
 
 LIMITS = {"torque_limit": 0.2, "momentum_limit": 1.0}

@@ -12,8 +12,9 @@ from helpers.paper import (
 )
 from helpers.switching import CASE, start, switching_loop
 from jaxsat.control.three_axis import InternalModel
-from jaxsat.simulation import ContinuousLoop, SampledLoop
-from jaxsat.spacecraft import Sensors
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.sensors import Sensors
 from jaxsat.studies.designs import Independent
 from jaxsat.studies.dispersions import Dispersed, Dispersions, StudyCase
 

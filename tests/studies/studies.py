@@ -7,11 +7,16 @@ import jax.numpy as jnp
 from jaxsat.control.controller import Coast
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.simulation import ContinuousLoop
-from jaxsat.simulation.engine import FixedStepper, ScanEngine, program_of
-from jaxsat.spacecraft import Actuators, Spacecraft, Thrusters
+from jaxsat.simulation.engine.fixed import FixedStepper
+from jaxsat.simulation.engine.program import program_of
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit, PeriodicTorque
+from jaxsat.spacecraft.environment.disturbances import PeriodicTorque
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.thrusters import Thrusters
 from jaxsat.studies.designs import Independent
 from jaxsat.studies.dispersions import Dispersed, Dispersions
 from jaxsat.studies.distributions import Uniform

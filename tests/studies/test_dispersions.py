@@ -16,7 +16,7 @@ from helpers.paper import (
 from helpers.switching import start
 from jaxsat.core import noise
 from jaxsat.core.attitude import Quaternion
-from jaxsat.spacecraft import Wheels
+from jaxsat.spacecraft.wheels import Wheels
 from jaxsat.studies.changes import possible_inertia
 from jaxsat.studies.designs import Independent
 from jaxsat.studies.dispersions import Dispersed, Dispersions, with_gains

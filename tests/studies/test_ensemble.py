@@ -7,8 +7,10 @@ import pytest
 
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation import Outcome, adaptive
-from jaxsat.simulation.engine import ReferenceEngine, ScanEngine
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.methods import adaptive
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.store.files import OutputError
 from jaxsat.store.tables import open_study
 from jaxsat.studies.designs import LatinHypercube, Sobol

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from jaxsat.core.tolerances import Tolerances, within
-from jaxsat.simulation.engine import FixedStepper, NativeEngine, ReferenceEngine, ScanEngine
+from jaxsat.simulation.engine.fixed import FixedStepper
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
 from jaxsat.store.files import OutputError
 from jaxsat.store.tables import open_study
 from jaxsat.studies.ensemble import run_study

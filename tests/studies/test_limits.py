@@ -7,7 +7,7 @@ from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation import Outcome
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.studies.dispersions import Dispersions
 from jaxsat.studies.distributions import Normal, Uniform
 from jaxsat.studies.quantities import QUANTITIES

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from jaxsat.compiler.llvm import threads
-from jaxsat.simulation.engine import FixedStepper, NativeEngine
-from jaxsat.simulation.engine.native import kernel
+from jaxsat.simulation.engine.fixed import FixedStepper
+from jaxsat.simulation.engine.native import NativeEngine, kernel
 from jaxsat.studies.ensemble import _by_column, run_study
 from jaxsat.studies.executors import Threads
 from studies.stores import contents, same, without_status

@@ -7,7 +7,10 @@ import jax.numpy as jnp
 import pytest
 
 from jaxsat.control.controller import Coast
-from jaxsat.simulation.engine import FixedStepper, NativeEngine, ReferenceEngine, ScanEngine
+from jaxsat.simulation.engine.fixed import FixedStepper
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
 from jaxsat.store import store
 from jaxsat.store.files import OutputError
 from jaxsat.studies.ensemble import Study, _ChunkWork, run_study

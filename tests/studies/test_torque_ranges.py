@@ -6,7 +6,9 @@ import pytest
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation.engine import NativeEngine, ReferenceEngine, ScanEngine
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
 
 SCENARIO = [
     "simulation.duration_s=6",

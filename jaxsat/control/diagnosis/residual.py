@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.control.diagnosis.isolation import Hypotheses, Residual
-from jaxsat.spacecraft import Wheels
+from jaxsat.spacecraft.wheels import Wheels
 
 RealScalar = Float[Array, ""]
 

@@ -32,8 +32,9 @@ from jaxsat.control.diagnosis.residual import (
     momentum_with_rotors,
 )
 from jaxsat.core.checks import as_float, require_finite, require_positive
-from jaxsat.spacecraft import AbstractModulation, Wheels
 from jaxsat.spacecraft.dynamics import RigidBody
+from jaxsat.spacecraft.modulation import AbstractModulation
+from jaxsat.spacecraft.wheels import Wheels
 
 RealScalar = Float[Array, ""]
 

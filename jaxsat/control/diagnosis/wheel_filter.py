@@ -35,7 +35,7 @@ from jaxsat.control.diagnosis.residual import (
     Reading,
 )
 from jaxsat.core.checks import as_float, require_positive
-from jaxsat.spacecraft import Wheels
+from jaxsat.spacecraft.wheels import Wheels
 
 RealScalar = Float[Array, ""]
 OfEach = Float[Array, " m"]

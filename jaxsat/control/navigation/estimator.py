@@ -9,8 +9,8 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.trigonometry import cos, sin
-from jaxsat.spacecraft import Gyro, StarTracker
-from jaxsat.spacecraft.environment import AbstractOrbit
+from jaxsat.spacecraft.environment.orbit import AbstractOrbit
+from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
 
 
 def rotation(angle: Float[Array, "3"]) -> Quaternion:

@@ -17,8 +17,8 @@ from jaxsat.control.navigation.estimator import (
 )
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.trees import apart
-from jaxsat.spacecraft import Gyro, StarTracker
-from jaxsat.spacecraft.environment import AbstractOrbit
+from jaxsat.spacecraft.environment.orbit import AbstractOrbit
+from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
 
 Matrix = Float[Array, "3 3"]
 

@@ -18,8 +18,8 @@ from jaxsat.control.navigation.estimator import (
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.noise import fold_in, name_number, sample_noise
-from jaxsat.spacecraft import Gyro, StarTracker
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
 from jaxsat.spacecraft.sensors import as_key, in_parameters_of
 
 

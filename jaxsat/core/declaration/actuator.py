@@ -13,7 +13,7 @@ from jaxsat.core.declaration.keys import DispersibleQuantity, Key, Rule, require
 class Signal:
     """What devices do or store, as the history of a run has it.
 
-    `name` is that in `jaxsat.simulation.Signals`, `units` are those of a data set ("rad s-1").
+    `name` is that in the `Signals` of a run, `units` are those of a data set ("rad s-1").
     One that is not `each` device's is that of all together. The summary of a run tells the largest
     size of a `peak`. A `mean` is that of the time until the next saved instant, whichever are
     saved. A `total` is counted from the start. A study keeps the totals at the end of a case, and

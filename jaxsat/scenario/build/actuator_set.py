@@ -12,7 +12,7 @@ from jaxsat.controllability.judging import judge
 from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.scenario.parts.thrusters import ThrusterTable
 from jaxsat.scenario.schema import Scenario
-from jaxsat.spacecraft import Spacecraft
+from jaxsat.spacecraft.spacecraft import Spacecraft
 
 APART = 1e-3
 """Least singular value of unit torques that no tolerance of the judgement calls in doubt."""

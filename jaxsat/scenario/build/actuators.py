@@ -35,22 +35,14 @@ from jaxsat.scenario.parts.wheels import (
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
-from jaxsat.spacecraft import (
-    AbstractDistribution,
-    AbstractEffector,
-    ActuatorContext,
-    Actuators,
-    Direct,
-    EffectorContext,
-    Magnetorquers,
-    PluginActuators,
-    Reach,
-    Relief,
-    Thrusters,
-    Wheels,
-    WheelsFirst,
-)
+from jaxsat.spacecraft.actuators import ActuatorContext, Actuators, PluginActuators
+from jaxsat.spacecraft.distribution import AbstractDistribution, Direct, WheelsFirst
 from jaxsat.spacecraft.dynamics import RigidBody
+from jaxsat.spacecraft.effector import AbstractEffector, EffectorContext, Reach
+from jaxsat.spacecraft.magnetorquers import Magnetorquers
+from jaxsat.spacecraft.relief import Relief
+from jaxsat.spacecraft.thrusters import Thrusters
+from jaxsat.spacecraft.wheels import Wheels
 
 
 def build_thrusters(scenario: Scenario) -> AbstractEffector | None:

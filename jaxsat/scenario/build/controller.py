@@ -18,12 +18,9 @@ from jaxsat.scenario.layout import believed_axes, torque_limit
 from jaxsat.scenario.parts.wheels import free_inertia, left_by_wheels, rotors, wheel_axes
 from jaxsat.scenario.quantities import values_of
 from jaxsat.scenario.schema import Scenario
-from jaxsat.spacecraft import Spacecraft
 from jaxsat.spacecraft.dynamics import RigidBody
-from jaxsat.spacecraft.environment import (
-    AbstractDisturbance,
-    NoDisturbance,
-)
+from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, NoDisturbance
+from jaxsat.spacecraft.spacecraft import Spacecraft
 
 
 def build_controller(scenario: Scenario) -> AbstractController | AbstractSampledController:

@@ -18,18 +18,21 @@ from jaxsat.scenario.plugins import DISTURBANCE, find_part
 from jaxsat.scenario.quantities import values_of
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import OrbitTable
-from jaxsat.spacecraft import AbstractEffector, EffectorContext, Spacecraft
 from jaxsat.spacecraft.dynamics import RigidBody
-from jaxsat.spacecraft.environment import (
+from jaxsat.spacecraft.effector import AbstractEffector, EffectorContext
+from jaxsat.spacecraft.environment.disturbances import (
     AbstractDisturbance,
-    AbstractOrbit,
-    CircularOrbit,
     DisturbanceContext,
-    ExactOrbit,
     PeriodicTorque,
-    SmallAngleOrbit,
     SumOfDisturbances,
 )
+from jaxsat.spacecraft.environment.orbit import (
+    AbstractOrbit,
+    CircularOrbit,
+    ExactOrbit,
+    SmallAngleOrbit,
+)
+from jaxsat.spacecraft.spacecraft import Spacecraft
 
 
 def build_plant(scenario: Scenario) -> RigidBody:

@@ -21,7 +21,7 @@ from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.parts.named import PartTable
 from jaxsat.scenario.plugins import Part, place_in
 from jaxsat.scenario.quantities import values_of
-from jaxsat.spacecraft import AbstractActuators
+from jaxsat.spacecraft.actuators import AbstractActuators
 from jaxsat.spacecraft.dynamics import PlantState
 
 Controller = AbstractController | AbstractSampledController

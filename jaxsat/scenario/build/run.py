@@ -30,21 +30,14 @@ from jaxsat.scenario.layout import uses_error_coordinates
 from jaxsat.scenario.resolution import substeps_of
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import MAX_SAMPLED_STEPS, SolverTable
-from jaxsat.simulation import (
-    AbstractLoop,
-    ContinuousLoop,
-    ErrorCoordinateLoop,
-    Method,
-    SampledLoop,
-    Trajectory,
-    adaptive,
-    default_method,
-    fixed,
-)
-from jaxsat.simulation.engine import fly
-from jaxsat.simulation.methods import MIN_STEP
-from jaxsat.spacecraft import AbstractEffector
+from jaxsat.simulation.engine.single import fly
+from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
+from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
+from jaxsat.simulation.methods import MIN_STEP, Method, adaptive, default_method, fixed
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.simulation.trajectory import Trajectory
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.effector import AbstractEffector
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
 from jaxsat.scenario.parts.sensors import EstimatorTable, OwnEstimatorTable, SamplingTable
 from jaxsat.scenario.plugins import ESTIMATOR, find_part
 from jaxsat.scenario.schema import Scenario
-from jaxsat.spacecraft import Sensors, Tachometers
+from jaxsat.spacecraft.sensors import Sensors, Tachometers
 
 
 def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:

@@ -23,28 +23,19 @@ from jaxsat.scenario.parts.thrusters import signs
 from jaxsat.scenario.resolution import Errors, refined
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import SolverTable
-from jaxsat.simulation import (
-    Assessment,
-    ContinuousLoop,
-    IntegrationError,
-    SampledLoop,
-    Trajectory,
-)
-from jaxsat.simulation.engine import (
-    AbstractEngine,
-    AdaptiveStepper,
-    FixedStepper,
-    NativeEngine,
-    Program,
-    ReferenceEngine,
-    RunningCost,
-    ScanEngine,
-    Tolerance,
-    native_obstacle,
-    observations_per_save,
-    program_of,
-)
+from jaxsat.simulation.assessment import Assessment, IntegrationError
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.fixed import FixedStepper
+from jaxsat.simulation.engine.interface import AbstractEngine
+from jaxsat.simulation.engine.native import NativeEngine, native_obstacle
+from jaxsat.simulation.engine.program import Program, observations_per_save, program_of
+from jaxsat.simulation.engine.progress import RunningCost
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.loops import ContinuousLoop
 from jaxsat.simulation.methods import SMOOTH_STEP
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.simulation.trajectory import Trajectory
 from jaxsat.studies.designs import AbstractDesign, Independent, LatinHypercube, Sobol
 from jaxsat.studies.dispersions import Dispersed, Dispersions, StudyCase
 from jaxsat.studies.distributions import (
@@ -189,7 +180,7 @@ def _names(scenario: Scenario) -> tuple[str, ...]:
 def _with_library(run: Run, path: Path) -> Run:
     if not isinstance(run.loop, SampledLoop):
         raise ValueError("--controller: must be given with a sampled law.")
-    from jaxsat.flight import Library, with_library  # whose imports take their time
+    from jaxsat.flight.external import Library, with_library  # whose imports take their time
 
     library = Library(path, run.loop, run.start)
     return dataclasses.replace(run, loop=with_library(run.loop, library))

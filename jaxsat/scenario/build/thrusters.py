@@ -23,18 +23,18 @@ from jaxsat.scenario.parts.thrusters import (
 )
 from jaxsat.scenario.parts.wheels import relieved_by_thrusters, wheels_make_all
 from jaxsat.scenario.schema import Scenario
-from jaxsat.spacecraft import (
+from jaxsat.spacecraft.actuators import Actuators
+from jaxsat.spacecraft.failures import FailureEvents
+from jaxsat.spacecraft.least_propellant import LeastPropellant
+from jaxsat.spacecraft.modulation import (
     AbstractModulation,
-    Actuators,
     DeltaSigma,
-    FailureEvents,
     IdealThrottle,
-    LeastPropellant,
-    PulsedThrusters,
     PulseWidth,
     PulseWidthPulseFrequency,
-    ThrusterSet,
 )
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.thrusters import ThrusterSet
 
 
 def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:

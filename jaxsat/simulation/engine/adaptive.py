@@ -22,7 +22,6 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.solvers import NamedSolver, Solver, class_name, solver_of
-from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.engine.dense_output import require_dense_output
 from jaxsat.simulation.engine.details import details_of, with_details
@@ -47,6 +46,7 @@ from jaxsat.simulation.engine.rates import within_limit
 from jaxsat.simulation.engine.root_finding import sign_changes
 from jaxsat.simulation.engine.runge_kutta import require_explicit, stage_rates, tableau_of, weighted
 from jaxsat.simulation.engine.stepper import AbstractStepper
+from jaxsat.simulation.trajectory import Outcome, Signals
 
 SAFETY, MIN_FACTOR, MAX_FACTOR = 0.9, 0.2, 5.0
 

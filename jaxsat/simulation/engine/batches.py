@@ -13,10 +13,10 @@ from jaxsat.core.fingerprint import fingerprint
 from jaxsat.core.jaxprs import Jaxpr, jaxpr_of
 from jaxsat.core.process import no_collection
 from jaxsat.core.trees import strong
-from jaxsat.simulation import Signals
 from jaxsat.simulation.engine.interface import AbstractEngine, CostGradient, Mode, count_of
 from jaxsat.simulation.engine.program import Program
 from jaxsat.simulation.engine.progress import Outputs
+from jaxsat.simulation.trajectory import Signals
 
 SPARE = 8
 """Lanes behind the last case that only hold padding.

@@ -6,7 +6,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.core.tolerances import SettlingTracker
-from jaxsat.simulation import AbstractLoop, Outcome
+from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 if TYPE_CHECKING:

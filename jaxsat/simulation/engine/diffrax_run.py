@@ -14,7 +14,6 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.core.solvers import AbstractSolver, solver_of
 from jaxsat.core.tolerances import SettlingTracker
-from jaxsat.simulation import Method, Outcome, SampledLoop, Signals, step_size_for
 from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gradient
 from jaxsat.simulation.engine.details import details_of, effort_rates, with_details
 from jaxsat.simulation.engine.error_estimate import HalvedSteps, Span
@@ -38,7 +37,9 @@ from jaxsat.simulation.engine.rates import (
     within_limit,
 )
 from jaxsat.simulation.held_torque import HeldTorque, Unmade
-from jaxsat.simulation.methods import Adjoint
+from jaxsat.simulation.methods import Adjoint, Method, step_size_for
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.simulation.trajectory import Outcome, Signals
 from jaxsat.spacecraft.dynamics import PlantState
 
 

@@ -7,8 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.core.tolerances import Tolerances, excess
-from jaxsat.simulation import AbstractLoop, SampledLoop, Signals
-from jaxsat.simulation.loops import failures_of
+from jaxsat.simulation.loops import AbstractLoop, failures_of
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.simulation.trajectory import Signals
 
 
 class DiagnosisRecord(NamedTuple):

@@ -10,7 +10,6 @@ import jax.numpy as jnp
 from jaxsat.core.checks import require_counts
 from jaxsat.core.solvers import NamedSolver, Solver, class_name
 from jaxsat.core.trees import halved, restored
-from jaxsat.simulation import AbstractLoop, Outcome, SampledLoop
 from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gradient
 from jaxsat.simulation.engine.details import details_of, with_details
 from jaxsat.simulation.engine.error_estimate import HalvedSteps, Span
@@ -36,7 +35,10 @@ from jaxsat.simulation.engine.rates import (
 from jaxsat.simulation.engine.runge_kutta import explicit_step, require_explicit, tableau_of
 from jaxsat.simulation.engine.stepper import AbstractStepper
 from jaxsat.simulation.held_torque import HeldTorque, Unmade
-from jaxsat.spacecraft import Sensors
+from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.simulation.trajectory import Outcome
+from jaxsat.spacecraft.sensors import Sensors
 
 NOISE_BLOCK = 16
 """Samples whose noise is drawn together. More gain little, and a replay, which stops at every

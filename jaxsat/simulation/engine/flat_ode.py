@@ -12,11 +12,11 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.solvers import Solver
 from jaxsat.core.trees import apart
-from jaxsat.simulation import AbstractContinuousLoop, Motion
 from jaxsat.simulation.engine.dense_output import AbstractDenseOutput, dense_output
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.rates import continuous_loop, running_cost
 from jaxsat.simulation.engine.root_finding import ends_of_parts, polynomial
+from jaxsat.simulation.loops import AbstractContinuousLoop, Motion
 from jaxsat.simulation.units import in_units
 
 

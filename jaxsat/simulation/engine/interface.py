@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Float, PyTree
 
 from jaxsat.core.jaxprs import Jaxpr
-from jaxsat.simulation import Signals
 from jaxsat.simulation.engine.program import Program
 from jaxsat.simulation.engine.progress import Outputs
+from jaxsat.simulation.trajectory import Signals
 
 
 class Replay(NamedTuple):

@@ -13,8 +13,9 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.simulation import AbstractLoop, SampledLoop
 from jaxsat.simulation.engine.progress import RunningCost
+from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
 
 

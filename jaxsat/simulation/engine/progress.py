@@ -14,11 +14,11 @@ from jaxsat.core.declaration.actuators import SIGNALS
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.tolerances import SettlingTracker, Tolerances
 from jaxsat.core.trigonometry import cos
-from jaxsat.simulation import Outcome
 from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gradient
 from jaxsat.simulation.engine.details import Details
 from jaxsat.simulation.engine.failure_record import FailureRecord
 from jaxsat.simulation.held_torque import HeldTorque, Unmade
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 

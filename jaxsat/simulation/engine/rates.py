@@ -6,16 +6,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from jaxsat.simulation import (
-    AbstractContinuousLoop,
-    AbstractLoop,
-    SampledLoop,
-)
 from jaxsat.simulation.engine.details import effort_rates
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import Integrals, RunningCost
-from jaxsat.spacecraft import Hold
+from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.held_effector import Hold
 
 
 def continuous_loop(case: Case) -> AbstractContinuousLoop:

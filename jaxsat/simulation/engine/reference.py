@@ -13,14 +13,14 @@ from jaxtyping import PyTree
 
 from jaxsat.core.checks import require_counts
 from jaxsat.core.solvers import class_name
-from jaxsat.simulation import Method, Signals, default_method
 from jaxsat.simulation.engine.batches import AbstractBatchEngine
 from jaxsat.simulation.engine.diffrax_run import Integrated, integrated
 from jaxsat.simulation.engine.interface import CostGradient, Mode
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.simulation.held_torque import saved
-from jaxsat.simulation.methods import AdaptiveSteps, Adjoint, checkpoints
+from jaxsat.simulation.methods import AdaptiveSteps, Adjoint, Method, checkpoints, default_method
+from jaxsat.simulation.trajectory import Signals
 
 
 class ReferenceEngine(AbstractBatchEngine):

@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import PyTree
 
 from jaxsat.core.checks import require_counts
-from jaxsat.simulation import Signals
 from jaxsat.simulation.engine.adaptive import AdaptiveStepper
 from jaxsat.simulation.engine.batches import AbstractBatchEngine
 from jaxsat.simulation.engine.fixed import FixedStepper, stepper_for
@@ -23,6 +22,7 @@ from jaxsat.simulation.engine.interface import CostGradient, Mode, with_ranges_a
 from jaxsat.simulation.engine.program import Program
 from jaxsat.simulation.engine.progress import Outputs, Progress
 from jaxsat.simulation.engine.stepper import AbstractStepper
+from jaxsat.simulation.trajectory import Signals
 
 CASES = "cases"
 """The name of a batch's axis."""

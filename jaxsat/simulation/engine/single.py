@@ -15,16 +15,7 @@ from jaxsat.core.jax_internals import Tracer
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.core.trees import strong
-from jaxsat.simulation import (
-    AbstractContinuousLoop,
-    AbstractLoop,
-    Assessment,
-    Method,
-    SampledLoop,
-    Signals,
-    Trajectory,
-    default_method,
-)
+from jaxsat.simulation.assessment import Assessment
 from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
 from jaxsat.simulation.engine.dense_output import require_dense_output
 from jaxsat.simulation.engine.diffrax_run import integrated
@@ -40,7 +31,10 @@ from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.simulation.engine.runge_kutta import require_explicit
 from jaxsat.simulation.engine.stepper import AbstractStepper
 from jaxsat.simulation.held_torque import HeldTorque, saved
-from jaxsat.simulation.methods import AdaptiveSteps, Adjoint, checkpoints
+from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop
+from jaxsat.simulation.methods import AdaptiveSteps, Adjoint, Method, checkpoints, default_method
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.simulation.trajectory import Signals, Trajectory
 from jaxsat.spacecraft.dynamics import PlantState
 
 

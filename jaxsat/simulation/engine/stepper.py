@@ -9,9 +9,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int
 
 from jaxsat.core.solvers import Solver
-from jaxsat.simulation import Outcome, Signals
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import Outputs, Progress
+from jaxsat.simulation.trajectory import Outcome, Signals
 
 Number = int | Int[Array, ""]
 """Known when tracing, or not."""

@@ -8,18 +8,20 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop
-from jaxsat.spacecraft import Actuators, Wheels
+from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.spacecraft.environment import (
+from jaxsat.spacecraft.environment.disturbances import (
     AbstractDisturbance,
     ConstantTorque,
     GravityGradient,
     NoDisturbance,
     PeriodicTorque,
-    SmallAngleOrbit,
     SumOfDisturbances,
 )
+from jaxsat.spacecraft.environment.orbit import SmallAngleOrbit
+from jaxsat.spacecraft.wheels import Wheels
 
 Vector = Float[np.ndarray, "3"]
 

@@ -9,7 +9,7 @@ from jaxsat.core.errors import JaxsatError
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build_tolerances, build_uncontrolled
-from jaxsat.simulation import AbstractLoop
+from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of
 from jaxsat.synthesis.bounds.search import Bound, best_of_starts, plans_of

@@ -13,9 +13,11 @@ import numpy as np
 
 from jaxsat.control.planning.planner import Plan, Planner, PlanStatus
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop
-from jaxsat.spacecraft import Actuators, Wheels
+from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.wheels import Wheels
 from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
 from jaxsat.synthesis.bounds.transcription import BoundObjective, BoundTranscription, Solution
 

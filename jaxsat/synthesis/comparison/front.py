@@ -14,8 +14,8 @@ from jaxtyping import Float
 from jaxsat.control.planning.planner import Plan, Planner, PlanStatus
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import Run, build, build_tolerances, build_uncontrolled
-from jaxsat.simulation import SampledLoop
-from jaxsat.spacecraft import Actuators
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of
 from jaxsat.synthesis.bounds.search import propagate, solution_of

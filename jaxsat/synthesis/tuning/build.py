@@ -21,8 +21,10 @@ from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tuning import BoundsTable, CostTable, TuningTable
 from jaxsat.scenario.wording import shown
-from jaxsat.simulation.engine import AttitudeCost, Program, RunningCost, ScanEngine, Unsettled
 from jaxsat.simulation.engine.native import NativeEngine, process_obstacle
+from jaxsat.simulation.engine.program import Program
+from jaxsat.simulation.engine.progress import AttitudeCost, RunningCost, Unsettled
+from jaxsat.simulation.engine.scan import ScanEngine
 from jaxsat.studies.dispersions import number_at
 from jaxsat.studies.perturbed import controller_of
 from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator, TrajectoryCounter

@@ -11,16 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-from jaxsat.simulation.engine import (
-    AbstractCaseFactory,
-    AbstractEngine,
-    AbstractStepper,
-    Case,
-    FixedStepper,
-    Outputs,
-    Program,
-    program_identity,
-)
+from jaxsat.simulation.engine.fixed import FixedStepper
+from jaxsat.simulation.engine.interface import AbstractEngine, program_identity
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, Program
+from jaxsat.simulation.engine.progress import Outputs
+from jaxsat.simulation.engine.stepper import AbstractStepper
 from jaxsat.studies.designs import AbstractDesign
 from jaxsat.studies.dispersions import Dispersed, StudyCase
 from jaxsat.synthesis.tuning.parameters import SearchSpace, Values

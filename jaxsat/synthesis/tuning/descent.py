@@ -12,8 +12,8 @@ from jaxtyping import Bool, Float, Int
 
 from jaxsat.core.once import latest
 from jaxsat.scenario.optimisers import OptimiserSettings
-from jaxsat.simulation import Outcome
-from jaxsat.simulation.engine import Outputs
+from jaxsat.simulation.engine.progress import Outputs
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.synthesis.tuning.cost_evaluator import CaseGradients
 from jaxsat.synthesis.tuning.parameters import Values
 from jaxsat.synthesis.tuning.plan import TuningPlan

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.simulation import Outcome
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.synthesis.plain_data import plain_data
 from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator
 from jaxsat.synthesis.tuning.descent import DescentState

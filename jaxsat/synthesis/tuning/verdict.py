@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.simulation import Outcome
-from jaxsat.simulation.engine import Outputs
+from jaxsat.simulation.engine.progress import Outputs
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.studies.statistics import LEVEL, Interval, wilson
 from jaxsat.studies.summary import Summary, summarise
 from jaxsat.synthesis.plain_data import plain_data

@@ -11,9 +11,10 @@ from jaxsat.control.diagnosis.diagnosis import Diagnosis, average_run_length
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.diagnosis.residual import RESTLESSNESS, Reading
 from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter, ThrusterModel
-from jaxsat.spacecraft import DeltaSigma, Spacecraft
 from jaxsat.spacecraft.dynamics import RigidBody
-from jaxsat.spacecraft.environment import SmallAngleOrbit
+from jaxsat.spacecraft.environment.orbit import SmallAngleOrbit
+from jaxsat.spacecraft.modulation import DeltaSigma
+from jaxsat.spacecraft.spacecraft import Spacecraft
 
 MOMENTS = np.array([0.30, 0.55, 0.62])
 PERIOD, NOISE, SHORTEST = 0.2, 3e-5, 0.02

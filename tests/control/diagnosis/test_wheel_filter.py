@@ -9,7 +9,7 @@ from jaxsat.control.diagnosis.diagnosis import Diagnosis, average_run_length
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.diagnosis.residual import RESTLESSNESS, ActuatorCondition, Reading
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
-from jaxsat.spacecraft import Wheels
+from jaxsat.spacecraft.wheels import Wheels
 
 PERIOD, NOISE, FULL, COULOMB = 0.1, 2e-3, 0.4, 0.01
 COUNT = 4

@@ -10,7 +10,7 @@ from jaxsat.control.navigation.navigation import Delivery
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.spacecraft import StarTracker
+from jaxsat.spacecraft.navigation_sensors import StarTracker
 from jaxsat.studies.distributions import Uniform
 from jaxsat.studies.quantities import QUANTITIES
 from studies.copies import copies_of

@@ -14,9 +14,9 @@ from jaxsat.control.navigation.estimator import Measurement
 from jaxsat.control.navigation.mekf import MultiplicativeFilter
 from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.attitude import Quaternion
-from jaxsat.spacecraft import Gyro, StarTracker
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.spacecraft.environment import ExactOrbit, SmallAngleOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit, SmallAngleOrbit
+from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
 from oracle.attitude_filter import Oracle
 
 PERIOD = 0.1

@@ -9,7 +9,7 @@ from control.navigation.motion import attitude_errors
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation.engine import NativeEngine
+from jaxsat.simulation.engine.native import NativeEngine
 from jaxsat.store.dataset import dataset_bytes, open_trajectory, trajectory_dataset
 from jaxsat.store.files import save_file
 from simulation.engine.examples import KICKS, estimated_example, program

@@ -11,8 +11,8 @@ from jaxsat.control.navigation.estimator import RawMeasurements
 from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.core.noise import sample_noise
-from jaxsat.spacecraft import Gyro, StarTracker
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
 
 PERIOD = 0.1
 STILL = Quaternion([1.0, 0.0, 0.0, 0.0])

@@ -5,9 +5,9 @@ import numpy as np
 
 from jaxsat.control.planning.planner import Planner
 from jaxsat.core.attitude import Quaternion
-from jaxsat.spacecraft import Spacecraft
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
 from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
 from jaxsat.synthesis.bounds.search import propagate
 from jaxsat.synthesis.bounds.transcription import Solution

@@ -11,8 +11,10 @@ import numpy as np
 from flywheels.declaration import FlywheelFailureKind
 from jaxsat.control.steering import AbstractSteering
 from jaxsat.core.ranges import TORQUE
-from jaxsat.spacecraft import AbstractEffector, AbstractFailures, Effect, Reach, allocate
+from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
+from jaxsat.spacecraft.effector import AbstractEffector, Effect, Reach
+from jaxsat.spacecraft.failures import AbstractFailures
 
 
 class FlywheelFailures(AbstractFailures):

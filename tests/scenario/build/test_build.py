@@ -11,8 +11,9 @@ from jaxsat.core.solvers import class_name
 from jaxsat.scenario.build import run as module
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation import adaptive, simulate
-from jaxsat.spacecraft import Actuators
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.methods import adaptive
+from jaxsat.spacecraft.actuators import Actuators
 
 
 def test_plant_and_law_hold_the_numbers_of_the_file():

@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 
+from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.scenario import ScenarioError, ScenarioWarning
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation import ContinuousLoop, SampledLoop
-from jaxsat.spacecraft import FailureEvents, FailureKind, PulsedThrusters
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.failures import FailureEvents
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
 
 FAILURES = (
     "failure=[{of='thruster 2',at_s=5.0,kind='stuck-at',fraction=-0.5},"

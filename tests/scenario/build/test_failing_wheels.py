@@ -4,12 +4,15 @@ import jax
 import numpy as np
 import pytest
 
+from jaxsat.core.declaration.wheels import WheelFailureKind
 from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation import ContinuousLoop
-from jaxsat.spacecraft import FailureEvents, WheelFailureKind, WheelFailures, Wheels, wheel_momentum
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.spacecraft.failures import FailureEvents
+from jaxsat.spacecraft.wheel_failures import WheelFailures
+from jaxsat.spacecraft.wheels import Wheels, wheel_momentum
 from scenario.build.test_thrusters_as_parts import HEAD, PAIRS, REST, written
 
 WHEELS = """\

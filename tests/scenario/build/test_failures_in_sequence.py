@@ -13,7 +13,7 @@ from jaxsat.scenario import ScenarioError, ScenarioWarning, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import study_program
-from jaxsat.spacecraft import Wheels
+from jaxsat.spacecraft.wheels import Wheels
 from jaxsat.studies.dispersions import StudyCase
 from jaxsat.studies.failure_codes import FAILURES
 from jaxsat.studies.recovery import failed_thrusters

@@ -12,7 +12,8 @@ import pytest
 
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation import Outcome, simulate
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.trajectory import Outcome
 
 pytestmark = pytest.mark.slow
 

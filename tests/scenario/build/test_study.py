@@ -18,7 +18,8 @@ from jaxsat.scenario.build.study import (
 )
 from jaxsat.scenario.dispersion_tables import PARAMETERS
 from jaxsat.scenario.toml_text import toml_value
-from jaxsat.simulation.engine import NativeEngine, ReferenceEngine
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.reference import ReferenceEngine
 from jaxsat.studies.designs import LatinHypercube, Sobol
 from jaxsat.studies.quantities import QUANTITIES
 

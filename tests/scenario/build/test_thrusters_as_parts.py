@@ -4,11 +4,13 @@ import jax
 import numpy as np
 import pytest
 
+from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.spacecraft import FailureKind, IdealThrottle, PulsedThrusters
+from jaxsat.spacecraft.modulation import IdealThrottle
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
 from jaxsat.studies.ensemble import Study
 
 HEAD = """\

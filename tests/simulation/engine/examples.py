@@ -22,28 +22,19 @@ from jaxsat.control.navigation.mekf import MultiplicativeFilter
 from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.noise import key_of_seed
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.simulation import (
-    AbstractLoop,
-    ContinuousLoop,
-    ErrorCoordinateLoop,
-    SampledLoop,
-    adaptive,
-    fixed,
-)
-from jaxsat.simulation.engine import (
-    AbstractCaseFactory,
-    AdaptiveStepper,
-    Case,
-    FixedStepper,
-    NativeEngine,
-    ReferenceEngine,
-    SampledStepper,
-    ScanEngine,
-    Tolerance,
-    program_of,
-)
-from jaxsat.spacecraft import Gyro, Sensors, StarTracker
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.fixed import FixedStepper, SampledStepper
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, program_of
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
+from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
+from jaxsat.simulation.methods import adaptive, fixed
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
+from jaxsat.spacecraft.sensors import Sensors
 
 
 def agreed(program, cases, period, apart):

@@ -9,9 +9,9 @@ from jaxtyping import Array, Bool, Float
 
 from helpers.paper import PAPER_THREE_AXIS, bodies
 from jaxsat.core.attitude import WZ
-from jaxsat.simulation import AbstractContinuousLoop, Signals
-from jaxsat.simulation.engine import AbstractCaseFactory, Case
-from jaxsat.simulation.loops import Motion
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Case
+from jaxsat.simulation.loops import AbstractContinuousLoop, Motion
+from jaxsat.simulation.trajectory import Signals
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 

@@ -8,9 +8,11 @@ import pytest
 
 from helpers.paper import PAPER_THREE_AXIS, three_axis_loop, three_axis_start
 from helpers.references import THREE_AXIS_STATES
-from jaxsat.simulation import Outcome
-from jaxsat.simulation.engine import AdaptiveStepper, ScanEngine, Tolerance, program_of
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.program import program_of
 from jaxsat.simulation.engine.runge_kutta import stage_rates, tableau_of, weighted
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.trajectory import Outcome
 from simulation.engine.examples import Kicked, same_bits
 from studies.studies import tumbling
 

@@ -7,8 +7,10 @@ import jax
 import numpy as np
 import pytest
 
-from jaxsat.simulation import Outcome, SampledLoop, simulate
-from jaxsat.simulation.engine import FixedStepper
+from jaxsat.simulation.engine.fixed import FixedStepper
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.simulation.trajectory import Outcome
 from simulation.engine.examples import (
     EXAMPLES,
     GAIN,

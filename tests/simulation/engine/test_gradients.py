@@ -12,17 +12,15 @@ from helpers.switching import CASE, start, switching_loop
 from jaxsat.control.controller import AbstractFeedbackLaw
 from jaxsat.core.attitude import WZ
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.simulation import ContinuousLoop, ErrorCoordinateLoop, Method, adaptive
-from jaxsat.simulation.engine import (
-    AdaptiveStepper,
-    FixedStepper,
-    ReferenceEngine,
-    RunningCost,
-    ScanEngine,
-    Tolerance,
-    Unsettled,
-    program_of,
-)
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.fixed import FixedStepper
+from jaxsat.simulation.engine.program import program_of
+from jaxsat.simulation.engine.progress import RunningCost, Unsettled
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
+from jaxsat.simulation.loops import ContinuousLoop
+from jaxsat.simulation.methods import Method, adaptive
 from simulation.engine.examples import KICKS, Kicked, smooth_law
 
 DURATION = 6.0

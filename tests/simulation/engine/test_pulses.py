@@ -10,26 +10,20 @@ from helpers.thruster_layouts import allocated, canted, thruster_set
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
-from jaxsat.simulation import SampledLoop, simulate
-from jaxsat.simulation.engine import (
-    AbstractCaseFactory,
-    Case,
-    NativeEngine,
-    ReferenceEngine,
-    SampledStepper,
-    ScanEngine,
-    program_of,
-)
-from jaxsat.spacecraft import (
-    DeltaSigma,
-    FailureEvents,
-    FailureKind,
-    PulsedThrusters,
-    PulseWidth,
-    Spacecraft,
-)
+from jaxsat.core.declaration.failures import FailureKind
+from jaxsat.simulation.engine.fixed import SampledStepper
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, program_of
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.failures import FailureEvents
+from jaxsat.spacecraft.modulation import DeltaSigma, PulseWidth
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.spacecraft import Spacecraft
 from jaxsat.studies.columns import UNMADE
 
 PERIOD, SECONDS = 0.2, 12.0

@@ -10,9 +10,9 @@ import pytest
 
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation import adaptive, fixed, simulate
-from jaxsat.simulation.engine import fly
 from jaxsat.simulation.engine.native import engine
+from jaxsat.simulation.engine.single import fly, simulate
+from jaxsat.simulation.methods import adaptive, fixed
 
 SMOOTH = ("rate-limited", ["simulation.duration_s=30"], 1e-9)
 SAMPLED = ("two-torque-free", ["simulation.duration_s=30"], 1e-10)

@@ -4,17 +4,13 @@ import diffrax
 import pytest
 
 from helpers.switching import CASE, switching_loop
-from jaxsat.simulation.engine import (
-    AbstractEngine,
-    AbstractStepper,
-    AdaptiveStepper,
-    FixedStepper,
-    NativeEngine,
-    ReferenceEngine,
-    SampledStepper,
-    ScanEngine,
-)
-from jaxsat.simulation.engine.fixed import stepper_for
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper
+from jaxsat.simulation.engine.fixed import FixedStepper, SampledStepper, stepper_for
+from jaxsat.simulation.engine.interface import AbstractEngine
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.engine.stepper import AbstractStepper
 from simulation.engine.relay import relay
 
 KINDS = (AdaptiveStepper, FixedStepper, SampledStepper)

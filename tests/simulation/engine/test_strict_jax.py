@@ -7,7 +7,7 @@ import pytest
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation import simulate
+from jaxsat.simulation.engine.single import simulate
 
 CASES = (
     pytest.param("benchmark-three-axis", "10", marks=pytest.mark.slow),

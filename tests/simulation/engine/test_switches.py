@@ -17,15 +17,13 @@ from helpers.paper import (
 from jaxsat.core.attitude import WZ
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation import AbstractLoop, ErrorCoordinateLoop, Outcome
-from jaxsat.simulation.engine import (
-    AbstractCaseFactory,
-    AdaptiveStepper,
-    RunningCost,
-    ScanEngine,
-    Tolerance,
-    program_of,
-)
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.program import AbstractCaseFactory, program_of
+from jaxsat.simulation.engine.progress import RunningCost
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
+from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.spacecraft.dynamics import PlantState
 from oracle.rate_law import simulate_rate_law
 from oracle.three_axis_law import simulate_three_axis

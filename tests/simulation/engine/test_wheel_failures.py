@@ -7,26 +7,19 @@ import pytest
 
 from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.core.attitude import Quaternion
-from jaxsat.simulation import SampledLoop
-from jaxsat.simulation.engine import (
-    AbstractCaseFactory,
-    Case,
-    program_of,
-)
-from jaxsat.spacecraft import (
-    FailureEvents,
-    FailureKind,
-    PulsedThrusters,
-    PulseWidth,
-    Spacecraft,
-    WheelFailureKind,
-    WheelFailures,
-    WheelMomenta,
-    Wheels,
-    WheelsFirst,
-)
+from jaxsat.core.declaration.failures import FailureKind
+from jaxsat.core.declaration.wheels import WheelFailureKind
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, program_of
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.distribution import WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.failures import FailureEvents
+from jaxsat.spacecraft.modulation import PulseWidth
+from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.wheel_failures import WheelFailures
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 from simulation.engine.examples import agreed
 from simulation.engine.test_wheels import INERTIA, Sampled
 

@@ -13,21 +13,20 @@ from jaxsat.control.controller import AbstractFeedbackLaw
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
-from jaxsat.simulation import AbstractLoop, ContinuousLoop, SampledLoop, adaptive, fixed
-from jaxsat.simulation.engine import (
-    AbstractCaseFactory,
-    AdaptiveStepper,
-    Case,
-    NativeEngine,
-    ReferenceEngine,
-    SampledStepper,
-    ScanEngine,
-    Tolerance,
-    program_of,
-)
-from jaxsat.spacecraft import Spacecraft, WheelMomenta, Wheels, WheelsFirst
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
+from jaxsat.simulation.engine.fixed import SampledStepper
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, program_of
+from jaxsat.simulation.engine.reference import ReferenceEngine
+from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
+from jaxsat.simulation.methods import adaptive, fixed
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.distribution import WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-from jaxsat.spacecraft.environment import ExactOrbit
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 from jaxsat.studies.columns import UNMADE
 from simulation.engine.examples import WIDE
 

@@ -8,16 +8,15 @@ from hypothesis import strategies as st
 
 from helpers.strategies import rotations, vectors
 from jaxsat.core.attitude import DCM, Quaternion
+from jaxsat.core.earth import circular_orbit_rate
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build_uncontrolled
-from jaxsat.spacecraft.environment import (
+from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
+from jaxsat.spacecraft.environment.orbital_torques import (
     AerodynamicTorque,
-    CircularOrbit,
-    DipoleField,
     MagneticTorque,
     SolarPressureTorque,
-    circular_orbit_rate,
 )
 from oracle import orbital_torques as oracle
 

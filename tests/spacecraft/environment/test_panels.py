@@ -7,19 +7,17 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from jaxsat.core.attitude import DCM, Quaternion
+from jaxsat.core.earth import circular_orbit_rate
 from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build_uncontrolled
-from jaxsat.spacecraft.environment import (
+from jaxsat.spacecraft.environment.orbit import CircularOrbit
+from jaxsat.spacecraft.environment.orbital_torques import (
     AerodynamicTorque,
-    CircularOrbit,
-    PanelDrag,
-    Panels,
-    PanelSolarPressure,
     SolarPressureTorque,
     Sunlight,
-    circular_orbit_rate,
 )
+from jaxsat.spacecraft.environment.panels import PanelDrag, Panels, PanelSolarPressure
 from oracle import orbital_torques as oracle
 
 RATE = circular_orbit_rate(400e3)

@@ -16,9 +16,10 @@ from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario import library
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build, build_uncontrolled
-from jaxsat.simulation import SampledLoop, simulate
-from jaxsat.spacecraft import Actuators
-from jaxsat.spacecraft.environment import AbstractDisturbance
+from jaxsat.simulation.engine.single import simulate
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
+from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance
 from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre, manoeuvre_of
 from jaxsat.synthesis.bounds.search import best_of_starts, plans_of, propagate
 from jaxsat.synthesis.bounds.transcription import BoundObjective, BoundTranscription, Solution

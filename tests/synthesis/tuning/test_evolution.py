@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from jaxsat.scenario.optimisers import OptimiserSettings
-from jaxsat.simulation.engine import Outputs
+from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.synthesis.tuning.cost_evaluator import recovery_costs
 from jaxsat.synthesis.tuning.parameters import Parameter, SearchSpace
 from jaxsat.synthesis.tuning.strategies import next_population

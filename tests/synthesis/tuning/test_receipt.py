@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxsat.report.tuning_document import tuning_document
-from jaxsat.simulation.engine import AbstractCaseFactory, Program
+from jaxsat.simulation.engine.program import AbstractCaseFactory, Program
 from jaxsat.synthesis.tuning.receipt import check_gradients
 from jaxsat.synthesis.tuning.verdict import make_verdict
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from jaxsat.compiler import CannotLower
 from jaxsat.compiler.ir import NativeBug
 from jaxsat.scenario import dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.simulation.engine import CannotLower
 from jaxsat.synthesis.execution import Listener
 from jaxsat.synthesis.tuning.build import build_plan, tuned_scenario
 from jaxsat.synthesis.tuning.run import tune

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from jaxsat.control.rate import RateLaw
-from jaxsat.simulation import Outcome
-from jaxsat.simulation.engine import AbstractCaseFactory, nan_in_run
+from jaxsat.simulation.engine.nan_in_run import nan_in_run
+from jaxsat.simulation.engine.program import AbstractCaseFactory
+from jaxsat.simulation.trajectory import Outcome
 from jaxsat.synthesis.tuning.cost_evaluator import CaseGradients
 from jaxsat.synthesis.tuning.descent import descent_step, initial_state
 from jaxsat.synthesis.tuning.receipt import Receipt, _first_masked, check_gradients

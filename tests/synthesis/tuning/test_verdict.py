@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from jaxsat.report.tuning_document import tuning_document
-from jaxsat.simulation.engine import RunningCost
+from jaxsat.simulation.engine.progress import RunningCost
 from jaxsat.synthesis.tuning.verdict import make_verdict
 
 

@@ -15,7 +15,6 @@ from jaxsat.core.checks import require_counts
 from jaxsat.core.jaxprs import Jaxpr
 from jaxsat.core.once import Locks
 from jaxsat.core.process import processors
-from jaxsat.simulation import Signals
 from jaxsat.simulation.engine.fixed import FixedStepper
 from jaxsat.simulation.engine.interface import (
     AbstractEngine,
@@ -35,6 +34,7 @@ from jaxsat.simulation.engine.native.trajectory import (
 from jaxsat.simulation.engine.program import Program
 from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.simulation.engine.stepper import AbstractStepper
+from jaxsat.simulation.trajectory import Signals
 
 _kernels: dict[Any, Kernel] = {}
 _making = Locks()

@@ -6,8 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.simulation import Outcome
-from jaxsat.simulation.engine import AdaptiveStepper, NativeEngine, Outputs
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper
+from jaxsat.simulation.engine.native import NativeEngine
+from jaxsat.simulation.engine.progress import Outputs
+from jaxsat.simulation.trajectory import Outcome
 from simulation.engine.examples import EXAMPLES, GAIN, KICKS, program, same_bits
 
 

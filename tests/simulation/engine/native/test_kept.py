@@ -17,8 +17,7 @@ from jaxsat.compiler.llvm.arguments import Arguments
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation.engine import NativeEngine
-from jaxsat.simulation.engine.native import engine, kept
+from jaxsat.simulation.engine.native import NativeEngine, engine, kept
 from jaxsat.spacecraft.dynamics import PlantState
 from simulation.engine.examples import EXAMPLES, KICKS, program, same_bits
 

@@ -8,7 +8,7 @@ import pytest
 from jaxsat.compiler import CannotLower, Mapped
 from jaxsat.compiler.ir import NativeBug
 from jaxsat.compiler.lowering import RULES
-from jaxsat.simulation.engine import FixedStepper
+from jaxsat.simulation.engine.fixed import FixedStepper
 from jaxsat.simulation.engine.native import native_obstacle
 from simulation.engine.examples import EXAMPLES, KICKS, program
 

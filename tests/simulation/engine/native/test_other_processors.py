@@ -17,8 +17,9 @@ from jaxsat.compiler.llvm import target
 from jaxsat.compiler.llvm.threads import in_own_thread
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
-from jaxsat.simulation.engine import AdaptiveStepper, NativeEngine, Outputs
-from jaxsat.simulation.engine.native import kernel
+from jaxsat.simulation.engine.adaptive import AdaptiveStepper
+from jaxsat.simulation.engine.native import NativeEngine, kernel
+from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.studies.ensemble import Study
 
 pytestmark = pytest.mark.slow
