@@ -3,7 +3,6 @@
 What a user has set for matplotlib has no part in it: equal results give equal figures.
 """
 
-import io
 import warnings
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -13,9 +12,6 @@ from jaxsat.store.files import FAILURES, reason
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-FAST: Mapping[str, Any] = {"pil_kwargs": {"compress_level": 2}}
-"""How PNG is compressed: a tenth larger than with all effort, in a third of the time."""
 
 Figures = Mapping[str, "Figure | Callable[[], Figure]"]
 """Figures by file name, or what makes them."""
@@ -60,27 +56,15 @@ def save_figures(figures: Figures | Callable[[], Figures], write: Callable[[str,
 
 def _drawn(name: str, figure: "Figure | Callable[[], Figure]") -> dict[str, bytes]:
     """A figure's files; none where it cannot be drawn."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from jaxsat.report.png_and_svg import png_and_svg
 
-    files = {}
     try:
         drawing = figure() if callable(figure) else figure
-        engine = drawing.get_layout_engine()
-        if engine is not None:
-            engine.execute(drawing)
-            drawing.set_layout_engine("none")  # laid out once, for both
-        for ending, draw, options in (
-            ("png", FigureCanvasAgg(drawing).print_png, {"metadata": {"Software": None}, **FAST}),
-            ("svg", FigureCanvasSVG(drawing).print_svg, {"metadata": {"Date": None}}),
-        ):
-            buffer = io.BytesIO()
-            draw(buffer, **options)
-            files[f"{name}.{ending}"] = buffer.getvalue()
+        png, svg = png_and_svg(drawing)
     except Exception as error:
         _tell(f"figure {name}", error)
         return {}
-    return files
+    return {f"{name}.png": png, f"{name}.svg": svg}
 
 
 def _tell(what: str, error: Exception) -> None:

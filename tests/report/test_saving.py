@@ -1,9 +1,18 @@
 """Figures that fail lose nothing but themselves."""
 
-import matplotlib as mpl
-import pytest
-from matplotlib.figure import Figure
+import io
+import re
+from xml.etree import ElementTree
 
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from jaxsat.report.png_and_svg import PNG_OPTIONS, png_and_svg
 from jaxsat.report.saving import save_figures
 
 
@@ -49,3 +58,41 @@ def test_what_cannot_be_written_is_raised():
 
     with pytest.raises(OSError, match="no room"):
         save_figures({"one": figure()}, write)
+
+
+def everything() -> Figure:
+    """A figure with all that a renderer can be given, but text."""
+    drawn = Figure(figsize=(3.3, 2.1), dpi=130)
+    axes = drawn.add_axes((0.1, 0.1, 0.8, 0.8))
+    x = np.linspace(0, 1, 7)
+    axes.plot(x, x**2, "o--")
+    axes.fill_between(x, x, x**3, alpha=0.3)
+    axes.scatter(x, x, c=x, s=20 * x)
+    axes.pcolormesh(x, x[:3], np.outer(x[:2], x[:6]), rasterized=True)
+    axes.pcolormesh(x, x[2:5], np.outer(x[:2], x[:6]))
+    axes.imshow(np.outer(x, x), extent=(0.2, 0.4, 0.6, 0.8))
+    axes.lines[0].set_clip_path(Circle((0.5, 0.5), 0.3, transform=axes.transData))
+    axes.set_axis_off()
+    return drawn
+
+
+def test_one_drawing_gives_the_files_that_matplotlib_draws_apart():
+    png, svg = png_and_svg(everything())
+    with io.BytesIO() as file:
+        FigureCanvasAgg(everything()).print_png(
+            file, metadata={"Software": None}, pil_kwargs=PNG_OPTIONS
+        )
+        assert png == file.getvalue()
+    with io.StringIO() as file:
+        FigureCanvasSVG(everything()).print_svg(file, metadata={"Date": None})
+        apart = ElementTree.fromstring(file.getvalue())
+    once = ElementTree.fromstring(svg)
+    for one, other in zip(once.iter(), apart.iter(), strict=True):
+        assert one.tag == other.tag
+        assert one.get("style") == other.get("style")
+        for name in ("d", "x", "y", "width", "height"):
+            places, expected = (
+                [float(number) for number in re.findall(r"-?\d+\.?\d*", each.get(name, ""))]
+                for each in (one, other)
+            )
+            np.testing.assert_allclose(places, expected, atol=2e-2)
