@@ -47,6 +47,13 @@ class AbstractSteering(eqx.Module):
         `state` is what the law is told of the plant.
         """
 
+    def within_reach(
+        self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]
+    ) -> Float[Array, "3"]:
+        """The part of a torque (N m) that the kind would make if it had no limits."""
+        del t, state
+        return torque
+
 
 class SteeringContext(NamedTuple):
     """What a scenario tells a steering besides its effector and the tables of that.
@@ -64,7 +71,8 @@ class Steered(AbstractDistribution):
     """Effectors that share in a torque by a `steering` of their own, in its order, then others.
 
     What steering leaves of the command goes to the other effectors as `rest` shares it; with None
-    it stays unmade.
+    it stays unmade, without what is out of reach at any limits, such as a torque of magnetorquers
+    along the field.
     """
 
     steering: tuple[AbstractSteering, ...] = ()
@@ -81,7 +89,10 @@ class Steered(AbstractDistribution):
                 raise ArgumentError("steering", f"must be of effectors among {kinds}", kind)
         others = tuple(one for one in effectors if one.kind not in steered)
         if self.rest is None:
-            shares = Shares(tuple(one.idle() for one in others), torque_of(command))
+            left = beyond = torque_of(command)
+            for one in self.steering:
+                beyond = beyond - one.within_reach(t, state, beyond)
+            shares = Shares(tuple(one.idle() for one in others), left - beyond)
         else:
             shares = self.rest(t, state, command, others)
         left = iter(shares.uses)
@@ -146,6 +157,13 @@ class MagneticSteering(AbstractSteering):
         limit = jnp.where(jnp.any(self.shares != 0, axis=1), self.dipole_limit, 0.0)
         dipoles = allocate(Reach(across, -limit, limit), across @ shares).use
         return dipoles, command - across @ dipoles
+
+    def within_reach(
+        self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]
+    ) -> Float[Array, "3"]:
+        """The part across the field (N m)."""
+        field = self.field.in_body(t, state.attitude)
+        return torque - field * (jnp.sum(field * torque) / jnp.sum(field**2))
 
     def unlimited(
         self, field: Float[Array, "3"], state: PlantState, command: Float[Array, "3"]

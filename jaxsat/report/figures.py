@@ -22,9 +22,11 @@ from jaxsat.report.run_plots import (
     has_effectors,
     pointing_plots,
     signal_plots,
+    torque_axes,
     torque_lines,
     torque_plots,
 )
+from jaxsat.report.shares import share_plots
 from jaxsat.report.timeline import mode_names, subject_title, timeline_of
 
 PEAK = 20.0
@@ -41,8 +43,10 @@ def trajectory_figures(dataset: xr.Dataset) -> dict[str, Figure]:
     }
     if np.isfinite(dataset["lyapunov"]).any():
         figures["lyapunov"] = lyapunov_figure(dataset)
-    if mode_names(dataset):
+    if mode_names(dataset) and torque_axes(dataset) == 2:
         figures["steering"] = steering_figure(dataset)
+    if shares := share_plots(dataset):
+        figures["shares"] = _figure(dataset, shares, "torque by kind of actuator", height=2.2)
     story = failure_figure(dataset)
     if story is not None:
         figures["failure"] = story

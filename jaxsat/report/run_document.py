@@ -13,6 +13,7 @@ from jaxsat.core.text import capitalised
 from jaxsat.report.document import Document, Facts, Verdict
 from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude, step_error
 from jaxsat.report.run_plots import has_effectors, shown_unit
+from jaxsat.report.shares import momentum_budget
 from jaxsat.report.timeline import failures_of
 from jaxsat.store.dataset import errors_of, time_at_rest, time_to_settle
 
@@ -104,6 +105,8 @@ def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, st
     if "effort" in dataset:
         by = "all actuators" if has_effectors(dataset) else "the thrusters"
         rows["effort"] = f"{_numbers(dataset['effort'])} N m s by {by}"
+    if budget := momentum_budget(dataset):
+        rows["momentum given"] = budget
     for actuator in ACTUATORS:
         for signal in actuator.signals:
             if signal.peak and signal.name in dataset:

@@ -21,6 +21,7 @@ TITLES = {
     "relative_rate": "Rate relative to the orbit frame",
     "rate_error": "Rate minus its reference",
     "torque": "Torque T",
+    "torque_unmade": "Unmet torque",
     "constraint_torque": "Ideal torque that holds the third rate",
     "disturbance": "Disturbance torque",
     "lyapunov": "Lyapunov function V",
@@ -28,7 +29,17 @@ TITLES = {
 }
 """Others go by their long name."""
 
-OWN = frozenset({*TITLES, "w", "z", "quaternion", "torque_min", "torque_max", "torque_mean"})
+OWN = frozenset(
+    {
+        *TITLES.keys() - {"torque_unmade"},
+        "w",
+        "z",
+        "quaternion",
+        "torque_min",
+        "torque_max",
+        "torque_mean",
+    }
+)
 """The signals that every trajectory has, or that have a figure made for them."""
 
 SYMBOLS = {"omega": "ω", "torque": "T"}
@@ -143,7 +154,7 @@ def torque_plots(dataset: xr.Dataset) -> list[Plot]:
     """The torque; one plot an axis, mean and range, where it changes between the saved times."""
     if "torque_max" not in dataset:
         plots = signal_plots(dataset, "torque")
-        return [dataclasses.replace(one, lines=one.lines[: _axes(dataset)]) for one in plots]
+        return [dataclasses.replace(one, lines=one.lines[: torque_axes(dataset)]) for one in plots]
     title = "Torque {}: mean and range until the next saved time"
     return [
         Plot(title.format(line.label), "", TIME, Axis(f"Torque {line.label}", "N m"), [ranged])
@@ -160,7 +171,7 @@ def torque_lines(dataset: xr.Dataset) -> list[Line]:
     low, high, mean = (dataset[f"torque_{part}"].values.T for part in ("min", "max", "mean"))
     return [
         Line(time, mean[axis], f"T{axis + 1}", True, band=Band(low[axis], high[axis], "range"))
-        for axis in range(_axes(dataset))
+        for axis in range(torque_axes(dataset))
     ]
 
 
@@ -178,7 +189,7 @@ def enlarged(plot: Plot, span: Span) -> Plot:
     return Plot(f"{plot.title}, enlarged", "", Axis("time", "s", limits=span), axis, lines)
 
 
-def _axes(dataset: xr.Dataset) -> int:
+def torque_axes(dataset: xr.Dataset) -> int:
     """Three where actuators turn about the third axis, else two."""
     names = {"torque", "torque_min", "torque_max"} & set(dataset)
     return 3 if any((np.abs(dataset[name][:, 2]) > 0).any() for name in names) else 2

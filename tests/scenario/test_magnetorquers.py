@@ -1,5 +1,6 @@
 """Tables `[[magnetorquer]]` and `[unloading]`: what is made of them, and mistakes."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -41,6 +42,23 @@ def test_one_that_has_failed_is_asked_nothing():
     steering = steering_of(data)
     assert not np.any(steering.shares[1])
     np.testing.assert_allclose(steering.axes @ steering.shares[:, 0], [1, 0, 0], atol=1e-14)
+
+
+def test_what_no_magnetorquer_can_make_is_not_missed():
+    """Of a torque within their limits nothing; of a larger one what is across the field."""
+    run = build(Scenario.model_validate(document()))
+    loop, state = run.loop, run.start
+    (steering,) = loop.distribution.steering
+    field = np.asarray(steering.field.in_body(jnp.array(0.0), state.attitude))
+    unit = field / np.linalg.norm(field)
+    for size in (1e-9, 1.0):
+        torque = size * np.array([0.3, -0.8, 0.5])
+        shares = loop.distribution(jnp.array(0.0), state, jnp.asarray(torque), loop.plant.effectors)
+        across = torque - unit * (unit @ torque)
+        dipoles = np.asarray(shares.uses[0])
+        made_of_it = np.cross(np.asarray(steering.axes) @ dipoles, field)
+        np.testing.assert_allclose(shares.left, across - made_of_it, atol=1e-12 * size)
+        assert (np.linalg.norm(shares.left) > 0.5 * size) == (size == 1.0)
 
 
 def _renamed(data):

@@ -22,6 +22,7 @@ from jaxsat.report.run_plots import (
     signal_plots,
     torque_plots,
 )
+from jaxsat.report.shares import share_plots
 from jaxsat.report.timeline import failures_of
 from jaxsat.store.dataset import coarseness
 
@@ -60,7 +61,11 @@ def _plots(dataset: xr.Dataset) -> dict[str, list[Plot]]:
     return {
         "Attitude": [*pointing_plots(dataset), *attitude_plots(dataset)],
         "Rates": of("omega", "relative_rate", "rate_error"),
-        "Torque": [*torque_plots(dataset), *of("constraint_torque", "disturbance")],
+        "Torque": [
+            *torque_plots(dataset),
+            *share_plots(dataset),
+            *of("constraint_torque", "disturbance"),
+        ],
         "Control law": of("lyapunov", "mode"),
         "Actuators and sensors": of(*further_signals(dataset)),
     }

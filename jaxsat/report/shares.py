@@ -1,0 +1,97 @@
+"""Which kind of actuator made which part of the torque, and the momentum that came from outside."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+from jaxtyping import Float
+
+from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.numerals import number_text
+from jaxsat.report.facts import scenario_tables
+from jaxsat.report.plot import TIME, Axis, Line, Plot
+from jaxsat.scenario.tables import OrbitTable
+
+WHEEL = "wheel"
+
+
+class Shares(NamedTuple):
+    """Torque of the wheels and of all `other` actuators on the body (N m, body axes), over time.
+
+    `called` is what the others are, "thrusters" for instance.
+    """
+
+    wheels: Float[np.ndarray, "n 3"]
+    other: Float[np.ndarray, "n 3"]
+    called: str
+
+
+def shares_of(dataset: xr.Dataset) -> Shares | None:
+    """The parts of a run's torque; None where wheels alone, or no wheels, make it."""
+    tables = scenario_tables(dataset)
+    if "wheel_torque" not in dataset or not tables.get(WHEEL):
+        return None
+    others = [f"{one.called}s" for one in ACTUATORS if tables.get(one.name) and one.name != WHEEL]
+    if tables.get("spacecraft", {}).get("thruster_torque_axes"):
+        others.insert(0, "thrusters")
+    if not others:
+        return None
+    axes = np.array([one["axis"] for one in tables[WHEEL]], float)
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    wheels = dataset["wheel_torque"].values @ axes
+    return Shares(wheels, dataset["torque"].values - wheels, " and ".join(others))
+
+
+def share_plots(dataset: xr.Dataset) -> list[Plot]:
+    """The size of the torque that each kind of actuator makes; none where one kind makes it all."""
+    shares, time = shares_of(dataset), dataset["time"].values
+    if shares is None:
+        return []
+    sizes = [np.linalg.norm(one, axis=1) for one in (shares.wheels, shares.other)]
+    lines = [Line(time, *one) for one in zip(sizes, ("wheels", shares.called), strict=True)]
+    return [Plot("Torque by kind of actuator", "", TIME, Axis("|T|", "N m"), lines)]
+
+
+def momentum_budget(dataset: xr.Dataset) -> str:
+    """The momentum that external torques, and actuators without storage, give body and wheels.
+
+    In inertial axes, N m s: of whole orbits their mean, of less than one that of the run. Nothing
+    without wheels.
+    """
+    tables, time = scenario_tables(dataset), dataset["time"].values
+    if "wheel_torque" not in dataset or len(time) < 2:
+        return ""
+    rate = OrbitTable.model_validate(tables.get("orbit", {})).rate()
+    orbits = math.floor((time[-1] - time[0]) * rate / (2 * math.pi))
+    if orbits:
+        end = time[0] + 2 * math.pi * orbits / rate
+        dataset = dataset.isel(time=slice(0, int(np.searchsorted(time, end, side="right"))))
+    shares, parts = shares_of(dataset), []
+    if "disturbance" in dataset:
+        parts.append(("external torques", dataset["disturbance"].values))
+    if shares is not None:
+        parts.append((shares.called, shares.other))
+    texts = []
+    for name, torque in parts:
+        impulse = np.trapezoid(_in_inertial(dataset, torque), dataset["time"].values, axis=0)
+        given = np.linalg.norm(impulse)
+        if given > 0:
+            texts.append(f"{number_text(given / max(orbits, 1), 3)} N m s by {name}")
+    return f"{', '.join(texts)}, {'in an orbit' if orbits else 'in all'}" if texts else ""
+
+
+def _in_inertial(
+    dataset: xr.Dataset, vectors: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """Vectors in body axes, one of each time, in those of the orbit frame at the first time.
+
+    The orbit frame turns as the body does beyond its rate relative to the frame.
+    """
+    from scipy.spatial.transform import Rotation  # slow to import
+
+    to_orbit = Rotation.from_quat(np.roll(dataset["quaternion"].values, -1, axis=1))
+    frame_rate = (dataset["omega"] - dataset["relative_rate"]).values[0]
+    time = dataset["time"].values - float(dataset["time"][0])
+    turned = Rotation.from_rotvec(np.outer(time, to_orbit[0].apply(np.array(frame_rate))))
+    return (turned * to_orbit).apply(np.array(vectors))

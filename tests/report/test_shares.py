@@ -1,0 +1,74 @@
+"""Which kind of actuator made which part of a torque, and what came from outside in an orbit."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.spatial.transform import Rotation
+
+from jaxsat.report.shares import momentum_budget, share_plots
+
+ORBIT = 2e-3
+SCENARIO = f"""
+[spacecraft]
+inertia_kg_m2 = [1.0, 2.0, 3.0]
+[orbit]
+rate_rad_s = {ORBIT}
+[[wheel]]
+axis = [0.0, 3.0, 4.0]
+[[wheel]]
+axis = [1.0, 0.0, 0.0]
+"""
+JETS = "[[thruster]]\ntorque_axis = [0.0, 0.0, 1.0]\n"
+
+
+def run(turns, *, push, outside, scenario):
+    """A body that turns by any attitudes over whole `turns` of its orbit and half of one.
+
+    Wheels, others (`push`, N m) and torques from `outside` (N m) are constant in inertial axes.
+    """
+    time = np.linspace(0.0, (turns + 0.5) * 2 * np.pi / ORBIT, 4001)
+    rate = np.array([0.0, -ORBIT, 0.0])
+    orbit_to_inertial = Rotation.from_rotvec(np.outer(time, rate))
+    body_to_orbit = Rotation.from_euler("xyz", np.outer(np.sin(ORBIT * time), [0.4, 1.0, 2.0]))
+    body = orbit_to_inertial * body_to_orbit
+    wheels = np.stack([np.sin(time), np.cos(2 * time)], 1)
+    made = wheels @ [[0.0, 0.6, 0.8], [1.0, 0.0, 0.0]] + body.inv().apply(push)
+    relative = np.zeros((len(time), 3))
+
+    def of_body(values):
+        return (("time", "body_axis"), values)
+
+    variables = {
+        "quaternion": (("time", "q"), np.roll(body_to_orbit.as_quat(), 1, axis=1)),
+        "omega": of_body(body_to_orbit.inv().apply(rate)),
+        "relative_rate": of_body(relative),
+        "torque": of_body(made),
+        "disturbance": of_body(body.inv().apply(outside)),
+        "wheel_torque": (("time", "wheel"), wheels),
+    }
+    return xr.Dataset(variables, {"time": time}, {"scenario": scenario})
+
+
+def test_momentum_from_outside_is_that_of_whole_orbits_in_inertial_axes():
+    push, outside = np.array([0.0, 3e-3, 4e-3]), np.array([1e-4, 2e-4, -2e-4])
+    orbit = 2 * np.pi / ORBIT
+    text = momentum_budget(run(2, push=push, outside=outside, scenario=SCENARIO + JETS))
+    by_outside, by_thrusters, span = text.split(", ")
+    assert span == "in an orbit"
+    assert by_outside.endswith(" N m s by external torques")
+    assert by_thrusters.endswith(" N m s by thrusters")
+    assert float(by_outside.split()[0]) == pytest.approx(3e-4 * orbit, rel=5e-3)
+    assert float(by_thrusters.split()[0]) == pytest.approx(5e-3 * orbit, rel=5e-3)
+    short = momentum_budget(run(0, push=push, outside=outside, scenario=SCENARIO))
+    assert short.endswith(" N m s by external torques, in all")
+    assert float(short.split()[0]) == pytest.approx(3e-4 * orbit / 2, rel=5e-3)
+
+
+def test_shares_are_drawn_where_wheels_are_not_alone():
+    push = np.array([0.0, 3e-3, 4e-3])
+    (plot,) = share_plots(run(1, push=push, outside=0 * push, scenario=SCENARIO + JETS))
+    wheels, others = plot.lines
+    assert (wheels.label, others.label) == ("wheels", "thrusters")
+    np.testing.assert_allclose(others.y, 5e-3, rtol=1e-9)
+    np.testing.assert_allclose(wheels.y, np.hypot(np.sin(wheels.x), np.cos(2 * wheels.x)))
+    assert not share_plots(run(1, push=push, outside=push, scenario=SCENARIO))
