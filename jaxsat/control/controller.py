@@ -58,8 +58,8 @@ class WheelContext(NamedTuple):
 class MagneticContext(NamedTuple):
     """What a law is told of the magnetorquers that make its torques with wheels, if there are any.
 
-    `steering` makes their dipoles of its torque, and `momentum` (N m s) is that of the wheels at
-    the start, in body axes.
+    `steering` makes their dipoles of its torque, and `momentum` (N m s, body axes) is that
+    of the wheels at their bias, and of those that have failed at the start.
     """
 
     steering: MagneticSteering

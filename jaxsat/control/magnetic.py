@@ -16,6 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.controller import LawContext, MagneticContext, UnsuitableModel
 from jaxsat.control.periodic_gain import (
+    LinearMotion,
     PeriodicGain,
     floquet_multipliers,
     linear_motion,
@@ -23,7 +24,7 @@ from jaxsat.control.periodic_gain import (
 )
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.steering import MagneticSteering
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
@@ -71,16 +72,19 @@ class MagneticMemory(NamedTuple):
 
 
 class MagneticLaw(AbstractSampledController):
-    """Damps a tumble, u = -k ω_r, slews, u = -s θ - c ω_r, and points, u = -K (θ, ω_r, d).
+    """Damps a tumble, u = -k ω_r, slews, u = -s θ - c ω_r - ω0 N (h - h0), points, u = -K x.
 
-    θ = 2 sgn(q0) q is the turn from the orbit frame and ω_r the rate relative to it. Of u, what is
-    across the field B is made, so that damping is -k (1 - b bᵀ) ω_r, b = B / |B|, as by a dipole
-    against the change of the field in the body (B-dot). `damping` is k (N m s), `stiffness` s
-    (N m), `slew_damping` c (N m s). A tumble has been stopped once |ω_r| is below `pointing_rate`
-    (rad/s). `gain` is K, periodic in orbit and day; it is not made for large turns, hence the slew.
-    A residual dipole m of the body and a constant torque d are estimated by what d + m × B does to
-    the momentum of body and wheels; m × B is opposed. `steering` makes dipoles of u.
-    Avanzini and Giulietti, J. Guidance, Control, and Dynamics 35(4), 2012; Lovera and Astolfi,
+    θ = 2 sgn(q0) q is the turn from the orbit frame and ω_r the rate relative to it. Wheels make
+    their part of u; of the rest, N u, what is across the field B is made, so that damping without
+    wheels is -k (1 - b bᵀ) ω_r, b = B / |B|, as by a dipole against the change of the field in the
+    body (B-dot). h is the momentum of wheels and h0 their bias, along the orbit normal: slewing
+    turns one to the other, as the body does not turn away from the momentum of its wheels. x = (θ,
+    ω_r, η, d), η the momentum of wheels beyond a bias along body -y. `damping` is k (N m s),
+    `stiffness` s (N m), `slew_damping` c (N m s). A tumble has been stopped once |ω_r| is below
+    `pointing_rate` (rad/s). `gain` is K, periodic in orbit and day; it is not made for large turns,
+    hence the slew. A residual dipole m of the body and a constant torque d are estimated by what d
+    + m × B does to the momentum of body and wheels; m × B is opposed. `steering` makes dipoles of
+    u. Avanzini and Giulietti, J. Guidance, Control, and Dynamics 35(4), 2012; Lovera and Astolfi,
     Automatica 40(8), 2004; for K see `jaxsat.control.periodic_gain`.
     """
 
@@ -92,6 +96,7 @@ class MagneticLaw(AbstractSampledController):
     gain: PeriodicGain
     stiffness: RealScalar = eqx.field(converter=as_float)
     slew_damping: RealScalar = eqx.field(converter=as_float)
+    wheel_axes: Float[Array, "3 wheels"] | None = eqx.field(converter=as_optional_float)
     damping: RealScalar = eqx.field(converter=as_float)
     pointing_rate: RealScalar = eqx.field(converter=as_float)
     period: RealScalar = eqx.field(converter=as_float)
@@ -119,7 +124,12 @@ class MagneticLaw(AbstractSampledController):
         return cls(
             model=model,
             steering=magnetic.steering,
-            gain=_gain(inertia, magnetic, values["control_weight"], context.gravity_gradient),
+            gain=_gain(
+                magnetic_motion(inertia, magnetic, context.gravity_gradient),
+                values["control_weight"],
+                values["wheel_weight"],
+            ),
+            wheel_axes=context.wheel_axes,
             stiffness=STIFFNESS * moments[2] * rate**2,
             slew_damping=SLEW_DAMPING * moments[2] * rate,
             damping=_damping(field, moments[0]) if damping is None else damping,
@@ -147,10 +157,11 @@ class MagneticLaw(AbstractSampledController):
         dipole = memory.dipole + jnp.cross(field, surplus) / jnp.sum(field**2)
         constant = memory.torque + surplus
         residual = jnp.cross(dipole, field)
-        points = self.gain(t) @ jnp.concatenate([turn, relative, constant])
-        slews = self.stiffness * turn + self.slew_damping * relative
-        pull = jnp.where(mode == int(MagneticMode.POINTING), points, slews) + residual
-        torque = -jnp.where(stopped, pull, self.damping * relative)
+        excess = self.steering.excess(state)
+        points = self.gain.torque(t, field, jnp.concatenate([turn, relative]), excess, constant)
+        slews = self._slew(state, turn, relative)
+        pull = jnp.where(mode == int(MagneticMode.POINTING), points, slews) - residual
+        torque = jnp.where(stopped, pull, -self.damping * relative)
         dipoles = self.steering.unlimited(field, state, torque)
         within = jnp.all(jnp.abs(dipoles) <= self.steering.dipole_limit)
         outside = jnp.cross(self.steering.axes @ dipoles, field) + residual + constant
@@ -171,11 +182,22 @@ class MagneticLaw(AbstractSampledController):
 
     def _momentum(self, state: PlantState) -> Float[Array, "3"]:
         """That of body and wheels, N m s, in body axes."""
-        momentum = self.model.spacecraft.inertia @ state.omega
-        stored = wheel_momentum(state)
-        if self.steering.wheel_axes is not None and stored is not None:
-            momentum = momentum + self.steering.wheel_axes @ stored
-        return momentum
+        return self.model.spacecraft.inertia @ state.omega + self._stored(state)
+
+    def _stored(self, state: PlantState) -> Float[Array, "3"]:
+        """That of the wheels."""
+        momentum = wheel_momentum(state)
+        if self.wheel_axes is None or momentum is None:
+            return jnp.zeros_like(state.omega)
+        return self.wheel_axes @ momentum
+
+    def _slew(
+        self, state: PlantState, turn: Float[Array, "3"], relative: Float[Array, "3"]
+    ) -> Float[Array, "3"]:
+        """The torque far away from the orbit frame, N m."""
+        torque = -self.stiffness * turn - self.slew_damping * relative
+        bias = self.steering.bias[1] * self.model.orbit.frame_rate(state.attitude)  # -ω0 h0
+        return torque - self.steering.wanted @ (self.gain.rate * self._stored(state) + bias)
 
     def mode(self, memory: MagneticMemory) -> Int[Array, ""]:
         """The `MagneticMode` at work."""
@@ -192,18 +214,23 @@ def _size(vector: Float[Array, "3"]) -> RealScalar:
     return jnp.sqrt(jnp.sum(vector**2) + SMALLEST**2)
 
 
-def _gain(
-    inertia: Float[np.ndarray, "3 3"],
-    magnetic: MagneticContext,
-    weight: float,
-    gravity_gradient: bool,
-) -> PeriodicGain:
+def magnetic_motion(
+    inertia: Float[np.ndarray, "3 3"], magnetic: MagneticContext, gravity_gradient: bool
+) -> LinearMotion:
+    """The linear motion of a body (kg m²) with magnetorquers, and wheels if there are any."""
     steering, momentum = magnetic
-    unmade = np.asarray(steering.wanted, float)
-    motion = linear_motion(
-        inertia, steering.field, unmade, momentum, gravity_gradient=gravity_gradient
+    return linear_motion(
+        inertia,
+        steering.field,
+        np.asarray(steering.wanted, float),
+        momentum,
+        unloading=0.0 if steering.wheel_axes is None else float(steering.unloading),
+        gravity_gradient=gravity_gradient,
     )
-    gain = periodic_gain(motion, weight)
+
+
+def _gain(motion: LinearMotion, weight: float, wheel_weight: float) -> PeriodicGain:
+    gain = periodic_gain(motion, weight, wheel_weight)
     largest = np.inf
     if gain is not None:  # a day passes through all turns of the Earth
         sizes = np.abs(floquet_multipliers(motion, gain)[:, 0])

@@ -1,4 +1,4 @@
-"""The linear-quadratic gain of magnetorquers over an orbit, by a periodic Riccati equation.
+"""The linear-quadratic gain of magnetorquers and wheels over an orbit, by a Riccati equation.
 
 What magnetorquers can do depends on the Earth's field, which is periodic in the place in the orbit
 and in the Earth's turn. A day is slow beside an orbit, so the gain is that of a periodic system for
@@ -21,12 +21,15 @@ from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION, DipoleField
 TURNS, PHASES = 8, 32
 """Of the Earth and of the orbit, for which gains are stored."""
 
-STEPS = 32
-"""Of integration from one phase to the next."""
+STEPS, AT_ONCE = 32, 8
+"""Of integration from one phase to the next, and for which a Riccati solution goes on at once."""
 
 FLOOR = 0.01
 """Of a torque along the field, what the gains are designed as if it were made. They stay bounded so
 where the field hardly turns: in orbits near the geomagnetic equator, for a part of a day."""
+
+SERIES = 9
+"""Terms of an exponential."""
 
 SETTLED, MOST_ORBITS = 1e-9, 400
 """Relative change in an orbit of a Riccati solution that has settled; it does within so many."""
@@ -37,19 +40,60 @@ Matrices = Float[np.ndarray, "... _ _"]
 
 
 class LinearMotion(NamedTuple):
-    """dx/dτ = `state` x + (0, `inverse` T) u about rest in the orbit frame, x = (θ, ω_r / ω0).
+    """dx/dτ = `free` x + `rods` u + `wheels` c about rest in the orbit frame, τ = ω0 t.
 
-    τ = ω0 t, θ (rad) is the small turn from the orbit frame and ω_r the relative rate. Torques u
-    are in units of J0 ω0², J0 = `moment` (kg m²), the geometric mean of the principal moments;
-    `inverse` is J0 J⁻¹. T, of shape (turns, 2n + 1, 3, 3), is what of a torque is made, at n equal
-    steps of an orbit and in their middles, for each turn of the Earth: `reach`.
+    x = (θ, ω_r / ω0, η): θ (rad) is the small turn from the orbit frame, ω_r the relative rate, and
+    η the momentum of wheels beyond their bias along the columns of E, the orthonormal `basis` of
+    the torques that wheels make. Torques are in units of J0 ω0², momenta of J0 ω0, J0 = `moment`
+    (kg m²) the geometric mean of the principal moments; `inverse` is J0 J⁻¹. c are the torques of
+    wheels along E. Rods make (1 - b bᵀ) (u - k E η), b = B / |B|, with N u = u, N = 1 - E Eᵀ, and
+    `unloading` k over ω0. What of that is along E wheels take off, so that
+
+        J dω/dt + ω × (J ω + h + E η) = N (1 - b bᵀ) (u - k E η) + E c,
+        dη/dt = Eᵀ (1 - b bᵀ) (u - k E η) - c.
+
+    h is the momentum of wheels at their bias and `stiffness` 1 + |h| / (J0 ω0). `state` is what
+    does not change along the orbit, and `across` 1 - b bᵀ at n equal steps of an orbit and in their
+    middles, for each turn of the Earth.
     """
 
     moment: float
     rate: float
-    state: Float[np.ndarray, "6 6"]
     inverse: Float[np.ndarray, "3 3"]
-    reach: Float[np.ndarray, "turns halves 3 3"]
+    basis: Float[np.ndarray, "3 p"]
+    unloading: float
+    stiffness: float
+    state: Float[np.ndarray, "x x"]
+    across: Float[np.ndarray, "turns halves 3 3"]
+
+    @property
+    def unmade(self) -> Float[np.ndarray, "3 3"]:
+        """N, what wheels do not make of a torque."""
+        return np.eye(3) - self.basis @ self.basis.T
+
+    @property
+    def _made(self) -> Float[np.ndarray, "turns halves x 3"]:
+        """What a torque of rods does."""
+        parts = [np.zeros((3, 3)), self.inverse @ self.unmade, self.basis.T]
+        return np.concatenate(parts) @ self.across
+
+    @property
+    def rods(self) -> Float[np.ndarray, "turns halves x 3"]:
+        """What u does."""
+        return self._made @ self.unmade
+
+    @property
+    def wheels(self) -> Float[np.ndarray, "x p"]:
+        """What c does."""
+        count = self.basis.shape[1]
+        return np.concatenate([np.zeros((3, count)), self.inverse @ self.basis, -np.eye(count)])
+
+    @property
+    def free(self) -> Float[np.ndarray, "turns halves x x"]:
+        """What errors do by themselves, and unloading."""
+        free = np.broadcast_to(self.state, (*self.across.shape[:2], *self.state.shape)).copy()
+        free[..., 6:] -= self.unloading * self._made @ self.basis
+        return free
 
 
 def linear_motion(
@@ -58,47 +102,72 @@ def linear_motion(
     unmade: Float[np.ndarray, "3 3"],
     momentum: Float[np.ndarray, "3"],
     *,
+    unloading: float = 0.0,
     gravity_gradient: bool,
 ) -> LinearMotion:
     """The motion of a body (kg m²) in a field, with what wheels leave to magnetorquers, `unmade`.
 
-    That is an orthogonal projection N, and T = 1 - N + N (1 - b bᵀ) N, b = B / |B|. `momentum`
-    (N m s) is that of the wheels in body axes. With gravity gradient 3 ω0² n × Jn is in it.
+    That is the orthogonal projection N. The `momentum` h (N m s), in body axes, is that of wheels
+    at their bias, `unloading` k in 1/s. With gravity gradient 3 ω0² n × Jn acts as well.
     """
     rate = float(field.orbit.rate)
     moment = float(np.cbrt(np.linalg.det(inertia)))
     scaled, stored = inertia / moment, momentum / (moment * rate)
     frame, nadir = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
     inverse, turning = np.linalg.inv(scaled), _cross(frame)
+    vectors, values, _ = np.linalg.svd(np.eye(3) - unmade)
+    basis = vectors[:, values > 0.5]
     spin = inverse @ (_cross(scaled @ frame + stored) - turning @ scaled)  # of a change of ω
-    state = np.zeros((6, 6))
-    state[:3, 3:] = np.eye(3)
-    state[3:, 3:] = spin - turning
-    state[3:, :3] = spin @ turning
+    state = np.zeros((6 + basis.shape[1], 6 + basis.shape[1]))
+    state[:3, 3:6] = np.eye(3)
+    state[3:6, 3:6] = spin - turning
+    state[3:6, :3] = spin @ turning
+    state[3:6, 6:] = -inverse @ turning @ basis
     if gravity_gradient:
         pull = _cross(nadir) @ scaled - _cross(scaled @ nadir)
-        state[3:, :3] += 3 * inverse @ pull @ _cross(nadir)
+        state[3:6, :3] += 3 * inverse @ pull @ _cross(nadir)
     instants = np.arange(2 * PHASES * STEPS + 1) * np.pi / (PHASES * STEPS * rate)
     turns = np.arange(TURNS) * 2 * np.pi / TURNS
     over = jax.jit(jax.vmap(jax.vmap(field.over, (0, None)), (None, 0)))
     there = np.asarray(over(as_float(instants), as_float(turns)), float)
     units = there / np.linalg.norm(there, axis=-1, keepdims=True)
     across = np.eye(3) - units[..., :, None] * units[..., None, :]
-    return LinearMotion(moment, rate, state, inverse, np.eye(3) - unmade + unmade @ across @ unmade)
+    stiffness = 1 + float(np.linalg.norm(stored))
+    return LinearMotion(moment, rate, inverse, basis, unloading / rate, stiffness, state, across)
 
 
 class PeriodicGain(eqx.Module):
-    """K of the torque -K (θ, ω_r, d), N m, bilinear between `gains` over an orbit and a day.
+    """K of the torques -K (θ, ω_r, η, d), N m, bilinear between `gains` over an orbit and a day.
 
-    θ is the turn from the orbit frame (rad), ω_r the rate relative to it (rad/s), and d a constant
-    torque (N m) that acts besides. `gains` are those of `turns` of the Earth and phases of the
-    orbit, evenly spaced from time zero on; `rate` is ω0 (rad/s).
+    θ is the turn from the orbit frame (rad), ω_r the rate relative to it (rad/s), η the momentum of
+    wheels beyond their bias along the columns of `basis` (N m s), and d a constant torque (N m)
+    that acts besides. The first three rows of K are of rods, which are to make of them what is
+    across the field, the others of wheels along `basis`. `gains` are those of `turns` of the Earth
+    and phases of the orbit, evenly spaced from time zero on; `rate` is ω0 (rad/s).
     """
 
-    gains: Float[Array, "turns phases 3 9"] = eqx.field(converter=as_float)
+    gains: Float[Array, "turns phases u z"] = eqx.field(converter=as_float)
+    basis: Float[Array, "3 p"] = eqx.field(converter=as_float)
     rate: RealScalar = eqx.field(converter=as_float)
 
-    def __call__(self, t: RealScalar) -> Float[Array, "3 9"]:
+    def torque(
+        self,
+        t: RealScalar,
+        field: Float[Array, "3"],
+        motion: Float[Array, "6"],
+        momentum: Float[Array, "3"],
+        constant: Float[Array, "3"],
+    ) -> Float[Array, "3"]:
+        """What a law commands (N m) at `motion` (θ, ω_r), in a `field` of any unit, in body axes.
+
+        `momentum` (N m s) is that of wheels beyond their bias.
+        """
+        errors = jnp.concatenate([motion, self.basis.T @ momentum, constant])
+        torques = -self(t) @ errors
+        rods = torques[:3] - field * (jnp.dot(field, torques[:3]) / jnp.sum(field**2))
+        return rods + self.basis @ (torques[3:] - self.basis.T @ rods)
+
+    def __call__(self, t: RealScalar) -> Float[Array, "u z"]:
         """K at time `t` (s)."""
         turns, phases = self.gains.shape[:2]
         turn, after_turn, late = _places(EARTH_ROTATION * t, turns)
@@ -119,36 +188,61 @@ def _places(angle: RealScalar, count: int):
     return low, jnp.where(low == count - 1, 0, low + 1), place - low
 
 
-def periodic_gain(motion: LinearMotion, weight: float) -> PeriodicGain | None:
-    """K = J⁻¹ P / r, P the solution of -dP/dτ = AᵀP + PA + Q - P Γ P with Γ = J⁻¹ (T + f) J⁻¹ / r.
+def periodic_gain(
+    motion: LinearMotion, weight: float, wheel_weight: float = 1.0
+) -> PeriodicGain | None:
+    """K of P, the solution of -dP/dτ = AᵀP + PA + Q - P Γ P, for each turn of the Earth.
 
-    But for the `FLOOR` f it is least in ∫ |θ|² + |ω_r / ω0|² + r |v|² dτ with T = L Lᵀ, u = L v: of
-    torques that can be made; r is the `weight`. The state of A, P and Q has the constant torque d
-    as well, which nothing weighs. None where P of θ and ω_r does not become periodic.
+    Γ = B Bᵀ / r + C Cᵀ / s + f J⁻¹ N J⁻¹ / r, B and C what `rods` and `wheels` do; r is the
+    `weight` over the square of the stiffness g of the motion, s the `wheel_weight`. But for the
+    `FLOOR` f the gain is least in ∫ |θ|² + |ω_r / g ω0|² + r |u|² + s |c|² dτ: with momentum in
+    wheels precession takes torques of g J0 ω0², and nutation has rates of g ω0 for the same angle.
+    Momentum of wheels costs nothing, as unloading takes it out. The state of A, P and Q has the
+    constant torque d as well, which nothing weighs. None where P of all others does not become
+    periodic.
     """
-    state, into, cost = np.zeros((9, 9)), np.zeros((*motion.reach.shape[:2], 9, 9)), np.zeros(9)
-    state[:6, :6], state[3:6, 6:], cost[:6] = motion.state, motion.inverse, 1.0
-    made = motion.reach + FLOOR * np.eye(3)
-    into[..., 3:6, 3:6] = motion.inverse @ made @ motion.inverse / weight
-    onwards = _products(_transitions(_hamiltonian(state, into, np.diag(cost))), STEPS)
-    solution = np.broadcast_to(np.eye(9), (TURNS, 9, 9))
+    size, floor = motion.state.shape[0], motion.inverse @ motion.unmade
+    whole = size + 3
+    state = np.zeros((*motion.across.shape[:2], whole, whole))
+    state[..., :size, :size], state[..., 3:6, size:] = motion.free, motion.inverse
+    into, cost = np.zeros_like(state), np.zeros(whole)
+    rods, wheels, weight = motion.rods, motion.wheels, weight / motion.stiffness**2
+    cost[:6] = np.repeat([1.0, motion.stiffness**-2], 3)
+    into[..., :size, :size] = rods @ np.swapaxes(rods, -1, -2) / weight
+    into[..., :size, :size] += wheels @ wheels.T / wheel_weight
+    into[..., 3:6, 3:6] += FLOOR * floor @ floor.T / weight
+    riccati = _periodic_riccati(_hamiltonian(state, into, np.diag(cost)), size)
+    if riccati is None:
+        return None
+    rods = np.concatenate([np.zeros((3, 3)), floor.T, motion.basis], axis=1) @ riccati
+    gains = [rods / weight, wheels.T @ riccati / wheel_weight]
+    gains = np.concatenate(gains, axis=-2) * _units(motion)
+    return PeriodicGain(gains, motion.basis, motion.rate)
+
+
+def _periodic_riccati(
+    hamiltonian: Matrices, size: int
+) -> Float[np.ndarray, "turns phases x z"] | None:
+    """The first rows of P, so many, at each phase; None where they do not become periodic."""
+    onwards, whole = _products(_transitions(hamiltonian), AT_ONCE), hamiltonian.shape[-1] // 2
+    solution = np.broadcast_to(np.eye(whole), (TURNS, whole, whole))
     for _ in range(MOST_ORBITS):
         before, rows = solution, []
-        for phase in reversed(range(PHASES)):
-            upper, lower = onwards[:, phase, :9], onwards[:, phase, 9:]
-            left = lower[..., 9:] - solution @ upper[..., 9:]
-            solution = np.linalg.solve(left, solution @ upper[..., :9] - lower[..., :9])
+        for place in reversed(range(onwards.shape[1])):
+            upper, lower = onwards[:, place, :whole], onwards[:, place, whole:]
+            left = lower[..., whole:] - solution @ upper[..., whole:]
+            try:
+                solution = np.linalg.solve(left, solution @ upper[..., :whole] - lower[..., :whole])
+            except np.linalg.LinAlgError:
+                return None
             solution = (solution + np.swapaxes(solution, 1, 2)) / 2
             rows.append(solution)
-        change = np.abs(solution[:, :6] - before[:, :6]).max()
-        size = np.abs(solution[:, :6]).max()
-        if not np.isfinite(size):
+        change = np.abs(solution[:, :size] - before[:, :size]).max()
+        largest = np.abs(solution[:, :size]).max()
+        if not np.isfinite(largest):
             return None
-        if change <= SETTLED * size:
-            riccati = np.stack(rows[::-1], axis=1)
-            return PeriodicGain(
-                motion.inverse @ riccati[..., 3:6, :] / weight * _units(motion), motion.rate
-            )
+        if change <= SETTLED * largest:
+            return np.stack(rows[::-1], axis=1)[:, :: STEPS // AT_ONCE, :size]
     return None
 
 
@@ -156,30 +250,30 @@ def _hamiltonian(state: Matrices, into: Matrices, cost: Matrices) -> Matrices:
     """What moves the state and P times the state."""
     count = state.shape[-1]
     whole = np.zeros((*into.shape[:-2], 2 * count, 2 * count))
-    whole[..., :count, :count], whole[..., count:, count:] = state, -state.T
+    whole[..., :count, :count], whole[..., count:, count:] = state, -np.swapaxes(state, -1, -2)
     whole[..., :count, count:], whole[..., count:, :count] = -into, -cost
     return whole
 
 
-def _units(motion: LinearMotion) -> Float[np.ndarray, "9"]:
-    """Of the columns of a gain: N m for rad, N m s, and 1."""
+def _units(motion: LinearMotion) -> Float[np.ndarray, " z"]:
+    """Of the columns of a gain: N m for rad, N m s, 1/s for momenta of wheels, and 1."""
     momentum = motion.moment * motion.rate
-    return np.repeat([momentum * motion.rate, momentum, 1.0], 3)
+    units = [momentum * motion.rate, momentum, motion.rate, 1.0]
+    return np.repeat(units, [3, 3, motion.basis.shape[1], 3])
 
 
-def floquet_multipliers(motion: LinearMotion, gain: PeriodicGain) -> Complex[np.ndarray, "turns 6"]:
+def floquet_multipliers(motion: LinearMotion, gain: PeriodicGain) -> Complex[np.ndarray, "turns x"]:
     """What the linear closed loop does in an orbit while the Earth stands, for each of its turns.
 
     Multipliers in decreasing size; errors fall if the size of all is below one.
     """
-    gains = (np.asarray(gain.gains, float) / _units(motion))[..., :6]
-    halves = motion.reach.shape[1]
-    place = np.arange(halves) / (2 * STEPS)
+    gains = (np.asarray(gain.gains, float) / _units(motion))[..., :-3]
+    place = np.arange(motion.across.shape[1]) / (2 * STEPS)
     low = place.astype(int) % PHASES
     share = (place % 1)[:, None, None]
     gains = gains[:, low] * (1 - share) + gains[:, (low + 1) % PHASES] * share
-    closed = np.broadcast_to(motion.state, (TURNS, halves, 6, 6)).copy()
-    closed[..., 3:, :] -= motion.inverse @ motion.reach @ gains
+    closed = motion.free - motion.rods @ motion.across @ gains[..., :3, :]
+    closed -= motion.wheels @ gains[..., 3:, :]
     grown = _products(_transitions(closed), PHASES * STEPS)[:, 0]
     values = np.linalg.eigvals(grown).astype(complex)
     return np.take_along_axis(values, np.argsort(-np.abs(values), axis=1), axis=1)
@@ -190,12 +284,24 @@ def _cross(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
 
 
 def _transitions(matrices: Matrices) -> Matrices:
-    """What dX/dτ = F X does to X in each step of an orbit, by the classical Runge-Kutta method."""
+    """What dX/dτ = F X does to X in each step of an orbit: e^Ω, Ω by Magnus to the fourth order.
+
+    Of fast motion, such as nutation about the momentum of wheels, that keeps the size (Blanes,
+    Casas, Oteo and Ros, Physics Reports 470, 2009). The series of e^Ω is taken of a part of Ω with
+    a norm below one half, and squared.
+    """
     begin, middle, end = matrices[:, :-2:2], matrices[:, 1:-1:2], matrices[:, 2::2]
-    step, one = 2 * np.pi / begin.shape[1], np.eye(matrices.shape[-1])
-    second = middle @ (one + step / 2 * begin)
-    third = middle @ (one + step / 2 * second)
-    return one + step / 6 * (begin + 2 * second + 2 * third + end @ (one + step * third))
+    step = 2 * np.pi / begin.shape[1]
+    change = step / 6 * (begin + 4 * middle + end)
+    change -= step**2 / 12 * (begin @ end - end @ begin)
+    halvings = max(0, int(np.ceil(np.log2(2 * np.abs(change).sum(axis=-1).max()))))
+    part, one = change / 2**halvings, np.eye(matrices.shape[-1])
+    grown = one + part / SERIES
+    for order in range(SERIES - 1, 0, -1):
+        grown = one + part @ grown / order
+    for _ in range(halvings):
+        grown = grown @ grown
+    return grown
 
 
 def _products(matrices: Matrices, count: int) -> Matrices:

@@ -59,12 +59,14 @@ class SteeringContext(NamedTuple):
     """What a scenario tells a steering besides its effector and the tables of that.
 
     `left` (3, 3) is the part of a command of three torques that wheels do not make. Wheels along
-    unit `wheel_axes` are to lose momentum in parts of `unloading` a second.
+    unit `wheel_axes`, zero for those that have failed, are to lose what momentum they have beyond
+    the `bias` (N m s, body axes) in parts of `unloading` a second.
     """
 
     wheel_axes: Float[np.ndarray, "3 wheels"] | None
     left: Float[np.ndarray, "3 3"]
     unloading: float
+    bias: Float[np.ndarray, "3"]
 
 
 class Steered(AbstractDistribution):
@@ -107,14 +109,14 @@ class Steered(AbstractDistribution):
 class MagneticSteering(AbstractSteering):
     """Dipoles m = B × τ / |B|², which make of a wanted torque τ what is across the field B.
 
-    τ = `wanted` u - `unloading` A h: a part of the law's command u (N m), and what takes momentum h
-    along `wheel_axes` A out of the wheels, in parts a second. `shares` (k, 3) makes a dipole of the
-    magnetorquers along `axes`. Of all dipoles with the same torque these have the least sum of
-    squares over the `dipole_limit` (A m²) of each, within the limits; of a torque that cannot be
-    made, the greatest part is. What they then make is left out
-    of the command of all other actuators, so that the body feels the law's torque. B is that of the
-    `field` at the attitude that the law is told. Sidi, Spacecraft Dynamics and Control, 1997,
-    sections 7.4 and 7.5: the cross-product law.
+    τ = `wanted` u - `unloading` (A h - h0): a part of the law's command u (N m), and what takes
+    momentum h beyond the `bias` h0 (N m s) out of the wheels along `wheel_axes` A, in parts a
+    second. `shares` (k, 3) makes a dipole of the magnetorquers along `axes`. Of all dipoles with
+    the same torque these have the least sum of squares over the `dipole_limit` (A m²) of each,
+    within the limits; of a torque that cannot be made, the greatest part is. What they then make is
+    left out of the command of all other actuators, so that the body feels the law's torque. B is
+    that of the `field` at the attitude that the law is told. Sidi, Spacecraft Dynamics and Control,
+    1997, sections 7.4 and 7.5: the cross-product law.
     """
 
     kind: ClassVar[str] = Magnetorquers.kind
@@ -128,6 +130,7 @@ class MagneticSteering(AbstractSteering):
     wheel_axes: Float[Array, "3 wheels"] | None = eqx.field(
         converter=as_optional_float, default=None
     )
+    bias: Float[Array, "3"] = eqx.field(converter=as_float, default=(0.0, 0.0, 0.0))
 
     @classmethod
     def from_tables(
@@ -140,8 +143,8 @@ class MagneticSteering(AbstractSteering):
         axes, working = np.asarray(effector.axes), [not one.failed for one in tables]
         shares = np.zeros((axes.shape[1], 3))
         shares[working] = np.linalg.pinv(axes[:, working])
-        limit, (wheels, left, unloading) = effector.dipole_limit, context
-        return cls(effector.field, axes, shares, limit, left, unloading, wheels)
+        limit, (wheels, left, unloading, bias) = effector.dipole_limit, context
+        return cls(effector.field, axes, shares, limit, left, unloading, wheels, bias)
 
     def __check_init__(self):
         require_positive("dipole_limit", self.dipole_limit)
@@ -169,11 +172,15 @@ class MagneticSteering(AbstractSteering):
         self, field: Float[Array, "3"], state: PlantState, command: Float[Array, "3"]
     ) -> Float[Array, " k"]:
         """The dipole of each (A m²) in a field (T, body axes) if it had no limit."""
-        torque = self.wanted @ command
-        momentum = wheel_momentum(state)
-        if self.wheel_axes is not None and momentum is not None:
-            torque = torque - self.unloading * (self.wheel_axes @ momentum)
+        torque = self.wanted @ command - self.unloading * self.excess(state)
         return self.shares @ (jnp.cross(field, torque) / jnp.sum(field**2))
+
+    def excess(self, state: PlantState) -> Float[Array, "3"]:
+        """Momentum of the wheels beyond their bias, N m s, in body axes."""
+        momentum = wheel_momentum(state)
+        if self.wheel_axes is None or momentum is None:
+            return jnp.zeros_like(state.omega)
+        return self.wheel_axes @ momentum - self.bias
 
 
 class GimbalSteering(AbstractSteering):

@@ -186,9 +186,9 @@ def magnetic_words(authority: MagneticAuthority, thruster: float, wheels: bool) 
     ]
 
 
-def magnetic_law_words(motion: LinearMotion, weight: float) -> str:
-    """A sentence on what the gains of the law `magnetic` with a `weight` do to small errors."""
-    gain = periodic_gain(motion, weight)
+def magnetic_law_words(motion: LinearMotion, weight: float, wheel_weight: float = 1.0) -> str:
+    """A sentence on what the gains of the law `magnetic` with these weights do to small errors."""
+    gain = periodic_gain(motion, weight, wheel_weight)
     if gain is None:
         return "The law magnetic has no gains that hold all axes: no Riccati solution is periodic"
     sizes = np.abs(floquet_multipliers(motion, gain)[:, 0])

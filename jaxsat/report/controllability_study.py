@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.control.periodic_gain import linear_motion
+from jaxsat.control.magnetic import magnetic_motion
 from jaxsat.controllability.drift import energy_bound, energy_counterexample, recurrence
 from jaxsat.controllability.failures import FailureCase, failure_csv, failure_records, failure_table
 from jaxsat.controllability.gyros import GyroCluster
@@ -42,7 +42,7 @@ from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.actuator_set import all_actuators
 from jaxsat.scenario.build.actuators import magnetic_context
 from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
-from jaxsat.scenario.quantities import inertia_matrix
+from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.spacecraft.gimbals import ControlMomentGyros
 from jaxsat.spacecraft.magnetorquers import Magnetorquers
 from jaxsat.store.dataset import dataset_bytes
@@ -209,14 +209,13 @@ def _magnetic_law(scenario: Scenario) -> list[str]:
     context = magnetic_context(scenario)
     if scenario.control.law != "magnetic" or context is None:
         return []
-    motion = linear_motion(
-        inertia_matrix(scenario.spacecraft.inertia_kg_m2),
-        context.steering.field,
-        np.asarray(context.steering.wanted),
-        context.momentum,
-        gravity_gradient=scenario.disturbance.gravity_gradient,
+    motion = magnetic_motion(
+        free_inertia(scenario.spacecraft.inertia_kg_m2, scenario.wheel),
+        context,
+        scenario.disturbance.gravity_gradient,
     )
-    return [magnetic_law_words(motion, scenario.control.control_weight)]
+    control = scenario.control
+    return [magnetic_law_words(motion, control.control_weight, control.wheel_weight)]
 
 
 def _gyro_cluster(scenario: Scenario) -> GyroCluster | None:

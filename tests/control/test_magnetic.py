@@ -14,7 +14,6 @@ from jaxsat.control.magnetic import MagneticMode
 from jaxsat.control.periodic_gain import (
     FLOOR,
     PHASES,
-    STEPS,
     TURNS,
     floquet_multipliers,
     linear_motion,
@@ -26,6 +25,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
 from jaxsat.spacecraft.spacecraft import PlantState
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels, wheel_momentum
 from oracle import magnetic as oracle
 from oracle.orbital_torques import EARTH_ROTATION
 
@@ -35,75 +35,107 @@ PLACE = (1.2, 0.4, 0.7, 2.0)
 """Inclination, node, argument of latitude and sidereal angle, rad."""
 
 
-def motion_of(unmade=None, momentum=(0.0, 0.0, 0.0)):
+PITCH = np.array([0.0, 1.0, 0.0])
+BIAS, UNLOADING = -5e-3 * PITCH, 3e-4
+"""Momentum of a wheel, N m s, and 1/s."""
+
+
+def motion_of(wheel):
     field = DipoleField(CircularOrbit(RATE, *PLACE))
-    unmade = np.eye(3) if unmade is None else unmade
-    return linear_motion(np.diag(INERTIA), field, unmade, np.array(momentum), gravity_gradient=True)
+    unmade = np.eye(3) - wheel * np.outer(PITCH, PITCH)
+    momentum, unloading = wheel * BIAS, UNLOADING
+    return linear_motion(
+        np.diag(INERTIA), field, unmade, momentum, unloading=unloading, gravity_gradient=True
+    )
 
 
-def motion(t, x, torque, momentum):
+def motion(x, momentum):
     """dθ/dt and dω_r/dt of a body with wheels near rest in the orbit frame, by hand."""
     turn, relative = x[:3], x[3:]
     c = np.eye(3) - oracle.cross(turn)
     frame, nadir = c @ [0, -RATE, 0], c @ [0, 0, 1]
     omega = relative + frame
-    total = torque - np.cross(omega, INERTIA * omega + momentum)
+    total = -np.cross(omega, INERTIA * omega + momentum)
     total = total + 3 * RATE**2 * np.cross(nadir, INERTIA * nadir)
     return np.concatenate([relative, total / INERTIA + np.cross(relative, frame)])
 
 
-@pytest.mark.parametrize("wheel", [False, True])
+@pytest.mark.parametrize("wheel", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_errors_fall_in_an_orbit_as_the_multipliers_tell(wheel):
     """The motion is differentiated numerically, and SciPy carries it over an orbit."""
-    axis = np.array([0.0, 1.0, 0.0])
-    unmade = np.eye(3) - wheel * np.outer(axis, axis)
-    momentum = -5e-4 * wheel * axis
-    linear = motion_of(unmade, momentum)
-    gain = periodic_gain(linear, 0.3)
+    linear, count = motion_of(wheel), 6 + wheel
+    gain = periodic_gain(linear, 0.3, 0.01)
     turn, table = 3, np.asarray(gain.gains)[3]
     told = floquet_multipliers(linear, gain)
-    step = np.array([1e-3] * 3 + [1e-3 * RATE] * 3)
-    ends = [[motion(0, way * x, np.zeros(3), momentum) for x in np.diag(step)] for way in (1, -1)]
-    free = (np.array(ends[0]) - np.array(ends[1])).T / 2 / step
+    step = np.array([1e-3] * 3 + [1e-3 * RATE] * 3 + [1e-6])[:count]
+    axes = np.asarray(gain.basis)  # of the wheel, either way
+    unmade = np.eye(3) - axes @ axes.T
+
+    def free(x):
+        return motion(x[:6], wheel * BIAS + axes @ x[6:])
+
+    ends = [[free(way * x) for x in np.diag(step)] for way in (1, -1)]
+    slope = np.zeros((count, count))
+    slope[:6] = (np.array(ends[0]) - np.array(ends[1])).T / 2 / step
 
     def rate(t, columns):
         angle = turn * 2 * np.pi / TURNS - EARTH_ROTATION * t
         field = oracle.field(t, (RATE, *PLACE[:3], PLACE[3] + angle))
         b = field / np.linalg.norm(field)
-        made = np.eye(3) - unmade + unmade @ (np.eye(3) - np.outer(b, b)) @ unmade
         place = t * RATE * PHASES / (2 * np.pi)
         low, share = int(place) % PHASES, place % 1
         k = table[low] * (1 - share) + table[(low + 1) % PHASES] * share
-        change = free.copy()
-        change[3:] -= made @ k[:, :6] / INERTIA[:, None]
-        return (change @ columns.reshape(6, 6)).ravel()
+        x = columns.reshape(count, count)
+        wanted = -k[:, :count] @ x
+        rods = wanted[:3] - np.outer(b, b) @ wanted[:3]  # of the law, then of dipoles
+        dipole = np.cross(b, (unmade @ rods - UNLOADING * axes @ x[6:]).T)
+        made = np.cross(dipole, b).T
+        wheels = wanted[3:] - axes.T @ made
+        change = slope @ x
+        change[3:6] += (made + axes @ wheels) / INERTIA[:, None]
+        change[6:] -= wheels
+        return change.ravel()
 
     x = np.diag(step).ravel()  # errors of these sizes
     for phase in range(PHASES):  # the gain has a corner at each
         span = np.array([phase, phase + 1]) * 2 * np.pi / (PHASES * RATE)
         span[1] *= 1 - 1e-14
         x = solve_ivp(rate, span, x, "DOP853", rtol=1e-8, atol=1e-16).y[:, -1]
-    values = np.linalg.eigvals(x.reshape(6, 6) / step)
+    values = np.linalg.eigvals(x.reshape(count, count) / step)
     values = values[np.argsort(-np.abs(values))]
     assert np.abs(values).max() < 0.5
     np.testing.assert_allclose(np.abs(values), np.abs(told[turn]), atol=1e-6)
 
 
-def test_gains_of_a_field_that_stands_are_those_of_an_algebraic_riccati_equation():
-    """K of angles and rates by SciPy, and what counters a constant torque by linear equations."""
-    linear, weight = motion_of(), 0.2
-    made = np.diag([0.8, 0.6, 0.9])
-    reach = np.broadcast_to(made, (TURNS, 2 * PHASES * STEPS + 1, 3, 3))
-    gain = periodic_gain(linear._replace(reach=reach), weight)
-    inputs = np.concatenate([np.zeros((3, 3)), linear.inverse])
-    into = inputs @ (made + FLOOR * np.eye(3)) @ inputs.T / weight
-    half = np.linalg.cholesky(made + FLOOR * np.eye(3))
-    riccati = solve_continuous_are(linear.state, inputs @ half, np.eye(6), weight * np.eye(3))
-    held = np.linalg.solve((linear.state - into @ riccati).T, -riccati @ inputs)
-    expected = linear.inverse @ np.concatenate([riccati[3:], held[3:]], axis=1) / weight
-    units = linear.moment * RATE * np.repeat([RATE, 1.0, 1 / linear.moment / RATE], 3)
-    found = np.asarray(gain.gains)[[0, 5], [3, 30]] / units
-    np.testing.assert_allclose(found, np.stack([expected, expected]), rtol=2e-4, atol=1e-3)
+@pytest.mark.parametrize("wheel", [False, True])
+def test_gains_of_a_field_that_stands_are_those_of_an_algebraic_riccati_equation(wheel):
+    """K of errors by SciPy, and what counters a constant torque by linear equations."""
+    weight, wheel_weight, b = 0.2, 0.05, np.array([0.8, 0.36, 0.48])
+    across = np.eye(3) - np.outer(b, b)
+    linear = motion_of(wheel)
+    linear = linear._replace(across=np.broadcast_to(across, linear.across.shape))
+    gain = periodic_gain(linear, weight, wheel_weight)
+    rods, state, g = linear.rods[0, 0], linear.free[0, 0], linear.stiffness
+    count, axes, weight = len(state), linear.basis, weight / linear.stiffness**2
+    near = np.zeros((count, 3))
+    near[3:6] = np.sqrt(FLOOR) * linear.inverse @ linear.unmade
+    inputs = np.concatenate([rods, near, linear.wheels], axis=1)
+    weights = np.diag([weight] * 6 + [wheel_weight] * axes.shape[1])
+    costs = np.diag([1.0] * 3 + [g**-2] * 3 + [0.0] * axes.shape[1])
+    riccati = solve_continuous_are(state, inputs, costs, weights)
+    torque = np.zeros((count, 3))
+    torque[3:6] = linear.inverse
+    closed = state - inputs @ np.linalg.solve(weights, inputs.T @ riccati)
+    riccati = np.concatenate([riccati, np.linalg.solve(closed.T, -riccati @ torque)], axis=1)
+    moment = linear.moment * RATE
+    units = np.repeat([moment * RATE, moment, RATE, 1.0], [3, 3, axes.shape[1], 3])
+    found = np.asarray(gain.gains)[5, 30] / units
+    np.testing.assert_allclose(found, np.asarray(gain.gains)[0, 3] / units, rtol=1e-5, atol=1e-7)
+    made = across @ found[:3]  # by rods, of what the law asks
+    expected = rods.T @ riccati / weight
+    np.testing.assert_allclose(linear.unmade @ made, expected, rtol=2e-4, atol=1e-3)
+    expected = linear.wheels.T @ riccati / wheel_weight
+    np.testing.assert_allclose(found[3:], expected, rtol=2e-4, atol=1e-3)
 
 
 @pytest.fixture(scope="module")
@@ -162,44 +194,64 @@ def test_it_is_told_where_magnetorquers_do_not_hold_a_body():
 
 
 @pytest.mark.slow
-def test_a_tumble_is_stopped_and_three_axes_are_held(law):
-    """Five orbits of the scenario's body and disturbances, in one loop of Runge-Kutta steps."""
-    run = build(load("rods-only"))
-    plant, limit, period = run.loop.plant, np.asarray(law.steering.dipole_limit), float(law.period)
+@pytest.mark.parametrize(
+    ("name", "samples", "degrees", "rate"),
+    [("rods-only", 14250, 4.5, 2e-4), ("wheel-and-rods", 6000, 0.4, 2e-5)],
+)
+def test_a_tumble_is_stopped_and_three_axes_are_held(name, samples, degrees, rate):
+    """Orbits of the scenario's body and disturbances, in one loop of Runge-Kutta steps by hand."""
+    run = build(load(name))
+    law, plant, start = run.loop.controller, run.loop.plant, run.start
+    inertia, period = plant.spacecraft.inertia, float(law.period)
+    limit = np.asarray(law.steering.dipole_limit)
+    wheels = plant.find(Wheels)
+    axes = np.zeros((3, 0)) if wheels is None else np.asarray(wheels.axes)
 
     def sample(carry, number):
-        (q, omega), memory = carry
-        t, state = number * period, state_of(q, omega)
+        (q, omega, stored), memory = carry
+        t = number * period
+        state = PlantState(Quaternion(q), omega, (WheelMomenta(stored),))
         torque, memory = law.step(t, state, memory)
         field = law.steering.field.in_body(t, state.attitude)
-        dipole = jnp.clip(jnp.cross(field, torque) / jnp.sum(field**2), -limit, limit)
+        wanted = torque - axes @ (axes.T @ torque)
+        wanted = wanted - law.steering.unloading * (axes @ stored - law.steering.bias)
+        dipole = jnp.clip(jnp.cross(field, wanted) / jnp.sum(field**2), -limit, limit)
+        wheel = axes.T @ (torque - jnp.cross(dipole, field))
 
-        def rate(later, q, omega):
-            now = state_of(q, omega)
-            made = jnp.cross(dipole, law.steering.field.in_body(later, now.attitude))
-            moved = plant.rate(later, now, made)
-            return moved.attitude.q, moved.omega
+        def slope(later, q, omega, stored):
+            now = Quaternion(q)
+            total = jnp.cross(dipole, law.steering.field.in_body(later, now)) + axes @ wheel
+            total = total + plant.disturbance(later, now, inertia)
+            total = total - jnp.cross(omega, inertia @ omega + axes @ stored)
+            relative = omega - plant.orbit.frame_rate(now)
+            return now.rate(relative).q, jnp.linalg.solve(inertia, total), -wheel
 
-        half, y = period / 2, (q, omega)
-        first = rate(t, *y)
-        second = rate(t + half, *jax.tree.map(lambda a, b: a + half * b, y, first))
-        third = rate(t + half, *jax.tree.map(lambda a, b: a + half * b, y, second))
-        last = rate(t + period, *jax.tree.map(lambda a, b: a + period * b, y, third))
+        half, y = period / 2, (q, omega, stored)
+        first = slope(t, *y)
+        second = slope(t + half, *jax.tree.map(lambda a, b: a + half * b, y, first))
+        third = slope(t + half, *jax.tree.map(lambda a, b: a + half * b, y, second))
+        last = slope(t + period, *jax.tree.map(lambda a, b: a + period * b, y, third))
         slopes = zip(first, second, third, last, strict=True)
         y = [
             a + period / 6 * (b + 2 * c + 2 * d + e)
             for a, (b, c, d, e) in zip(y, slopes, strict=True)
         ]
-        y = (y[0] / jnp.sqrt(jnp.sum(y[0] ** 2)), y[1])
+        y = (y[0] / jnp.sqrt(jnp.sum(y[0] ** 2)), *y[1:])
         return (y, memory), (*y, memory.mode)
 
-    start = run.start
-    begin = (start.attitude.q, start.omega)
-    fly = jax.jit(lambda: jax.lax.scan(sample, (begin, law.init(start)), jnp.arange(14250.0))[1])
-    quaternion, omega, mode = (np.asarray(one) for one in fly())
+    momenta = jnp.zeros(0) if wheels is None else wheel_momentum(start)
+    begin = (start.attitude.q, start.omega, momenta)
+    fly = jax.jit(
+        lambda: jax.lax.scan(sample, (begin, law.init(start)), jnp.arange(float(samples)))[1]
+    )
+    quaternion, omega, stored, mode = (np.asarray(one) for one in fly())
     assert mode[0] == MagneticMode.DAMPING
     assert set(mode) == set(MagneticMode)
-    last = slice(11400, None)
+    last = slice(-2850, None)  # an orbit
     assert np.all(mode[last] == MagneticMode.POINTING)
-    assert 2 * np.linalg.norm(quaternion[last, 1:], axis=1).max() < np.radians(4.5)
-    assert np.abs(omega[last] - [0, -1.0948e-3, 0]).max() < 2e-4
+    assert 2 * np.linalg.norm(quaternion[last, 1:], axis=1).max() < np.radians(degrees)
+    assert np.abs(omega[last] - [0, -float(plant.orbit.rate), 0]).max() < rate
+    if wheels is not None:
+        bias = -float(law.steering.bias[1])
+        np.testing.assert_allclose(stored[last], bias, rtol=0.1)
+        assert np.abs(stored).max() < np.asarray(wheels.momentum_limit).min()

@@ -28,6 +28,7 @@ REAL = [
     "rods-only",
     "thruster-dies",
     "two-wheel-telescope",
+    "wheel-and-rods",
     "wheels-fail",
 ]
 NAMES = PAPER + SETTLING + ACCEPTANCE + TUNED + REAL

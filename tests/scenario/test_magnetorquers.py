@@ -30,6 +30,7 @@ def test_what_is_asked_of_magnetorquers_depends_on_the_wheels():
     assert alone.wheel_axes is None
     two = steering_of(document(2))
     assert two.unloading == 2e-3
+    np.testing.assert_array_equal(two.bias, np.zeros(3))
     normal = np.linalg.svd(np.asarray(two.wheel_axes))[0][:, 2]
     np.testing.assert_allclose(two.wanted, np.outer(normal, normal), atol=1e-14)
     three = steering_of(document(3))
@@ -82,6 +83,15 @@ def _unloading(data):
     data["unloading"] = {"time_constant_s": 10.0}
 
 
+def _bias_alone(data):
+    data["unloading"] = {"bias_N_m_s": 0.1}
+
+
+def _bias_across(data):
+    data["wheel"] = [{"axis": [1.0, 0.2, 0.0], "momentum_N_m_s": 0.02}]
+    data["unloading"] = {"bias_N_m_s": 0.1}
+
+
 def _turned(data):
     data["failure"] = [
         {"of": "magnetorquer 1", "at_s": 1.0, "kind": "turned", "turn_rad": [1.0, 0.0, 0.0]}
@@ -100,6 +110,8 @@ def _unknown(data):
         (_inertial, "must be that of an orbit above the ground"),
         (_all_failed, "must leave one that works"),
         (_unloading, r"got time_constant_s = 10.0 without \[\[wheel\]\]"),
+        (_bias_alone, r"must belong to wheels and magnetorquers.* without \[\[wheel\]\]"),
+        (_bias_across, "must be 0 where the wheels left make no torque about body y alone"),
         (_turned, "must be one of dead, degraded, stuck-on, stuck-at, reversed"),
         (_unknown, '"magnetorquer 3"'),
     ],

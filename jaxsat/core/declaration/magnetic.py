@@ -20,10 +20,19 @@ MAGNETIC_CONTROL = LawDeclaration(
         number(
             "control_weight",
             "Weight of torques against angles (rad) and rates in the minimised cost, in "
-            "units of the mean moment of inertia and the orbit's rate; smaller is faster",
+            "units of the mean moment of inertia and the orbit's rate, or of precession with "
+            "momentum in wheels; smaller is faster",
             "1",
             above=0,
             default=0.1,
+        ),
+        number(
+            "wheel_weight",
+            "The same of torques that wheels make, in units without their momentum; smaller is "
+            "faster about their axes",
+            "1",
+            above=0,
+            default=1e-4,
         ),
         number(
             "damping_N_m_s",

@@ -154,18 +154,21 @@ def magnetic_context(scenario: Scenario) -> MagneticContext | None:
         return None
     place = EffectorContext(place_of(scenario.orbit), ())
     torquers, _ = Magnetorquers.from_tables(tables, place)
-    momentum = wheel_axes(wheels) @ np.array([one.momentum_N_m_s for one in wheels])
+    coasting = np.array([one.momentum_N_m_s if one.failed else 0.0 for one in wheels])
     context = _steering_context(scenario)
-    return MagneticContext(MagneticSteering.from_tables(torquers, tables, context), momentum)
+    steering = MagneticSteering.from_tables(torquers, tables, context)
+    return MagneticContext(steering, context.bias + wheel_axes(wheels) @ coasting)
 
 
 def _steering_context(scenario: Scenario) -> SteeringContext:
     """What steerings are told of wheels."""
     unloading, wheels = scenario.unloading or UnloadingTable(), scenario.wheel
+    working = np.array([not one.failed for one in wheels], float)
     return SteeringContext(
-        wheel_axes(wheels) if wheels else None,
+        wheel_axes(wheels) * working if wheels else None,
         left_by_wheels(wheels, 3) if wheels else np.eye(3),
         1 / unloading.time_constant_s,
+        np.array([0.0, -unloading.bias_N_m_s, 0.0]),
     )
 
 

@@ -26,10 +26,16 @@ Tables = Sequence[Any]
 
 
 class UnloadingTable(ScenarioTable):
-    """`[unloading]`: how magnetorquers take momentum out of wheels."""
+    """`[unloading]`: how magnetorquers take momentum out of wheels, or hold it at a bias."""
 
     time_constant_s: Annotated[Number, within(SECONDS)] = quantity(
         "Time in which the wheels' momentum across the Earth's field is to fall to 1/e", "s", 1000.0
+    )
+    bias_N_m_s: Number = quantity(
+        "Momentum of the wheels about negative body y, in the orbit frame the orbit normal, that "
+        "magnetorquers keep",
+        "N m s",
+        0.0,
     )
 
 
@@ -263,6 +269,16 @@ def _what_has_seized_stays_so_under_a_continuous_law(values):
                 f'must not be a wheel that may have "stopped" before, under the law "{law}": only '
                 f"a sampled law lets one that has seized turn again, got {shown(one.of)}",
             )
+
+
+@rule("unloading.bias_N_m_s", "wheel")
+def _wheels_hold_the_bias(bias, wheels):
+    if not bias or not wheels:
+        return
+    missing = left_by_wheels(wheels, 3) @ [0.0, bias, 0.0]
+    if np.abs(missing).max() > MISSING * abs(bias):
+        message = "must be 0 where the wheels left make no torque about body y alone"
+        yield at("unloading.bias_N_m_s", f"{message}, got {shown(bias)}")
 
 
 @rule("unloading.time_constant_s", "magnetorquer", "wheel")

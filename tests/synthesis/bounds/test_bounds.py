@@ -34,6 +34,7 @@ REAL = (
     "pulsed-two-torque",
     "rods-only",
     "thruster-dies",
+    "wheel-and-rods",
     "wheels-fail",
     "two-wheel-telescope",
 )
