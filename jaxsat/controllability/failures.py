@@ -17,7 +17,7 @@ from jaxsat.controllability.judging import (
     judge_only,
 )
 from jaxsat.controllability.layout import TOLERANCE, Numbers
-from jaxsat.controllability.wording import lost_words
+from jaxsat.controllability.wording import both_signs_by, lost_words
 from jaxsat.core.numerals import number_text
 
 COLUMNS = (
@@ -30,6 +30,7 @@ COLUMNS = (
     "turn_time_s",
     "directions",
     "torques",
+    "both_signs_by",
     "laws",
     "lost",
     "once_stopped",
@@ -119,6 +120,7 @@ def failure_records(cases: Sequence[FailureCase]) -> list[dict[str, str | int | 
             "turn_time_s": case.judgement.turn_time,
             "directions": case.directions,
             "torques": case.judgement.cone.kind,
+            "both_signs_by": both_signs_by(case.judgement),
             "laws": case.judgement.laws,
             "lost": case.lost,
             "once_stopped": case.once_stopped or case.judgement.verdict,
@@ -143,7 +145,10 @@ def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[s
         "directions": np.array([case.directions for case in cases]),
         **{
             column: np.array([record[column] for record in failure_records(cases)])
-            for column in ("dimension", "verdict", "torques", "laws", "lost", "once_stopped")
+            for column in (
+                *("dimension", "verdict", "torques", "both_signs_by", "laws", "lost"),
+                "once_stopped",
+            )
         },
     }
 

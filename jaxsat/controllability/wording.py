@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.controllability.cone import TorqueCone, direction_words
+from jaxsat.controllability.cone import TorqueCone, direction_words, torque_cone
 from jaxsat.controllability.decision import RankDecision
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.core.numerals import fixed_text, number_text
@@ -83,6 +83,23 @@ def _lost_ways(cone: TorqueCone) -> str:
     """Torques that are impossible because thrusters are one-sided."""
     assert cone.opposed is not None
     return f"torque along {direction_words(cone.opposed)}"
+
+
+def both_signs_by(judgement: Judgement) -> str:
+    """Which kinds of actuators make the torques of both signs: alone, either of them, or together.
+
+    Nothing where no torque has both signs.
+    """
+    actuators, needed = judgement.actuators, judgement.cone.two_sided
+    wheels = np.ones(len(actuators.wheels), bool)
+    makers = {
+        "thrusters": torque_cone(actuators.torques, actuators.two_sided).two_sided,
+        "wheels": torque_cone(actuators.wheel_axes, wheels).two_sided,
+    }
+    alone = [kind for kind, both_signs in makers.items() if both_signs == needed]
+    if not needed:
+        return ""
+    return " or ".join(alone) or " and ".join(makers)
 
 
 def _plane(normal: Float[np.ndarray, "3"]) -> str:

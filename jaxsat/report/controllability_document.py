@@ -58,7 +58,9 @@ def controllability_document(
     """
     listed = [one for one in records if failures in (None, count_failed(one))]
     later = any(one["once_stopped"] != one["verdict"] for one in records)
-    columns = COLUMNS | ({"once_stopped": "once stopped"} if later else {})
+    mixed = len({one.get("both_signs_by", "") for one in records} - {""}) > 1
+    columns = COLUMNS | ({"both_signs_by": "of both signs by"} if mixed else {})
+    columns |= {"once_stopped": "once stopped"} if later else {}
     rows = [[_cell(name, one) for name in columns] for one in listed]
     note = (
         "The margin compares directions. The turn time is the time to turn by one radian about the "
@@ -247,6 +249,7 @@ def failure_dataset(
         "turn_time": "time to turn 1 rad about the axis hardest to reach, 1 N m a thruster",
         "directions": "dimension of the torques of both signs without the drift",
         "torques": "shape of the set of torques",
+        "both_signs_by": "which kinds of actuators make the torques of both signs",
         "laws": "laws of jaxsat that can be flown, by the torques they need",
         "lost": "control authority that the failure removes",
         "once_stopped": "the verdict once friction has stopped the wheels that coast",

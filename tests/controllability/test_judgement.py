@@ -4,12 +4,13 @@ import itertools
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from jaxsat.controllability.actuators import actuator_set
 from jaxsat.controllability.failures import failure_csv, failure_markdown, failure_table
 from jaxsat.controllability.judging import judge
 from jaxsat.controllability.rank import analyse
-from jaxsat.controllability.wording import verdict_sentence
+from jaxsat.controllability.wording import both_signs_by, verdict_sentence
 
 PAPER = [449.5, 264.6, 312.5]
 X, Y, Z = np.eye(3)
@@ -155,6 +156,34 @@ def test_single_and_double_failures_of_many():
     assert {case.judgement.verdict for case in cases} == {"controllable"}
     with pytest.raises(ValueError, match="at most 14"):
         failure_table(PAPER, many)
+
+
+def test_who_makes_torques_of_both_signs_is_what_linear_programmes_say():
+    """Of two wheels and four thrusters, after every failure: either, one kind, or both together."""
+    jets = np.array([[1, -1, 0, 0], [0, 0, 0, 0], [0, 0, 1, -1]], float)
+    mixed = actuator_set(jets, wheel_axes=np.eye(3)[:, :2])
+    seen = set()
+    for case in failure_table(PAPER, mixed):
+        kept = [mixed.names.index(name) for name in case.working]
+        left = mixed.only(kept)
+        columns = {
+            "thrusters": left.torques,
+            "wheels": np.concatenate([left.wheel_axes, -left.wheel_axes], axis=1),
+        }
+        ways = case.judgement.cone.both_signs.T
+        ways = [*ways, *-ways]
+        alone = [kind for kind, one in columns.items() if all(reachable(one, way) for way in ways)]
+        expected = " or ".join(alone) or " and ".join(columns) if ways else ""
+        assert both_signs_by(case.judgement) == expected, case.failed
+        seen.add(expected)
+    assert seen == {"", "thrusters", "wheels", "thrusters or wheels", "thrusters and wheels"}
+
+
+def reachable(columns, torque):
+    """Whether columns with weights of at least zero add up to a torque."""
+    if not columns.size:
+        return False
+    return linprog(np.zeros(columns.shape[1]), A_eq=columns, b_eq=torque).status == 0
 
 
 def test_exports_of_wheels_have_their_own_dimension():
