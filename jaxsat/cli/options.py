@@ -47,7 +47,6 @@ def mistake(option: str, must: str, got: object) -> UserMistake:
 
 def _converter(convert: Callable[[str, str], Any]) -> Callable:
     def converter(kind: Any, tokens: Sequence[Any]) -> Any:
-        del kind
         (token,) = tokens
         return convert(token.keyword or "", token.value)
 

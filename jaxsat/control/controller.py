@@ -155,12 +155,10 @@ class AbstractController(eqx.Module):
 
         It is evaluated a little beyond that region too, where it goes on smoothly.
         """
-        del signs
         return self
 
     def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
         """What at time `t` (s) the memory's own motion has done, if it is known; here, None."""
-        del t
 
     def rate_error(self, state: PlantState) -> Float[Array, "2"]:
         """η_i = ω_i - ω_id, how far the rates are from their reference, rad/s; here NaN: none."""
@@ -178,7 +176,6 @@ class AbstractController(eqx.Module):
         `unmodelled` is the disturbance about the first two axes that the controller's model does
         not know, N m, and `unmodelled_rate` its time derivative.
         """
-        del memory, unmodelled, unmodelled_rate
         return jnp.full((), jnp.nan, state.omega.dtype)
 
 
@@ -191,7 +188,6 @@ class AbstractFeedbackLaw(AbstractController):
 
     def init(self, state: PlantState) -> Memory:
         """The memory at the start: a feedback law has none."""
-        del state
         return None
 
     def __call__(
@@ -209,12 +205,10 @@ class Coast(AbstractFeedbackLaw):
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "Coast":
         """There is nothing to set."""
-        del values, context
         return cls()
 
     def torque(self, t: Float[Array, ""], state: PlantState) -> Float[Array, "2"]:
         """Zero torque."""
-        del t
         return jnp.zeros(2, state.omega.dtype)
 
 

@@ -55,7 +55,6 @@ class MorinSamson(AbstractDemand):
         self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar
     ) -> tuple[RealScalar, RealScalar]:
         """α = -(2 / c)(k3² ẑ + 2ζ k3 s), β = 0, of ẑ what is beyond `rest`."""
-        del frequency
         wanted = self.k3**2 * beyond(turn, self.rest) + 2 * self.damping * self.k3 * rate
         alpha = -2 * reciprocal(coupling) * wanted
         return alpha, jnp.zeros_like(alpha)

@@ -185,7 +185,6 @@ class OscillatorySettling(AbstractSampledController):
         self, t: RealScalar, state: PlantState, memory: OscillatorySettlingMemory
     ) -> tuple[Float[Array, "2"], OscillatorySettlingMemory]:
         """Estimate, then the fine stage, whose clock begins with the law."""
-        del t
         clock = memory.samples * self.period
         seen = self.form.seen(state)
         third, estimator = self.estimator.update(

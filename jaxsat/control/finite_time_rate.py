@@ -188,7 +188,6 @@ class FiniteTimeRateLaw(AbstractSampledController):
         self, t: RealScalar, state: PlantState, memory: FiniteTimeRateMemory
     ) -> tuple[Float[Array, "2"], FiniteTimeRateMemory]:
         """Estimate, signs, references, torque."""
-        del t
         omega = self.law.form.seen(state).omega
         third, estimator = self.estimator.update(omega, memory.estimator, self.period)
         signs = self.law.signs(third, omega, memory.signs)

@@ -204,7 +204,6 @@ class OneTorque(AbstractSampledController):
         self, t: RealScalar, state: PlantState, memory: OneTorqueMemory
     ) -> tuple[Float[Array, "1"], OneTorqueMemory]:
         """Estimate, choose what to do, and the torque."""
-        del t
         omega = self.principal @ state.omega
         fit = memory.fit
         if self.estimates:

@@ -77,7 +77,6 @@ class QuaternionFeedback(AbstractSampledController):
         self, t: Float[Array, ""], state: PlantState, memory: QuaternionFeedbackMemory
     ) -> tuple[Float[Array, "3"], QuaternionFeedbackMemory]:
         """The torque, N m."""
-        del t, memory
         inertia = self.model.spacecraft.inertia
         frame = self.model.orbit.frame_rate(state.attitude)
         relative = state.omega - frame

@@ -46,7 +46,6 @@ class RateLaw(AbstractBacksteppingLaw):
 
     def init(self, state: PlantState) -> Memory:
         """The memory at the start: the law has none."""
-        del state
         return None
 
     def is_smooth(self) -> bool:
@@ -73,12 +72,10 @@ class RateLaw(AbstractBacksteppingLaw):
         self, state: PlantState, rate_error: Float[Array, "2"], memory: Memory
     ) -> Float[Array, "2"]:
         """The first term of (39): -k2 J_i (ω_i - ω_ia)."""
-        del state, memory
         return -self.k2 * self.model.spacecraft.moments[:2] * rate_error
 
     def memory_rate(self, rate_error: Float[Array, "2"], memory: Memory) -> Memory:
         """The rate of the memory, of which the law has none."""
-        del rate_error
         return memory
 
     def lyapunov(
@@ -89,5 +86,4 @@ class RateLaw(AbstractBacksteppingLaw):
         unmodelled_rate: Float[Array, "2"],
     ) -> Float[Array, ""]:
         """V1 = J3 ω3² / 2, J."""
-        del memory, unmodelled, unmodelled_rate
         return self.model.spacecraft.moments[2] * state.omega[2] ** 2 / 2

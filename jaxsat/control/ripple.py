@@ -98,7 +98,6 @@ class RippleObserver(AbstractRippleEstimator):
         self, memory: Ripple, omega: Float[Array, "3"], change: RealScalar, period: RealScalar
     ) -> Ripple:
         """The prediction one `period` (s) on, exactly."""
-        del omega
         cos, sin = jnp.cos(self.frequency * period), jnp.sin(self.frequency * period)
         n1, n2 = memory.acceleration, memory.jerk
         by_ripple = n1 * sin / self.frequency + n2 * (1 - cos) / self.frequency**2
@@ -233,7 +232,6 @@ class RippleFilter(AbstractRippleEstimator):
         self, memory: RippleBelief, omega: Float[Array, "3"], period: RealScalar
     ) -> RippleBelief:
         """The usual update by one measurement, the sum of mean and ripple."""
-        del period
         size = omega[0] ** 2 + omega[1] ** 2
         seen = memory.covariance[0] + memory.covariance[1]
         variance = seen[0] + seen[1] + self.noise**2 + self.lean_error**2 * size
@@ -244,7 +242,6 @@ class RippleFilter(AbstractRippleEstimator):
 
     def believed(self, memory: RippleBelief, omega3: RealScalar) -> ThirdRate:
         """The filtered ω3; the ripple's integral is its quadrature over Ω."""
-        del omega3
         mean, ripple, quadrature = memory.state[:3]
         steady = None
         if self.steady is not None:
@@ -255,7 +252,6 @@ class RippleFilter(AbstractRippleEstimator):
 
     def forget(self, memory: RippleBelief, when: Bool[Array, ""]) -> RippleBelief:
         """The memory as it is: the covariance knows what the last phase was worth."""
-        del when
         return memory
 
 

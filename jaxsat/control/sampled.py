@@ -56,7 +56,6 @@ class AbstractSampledController(eqx.Module):
 
     def rate_error(self, state: PlantState, memory: Memory) -> Float[Array, "2"]:
         """How far the rates are from the reference of the active law, rad/s; here NaN, for none."""
-        del memory
         return jnp.full(2, jnp.nan, state.omega.dtype)
 
     def judged(self, memory: Memory) -> Memory:
@@ -66,7 +65,6 @@ class AbstractSampledController(eqx.Module):
 
     def telemetry(self, memory: Memory) -> Mapping[str, Array]:
         """What the controller tells of itself, by the names of signals."""
-        del memory
         return {}
 
     @property
@@ -76,5 +74,4 @@ class AbstractSampledController(eqx.Module):
 
     def mode(self, memory: Memory) -> Int[Array, ""]:
         """Which part of the controller is at work, a member of `modes`; here, the only one."""
-        del memory
         return jnp.array(OneMode.ONE_LAW)

@@ -205,7 +205,6 @@ class GimbalSteering(AbstractSteering):
         cls, effector: ControlMomentGyros, tables: Sequence[Any], context: SteeringContext
     ) -> "GimbalSteering":
         """Of the gyros that have not failed before the start."""
-        del context
         working = np.array([not one.failed for one in tables], float)
         return cls(cast(ControlMomentGyros, effector.without_corners()), working)
 

@@ -134,7 +134,6 @@ class ThreeSlewSettling(AbstractSampledController):
         self, t: RealScalar, state: PlantState, memory: SettlingMemory
     ) -> tuple[Float[Array, "2"], SettlingMemory]:
         """Estimate, choose the phase, run the three parts and take the one whose turn it is."""
-        del t
         return self.in_phase(state, memory, jnp.zeros_like(memory.phase))
 
     def in_phase(

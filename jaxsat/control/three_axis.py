@@ -152,7 +152,6 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
 
     def init(self, state: PlantState) -> Memory:
         """The internal model at rest."""
-        del state
         return None if self.internal_model is None else self.internal_model.init()
 
     def is_smooth(self) -> bool:

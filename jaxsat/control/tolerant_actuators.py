@@ -137,7 +137,6 @@ class AbstractTolerantActuators(eqx.Module):
 
     def stored(self, reading: Reading) -> Float[Array, "3"] | None:
         """The momentum (N m s) that they hold; None for none ever."""
-        del reading
 
     def overfull(
         self,
@@ -149,14 +148,12 @@ class AbstractTolerantActuators(eqx.Module):
     ) -> tuple[Bool[Array, ""], Float[Array, "3"]]:
         """Whether other actuators are to take momentum out, as they do or not, and by what torque
         (N m)."""
-        del reading, law, memory
         return jnp.zeros_like(unloads), jnp.zeros_like(state.omega)
 
     def slowed(
         self, state: PlantState, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory
     ) -> QuaternionFeedback:
         """The law with the rate at which a slew gives them no more momentum than they can hold."""
-        del state, reading, memory
         return law
 
     def probing(

@@ -95,7 +95,6 @@ class TolerantThrusters(AbstractTolerantActuators):
         self, state: PlantState, reading: Reading, diagnosis: DiagnosisMemory
     ) -> TolerantMemory:
         """All thrusters work."""
-        del reading
         thrusters = self.filter.thrusters
         zero = jnp.zeros(thrusters.count, state.omega.dtype)
         own = ThrusterLawMemory(
@@ -120,7 +119,6 @@ class TolerantThrusters(AbstractTolerantActuators):
         before: TolerantMemory,
     ) -> TolerantMemory:
         """With what the tables of failed sets, weak thrusters and flows leave."""
-        del state, reading, law
         ability = self.reconfiguration.find(diagnosis.condition, before.ability)
         return before._replace(diagnosis=diagnosis, ability=ability)
 
@@ -137,7 +135,6 @@ class TolerantThrusters(AbstractTolerantActuators):
 
     def reach(self, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory) -> Reach:
         """The duty of each, at the price of its propellant."""
-        del reading, law
         high, duties = memory.ability.limit, self.reconfiguration.duties
         torque = self.reconfiguration.torque
         return Reach(torque, jnp.zeros_like(high), high, duties.price * duties.size)
@@ -152,7 +149,6 @@ class TolerantThrusters(AbstractTolerantActuators):
         now: TolerantMemory,
     ) -> tuple[Float[Array, " m"], TolerantMemory]:
         """The duty of each thruster."""
-        del reading
         thrusters, period, three = self.filter.thrusters, law.period, demand.three
         limit, own = now.ability.limit, before.own
         plane, _ = self.alone(now)

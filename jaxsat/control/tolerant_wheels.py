@@ -98,7 +98,6 @@ class TolerantWheels(AbstractTolerantActuators):
         self, state: PlantState, reading: Reading, diagnosis: DiagnosisMemory
     ) -> TolerantMemory:
         """All wheels work but those that are known to have failed."""
-        del state
         momentum = cast(OfEach, reading.momentum)
         condition = diagnosis.condition
         condition = condition._replace(
@@ -174,7 +173,6 @@ class TolerantWheels(AbstractTolerantActuators):
 
     def steady(self, memory: TolerantMemory, period: RealScalar) -> Float[Array, "3"]:
         """Nothing: what brakes a wheel is made up for by its own command."""
-        del memory, period
         return jnp.zeros(3)
 
     def act(

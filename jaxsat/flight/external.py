@@ -131,7 +131,6 @@ class ExternalEstimator(AbstractEstimator):
         self, sample: Array, period: Array, measurement: Measurement, memory: PyTree
     ) -> tuple[Estimate, PyTree]:
         """The library's estimate and memory."""
-        del period
         arrays = eqx.filter(self.estimator, eqx.is_array)
         momentum = self.library.program.now.measured.wheel_momentum
         if momentum is not None:  # which passes the estimator by, and `ExternalLaw` is told

@@ -275,14 +275,12 @@ def _widths_are_not_tuned_as_well(values):
 
 @rule("tuning.steps", "dispersion")
 def _something_is_dispersed(steps, dispersion):
-    del steps
     if dispersion is None:
         yield at("dispersion", "must say over what the gains are tuned, got nothing", True)
 
 
 @rule("tuning.steps", "dispersion.design")
 def _more_cases_can_be_drawn(steps, design):
-    del steps
     if design == "latin-hypercube":
         yield at(
             "dispersion.design",

@@ -74,7 +74,6 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
 
     def plant_state(self, t: Float[Array, ""], state: ErrorState) -> PlantState:
         """The rate errors turned back into rates."""
-        del t
         return self._with_rates(state, self._reference(state.attitude, state.omega3))
 
     def motion(self, t: Float[Array, ""], state: ErrorState) -> Motion:
@@ -119,7 +118,6 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
 
     def event_functions(self, t: Float[Array, ""], state: ErrorState) -> Float[Array, " m"]:
         """Those of the law."""
-        del t
         return self.law.event_functions(self._probe(state.attitude, state.omega3))
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ErrorCoordinateLoop":

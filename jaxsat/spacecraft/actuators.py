@@ -59,7 +59,6 @@ class AbstractSmoothActuators(AbstractActuators):
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractSmoothActuators":
         """Themselves."""
-        del signs
         return self
 
 
@@ -166,19 +165,16 @@ class Actuators(AbstractEffector):
 
     def piece(self, mode: tuple, command: Float[Array, " torques"]) -> Float[Array, "3"]:
         """The body torque, N m."""
-        del mode
         return self(command)
 
     def effect(self, piece: Float[Array, "3"], t, plant, state: None) -> Effect:
         """The torque."""
-        del t, plant, state
         return Effect(piece)
 
     def driven(
         self, state: None, command: Float[Array, " torques"], struck: Bool[Array, " f"]
     ) -> "tuple[Actuators, Float[Array, ' torques']]":
         """These thrusters once those failures have struck, and the command as it is."""
-        del state
         return self._after_failures(struck), command
 
     def _after_failures(self, struck: Bool[Array, " f"]) -> "Actuators":
@@ -189,7 +185,6 @@ class Actuators(AbstractEffector):
 
     def reach(self, t, plant, state: None, struck, span) -> Reach:
         """The torque of each thruster (N m), of either sign."""
-        del t, plant, state, span
         now = self._after_failures(struck)
         gain, level = 1.0, 0.0
         if now.gain is not None and now.level is not None:
@@ -201,7 +196,6 @@ class Actuators(AbstractEffector):
 
     def event_functions(self, state: None, command, acceleration) -> Float[Array, " m"]:
         """Positive for each thruster of which more than its limit is asked, or the first of all."""
-        del state, acceleration
         shares = self.thrust_map @ command
         if self.shared_axes is not None:
             return first_at_limit(shares, self.limit * jnp.ones_like(shares))
@@ -231,17 +225,14 @@ class PluginActuators(AbstractEffector):
         self, state: None, command: Float[Array, " torques"], struck: Bool[Array, "0"]
     ) -> "tuple[PluginActuators, Float[Array, ' torques']]":
         """Themselves: they do not fail."""
-        del state, struck
         return self, command
 
     def piece(self, mode: tuple, command: Float[Array, " torques"]) -> Float[Array, "3"]:
         """The body torque, N m."""
-        del mode
         return self.actuators(command)
 
     def effect(self, piece: Float[Array, "3"], t, plant, state: None) -> Effect:
         """The torque."""
-        del t, plant, state
         return Effect(piece)
 
     @property
@@ -251,7 +242,6 @@ class PluginActuators(AbstractEffector):
 
     def event_functions(self, state: None, command, acceleration) -> Float[Array, " m"]:
         """As they say."""
-        del state, acceleration
         return self.actuators.event_functions(command)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "PluginActuators":

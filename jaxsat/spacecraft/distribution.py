@@ -61,7 +61,6 @@ class AbstractDistribution(eqx.Module):
 
     def tells_left(self, effectors: tuple[AbstractEffector, ...]) -> bool:
         """Whether `Shares.left` is told of these effectors."""
-        del effectors
         return False
 
     @property
@@ -75,7 +74,6 @@ class AbstractDistribution(eqx.Module):
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractDistribution":
         """The distribution held on the side of each corner that `signs` tells."""
-        del signs
         return self
 
 
@@ -88,7 +86,6 @@ class Direct(AbstractDistribution):
 
     def __call__(self, t, state, command, effectors) -> Shares:
         """Parts of the command; raises `ValueError` where it ends within what an effector takes."""
-        del t, state
         uses, left = [], command
         for one in effectors:
             size = one.command_size if left.shape[0] else 0
@@ -197,7 +194,6 @@ class WheelsFirst(AbstractDistribution):
 
     def tells_left(self, effectors) -> bool:
         """It is."""
-        del effectors
         return True
 
     def wheels(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"]:

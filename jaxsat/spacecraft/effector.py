@@ -133,12 +133,10 @@ class AbstractEffector(AbstractHeldEffector):
 
         A similar body that is k times as heavy has k times the momenta, and all else the same.
         """
-        del change
         return state
 
     def momentum(self, state: PyTree) -> Float[Array, "3"] | None:
         """What is stored relative to the body, in body axes, N m s; None for nothing ever."""
-        del state
         return None
 
     def free_inertia(self) -> Float[Array, "3 3"] | None:
@@ -148,7 +146,6 @@ class AbstractEffector(AbstractHeldEffector):
     def unmade(self, use: Float[Array, " size"]) -> Float[Array, "3"] | None:
         """The torque of what is asked for that is beyond the limits, as whoever allocates knows
         them, N m; None for a kind that is asked for something else, or does not tell."""
-        del use
         return None
 
     # Failures in flight.
@@ -161,17 +158,14 @@ class AbstractEffector(AbstractHeldEffector):
     def last_drawn_kind(self, sampled: bool) -> AbstractFailureKind | None:
         """The last kind of failure that a study may draw, under a `sampled` law or a continuous
         one; None for all that its declaration names."""
-        del sampled
         return None
 
     def blow(self, state: PyTree, struck: Bool[Array, " f"]) -> Effect:
         """What the body gets at once where these failures have struck."""
-        del state, struck
         return Effect(jnp.zeros(3))
 
     def blown(self, state: PyTree, struck: Bool[Array, " f"], change: Float[Array, "3"]) -> PyTree:
         """The state after a blow that changed the body's ω by `change` (rad/s)."""
-        del struck, change
         return state
 
     @abc.abstractmethod
@@ -192,7 +186,6 @@ class AbstractEffector(AbstractHeldEffector):
 
         That which they can go on doing for `span` seconds; of zero seconds, now.
         """
-        del t, plant, state, struck, span
         return Reach.none()
 
     # Motion: the effect and the derivative in a mode and a piece, which `AbstractHeldEffector` has.
@@ -206,7 +199,6 @@ class AbstractEffector(AbstractHeldEffector):
         self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
     ) -> PyTree:
         """The mode after one that devices have left where the body has this dω/dt (rad/s²)."""
-        del state, command, acceleration
         return mode
 
     @abc.abstractmethod
@@ -217,7 +209,6 @@ class AbstractEffector(AbstractHeldEffector):
         self, piece: PyTree, plant: PlantState, state: PyTree, acceleration: Float[Array, "3"]
     ) -> PyTree:
         """Time derivative of the own state where the body has this dω/dt (rad/s²)."""
-        del piece, plant, acceleration
         return jax.tree.map(jnp.zeros_like, state)
 
     def torque(
@@ -229,19 +220,16 @@ class AbstractEffector(AbstractHeldEffector):
         acceleration: Float[Array, "3"],
     ) -> Float[Array, "3"]:
         """All that the devices do to the body with them locked, N m."""
-        del acceleration
         return self.effect(piece, t, plant, state).torque
 
     def signals(
         self, piece: PyTree, state: PyTree, acceleration: Float[Array, "3"]
     ) -> dict[str, Array]:
         """What the devices do, by the names of signals that they declare."""
-        del piece, state, acceleration
         return {}
 
     def stored(self, state: PyTree) -> dict[str, Array]:
         """What they store, by the names of signals that they declare."""
-        del state
         return {}
 
     # A command that changes continuously: events, and the smooth piece between two of them.
@@ -255,12 +243,10 @@ class AbstractEffector(AbstractHeldEffector):
         self, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
     ) -> Float[Array, " m"]:
         """Functions whose zeros are the corners."""
-        del state, command
         return jnp.zeros(0, acceleration.dtype)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractEffector":
         """This effector with each event function on the side that `signs` tells."""
-        del signs
         return self
 
     def without_corners(self) -> "AbstractEffector":

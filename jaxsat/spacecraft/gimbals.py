@@ -173,25 +173,21 @@ class ControlMomentGyros(AbstractEffector):
 
     def piece(self, mode: tuple, command: Float[Array, " k"]) -> GyroPiece:
         """Gimbal rates within their limits."""
-        del mode
         slowing = jnp.zeros(self.count) if self.slowing is None else self.slowing
         return GyroPiece(self._rates(command), slowing)
 
     def effect(self, piece: GyroPiece, t, plant, state: GyroStates) -> Effect:
         """-dh/dt as it is relative to the body."""
-        del t, plant
         along, change = self.directions(state.angle)
         momentum = state.momentum
         return Effect(along @ (piece.slowing * momentum) - change @ (piece.rate * momentum))
 
     def derivative(self, piece: GyroPiece, plant, state: GyroStates, acceleration) -> GyroStates:
         """dδ/dt and dH/dt."""
-        del plant, acceleration
         return GyroStates(piece.rate, -piece.slowing * state.momentum)
 
     def signals(self, piece: GyroPiece, state: GyroStates, acceleration) -> dict[str, Array]:
         """The rate of each gimbal."""
-        del state, acceleration
         return {"gimbal_rate": piece.rate}
 
     def stored(self, state: GyroStates) -> dict[str, Array]:
@@ -222,7 +218,6 @@ class ControlMomentGyros(AbstractEffector):
 
     def reach(self, t, plant, state: GyroStates, struck, span) -> Reach:
         """-H (cos δ t - sin δ s) of each gyro, in N m for one rad/s of its gimbal."""
-        del t, plant, span
         _, change = self.directions(state.angle)
         rate = jnp.where(self._condition(struck)[0], 0.0, self.rate_limit)
         return Reach(-change * state.momentum[None], -rate, rate)

@@ -81,7 +81,6 @@ class AbstractHeldEffector(eqx.Module):
 
     def mode(self, state: PyTree) -> PyTree:
         """How the devices move by their state alone."""
-        del state
         return ()
 
     @abc.abstractmethod
@@ -111,29 +110,24 @@ class AbstractHeldEffector(eqx.Module):
 
         What it asks for is ready `delay` s after the begin; None is at once.
         """
-        del t, memory, period, delay
         return use
 
     def begin(self, plan: PyTree) -> PyTree:
         """What runs through the holds of a plan, as its period begins."""
-        del plan
         return None
 
     def ahead(self, plan: PyTree, running: PyTree, now: RealScalar, period: RealScalar) -> Ahead:
         """The command from `now` (s from the sample) on."""
-        del running, now
         return Ahead(period, plan)
 
     def passed(
         self, plan: PyTree, running: PyTree, ahead: Ahead, now: RealScalar, end: RealScalar
     ) -> PyTree:
         """What runs through the plan after a hold from `now` to `end` (s from the sample)."""
-        del plan, ahead, now, end
         return running
 
     def finish(self, plan: PyTree, running: PyTree) -> tuple[PyTree, PyTree]:
         """The memory for the next period, and the command that does the mean of the period."""
-        del running
         return None, plan
 
     def run(self, plan: PyTree, period: RealScalar) -> PyTree:
@@ -147,12 +141,10 @@ class AbstractHeldEffector(eqx.Module):
 
     def consumption(self, memory: PyTree) -> dict[str, Array]:
         """What has been used up to a sample, by the names of signals that are declared as total."""
-        del memory
         return {}
 
     def later(self, command: PyTree, elapsed: RealScalar) -> PyTree:
         """The command, or the piece, `elapsed` seconds after it began to stay."""
-        del elapsed
         return command
 
     # A command that is held: modes that depend on time alone.
@@ -169,19 +161,16 @@ class AbstractHeldEffector(eqx.Module):
 
     def edges(self, state: PyTree, command: PyTree, period: RealScalar) -> Float[Array, " edges"]:
         """Instants (s) in [0, `period`] at which the piece changes under a command that stays."""
-        del state, command
         return jnp.zeros(0, period.dtype)
 
     def held_piece(self, state: PyTree, command: PyTree, elapsed: RealScalar) -> PyTree:
         """The piece `elapsed` seconds after a command began to stay in a state."""
-        del elapsed
         return self.piece(self.mode(state), command)
 
     def snapped(
         self, state: PyTree, command: PyTree, elapsed: RealScalar, reached: PyTree
     ) -> PyTree:
         """The state `reached` at an edge, where known, exactly."""
-        del state, command, elapsed
         return reached
 
     # A command that is held: modes that depend on how the body turns.
@@ -190,7 +179,6 @@ class AbstractHeldEffector(eqx.Module):
         self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
     ) -> Float[Array, "..."]:
         """How far devices are from leaving their mode: below zero for one that has left it."""
-        del mode, state, command, acceleration
         return jnp.zeros(0)
 
     def approach(
@@ -201,5 +189,4 @@ class AbstractHeldEffector(eqx.Module):
 
     def come(self, mode: PyTree, state: PyTree, margins: Float[Array, "..."]) -> PyTree:
         """The state of devices that leave their mode where a margin is below zero, exactly."""
-        del mode, margins
         return state

@@ -103,7 +103,6 @@ class Magnetorquers(AbstractEffector):
 
     def reach(self, t, plant, state: None, struck, span) -> Reach:
         """a × B of each axis a, in N m for one A m²: together the plane across the field B."""
-        del state, span
         field = self.field.in_body(jnp.asarray(t), plant.attitude)
         columns = jnp.cross(self.axes, field[:, None], axis=0)
         gain, level = jnp.ones(self.count), jnp.zeros(self.count)
@@ -117,18 +116,15 @@ class Magnetorquers(AbstractEffector):
 
     def piece(self, mode: tuple, command: Float[Array, " k"]) -> Float[Array, " k"]:
         """The dipole of each on a command, A m²."""
-        del mode
         return self._dipoles(command)
 
     def effect(self, piece: Float[Array, " k"], t, plant, state: None) -> Effect:
         """m × B of the dipole m of all."""
-        del state
         field = self.field.in_body(jnp.asarray(t), plant.attitude)
         return Effect(jnp.cross(self.axes @ piece, field))
 
     def signals(self, piece: Float[Array, " k"], state: None, acceleration) -> dict[str, Array]:
         """The dipole of each."""
-        del state, acceleration
         return {"dipole": piece}
 
     def misaligned(self, angles: Float[Array, "k 2"]) -> "Magnetorquers":

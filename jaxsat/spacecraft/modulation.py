@@ -71,13 +71,11 @@ class IdealThrottle(AbstractModulation):
 
     def __call__(self, duty, memory, period, min_on_time):
         """One pulse as long as the period, as strong as the duty."""
-        del min_on_time
         pulses = _one_pulse(jnp.zeros_like(duty) + period)
         return pulses._replace(level=duty[None]), memory
 
     def edges(self, between: int, count: int) -> int:
         """None."""
-        del between, count
         return 0
 
     def counts_openings(self) -> bool:
@@ -99,7 +97,6 @@ class PulseWidth(AbstractModulation):
 
     def edges(self, between: int, count: int) -> int:
         """Each thruster that fires for a part of the period shuts once."""
-        del count
         return between
 
 
@@ -122,7 +119,6 @@ class DeltaSigma(AbstractModulation):
 
     def edges(self, between: int, count: int) -> int:
         """Any thruster may fire what it owes, and shut once."""
-        del between
         return count
 
 
@@ -172,7 +168,6 @@ class PulseWidthPulseFrequency(AbstractModulation):
 
     def __call__(self, duty, memory, period, min_on_time):
         """All switchings in their order."""
-        del min_on_time
         was_open = memory[1]
 
         def switch(carry, _):
@@ -213,5 +208,4 @@ class PulseWidthPulseFrequency(AbstractModulation):
 
     def edges(self, between: int, count: int) -> int:
         """Any may fire: one that has lost its duty goes on until its lag has decayed."""
-        del between
         return count * self.switchings

@@ -67,7 +67,6 @@ class Gyro(eqx.Module):
     @classmethod
     def from_table(cls, values: Mapping[str, Any], period: float) -> "Gyro":
         """That of a checked table `[gyro]` of a scenario, whatever the law's `period` (s)."""
-        del period
         limit = values["limit_rad_s"]
         return cls(
             values["noise_density_rad_s_sqrt_Hz"],

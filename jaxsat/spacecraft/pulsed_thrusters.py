@@ -213,7 +213,6 @@ class PulsedThrusters(AbstractEffector):
 
     def reach(self, t, plant, state: None, struck, span) -> Reach:
         """The duty of each, from what leaks to what is left of full thrust."""
-        del t, plant, state, span
         condition = Condition.sound(self.thrusters.torque)
         if self.failures is not None:
             condition = self.failures.at_work(struck, self.thrusters.torque)
@@ -286,7 +285,6 @@ class PulsedThrusters(AbstractEffector):
         self, state: None, command: ThrusterTorque, struck: Bool[Array, "0"]
     ) -> "tuple[PulsedThrusters, ThrusterTorque]":
         """Themselves: what has failed is in the torque."""
-        del state, struck
         return self, command
 
     def later(self, command: ThrusterTorque, elapsed: RealScalar) -> ThrusterTorque:
@@ -297,17 +295,14 @@ class PulsedThrusters(AbstractEffector):
 
     def piece(self, mode: tuple, command: ThrusterTorque) -> ThrusterTorque:
         """The torque as it is."""
-        del mode
         return command
 
     def effect(self, piece: ThrusterTorque, t, plant, state: None) -> Effect:
         """The torque."""
-        del t, plant, state
         return Effect(piece.torque)
 
     def signals(self, piece: ThrusterTorque, state: None, acceleration) -> dict[str, Array]:
         """The usage of a period, where it is known."""
-        del state, acceleration
         if piece.usage is None:
             return {}
         level, propellant, openings = piece.usage

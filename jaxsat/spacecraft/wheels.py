@@ -46,7 +46,6 @@ class WheelMomenta(eqx.Module):
 
 
 def _with_momentum(one: "Wheels", state: WheelMomenta, momentum: Array):
-    del state
     return one, WheelMomenta(momentum)
 
 
@@ -227,14 +226,12 @@ class Wheels(AbstractEffector):
 
     def effect(self, piece: WheelPiece, t, plant, state: WheelMomenta) -> Effect:
         """A c, and -Σ J_w a aᵀ of the wheels that turn."""
-        del t, plant
         return Effect(self.axes @ piece.torque(state.momentum), self._correction(piece.turns))
 
     def derivative(
         self, piece: WheelPiece, plant, state: WheelMomenta, acceleration
     ) -> WheelMomenta:
         """dh/dt = -c - J_w aᵀdω/dt of the wheels that turn, N m."""
-        del plant
         return WheelMomenta(self._rate(piece, state, acceleration))
 
     def _rate(self, piece: WheelPiece, state: WheelMomenta, acceleration):
@@ -258,7 +255,6 @@ class Wheels(AbstractEffector):
 
     def torque(self, piece: WheelPiece, t, plant, state: WheelMomenta, acceleration):
         """A c with what turns rotors that keep their momentum, N m."""
-        del t, plant
         return self.axes @ self.made(piece, state, acceleration)
 
     def signals(self, piece: WheelPiece, state: WheelMomenta, acceleration) -> dict[str, Array]:
@@ -297,7 +293,6 @@ class Wheels(AbstractEffector):
 
     def reach(self, t, plant, state: WheelMomenta, struck, span) -> Reach:
         """The torque of each motor that friction leaves, N m, whichever way the wheel turns."""
-        del t, plant
         return wheel_failures.reach(self, state.momentum, struck, span)
 
     def last_drawn_kind(self, sampled: bool) -> WheelFailureKind:

@@ -45,7 +45,6 @@ Made = Callable[[str], bool]
 
 def nothing(name: str) -> bool:
     """That a build makes nothing, whatever the name."""
-    del name
     return False
 
 

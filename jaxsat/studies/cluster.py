@@ -222,7 +222,6 @@ class _Shipped(WorkerPlugin):
         self._packed = work
 
     def setup(self, worker) -> None:
-        del worker
         self._lock = threading.Lock()
         self._work: Work | None = None
 

@@ -205,7 +205,6 @@ class RandomAttitude(AbstractDistribution):
 
     def dimension(self, size: int) -> int:
         """Three."""
-        del size
         return 3
 
 

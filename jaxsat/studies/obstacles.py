@@ -14,7 +14,6 @@ from jaxsat.studies.perturbed import controller_of
 
 def always(loop: AbstractLoop) -> None:
     """Every loop has it."""
-    del loop
 
 
 def needs_torque_level(loop: AbstractLoop) -> str | None:

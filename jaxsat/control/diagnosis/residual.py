@@ -218,5 +218,4 @@ class AbstractResidualFilter(eqx.Module):
         self, kind: Int[Array, ""], actuator: Int[Array, ""], memory: FilterMemory
     ) -> Int[Array, ""]:
         """The kind of a verdict; here as it was isolated."""
-        del actuator, memory
         return kind

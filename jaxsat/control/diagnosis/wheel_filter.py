@@ -202,7 +202,6 @@ class WheelFilter(AbstractResidualFilter):
         still = jnp.abs(_momentum(reading)) < STILL * self.momentum_noise
 
         def rotors(residual: Residual, left: OfEach) -> Rotors:
-            del left
             jump = JUMP * full + STILL * jnp.sqrt(residual.variance)
             jumped = jnp.abs(residual.innovation[0]) > jump
             return Rotors(still & (jumped | memory.own.seized), taken)
@@ -229,7 +228,6 @@ class WheelFilter(AbstractResidualFilter):
         One that turns tells it by how fast it slows, one that does not turn though it is driven
         has more.
         """
-        del quiet
         full, flow = period * self.full, residual.flow[0]
         driven = 0.0 if residual.driven is None else residual.driven
         signature = jnp.where(jnp.abs(flow) > full, flow, full * driven)

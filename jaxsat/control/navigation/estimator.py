@@ -120,7 +120,6 @@ class RawMeasurements(AbstractEstimator):
 
     def init(self, attitude: Quaternion, sigma: Float[Array, ""]) -> Quaternion:
         """The first estimate, until the first measurement."""
-        del sigma
         return attitude
 
     def step(
@@ -131,6 +130,5 @@ class RawMeasurements(AbstractEstimator):
         memory: Quaternion,
     ) -> tuple[Estimate, Quaternion]:
         """What was measured."""
-        del sample, period
         q = jnp.where(measurement.seen, measurement.attitude.q, memory.q)
         return Estimate(Quaternion(q), measurement.rate), Quaternion(q)

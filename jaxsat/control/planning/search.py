@@ -169,7 +169,6 @@ class PlanSearch(eqx.Module):
         return search._replace(fresh=jnp.array(False), iterate=iterate, begin=begin, start=start)
 
     def _iterated(self, program: Transcription, search: Search, begin, x) -> Search:
-        del begin, x
         settings = self._settings(search)
         iterate = iterated(program, search.begin, search.iterate, settings)
         ended = iterate.done | (iterate.iterations >= settings.iterations)

@@ -151,7 +151,6 @@ class Transcription(eqx.Module):
         h = duration / (self.intervals * self.substeps)
 
         def step(number, flown):
-            del number
             t, x = flown
             k1 = self._rate(t, x, u)
             k2 = self._rate(t + h / 2, x + h / 2 * k1, u)

@@ -89,19 +89,16 @@ MAX_LATENCY = 1000
 
 @rule("gyro", "star_tracker.latency_s")
 def _tracker_has_a_gyro(gyro, latency):
-    del gyro, latency
     yield at("gyro", "must be given with [star_tracker], got nothing", True)
 
 
 @rule("star_tracker", "gyro.limit_rad_s")
 def _gyro_has_a_tracker(tracker, limit):
-    del tracker, limit
     yield at("star_tracker", "must be given with [gyro], got nothing", True)
 
 
 @rule("gyro", "star_tracker", "estimator.kind")
 def _estimator_has_sensors(gyro, tracker, kind):
-    del gyro, tracker
     yield at("estimator", f'must belong to [gyro] and [star_tracker], got kind "{kind}" alone')
 
 

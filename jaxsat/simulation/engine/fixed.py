@@ -65,7 +65,6 @@ class FixedStepper(AbstractStepper):
 
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress after so many intervals."""
-        del axis_name
         loop = continuous_loop(case)
         rate, judged = augmented_rate(program, loop), _judge(program, loop)
         tableau, plant_at = tableau_of(self.solver), stop_gradient(loop).plant_state

@@ -126,7 +126,6 @@ class _OneCase(AbstractCaseFactory):
     places: PyTree
 
     def __call__(self, case, gains):
-        del gains
         arrays = jax.tree.map(lambda place: case[place], self.places)
         loop, start = eqx.combine(arrays, self.rest)
         return Case(loop, start, {}, jnp.array(True))

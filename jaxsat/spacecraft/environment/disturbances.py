@@ -55,7 +55,6 @@ class NoDisturbance(AbstractDisturbance):
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
     ) -> Float[Array, "3"]:
         """Zero."""
-        del t, attitude
         return jnp.zeros(3, inertia.dtype)
 
 
@@ -79,14 +78,12 @@ class PeriodicTorque(AbstractDisturbance):
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: DisturbanceContext) -> "PeriodicTorque":
         """The torque of a table of a scenario, of zeros where it has none."""
-        del context
         return cls(values["amplitude_N_m"], values["frequency_rad_s"], values["phase_rad"])
 
     def __call__(
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
     ) -> Float[Array, "3"]:
         """Equation (2)."""
-        del attitude, inertia
         return self.at(t)
 
     def at(self, t: RealScalar) -> Float[Array, "3"]:
@@ -109,14 +106,12 @@ class ConstantTorque(AbstractDisturbance):
         cls, values: Mapping[str, Any], context: DisturbanceContext
     ) -> "ConstantTorque | None":
         """The torque of a table of a scenario; None where it is zero."""
-        del context
         return cls(values["constant_N_m"]) if any(values["constant_N_m"]) else None
 
     def __call__(
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
     ) -> Float[Array, "3"]:
         """The same torque always."""
-        del t, attitude, inertia
         return self.torque
 
 
@@ -144,7 +139,6 @@ class GravityGradient(AbstractDisturbance):
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
     ) -> Float[Array, "3"]:
         """3 ω0² n × J n with n = C (0, 0, 1)ᵀ."""
-        del t
         nadir = attitude.as_dcm().matrix[:, 2]
         return 3 * self.orbit_rate**2 * jnp.cross(nadir, inertia @ nadir)
 

@@ -52,7 +52,6 @@ class SmallAngleOrbit(AbstractOrbit):
 
     def frame_rate(self, attitude: AbstractAttitude) -> Float[Array, "3"]:
         """(0, -ω0, 0)ᵀ whatever the attitude, rad/s."""
-        del attitude
         zero = jnp.zeros_like(self.rate)
         return jnp.stack([zero, -self.rate, zero])
 

@@ -49,7 +49,6 @@ class MagneticTorque(AbstractDisturbance):
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
     ) -> Float[Array, "3"]:
         """m × B in body axes."""
-        del inertia
         return jnp.cross(self.dipole, self.field.in_body(t, attitude))
 
 
@@ -92,7 +91,6 @@ class AerodynamicTorque(AbstractDisturbance):
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
     ) -> Float[Array, "3"]:
         """centre × force in body axes."""
-        del t, inertia
         forward = attitude.as_dcm().matrix[:, 0]
         speed = self.orbit.rate * self.orbit.radius
         force = -0.5 * self.density * speed**2 * self.coefficient * self.area * forward
@@ -172,7 +170,6 @@ class SolarPressureTorque(AbstractDisturbance):
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
     ) -> Float[Array, "3"]:
         """centre × force in body axes."""
-        del inertia
         towards, light = self.light()(t)
         push = -light * SOLAR_PRESSURE * self.coefficient * self.area
         return jnp.cross(self.centre, push * (attitude.as_dcm().matrix @ towards))

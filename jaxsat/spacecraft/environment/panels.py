@@ -91,7 +91,6 @@ class PanelDrag(AbstractDisturbance):
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
     ) -> Float[Array, "3"]:
         """Σ centre × force in body axes."""
-        del t, inertia
         panels, forward = self.panels, attitude.as_dcm().matrix[:, 0]
         speed = self.orbit.rate * self.orbit.radius
         facing = jnp.maximum(panels.unit_normals() @ forward, 0.0)
@@ -125,7 +124,6 @@ class PanelSolarPressure(AbstractDisturbance):
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
     ) -> Float[Array, "3"]:
         """Σ centre × force in body axes."""
-        del inertia
         panels, normal = self.panels, self.panels.unit_normals()
         towards, pressure = self.light(t)
         sun = attitude.as_dcm().matrix @ towards
