@@ -11,10 +11,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
-from jaxsat.control.normal_form import NormalForm, clipped, tracking_torque
+from jaxsat.control.estimators import ThirdAxis
+from jaxsat.control.normal_form import NormalForm, tracking_torque
 from jaxsat.control.oscillatory import Tracking, turned
-from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft.dynamics import PlantState
 
@@ -81,11 +80,6 @@ class FiniteTimeRate(eqx.Module):
         j1, j2, _ = self.form.moments
         base = 3 * self.share * self.torque_limit / jnp.abs(c)
         return jnp.stack([jnp.cbrt(base * j2 / j1**2), jnp.cbrt(base * j1 / j2**2)])
-
-    def time_to_zero(self, omega3: RealScalar, c: RealScalar) -> RealScalar:
-        """Seconds until |ω3| has fallen to ε, once the references are tracked."""
-        a, b = self.factors(c)
-        return 3 * self._root(omega3) / (jnp.abs(c) * a * b)
 
     def signs(self, third: ThirdAxis, omega: Float[Array, "3"], last: Signs) -> Signs:
         """Signs of the rates to ask for, of those with which |s| falls quickly the nearest ones.
@@ -157,44 +151,3 @@ class FiniteTimeRate(eqx.Module):
     def _root(self, omega3: RealScalar) -> RealScalar:
         excess = jnp.maximum(jnp.abs(omega3) - self.dead_zone, 0.0)
         return jnp.where(excess > 0, jnp.cbrt(jnp.where(excess > 0, excess, 1.0)), 0.0)
-
-
-class FiniteTimeRateMemory(NamedTuple):
-    """The signs, the estimator's memory and the rates asked for."""
-
-    signs: Signs
-    estimator: EstimatorMemory
-    reference: Float[Array, "2"]
-
-
-class FiniteTimeRateLaw(AbstractSampledController):
-    """The finite-time law alone: stops the rotation from any rates; `period` is in s."""
-
-    law: FiniteTimeRate
-    estimator: ThirdAxisEstimator
-    period: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_positive("period", self.period)
-
-    def init(self, state: PlantState) -> FiniteTimeRateMemory:
-        """The memory at the start: no signs are chosen, nothing is estimated."""
-        reference = jnp.zeros(2, state.omega.dtype)
-        return FiniteTimeRateMemory(
-            self.law.init(state), self.estimator.init(self.law.form.seen(state).omega), reference
-        )
-
-    def step(
-        self, t: RealScalar, state: PlantState, memory: FiniteTimeRateMemory
-    ) -> tuple[Float[Array, "2"], FiniteTimeRateMemory]:
-        """Estimate, signs, references, torque."""
-        omega = self.law.form.seen(state).omega
-        third, estimator = self.estimator.update(omega, memory.estimator, self.period)
-        signs = self.law.signs(third, omega, memory.signs)
-        tracking = self.law.tracking(third, omega, signs)
-        torque = clipped(self.law.torque(omega, tracking), self.law.torque_limit)
-        return self.law.form.command(torque), FiniteTimeRateMemory(signs, estimator, tracking.rate)
-
-    def rate_error(self, state: PlantState, memory: FiniteTimeRateMemory) -> Float[Array, "2"]:
-        """ω - ω_d, rad/s."""
-        return self.law.form.seen(state).omega[:2] - memory.reference

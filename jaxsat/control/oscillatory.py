@@ -17,20 +17,16 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.control.demands import AbstractDemand
-from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
+from jaxsat.control.estimators import ThirdAxis
 from jaxsat.control.normal_form import (
     NormalForm,
     NormalState,
     Tilt,
-    clipped,
-    tilt_of,
     tracking_torque,
 )
-from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.smooth import without_slope
-from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 
@@ -204,55 +200,3 @@ def turned(axes: Float[Array, "2"], x: RealScalar, y: RealScalar) -> Float[Array
 
 def _size(alpha: RealScalar, beta: RealScalar, least: RealScalar) -> RealScalar:
     return jnp.sqrt(alpha**2 + beta**2 + least**4)
-
-
-class OscillatoryMemory(NamedTuple):
-    """The oscillation asked for last, the estimator's memory and the rates asked for."""
-
-    oscillation: Oscillation
-    estimator: EstimatorMemory
-    reference: Float[Array, "2"]
-
-
-class OscillatoryLaw(AbstractSampledController):
-    """Oscillator and estimator alone, from any attitude, without an end game.
-
-    `torque_limit` (N m) cuts the commands, `period` is in s.
-    """
-
-    oscillator: Oscillator
-    estimator: ThirdAxisEstimator
-    torque_limit: RealScalar = eqx.field(converter=as_float)
-    period: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_positive("torque_limit", self.torque_limit)
-        require_positive("period", self.period)
-
-    def init(self, state: PlantState) -> OscillatoryMemory:
-        """The memory at the start: no oscillation yet, nothing estimated."""
-        omega = self.oscillator.form.seen(state).omega
-        reference = jnp.zeros(2, omega.dtype)
-        return OscillatoryMemory(self.oscillator.init(omega), self.estimator.init(omega), reference)
-
-    def step(
-        self, t: RealScalar, state: PlantState, memory: OscillatoryMemory
-    ) -> tuple[Float[Array, "2"], OscillatoryMemory]:
-        """Estimate, slow errors, oscillation, torque."""
-        seen = self.oscillator.form.seen(state)
-        third, estimator = self.estimator.update(
-            seen.omega, memory.estimator, self.period, seen.attitude
-        )
-        seen = seen.relative_to(third.turn)
-        tilt = tilt_of(seen.attitude)
-        slow = self.oscillator.slow(t, tilt, third, memory.oscillation)
-        wanted = self.oscillator.oscillation(slow, third)
-        tracking = self.oscillator.tracking(t, seen, tilt, wanted)
-        torque = clipped(self.oscillator.torque(seen.omega, tracking), self.torque_limit)
-        return self.oscillator.form.command(torque), OscillatoryMemory(
-            wanted, estimator, tracking.rate
-        )
-
-    def rate_error(self, state: PlantState, memory: OscillatoryMemory) -> Float[Array, "2"]:
-        """ω - ω_d, rad/s."""
-        return self.oscillator.form.seen(state).omega[:2] - memory.reference

@@ -6,19 +6,17 @@ stays what it was.
 """
 
 import enum
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.normal_form import NormalForm, NormalState, clipped
-from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import angle_of, root
 from jaxsat.core.tolerances import wrap_angle
 from jaxsat.core.trees import choose
-from jaxsat.spacecraft.dynamics import PlantState
 
 RealScalar = Float[Array, ""]
 
@@ -245,53 +243,3 @@ class SlewPlanner(eqx.Module):
             to_go=jnp.where(slewing.leg == Leg.FIRST_SLEW, second, third),
             last_rate=jnp.where(axis_x, state.omega[0], state.omega[1]),
         )
-
-
-class ThreeSlewMemory(NamedTuple):
-    """The slews, and how many samples there were, at the first of which they were planned."""
-
-    slewing: Slewing
-    samples: Int[Array, ""]
-
-
-class ThreeSlewLaw(AbstractSampledController):
-    """The three slews alone: from rest in any attitude to rest in the orbit frame.
-
-    Afterwards it holds the first two rates at zero. `period` is in s.
-    """
-
-    modes: ClassVar[type[enum.IntEnum]] = Leg
-
-    planner: SlewPlanner
-    period: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_positive("period", self.period)
-
-    def init(self, state: PlantState) -> ThreeSlewMemory:
-        """The memory at the start: nothing is planned."""
-        return ThreeSlewMemory(self.planner.init(state.omega), jnp.array(0))
-
-    def step(
-        self, t: RealScalar, state: PlantState, memory: ThreeSlewMemory
-    ) -> tuple[Float[Array, "2"], ThreeSlewMemory]:
-        """Plan at the first sample, fly at every other."""
-        t = memory.samples * self.period
-        seen = self.planner.form.seen(state)
-        flown = self.planner.advance(t, seen, memory.slewing, self.period)
-        done = memory.slewing.leg == Leg.SLEWED
-        flown = choose(done, memory.slewing, flown)
-        plan = self.planner.plan(t, seen)
-        slewing = choose(memory.samples > 0, flown, plan)
-        stopped = slewing._replace(to_go=jnp.where(slewing.leg == Leg.SLEWED, 0.0, slewing.to_go))
-        torque = clipped(self.planner.torque(seen.omega, stopped), self.planner.torque_limit)
-        return self.planner.form.command(torque), ThreeSlewMemory(slewing, memory.samples + 1)
-
-    def rate_error(self, state: PlantState, memory: ThreeSlewMemory) -> Float[Array, "2"]:
-        """Rates less those of the profile; before the first sample the rates, rad/s."""
-        omega = self.planner.form.seen(state).omega
-        return omega[:2] - self.planner.references(memory.slewing)
-
-    def mode(self, memory: ThreeSlewMemory) -> Int[Array, ""]:
-        """The `Leg` under way."""
-        return memory.slewing.leg

@@ -6,8 +6,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from control.cases import INERTIA, C, actuators, body, form, paper_disturbance
+from control.laws import FiniteTimeRateLaw, time_to_zero
 from jaxsat.control.estimators import ThirdAxis, ThirdAxisEstimator
-from jaxsat.control.finite_time_rate import FiniteTimeRate, FiniteTimeRateLaw
+from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation.engine.single import simulate
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -51,7 +52,7 @@ def test_tracked_references_bring_the_third_rate_to_the_dead_zone_in_the_time_sa
         r1, r2 = np.asarray(rate_law.tracking(known(y[0]), omega, signs).rate)
         return [C * r1 * r2]
 
-    end = float(rate_law.time_to_zero(jnp.array(omega3), jnp.array(C)))
+    end = float(time_to_zero(rate_law, jnp.array(omega3), jnp.array(C)))
     run = solve_ivp(rate, (0, end), [omega3], rtol=1e-8, atol=1e-12, t_eval=[0.9 * end, end])
     assert abs(run.y[0, -1]) == pytest.approx(3e-5, rel=1e-3)
     # After the fraction x of the time the cube root has fallen to 1 - x of its start.
@@ -107,7 +108,7 @@ def test_flight_stops_all_rates(inertia):
         SampledLoop(plant.with_effectors((actuators(LIMIT),)), controller), _state(omega), times
     ).signals
     c = jnp.array((inertia[0] - inertia[1]) / inertia[2])
-    bound = float(controller.law.time_to_zero(jnp.array(0.08), c))
+    bound = float(time_to_zero(controller.law, jnp.array(0.08), c))
     # The time a full torque needs to turn the first rates round bounds the catching up.
     peak = np.asarray(controller.law.factors(c)) * 0.1 ** (1 / 3) + 0.1
     catching_up = float(np.max(peak * inertia[:2]) / LIMIT)

@@ -8,10 +8,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from control.cases import ORBIT_RATE, C, actuators, form, paper_fit, ripple_observer
+from control.laws import OscillatoryLaw
 from jaxsat.control.demands import MorinSamson, TwoChannel
 from jaxsat.control.estimators import ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.normal_form import tilt_of
-from jaxsat.control.oscillatory import Oscillation, Oscillator, OscillatoryLaw, Slow
+from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.simulation.engine.single import simulate
 from jaxsat.simulation.sampled_loop import SampledLoop

@@ -6,11 +6,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import pytest
 
+from control.laws import FiniteTimeRateLaw, OscillatoryLaw, ThreeSlewLaw
 from jaxsat.control.fine import OscillatorySettling
-from jaxsat.control.finite_time_rate import FiniteTimeRateLaw
-from jaxsat.control.oscillatory import OscillatoryLaw
 from jaxsat.control.sampled import AbstractSampledController, mode_label
-from jaxsat.control.slews import ThreeSlewLaw
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.switching import SwitchingLaw
 

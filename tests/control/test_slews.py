@@ -10,9 +10,10 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from control.cases import INERTIA, ORBIT_RATE, actuators, body, form
+from control.laws import ThreeSlewLaw
 from helpers.strategies import rotations
 from jaxsat.control import slews
-from jaxsat.control.slews import SlewPlanner, ThreeSlewLaw
+from jaxsat.control.slews import SlewPlanner
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation.engine.single import simulate
 from jaxsat.simulation.sampled_loop import SampledLoop
