@@ -10,12 +10,10 @@ import abc
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import reciprocal
-
-RealScalar = Float[Array, ""]
 
 TINY = 1e-12
 """Keeps a quotient of two zeros finite."""

@@ -10,10 +10,9 @@ from jaxtyping import Array, Float, Int
 from jaxsat.control.estimators import integrated_products, products_of
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.planning.transcription import AbstractCorrection
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_counts, require_positive
 from jaxsat.spacecraft.dynamics import PlantState
-
-RealScalar = Float[Array, ""]
 
 TORQUE_ERROR, ACROSS_ERROR, PRODUCT_ERROR = 0.12, 0.03, 0.1
 """Standard deviations of the gain of a torque about its own axis and about the other one, and of

@@ -14,11 +14,10 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.normal_form import NormalForm, leaned
 from jaxsat.control.ripple import AbstractRippleEstimator, ThirdRate
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.trees import choose
-
-RealScalar = Float[Array, ""]
 
 MIN_COUPLING, MIN_SHARE = 0.2, 0.2
 """A coupling below both the first and this share of the model's c is not believed: the laws divide

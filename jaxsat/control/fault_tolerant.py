@@ -20,13 +20,12 @@ from jaxsat.control.tolerant_actuators import (
 )
 from jaxsat.control.tolerant_mix import Mix, MixMemory
 from jaxsat.control.tolerant_wheels import TolerantWheels
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.three_torques import FAULT_TOLERANT
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.wheels import wheel_momentum
-
-RealScalar = Float[Array, ""]
 
 
 class FaultTolerantMemory(NamedTuple):

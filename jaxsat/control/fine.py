@@ -15,11 +15,10 @@ from jaxsat.control.leaks import USED, Aid
 from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
-
-RealScalar = Float[Array, ""]
 
 HOLDING_TURN = 0.01
 """Turn (rad) at which the end game asks for its largest amplitude."""

@@ -14,11 +14,9 @@ from jaxtyping import Array, Float
 from jaxsat.control.estimators import ThirdAxis
 from jaxsat.control.normal_form import NormalForm, tracking_torque
 from jaxsat.control.oscillatory import Tracking, turned
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft.dynamics import PlantState
-
-RealScalar = Float[Array, ""]
-
 
 HELD = 0.7
 """Share of the torque limit that gyroscopic torque may take at the references."""

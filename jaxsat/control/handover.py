@@ -14,9 +14,8 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.normal_form import Tilt
 from jaxsat.control.oscillatory import Slow
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
-
-RealScalar = Float[Array, ""]
 
 AIMED_TURN = 0.02
 """A (rad). Settled means within 0.05."""

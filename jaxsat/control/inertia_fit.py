@@ -7,11 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.inertia import LEAST_TORQUE_TILT
 from jaxsat.spacecraft.axes import directions_across
-
-RealScalar = Float[Array, ""]
 
 SMALL = 1e-30
 """Keeps a quotient of zeros finite."""

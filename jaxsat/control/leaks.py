@@ -15,13 +15,12 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.oscillatory import Slow
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_array, as_float
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 
 if TYPE_CHECKING:
     from jaxsat.control.supervisor import ThreeSlewSettling
-
-RealScalar = Float[Array, ""]
 
 PRIOR_LEAK = 0.03
 """Standard deviation of a leak, over the torque of a thruster."""

@@ -7,11 +7,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.trees import Symmetric
-
-RealScalar = Float[Array, ""]
 
 PRIOR = (0.03, 0.03, 0.08, 0.03, 0.03, 0.03, 0.003, 0.003)
 """Standard deviations of ε1, ε2 and of the coefficients of Q."""

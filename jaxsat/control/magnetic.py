@@ -24,6 +24,7 @@ from jaxsat.control.periodic_gain import (
 )
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.steering import MagneticSteering
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
@@ -31,8 +32,6 @@ from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.disturbances import GravityGradient
 from jaxsat.spacecraft.environment.orbit import DIPOLE, DipoleField
 from jaxsat.spacecraft.wheels import wheel_momentum
-
-RealScalar = Float[Array, ""]
 
 SLOW = 4.0
 """Default of the rate below which a tumble has been stopped, over the orbit's rate."""

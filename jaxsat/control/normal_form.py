@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.attitude import AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_float, numpy_if_known
 from jaxsat.core.inertia import normal_axes
@@ -44,8 +45,6 @@ def tilt_of(attitude: AbstractAttitude) -> Tilt:
     turn = 2 * angle_of(sign * q3, sign * q0)
     return Tilt(2 * sine1, 2 * sine2, turn, root(q1**2 + q2**2) * inverse)
 
-
-RealScalar = Float[Array, ""]
 
 BODY_XY = np.eye(3)[:, :2]
 """Torques about body x and y, as on the paper's spacecraft."""

@@ -18,14 +18,13 @@ from jaxsat.control.controller import LawContext, UnsuitableModel
 from jaxsat.control.inertia_fit import InertiaFit, InertiaMemory, TorqueAxisFrame
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.allocation import torque_axis
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.one_torque import ONE_TORQUE
 from jaxsat.core.declaration.tuned_gains import Scaling
 from jaxsat.core.inertia import LEAST_TORQUE_TILT, torque_axis_frame
 from jaxsat.spacecraft.dynamics import PlantState
-
-RealScalar = Float[Array, ""]
 
 RATE_GAIN = 12.0
 """Default of the inner loop's gain, times the `loop_time` of `Scaling`."""

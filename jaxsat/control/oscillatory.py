@@ -24,11 +24,10 @@ from jaxsat.control.normal_form import (
     Tilt,
     tracking_torque,
 )
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.smooth import without_slope
-
-RealScalar = Float[Array, ""]
 
 NO_AMPLITUDE = 1e-8
 """In parts of the largest amplitude; keeps it away from zero, where its root has no derivative."""

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.attitude import skew
 from jaxsat.core.checks import as_float
 from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION, DipoleField
@@ -34,7 +35,6 @@ SERIES = 9
 SETTLED, MOST_ORBITS = 1e-9, 400
 """Relative change in an orbit of a Riccati solution that has settled; it does within so many."""
 
-RealScalar = Float[Array, ""]
 Matrices = Float[np.ndarray, "... _ _"]
 """Square ones."""
 

@@ -17,12 +17,11 @@ from jaxsat.control.planning.transcription import STATES, PlanObjective, Transcr
 from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_counts, require_positive
 from jaxsat.core.declaration.settling import PLANNING_MARGIN, REPLAN_TIME
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
-
-RealScalar = Float[Array, ""]
 
 FLOWN_OUT = 0.2
 """The rest of a plan that is flown to its end, times τ; at least what the search for a new one may

@@ -4,9 +4,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
-
-RealScalar = Float[Array, ""]
 
 ROUNDS = 2
 """Pulses that are added at most to what is surely whole, in a period."""

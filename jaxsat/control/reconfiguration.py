@@ -18,10 +18,9 @@ from jaxsat.core.allocation import (
     two_sided_torques,
     unit_columns,
 )
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_array, as_float
 from jaxsat.spacecraft.least_propellant import LeastPropellant
-
-RealScalar = Float[Array, ""]
 
 MOST_FAILED = 2
 """Thrusters of a tabled set."""

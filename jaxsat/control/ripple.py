@@ -11,11 +11,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import reciprocal
-
-RealScalar = Float[Array, ""]
-
 
 LEAST_SIGMAS, SURE_SIGMAS = 2.0, 4.0
 """Of a steady acceleration: nothing is believed below the first many standard deviations, all from

@@ -13,12 +13,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.normal_form import NormalForm, NormalState
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import angle_of, root
 from jaxsat.core.tolerances import wrap_angle
 from jaxsat.core.trees import choose
-
-RealScalar = Float[Array, ""]
 
 TAIL = 3.0
 """A leg ends exponentially: its planned duration has this many time constants more."""

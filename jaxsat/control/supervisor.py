@@ -16,11 +16,10 @@ from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
 from jaxsat.control.oscillatory import Slow
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.slews import Leg, Slewing, SlewPlanner
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
-
-RealScalar = Float[Array, ""]
 
 SINE_OF_SQUARE = 4 / math.pi
 """Amplitude of the sine in a square wave of amplitude 1."""

@@ -11,10 +11,9 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from jaxsat.control.diagnosis.diagnosis import DiagnosisMemory
 from jaxsat.control.diagnosis.residual import AbstractResidualFilter, Reading
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
+from jaxsat.core.array_types import RealScalar
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
-
-RealScalar = Float[Array, ""]
 
 PROBE_INTERVAL = 2.0
 """Over the natural frequency: a failed actuator is given a test pulse so often, whose effect would

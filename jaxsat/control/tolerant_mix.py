@@ -15,8 +15,6 @@ from jaxsat.control.tolerant_actuators import Demand
 from jaxsat.spacecraft.allocation import allocate, allocate_unloading
 from jaxsat.spacecraft.effector import Reach
 
-RealScalar = Float[Array, ""]
-
 
 class MixMemory(NamedTuple):
     """Whether torques about three axes were left, whether momentum was being taken out, and the

@@ -22,12 +22,11 @@ from jaxsat.control.tolerant_actuators import (
     TolerantMemory,
     TolerantMode,
 )
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
-
-RealScalar = Float[Array, ""]
 
 TEST_PERIODS = 3
 """Control periods from the test pulse of one thruster to that of the next, during an alarm."""

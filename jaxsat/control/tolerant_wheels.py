@@ -20,11 +20,11 @@ from jaxsat.control.tolerant_actuators import (
 )
 from jaxsat.control.two_wheels import TwoWheels
 from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
 
-RealScalar = Float[Array, ""]
 OfEach = Float[Array, " m"]
 
 UNLOADING = 0.2

@@ -13,12 +13,12 @@ from jaxsat.control.diagnosis.diagnosis import WEAK
 from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.reconfiguration import Left
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.quotients import length, root
 from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.wheels import Wheels
 
-RealScalar = Float[Array, ""]
 OfEach = Float[Array, " m"]
 
 SPARE = 0.02

@@ -12,11 +12,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody
 from jaxsat.spacecraft.held_effector import Hold
 
-RealScalar = Float[Array, ""]
 Integrate = Callable[[RealScalar, Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
 
 RESOLUTION = 1e-13

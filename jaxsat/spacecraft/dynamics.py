@@ -14,13 +14,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import require_inertia
 from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, NoDisturbance
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.spacecraft import OfEach, PlantState, Spacecraft, inverse_of
 
-RealScalar = Float[Array, ""]
 Struck = tuple[Bool[Array, " _"], ...]
 """Which failures of each effector have struck."""
 

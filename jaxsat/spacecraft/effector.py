@@ -28,13 +28,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.spacecraft.environment.orbit import CircularOrbit
 from jaxsat.spacecraft.held_effector import AbstractHeldEffector
 from jaxsat.spacecraft.spacecraft import PlantState
-
-RealScalar = Float[Array, ""]
 
 
 class Effect(NamedTuple):

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-RealScalar = Float[Array, ""]
+from jaxsat.core.array_types import RealScalar
 
 
 class Hold(NamedTuple):

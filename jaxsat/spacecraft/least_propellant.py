@@ -20,8 +20,6 @@ from jaxsat.core.allocation import least_propellant, unit_columns
 from jaxsat.core.checks import as_float, as_optional_float
 from jaxsat.core.smooth import positive_part, within
 
-RealScalar = Float[Array, ""]
-
 PIVOTS_A_THRUSTER = 4
 """The method ends after so many pivots for each thruster; it needs one or two."""
 

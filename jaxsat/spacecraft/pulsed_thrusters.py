@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.smooth import at_least, within
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, Reach
 from jaxsat.spacecraft.failures import Condition, FailureEvents
@@ -13,8 +14,6 @@ from jaxsat.spacecraft.held_effector import Ahead
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 from jaxsat.spacecraft.modulation import AbstractModulation, Pulses
 from jaxsat.spacecraft.thrusters import ThrusterSet
-
-RealScalar = Float[Array, ""]
 
 ROUNDING = 1e-13
 """Of a period: ramps that end so close together end together, pulses so close to its end there."""

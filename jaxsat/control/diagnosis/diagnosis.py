@@ -28,6 +28,7 @@ from jaxsat.control.diagnosis.residual import (
     FilterMemory,
     Reading,
 )
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 
 OVERSHOOT = 1.166
@@ -79,8 +80,6 @@ def false_alarm_rate(watch: AbstractResidualFilter, reference: float, threshold:
     rate += hypotheses.weak_losses * math.exp(-2 * reference * threshold)
     return watch.count * rate
 
-
-RealScalar = Float[Array, ""]
 
 LEAST_SIGNAL = 0.5
 """A signature of a full failure below so many sigmas tells nothing, and its test waits."""

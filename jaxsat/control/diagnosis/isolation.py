@@ -11,9 +11,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.declaration.failures import AbstractFailureKind
-
-RealScalar = Float[Array, ""]
 
 LEAST_PART = 0.02
 """A loss or a leak below this part of full torque is none."""

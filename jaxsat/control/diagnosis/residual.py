@@ -15,9 +15,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.control.diagnosis.isolation import Hypotheses, Residual
+from jaxsat.core.array_types import RealScalar
 from jaxsat.spacecraft.wheels import Wheels
-
-RealScalar = Float[Array, ""]
 
 RESTLESSNESS = 0.25
 """Process noise over the noise of what is read, so that a signature decays by 0.39 a sample."""

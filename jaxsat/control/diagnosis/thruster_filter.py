@@ -31,12 +31,11 @@ from jaxsat.control.diagnosis.residual import (
     Reading,
     momentum_with_rotors,
 )
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_finite, require_positive
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.modulation import AbstractModulation
 from jaxsat.spacecraft.wheels import Wheels
-
-RealScalar = Float[Array, ""]
 
 SLOW_TRACKING = 0.03
 """Part of the error of the torque besides a flow that is taken out with each sample."""

@@ -34,10 +34,10 @@ from jaxsat.control.diagnosis.residual import (
     Prediction,
     Reading,
 )
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft.wheels import Wheels
 
-RealScalar = Float[Array, ""]
 OfEach = Float[Array, " m"]
 
 STILL = 4.0

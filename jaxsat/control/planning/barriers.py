@@ -18,9 +18,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.tolerances import Tolerances
 
-RealScalar = Float[Array, ""]
 Torques = Float[Array, " m"]
 
 TO_BOUNDARY = 0.99

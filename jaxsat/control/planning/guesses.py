@@ -6,9 +6,8 @@ from jax import lax
 from jaxtyping import Array, Float
 
 from jaxsat.control.planning.transcription import STATES, PlanObjective, Transcription, Unknowns
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.once import once
-
-RealScalar = Float[Array, ""]
 
 BUMPS, BUMPS_OVER_SQUARE = 0.5, 1 / 16
 """Standard deviation of the bumps of the quaternion: the first, or so much times the square of a

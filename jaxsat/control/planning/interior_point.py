@@ -24,8 +24,7 @@ from jaxsat.control.planning.barriers import (
 )
 from jaxsat.control.planning.riccati import NewtonStep, QuadraticTerms, newton_step
 from jaxsat.control.planning.transcription import ARRIVALS, PlanObjective, Transcription, Unknowns
-
-RealScalar = Float[Array, ""]
+from jaxsat.core.array_types import RealScalar
 
 INSIDE = 0.9
 """Torques of a guess are at most this share of the limit."""

@@ -13,6 +13,7 @@ from jaxsat.control.planning.guesses import guess, random_numbers, resampled
 from jaxsat.control.planning.interior_point import Iterate, solve
 from jaxsat.control.planning.search import ARRIVING, CLOSE, ROUGH, in_hemisphere_of, worth_of
 from jaxsat.control.planning.transcription import PlanObjective, Transcription, Unknowns
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import (
     as_float,
     require_counts,
@@ -24,8 +25,6 @@ from jaxsat.core.errors import ArgumentError
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-
-RealScalar = Float[Array, ""]
 
 FINE = CLOSE._replace(iterations=80)
 """Of the search from the best that was found. The one from every guess, `ROUGH`, has half of the

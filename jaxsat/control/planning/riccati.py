@@ -16,8 +16,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.control.planning.barriers import EndTerms
 from jaxsat.control.planning.transcription import STATES, Transcription, Unknowns
-
-RealScalar = Float[Array, ""]
+from jaxsat.core.array_types import RealScalar
 
 ARRIVAL_WEIGHT = 1e5
 """Of |arrival|² in the step, with multipliers: it arrives exactly as they converge."""

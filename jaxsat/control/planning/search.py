@@ -11,10 +11,9 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.control.planning.guesses import guess, random_numbers, resampled
 from jaxsat.control.planning.interior_point import Iterate, Settings, begun, iterated
 from jaxsat.control.planning.transcription import Transcription, Unknowns
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import require_counts, require_finite, require_positive
 from jaxsat.core.trees import choose
-
-RealScalar = Float[Array, ""]
 
 ROUGH = Settings(first_barrier=1e-2, last_barrier=3e-4, proximity=0.1, iterations=30)
 """Of the search from every guess."""

@@ -9,8 +9,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.control.planning.riccati import solved
 from jaxsat.control.planning.search import in_hemisphere_of
 from jaxsat.control.planning.transcription import STATES, Transcription, Unknowns
-
-RealScalar = Float[Array, ""]
+from jaxsat.core.array_types import RealScalar
 
 WEIGHTS, LAST_WEIGHTS = (10.0,) * 4 + (2.0,) * 3, (100.0,) * 4 + (30.0,) * 3
 """Of the feedback, for (q, ω τ): on the way, and at the end of the plan."""

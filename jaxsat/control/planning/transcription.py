@@ -16,11 +16,10 @@ from jax import lax
 from jaxtyping import Array, Float, Int
 
 from jaxsat.control.planning.barriers import BALLS, inside, radii_of
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
-
-RealScalar = Float[Array, ""]
 
 STATES = 7
 """Quaternion and ω τ."""

@@ -9,14 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import as_float, require_finite
 from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.disturbances import CONSTANT, GRAVITY_GRADIENT, PERIODIC
 from jaxsat.core.trigonometry import sin
 from jaxsat.spacecraft.environment.orbit import CircularOrbit
-
-RealScalar = Float[Array, ""]
 
 
 class DisturbanceContext(NamedTuple):
