@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.options import Output, Text, mistake, place
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import SUCCESS, UserMistake, print_stderr, print_stdout
+from jaxsat.cli.terminal import SUCCESS, UserMistake, print_stdout, print_warning
 
 if TYPE_CHECKING:
     import numpy as np
@@ -99,7 +99,7 @@ def _converted(
         return signal_table(dataset)
     warning = coarseness(dataset)
     if warning:
-        print_stderr(f"{path}: {warning}", "warning: ")
+        print_warning(f"{path}: {warning}")
     try:
         return attitude_ephemeris(
             dataset,

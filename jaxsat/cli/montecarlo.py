@@ -29,7 +29,6 @@ from jaxsat.cli.study_executors import Sharing, chosen_executor
 from jaxsat.cli.study_files import (
     figures_folder,
     refuse_csv,
-    tell_repair,
     write_csv,
     write_figures,
     write_one_case,
@@ -41,6 +40,7 @@ from jaxsat.cli.terminal import (
     print_document,
     print_stderr,
     print_stdout,
+    print_warning,
 )
 from jaxsat.cli.work import require_approval
 from jaxsat.core.errors import LibraryError
@@ -245,7 +245,7 @@ def _write_study(
         raise type(stop)(_what_is_left(target)) from None
     excess = excessive_error((summary.rate_error, summary.attitude_error), scenario)
     if excess:
-        print_stderr(excess, "warning: ")
+        print_warning(excess)
     if not results.quiet:
         from jaxsat.report.study_document import study_document
 
@@ -297,7 +297,7 @@ def _run(
             executor=executor,
             until=rule,
             report=lambda progress: show_progress(progress_text(progress)),
-            tell=tell_repair,
+            tell=print_warning,
             elsewhere=elsewhere,
         )
     )

@@ -16,6 +16,7 @@ from jaxsat.cli.terminal import (
     print_document,
     print_stderr,
     print_stdout,
+    print_warning,
 )
 
 if TYPE_CHECKING:
@@ -81,7 +82,7 @@ def simulate(
 
     for warning in (coarseness(dataset), excessive_error(errors_of(dataset), chosen)):
         if warning:
-            print_stderr(warning, "warning: ")
+            print_warning(warning)
     for remark in dict.fromkeys(remarks):
         print_stderr(remark, "")
     if not results.quiet:

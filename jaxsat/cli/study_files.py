@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import dask_unseen, interruptibly
-from jaxsat.cli.terminal import UserMistake, print_stderr, print_stdout
+from jaxsat.cli.terminal import UserMistake, print_stdout
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,11 +51,6 @@ def write_csv(path: Path, store: Path, count: int, *, overwrite: bool) -> None:
     from jaxsat.store.tables import save_case_table
 
     interruptibly(lambda: save_case_table(store, path, count=count, overwrite=overwrite))
-
-
-def tell_repair(text: str) -> None:
-    """Say what was found damaged in a store."""
-    print_stderr(text, "warning: ")
 
 
 def write_one_case(

@@ -52,48 +52,34 @@ def numbers_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
     return {f"{name}[{i + 1}]": column for i, column in enumerate(values.T)}
 
 
-def sensitivity(
-    drawn: dict[str, np.ndarray], result: np.ndarray, level: float = LEVEL
-) -> list[Sensitivity]:
-    """Every dispersed number ranked by its first-order index, from the sample that there is.
-
-    `drawn` has arrays (cases, components), see `numbers_of`. Cases whose result is not finite are
-    left out. The intervals hold together with a probability of `level`. The draws must be
-    independent of one another; where they are not, as the components of an axis, an index counts
-    what a number shares with others.
-    """
-    measure = Sensitivities([result])
-    for name, values in drawn.items():
-        measure.add(name, values)
-    return measure.ranked(level)[0]
-
-
 class Sensitivities:
-    """The same of several results at once, the dispersed numbers told one name after the other.
+    """How much dispersed numbers, added one name after the other, tell of one or more results.
 
-    Sorting is what takes long: every number and every result is sorted once.
+    Cases whose result is not finite are left out. The draws must be independent of one another;
+    where they are not, as the components of an axis, an index counts what a number shares with
+    others. Sorting is what takes long: every number and every result is sorted once.
     """
 
     def __init__(self, results: Iterable[np.ndarray]):
         self._results = [_Result(np.asarray(result, dtype=float)) for result in results]
-        self._found: list[list[_Evidence]] = [[] for _ in self._results]
+        self._evidence: list[list[_Evidence]] = [[] for _ in self._results]
 
     def add(self, name: str, values: np.ndarray) -> None:
         """What was drawn under a name, as `numbers_of` takes it."""
         for label, column in numbers_of(name, values).items():
             order = np.argsort(column, kind="stable")
-            for found, result in zip(self._found, self._results, strict=True):
+            for evidence, result in zip(self._evidence, self._results, strict=True):
                 kept = order[result.fine[order]]
-                found.append(_evidence(label, column[kept], result.place[kept], result))
+                evidence.append(_evidence(label, column[kept], result.place[kept], result))
 
     def ranked(self, level: float = LEVEL) -> list[list[Sensitivity]]:
         """For every result all numbers, the largest index first, those that are not known last."""
         return [
             sorted(
-                (entry.judged((1 - level) / len(found)) for entry in found),
+                (entry.judged((1 - level) / len(evidence)) for entry in evidence),
                 key=lambda entry: -np.nan_to_num(entry.first_order.value, nan=-2.0),
             )
-            for found in self._found
+            for evidence in self._evidence
         ]
 
 
@@ -140,7 +126,7 @@ def _evidence(name: str, x: np.ndarray, places: np.ndarray, result: _Result) -> 
     if not len(x) or not x[-1] > x[0] or not np.ptp(y) > 0:  # NaN comes last
         return _Evidence(name, None, float("nan"), len(x))
     correlation = _correlation(_ranks(x), result.ranks[places])
-    return _Evidence(name, _explained(y, None), correlation, len(x))
+    return _Evidence(name, _explained(y), correlation, len(x))
 
 
 def _ranks(ascending: np.ndarray) -> np.ndarray:
@@ -168,28 +154,18 @@ def _correlation_interval(r: float, cases: int, tails: float) -> Interval:
     return Interval(r, float(np.tanh(middle - half)), float(np.tanh(middle + half)))
 
 
-def first_order_index(x: np.ndarray, y: np.ndarray, bins: int | None = None) -> float:
-    """Var(E[y | x]) / Var(y) from bins of equal counts of x, less what chance alone gives.
+def _explained(y: np.ndarray) -> _Index | None:
+    """Var(E[y | x]) / Var(y) of results in the order of the numbers x, None where it is unknown.
 
-    E. Plischke, Reliability Engineering & System Safety 95, 2010, has the estimator; the
-    correction is that of the analysis of variance (ω²), without which many bins look like
-    sensitivity. What y does within a bin is not seen: where it oscillates with x and the cases are
-    few, the index is too small.
-    """
-    if not np.ptp(x) > 0:
-        return float("nan")
-    found = _explained(np.asarray(y, dtype=float)[np.argsort(x, kind="stable")], bins)
-    return float("nan") if found is None else found.value
-
-
-def _explained(y: np.ndarray, bins: int | None) -> _Index | None:
-    """`first_order_index` of results in the order of the numbers, None where it is unknown.
-
+    From bins of equal counts of x, less what chance alone gives. E. Plischke, Reliability
+    Engineering & System Safety 95, 2010, has the estimator; the correction is that of the analysis
+    of variance (ω²), without which many bins look like sensitivity. What y does within a bin is not
+    seen: where it oscillates with x and the cases are few, the index is too small.
     The deviation is that of 2 m (y - μ) - m² - S (y - μ)², over Var(y), with m the mean of a bin
     less μ: what one case more would change.
     """
     count = len(y)
-    bins = max(2, min(32, round(count**0.4))) if bins is None else bins
+    bins = max(2, min(32, round(count**0.4)))
     if count < 2 * bins or not np.var(y) > 0:
         return None
     sizes = np.full(bins, count // bins)
