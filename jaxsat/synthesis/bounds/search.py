@@ -213,15 +213,24 @@ def plans_of(
     planner = _planner(loop, tolerances)
     if planner is None:
         return []
-    plans = [_quickest(planner, start)]
-    if tolerances is not None:  # what comes to rest settles, too
-        plans.append(_quickest(dataclasses.replace(planner, tolerances=None), start))
+    plans = quickest_plans(planner, start)
     if objective is BoundObjective.EFFORT and int(plans[0].status) != PlanStatus.FAILED:
         cheapest = eqx.filter_jit(planner.cheapest)
         least = float(plans[0].duration)
         durations = dict.fromkeys(min(stretch * least, longest) for stretch in STRETCHES)
         plans += [cheapest(jnp.zeros(()), start, jnp.asarray(one)) for one in durations]
     return [solution_of(plan) for plan in plans if int(plan.status) != PlanStatus.FAILED]
+
+
+def quickest_plans(planner: Planner, start: PlantState) -> list[Plan]:
+    """The plan of least time, and that to rest where it may end within tolerances: it settles, too.
+
+    The first is that of the planner as it is.
+    """
+    planners = [planner]
+    if planner.tolerances is not None:
+        planners.append(dataclasses.replace(planner, tolerances=None))
+    return [_quickest(one, start) for one in planners]
 
 
 @eqx.filter_jit

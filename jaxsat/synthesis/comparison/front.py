@@ -1,6 +1,5 @@
 """Time against effort: the least effort within each time, and what laws take of both."""
 
-import dataclasses
 import functools
 import math
 from collections.abc import Callable, Iterable
@@ -18,7 +17,7 @@ from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of
-from jaxsat.synthesis.bounds.search import propagate, solution_of
+from jaxsat.synthesis.bounds.search import propagate, quickest_plans, solution_of
 from jaxsat.synthesis.comparison.in_scenario import scenario_under
 from jaxsat.synthesis.plain_data import plain_data
 
@@ -106,12 +105,11 @@ def front(
     keys: dict[str, Any] = {"guesses": guesses, "tolerances": tolerances}
     planner = Planner(loop.plant, thrusters.torque_axes, thrusters.limit, **keys)
     report("least time")
-    ways = [planner, dataclasses.replace(planner, tolerances=None)] if tolerances else [planner]
-    quickest_plans = [_quickest(one, start) for one in ways]  # what comes to rest settles, too
+    candidates = quickest_plans(planner, start)
     arriving = functools.partial(arrives, manoeuvre)
-    if not any(map(arriving, quickest_plans)):
-        return Front(float(thrusters.limit), [], [float(quickest_plans[0].duration)], [], end)
-    quickest = min(filter(arriving, quickest_plans), key=lambda plan: float(plan.duration))
+    if not any(map(arriving, candidates)):
+        return Front(float(thrusters.limit), [], [float(candidates[0].duration)], [], end)
+    quickest = min(filter(arriving, candidates), key=lambda plan: float(plan.duration))
     plans = _cheapest(planner, start, quickest, arriving, report)
     failed = [float(duration) for duration, plan in plans if plan is None]
     points = [FrontPoint(float(quickest.duration), float(quickest.effort))]
@@ -133,11 +131,6 @@ def _falling(points: Iterable[FrontPoint]) -> list[FrontPoint]:
         if not front or point.effort < front[-1].effort:
             front.append(point)
     return front
-
-
-@eqx.filter_jit
-def _quickest(planner: Planner, start: PlantState) -> Plan:
-    return planner.quickest(jnp.zeros(()), start)
 
 
 @eqx.filter_jit

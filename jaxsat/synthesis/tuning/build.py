@@ -286,24 +286,12 @@ def _aggregate(table: TuningTable) -> AbstractAggregate:
 
 
 def _settings(table: TuningTable, seed: int, interval: float) -> TuningSettings:
+    names = {one.name for one in dataclasses.fields(TuningSettings)}
+    values = {name: value for name, value in table if name in names}
     return TuningSettings(
         objective=Objective(_aggregate(table), TailCompression(table.tail_scale), table.case_bound),
         descent=OptimiserSettings(table.optimiser, table.learning_rate, table.schedule, table.clip),
-        steps=table.steps,
-        cases=table.cases,
-        fresh=table.fresh_cases,
-        starts=table.starts,
-        screened=table.screened if table.starts > 1 else 0,
-        screening_cases=table.screening_cases,
         horizons=tuple(round(horizon / interval) for horizon in table.horizon_s or ()),
-        halvings=table.halve_at,
-        validation_cases=table.validation_cases,
-        validate_every=table.validate_every,
-        receipt_cases=table.receipt_cases,
-        held_out_cases=table.held_out_cases,
-        alarm=table.alarm_cost,
-        target=table.target_loss,
-        baseline_cases=table.baseline_cases,
-        baseline_trajectories=table.baseline_trajectories,
         seed=seed,
+        **(values if table.starts > 1 else values | {"screened": 0}),
     )

@@ -155,7 +155,7 @@ def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
         trajectories,
     )
     following = _followed(plan, state, record, points=points, optimiser=optimiser)
-    if following.step in settings.halvings:
+    if following.step in settings.halve_at:
         following.alive = _better_half(following)
     return following
 
@@ -222,7 +222,7 @@ def _followed(
         **changes,
     )
     settings, step = plan.settings, following.step
-    halved = step in settings.halvings and not settings.descent.derivative_free
+    halved = step in settings.halve_at and not settings.descent.derivative_free
     due = halved or step % settings.validate_every == 0 or step == settings.steps
     return _validated(plan, following) if due else following
 

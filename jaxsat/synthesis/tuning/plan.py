@@ -181,59 +181,36 @@ FIRST_RECEIPT_CASE = FIRST_VALIDATION_CASE + 2**28
 
 @dataclass(frozen=True)
 class TuningSettings:
-    """How a run descends; see `docs/tuning.md`.
+    """How a run descends: what `[tuning]` says, in the numbers that the run takes.
 
-    `horizons` are numbers of intervals, each used for an equal share of the steps, the last one
-    the whole run. `screening_cases` of the first step's cases choose the starts (None: all), and
-    `halvings` are steps at which the worse half of the starts is given up. A run ends early when
-    the loss on the validation cases is down to `target`. `baseline_cases` and
-    `baseline_trajectories` are what other methods take in a round and in all (None: as the
-    descent).
+    Fields with the name of a key of `TuningTable` have its value, which is checked there.
+    `horizons` are numbers of intervals, each used for an equal share of the steps, the last one the
+    whole run.
     """
 
-    objective: Objective = field(default_factory=lambda: Objective(Mean()))
-    descent: OptimiserSettings = field(default_factory=OptimiserSettings)
-    steps: int = 60
-    cases: int = 32
-    fresh: bool = True
-    starts: int = 4
-    screened: int = 32
-    screening_cases: int | None = None
-    horizons: tuple[int, ...] = ()
-    halvings: tuple[int, ...] = ()
-    validation_cases: int = 128
-    validate_every: int = 5
-    receipt_cases: int = 16
-    held_out_cases: int = 1024
-    alarm: float | None = None
-    target: float | None = None
-    baseline_cases: int | None = None
-    baseline_trajectories: int | None = None
-    seed: int = 0
-
-    def __post_init__(self):
-        for name in (
-            "steps",
-            "cases",
-            "starts",
-            "validation_cases",
-            "validate_every",
-            "receipt_cases",
-            "held_out_cases",
-        ):
-            if getattr(self, name) < 1:
-                raise ValueError(
-                    f"Argument `{name}` must be at least 1, but got {getattr(self, name)}."
-                )
-        if self.screened and self.screened < self.starts:
-            raise ValueError(
-                f"Argument `screened` must be 0 or at least `starts` = {self.starts}, "
-                f"but got {self.screened}."
-            )
+    objective: Objective
+    descent: OptimiserSettings
+    horizons: tuple[int, ...]
+    seed: int
+    steps: int
+    cases: int
+    fresh_cases: bool
+    starts: int
+    screened: int
+    screening_cases: int | None
+    halve_at: tuple[int, ...]
+    validation_cases: int
+    validate_every: int
+    receipt_cases: int
+    held_out_cases: int
+    alarm_cost: float | None
+    target_loss: float | None
+    baseline_cases: int | None
+    baseline_trajectories: int | None
 
     def numbers(self, step: int) -> np.ndarray:
         """The cases of a step: the next ones, or always the first."""
-        first = step * self.cases if self.fresh else 0
+        first = step * self.cases if self.fresh_cases else 0
         return np.arange(first, first + self.cases)
 
     def screening(self) -> np.ndarray:
@@ -246,7 +223,7 @@ class TuningSettings:
 
     def reached(self, loss: float) -> bool:
         """Whether a loss on the validation cases is the target's."""
-        return self.target is not None and loss <= self.target
+        return self.target_loss is not None and loss <= self.target_loss
 
     def intervals(self, step: int, whole: int) -> int:
         """How long the runs of a step are, in intervals of the program."""

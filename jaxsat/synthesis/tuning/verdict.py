@@ -103,7 +103,8 @@ def make_verdict(plan: TuningPlan, point: Float[np.ndarray, " parameters"]) -> T
     points = np.stack([own, point])
     count = plan.settings.held_out_cases
     before, after = evaluate_gains(plan, plan.held_out, points, np.arange(count))
-    seen = plan.settings.steps * plan.settings.cases if plan.settings.fresh else plan.settings.cases
+    settings = plan.settings
+    seen = settings.cases * (settings.steps if settings.fresh_cases else 1)
     trained = evaluate_gains(plan, plan.trained_on, points, np.arange(min(count, seen)))
     difference = before.columns["cost"] - after.columns["cost"]
     values = plan.space.to_values(points)
@@ -185,7 +186,7 @@ def _kept(outputs: Outputs) -> dict[str, np.ndarray]:
 
 
 def _evaluation(plan: TuningPlan, columns: dict[str, np.ndarray]) -> GainEvaluation:
-    alarm, cost = plan.settings.alarm, columns["cost"]
+    alarm, cost = plan.settings.alarm_cost, columns["cost"]
     reached = columns["code"] == int(Outcome.SUCCESS)
     count = len(cost)
     return GainEvaluation(

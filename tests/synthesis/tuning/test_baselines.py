@@ -41,7 +41,7 @@ def test_baselines_keep_what_is_best_on_validation(plan, others):
 @pytest.mark.slow
 def test_runs_end_at_the_target(plan, final, others):
     target = 0.5 * (final.validations[0].best_loss + final.best_loss)
-    aimed = with_settings(plan, target=target, baseline_trajectories=120, baseline_cases=3)
+    aimed = with_settings(plan, target_loss=target, baseline_trajectories=120, baseline_cases=3)
     state = descend(aimed, initial_state(aimed))
     assert state.step < final.step
     assert state.best_loss <= target < state.validations[-2].best_loss
