@@ -63,15 +63,15 @@ def dispersion_problems(
 
 def limits_of(name: str, frequency_known: bool, loop: AbstractLoop) -> Limits:
     """What may be drawn for a quantity; an internal model knows no frequencies of zero or less."""
-    found = QUANTITIES[name].limits(loop)
+    limits = QUANTITIES[name].limits(loop)
     if name != "disturbance_frequency" or not frequency_known:
-        return found
-    known = Limits.of_change(ranges.KNOWN_FREQUENCY, periodic_of(loop).frequency)
+        return limits
+    knowable = Limits.of_change(ranges.KNOWN_FREQUENCY, periodic_of(loop).frequency)
     about_xy = np.array([True, True, False])
-    xp = np if isinstance(known.low, np.ndarray) else jnp
+    xp = np if isinstance(knowable.low, np.ndarray) else jnp
     return Limits(
-        xp.where(about_xy, xp.maximum(found.low, known.low), found.low),
-        xp.where(about_xy, xp.minimum(found.high, known.high), found.high),
+        xp.where(about_xy, xp.maximum(limits.low, knowable.low), limits.low),
+        xp.where(about_xy, xp.minimum(limits.high, knowable.high), limits.high),
     )
 
 
@@ -82,9 +82,9 @@ def _of_the_kind(
         kind = type(distribution).__name__
         rule = "must have RandomAttitude if it is `attitude` and only then"
         return DispersionProblem(name, rule, kind, "distribution")
-    size, given = QUANTITIES[name].size(loop), distribution.components()
-    if given not in (None, size):
-        return DispersionProblem(name, f"must have {size} components", str(given))
+    size, components = QUANTITIES[name].size(loop), distribution.components()
+    if components not in (None, size):
+        return DispersionProblem(name, f"must have {size} components", str(components))
     return None
 
 
@@ -114,18 +114,18 @@ def _outside(
     if isinstance(distribution, Discrete):  # each component may be any of the values
         low, high = np.max(low), np.min(high)
     for parameter, values in distribution.ends().items():
-        known = concrete(values)
-        if known is None:
+        ends = concrete(values)
+        if ends is None:
             continue
-        shape = known.shape if isinstance(distribution, Discrete) else (size,)
-        numbers, least, most = (np.broadcast_to(x, shape) for x in (known, low, high))
+        shape = ends.shape if isinstance(distribution, Discrete) else (size,)
+        numbers, least, most = (np.broadcast_to(x, shape) for x in (ends, low, high))
         bad = np.flatnonzero((numbers < least) | (numbers > most))
         if bad.size:
             first = bad[0]
             below = numbers[first] < least[first]
             limit = f"at least {least[first]:.6g}" if below else f"at most {most[first]:.6g}"
-            which = f" (component {first + 1})" if known.ndim == 0 and size > 1 else ""
-            entry = f" as entry {first + 1}" if known.ndim else ""
+            which = f" (component {first + 1})" if ends.ndim == 0 and size > 1 else ""
+            entry = f" as entry {first + 1}" if ends.ndim else ""
             rule = f"must be {f'{limit} {unit}'.strip()}{which}"
             yield DispersionProblem(name, rule, f"{numbers[first]:.6g}{entry}", parameter)
 
@@ -140,5 +140,5 @@ def _unknowable(loop: AbstractLoop) -> Iterator[DispersionProblem]:
         frequency = concrete(periodic_of(loop).frequency)
         if frequency is not None and not np.all(frequency[:2] > 0):
             rule = "must be above zero about x and y for the law to know it"
-            found = f"{frequency[:2].tolist()} rad/s"
-            yield DispersionProblem(name, rule, found, "frequency_known")
+            got = f"{frequency[:2].tolist()} rad/s"
+            yield DispersionProblem(name, rule, got, "frequency_known")

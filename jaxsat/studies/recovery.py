@@ -73,7 +73,7 @@ class FailureRecovery:
     `attitude` tells whether cases settle in attitude, or in rate alone, and `dwell` for how long
     (s) one is settled at the end at least. `names` are those of all
     thrusters, a two-sided one twice, and wheels; `momentum` (N m s) is that of body and wheels at
-    the start. `told` has the shapes of what the loop tells of its failures, by column.
+    the start. `outputs` has the shapes of what the loop records of its failures, by column.
     """
 
     loop: AbstractLoop
@@ -82,7 +82,7 @@ class FailureRecovery:
     dwell: float
     names: tuple[str, ...]
     momentum: Float[np.ndarray, "3"]
-    told: Mapping[str, tuple[int, ...]]
+    outputs: Mapping[str, tuple[int, ...]]
 
     @staticmethod
     def of(
@@ -106,9 +106,9 @@ class FailureRecovery:
         if len(names) != sum(counts.values()):
             names = tuple(f"{kind} {one + 1}" for kind in counts for one in range(counts[kind]))
         momentum = np.asarray(loop.plant.total_momentum(start))
-        told = {name: one.shape for name, one in _told(loop, start).items()}
+        outputs = {name: one.shape for name, one in _output_shapes(loop, start).items()}
         dwell = (1 - SETTLED_BEFORE) * duration if dwell is None else dwell
-        return FailureRecovery(loop, duration, attitude, dwell, names, momentum, told)
+        return FailureRecovery(loop, duration, attitude, dwell, names, momentum, outputs)
 
     @property
     def _events(self) -> list[AbstractFailures]:
@@ -120,7 +120,7 @@ class FailureRecovery:
         thrusters = _counts(self.loop).get("thruster", 0)
         if not thrusters:
             return "wheel"
-        (verdicts,) = self.told.get("isolated_kind", (thrusters,))
+        (verdicts,) = self.outputs.get("isolated_kind", (thrusters,))
         return "thruster" if verdicts == thrusters else ALL_PARTS
 
     def columns(self) -> dict[str, Column]:
@@ -131,7 +131,7 @@ class FailureRecovery:
         def of_failure(kind: str, unit: str, text: str, flags: tuple[str, ...] = ()) -> Column:
             return Column((count,), kind, unit, text, events, flags)
 
-        kept = {name: OF_RECORD[name]._replace(shape=shape) for name, shape in self.told.items()}
+        kept = {name: OF_RECORD[name]._replace(shape=shape) for name, shape in self.outputs.items()}
         kind = self._diagnosed
         if kind != "thruster":
             kept = {name: _of_others(column, kind) for name, column in kept.items()}
@@ -151,12 +151,12 @@ class FailureRecovery:
         }
 
     def values(
-        self, found: Mapping[str, np.ndarray], drawn: Mapping[str, np.ndarray]
+        self, columns: Mapping[str, np.ndarray], drawn: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         """These columns of cases of which the other columns and what was drawn are known."""
-        struck = self._struck(drawn, len(found["code"]))
+        struck = self._struck(drawn, len(columns["code"]))
         left = torques_left(self.loop, self.momentum, struck, drawn.get("torque_gain"))
-        codes = {"torques_left": left, "recovery": self._recovery({**found, **struck}, left)}
+        codes = {"torques_left": left, "recovery": self._recovery({**columns, **struck}, left)}
         return {name: struck[name] for name in self.columns() if name in struck} | codes
 
     def _struck(self, drawn: Mapping[str, np.ndarray], cases: int) -> dict[str, np.ndarray]:
@@ -189,18 +189,18 @@ class FailureRecovery:
         }
 
     def _recovery(
-        self, found: Mapping[str, np.ndarray], left: np.ndarray
+        self, columns: Mapping[str, np.ndarray], left: np.ndarray
     ) -> Int[np.ndarray, " cases"]:
         """The `Recovery` of every case."""
         wrong = UNRECOVERABLE if self.attitude else (TorquesLeft.UNOPPOSED_TORQUE,)
-        lost = found["longest_stay"] >= self.dwell if "longest_stay" in found else False
+        lost = columns["longest_stay"] >= self.dwell if "longest_stay" in columns else False
         reasons = {
-            Recovery.RECOVERED: np.isfinite(found["settling_time"]),
+            Recovery.RECOVERED: np.isfinite(columns["settling_time"]),
             Recovery.UNRECOVERABLE: np.isin(left, wrong),
-            Recovery.ENDED_EARLY: found["code"] != int(Outcome.SUCCESS),
+            Recovery.ENDED_EARLY: columns["code"] != int(Outcome.SUCCESS),
         }
-        if "isolated_kind" in found:
-            reasons |= _errors(found, self.names)
+        if "isolated_kind" in columns:
+            reasons |= _errors(columns, self.names)
         reasons[Recovery.SETTLED_THEN_LOST] = np.broadcast_to(lost, left.shape)
         return np.select(list(reasons.values()), list(map(int, reasons)), int(Recovery.TOO_SLOW))
 
@@ -212,19 +212,19 @@ def _of_others(column: Column, kind: str) -> Column:
 
 
 def failed_thrusters(
-    found: Mapping[str, np.ndarray], names: tuple[str, ...]
+    columns: Mapping[str, np.ndarray], names: tuple[str, ...]
 ) -> Int[np.ndarray, "cases m"]:
     """The code of the last failure that struck each thruster, `NEVER` where none did.
 
     The two ways of a two-sided thruster have the same one of the `names`, and fail together but
     for the kinds `ONE_WAY`.
     """
-    verdict = found["isolated_kind"]
+    verdict = columns["isolated_kind"]
     count, truth = verdict.shape[1], np.zeros(verdict.shape, int)
     same = np.array([[one == other for other in names[:count]] for one in names])
-    order = np.argsort(found["failure_time"], axis=1, kind="stable")
+    order = np.argsort(columns["failure_time"], axis=1, kind="stable")
     kinds, parts = (
-        np.take_along_axis(np.asarray(found[name]), order, axis=1)
+        np.take_along_axis(np.asarray(columns[name]), order, axis=1)
         for name in ("failure_kind", "failed_part")
     )
     for kind, part in zip(kinds.T, parts.T, strict=True):
@@ -234,22 +234,24 @@ def failed_thrusters(
     return truth
 
 
-def wrong_kind(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:
+def wrong_kind(columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:
     """Which thrusters (cases, m) are isolated as what they are not, where they could be right."""
-    truth, verdict = failed_thrusters(found, names), found["isolated_kind"]
+    truth, verdict = failed_thrusters(columns, names), columns["isolated_kind"]
     right = np.array([HYPOTHESES.get(code, NEVER) for code in range(len(FAILURES))])[truth]
     return (right != NEVER) & (verdict > NEVER) & (verdict != right)
 
 
-def _errors(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> dict[Recovery, np.ndarray]:
+def _errors(
+    columns: Mapping[str, np.ndarray], names: tuple[str, ...]
+) -> dict[Recovery, np.ndarray]:
     """What a diagnosis got wrong of every case."""
-    truth, verdict = failed_thrusters(found, names), found["isolated_kind"]
-    of_thruster = (found["failure_kind"] > NEVER) & (found["failed_part"] < truth.shape[1])
+    truth, verdict = failed_thrusters(columns, names), columns["isolated_kind"]
+    of_thruster = (columns["failure_kind"] > NEVER) & (columns["failed_part"] < truth.shape[1])
     wrong = {
-        Recovery.MISSED_DETECTION: of_thruster & np.isnan(found["detection_time"]),
+        Recovery.MISSED_DETECTION: of_thruster & np.isnan(columns["detection_time"]),
         Recovery.WRONG_THRUSTER_ISOLATED: (truth == NEVER) & (verdict > NEVER),
         Recovery.NOT_ISOLATED: (truth > NEVER) & (verdict == NEVER),
-        Recovery.WRONG_KIND_ISOLATED: wrong_kind(found, names),
+        Recovery.WRONG_KIND_ISOLATED: wrong_kind(columns, names),
     }
     return {reason: np.asarray(one.any(axis=1)) for reason, one in wrong.items()}
 
@@ -259,11 +261,11 @@ def _counts(loop: AbstractLoop) -> dict[str, int]:
     return {one.kind: one.count for one in loop.plant.effectors}
 
 
-def _told(loop: AbstractLoop, start: PlantState) -> Mapping[str, jax.ShapeDtypeStruct]:
+def _output_shapes(loop: AbstractLoop, start: PlantState) -> Mapping[str, jax.ShapeDtypeStruct]:
     """Shapes of what the loop tells of its failures, by column."""
 
-    def told():
+    def outputs():
         record = initial_record(loop, loop.start(start))
         return {} if record is None else record.outputs(jnp.ones(()))
 
-    return jax.eval_shape(told)
+    return jax.eval_shape(outputs)

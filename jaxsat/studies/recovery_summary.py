@@ -117,36 +117,36 @@ def summarise_recovery(dataset: Mapping[Any, Any], done: np.ndarray) -> Recovery
     """
     if "recovery" not in dataset:
         return None
-    told = [name for name in (*COLUMNS, *OF_DIAGNOSIS) if name in dataset]
-    found = {name: np.asarray(dataset[name])[done] for name in told}
-    kinds = _kind_names(found["failure_kind"])
-    names = flags_of(dataset["failed_part"]) or _numbered(found)
-    rows = [_of_kind(kind, _only(found, kinds == kind), names) for kind in _in_order(kinds)]
+    stored = [name for name in (*COLUMNS, *OF_DIAGNOSIS) if name in dataset]
+    columns = {name: np.asarray(dataset[name])[done] for name in stored}
+    kinds = _kind_names(columns["failure_kind"])
+    names = flags_of(dataset["failed_part"]) or _numbered(columns)
+    rows = [_of_kind(kind, _only(columns, kinds == kind), names) for kind in _in_order(kinds)]
     if len(rows) > 1:
-        rows.append(_of_kind(ALL, found, names))
-    healthy = np.minimum(found["failure_time"].min(axis=1), found["ended_at"])
-    lost = np.flatnonzero(found["recovery"] != Recovery.RECOVERED)
+        rows.append(_of_kind(ALL, columns, names))
+    healthy = np.minimum(columns["failure_time"].min(axis=1), columns["ended_at"])
+    lost = np.flatnonzero(columns["recovery"] != Recovery.RECOVERED)
     return RecoverySummary(
         rows,
         [
-            UnrecoveredCase(int(done[row]), Recovery(int(found["recovery"][row])), text)
-            for row, text in zip(lost, explanations(_only(found, lost), names), strict=True)
+            UnrecoveredCase(int(done[row]), Recovery(int(columns["recovery"][row])), text)
+            for row, text in zip(lost, explanations(_only(columns, lost), names), strict=True)
         ],
-        int(found["false_alarms"].sum()) if "false_alarms" in found else None,
+        int(columns["false_alarms"].sum()) if "false_alarms" in columns else None,
         float(healthy.sum()),
     )
 
 
-def _numbered(found: Mapping[str, np.ndarray]) -> tuple[str, ...]:
-    isolated = found.get("isolated_kind")
-    count = max(found["failed_part"].max() + 1, 0 if isolated is None else isolated.shape[1])
+def _numbered(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:
+    isolated = columns.get("isolated_kind")
+    count = max(columns["failed_part"].max() + 1, 0 if isolated is None else isolated.shape[1])
     return tuple(f"part {number + 1}" for number in range(count))
 
 
-def explanations(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> Iterator[str]:
+def explanations(columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> Iterator[str]:
     """Of each case in a line: the reason, what failed, what is left, how it was diagnosed."""
-    for case in range(len(found["recovery"])):
-        row = {name: values[case] for name, values in found.items()}
+    for case in range(len(columns["recovery"])):
+        row = {name: values[case] for name, values in columns.items()}
         parts = [
             _REASONS[Recovery(int(row["recovery"]))],
             *_struck(row, names),
@@ -188,8 +188,8 @@ def _diagnosed(row: Mapping[str, Any], names: tuple[str, ...]) -> Iterator[str]:
     yield f"isolated: {', '.join(verdicts) or 'nothing'}"
 
 
-def _only(found: Mapping[str, np.ndarray], kept: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: values[kept] for name, values in found.items()}
+def _only(columns: Mapping[str, np.ndarray], kept: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: values[kept] for name, values in columns.items()}
 
 
 def _kind_names(kinds: np.ndarray) -> np.ndarray:
@@ -211,8 +211,8 @@ def _in_order(kinds: np.ndarray) -> list[str]:
     return sorted(there, key=place)
 
 
-def _of_kind(kind: str, found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> KindRecovery:
-    codes = found["recovery"]
+def _of_kind(kind: str, columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> KindRecovery:
+    codes = columns["recovery"]
     cases, settled = len(codes), int((codes == Recovery.RECOVERED).sum())
     recoverable = cases - int((codes == Recovery.UNRECOVERABLE).sum())
     return KindRecovery(
@@ -222,25 +222,25 @@ def _of_kind(kind: str, found: Mapping[str, np.ndarray], names: tuple[str, ...])
         wilson(settled, cases),
         recoverable,
         wilson(settled, recoverable) if recoverable else None,
-        {} if kind == NONE else _percentiles(_settling_delays(found), SETTLING_PERCENTS),
+        {} if kind == NONE else _percentiles(_settling_delays(columns), SETTLING_PERCENTS),
         {
             reason: int((codes == reason).sum())
             for reason in Recovery
             if reason != Recovery.RECOVERED and (codes == reason).any()
         },
-        _diagnosis(found, names) if "isolated_kind" in found and kind != NONE else None,
+        _diagnosis(columns, names) if "isolated_kind" in columns and kind != NONE else None,
     )
 
 
-def _diagnosis(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> KindDiagnosis:
-    truth, verdict = failed_thrusters(found, names), found["isolated_kind"]
-    at, alarm = found["failure_time"], found["detection_time"]
-    struck = (found["failure_kind"] != NEVER) & (found["failed_part"] < truth.shape[1])
+def _diagnosis(columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> KindDiagnosis:
+    truth, verdict = failed_thrusters(columns, names), columns["isolated_kind"]
+    at, alarm = columns["failure_time"], columns["detection_time"]
+    struck = (columns["failure_kind"] != NEVER) & (columns["failed_part"] < truth.shape[1])
     delay = np.where(struck, alarm - at, np.nan)
     exactly = ((truth != NEVER) == (verdict != NEVER)).all(axis=1) & (truth != NEVER).any(axis=1)
-    right = exactly & ~wrong_kind(found, names).any(axis=1)
+    right = exactly & ~wrong_kind(columns, names).any(axis=1)
     isolated = [
-        found["isolation_time"][case, found["failed_part"][case, event]] - alarm[case, event]
+        columns["isolation_time"][case, columns["failed_part"][case, event]] - alarm[case, event]
         for case, event in itertools.product(*map(range, struck.shape))
         if struck[case, event]
     ]
@@ -253,11 +253,13 @@ def _diagnosis(found: Mapping[str, np.ndarray], names: tuple[str, ...]) -> KindD
     )
 
 
-def _settling_delays(found: Mapping[str, np.ndarray]) -> np.ndarray:
+def _settling_delays(columns: Mapping[str, np.ndarray]) -> np.ndarray:
     """Of recovered cases that had failures, from the last one until they had settled, s."""
-    struck = np.where(found["failure_kind"] != NEVER, found["failure_time"], -np.inf).max(axis=1)
-    delays = np.maximum(found["settling_time"] - struck, 0)
-    return delays[np.isfinite(struck) & (found["recovery"] == Recovery.RECOVERED)]
+    struck = np.where(columns["failure_kind"] != NEVER, columns["failure_time"], -np.inf).max(
+        axis=1
+    )
+    delays = np.maximum(columns["settling_time"] - struck, 0)
+    return delays[np.isfinite(struck) & (columns["recovery"] == Recovery.RECOVERED)]
 
 
 def _percentiles(

@@ -65,8 +65,8 @@ class StopRule(AbstractStopRule):
         """Whether so many cases are enough."""
         if count < self.least:
             return False
-        found = wilson(settled, count, self.level)
-        return (found.high - found.low) / 2 <= self.half_width
+        interval = wilson(settled, count, self.level)
+        return (interval.high - interval.low) / 2 <= self.half_width
 
 
 @dataclass(frozen=True)
@@ -149,24 +149,24 @@ def _of_sorted(values: np.ndarray, percent: float) -> float:
     return float(low + share * (high - low)) if np.isfinite(high) else float(high)
 
 
-def percent_texts(found: Interval) -> tuple[str, str, str]:
+def percent_texts(interval: Interval) -> tuple[str, str, str]:
     """A fraction and the ends of its interval, "99.90%"; digits enough to tell the ends apart."""
-    width, digits = 100 * (found.high - found.low), 2
+    width, digits = 100 * (interval.high - interval.low), 2
     while digits < 6 and 0 < width < 10 ** (1 - digits):
         digits += 1
-    value, low, high = (f"{one:.{digits}%}" for one in found)
+    value, low, high = (f"{one:.{digits}%}" for one in interval)
     return value, low, high
 
 
-def fraction_text(found: Interval) -> str:
+def fraction_text(interval: Interval) -> str:
     """A fraction with its interval, "99.90% (99.64% to 99.97%)"."""
-    value, low, high = percent_texts(found)
+    value, low, high = percent_texts(interval)
     return f"{value} ({low} to {high})"
 
 
-def ends_text(found: Interval, shown: Callable[[float], str] = number_text) -> str:
+def ends_text(interval: Interval, shown: Callable[[float], str] = number_text) -> str:
     """The ends of an interval in words, "1 to 2"; "over 1" where the upper end is open."""
-    low, high = map(shown, found[1:])
-    if np.isfinite(found.high):
-        return f"{low} to {high}" if np.isfinite(found.low) else f"up to {high}"
-    return f"over {low}" if np.isfinite(found.low) else "no bound known"
+    low, high = map(shown, interval[1:])
+    if np.isfinite(interval.high):
+        return f"{low} to {high}" if np.isfinite(interval.low) else f"up to {high}"
+    return f"over {low}" if np.isfinite(interval.low) else "no bound known"

@@ -106,8 +106,8 @@ class _Exchanger(NamedTuple):
     def rotors(self) -> Float[np.ndarray, " kept"]:
         """The inertia of each rotor that is kept, about its column, kg m²."""
         one = self.effector
-        known = one.rotor_inertia if isinstance(one, Wheels) else None
-        return (np.zeros(one.count) if known is None else np.asarray(known))[self.kept]
+        inertia = one.rotor_inertia if isinstance(one, Wheels) else None
+        return (np.zeros(one.count) if inertia is None else np.asarray(inertia))[self.kept]
 
 
 def torques_left(
@@ -132,8 +132,8 @@ def torques_left(
         for one, reach in parts
         if one.momentum(one.init()) is not None
     ]
-    known: dict[bytes, int] = {}
-    found = np.zeros(len(low), int)
+    judged: dict[bytes, int] = {}
+    codes = np.zeros(len(low), int)
     for case in range(len(low)):
         steady = bool(np.any((low[case] > 0) | (high[case] < 0)))
         strength = 1.0 if gain is None or not steady else 1 + gain[case]
@@ -144,12 +144,12 @@ def torques_left(
         here = [each.case(case) for each in exchangers]
         parts = [part for each in here for part in each[1:]]
         key = b"".join(part.tobytes() for part in (*one, *parts))
-        if key not in known:
+        if key not in judged:
             held = all(_holds_momentum(loop, each) for each in here)
             left = _judged(loop, momentum, *one, here)
-            known[key] = left if held else int(TorquesLeft.UNHELD_MOMENTUM)
-        found[case] = known[key]
-    return found
+            judged[key] = left if held else int(TorquesLeft.UNHELD_MOMENTUM)
+        codes[case] = judged[key]
+    return codes
 
 
 def _reaches_left(loop: AbstractLoop, struck: Mapping[str, np.ndarray]) -> list[_Reaches]:
@@ -157,7 +157,7 @@ def _reaches_left(loop: AbstractLoop, struck: Mapping[str, np.ndarray]) -> list[
 
     The failures of one are after those of another; the last may have more than its own number.
     """
-    found, before, cases = [], 0, len(struck["failure_kind"])
+    reaches, before, cases = [], 0, len(struck["failure_kind"])
     last = [one for one in loop.plant.effectors if one.failures is not None][-1:]
     for one in loop.plant.effectors:
         reach = _sound(one)
@@ -165,9 +165,9 @@ def _reaches_left(loop: AbstractLoop, struck: Mapping[str, np.ndarray]) -> list[
             count = None if one is last[0] else one.failures.count
             reach = _in_cases(one, before, {name: x[:, :count] for name, x in struck.items()})
             struck = {name: x[:, count:] for name, x in struck.items()}
-        found.append(_Reaches.of(reach, cases))
+        reaches.append(_Reaches.of(reach, cases))
         before += one.count
-    return found
+    return reaches
 
 
 def _sound(one: AbstractEffector) -> Reach:
