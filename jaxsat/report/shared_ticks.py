@@ -7,40 +7,56 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis, Tick, XAxis, YAxis
+from matplotlib.axis import Axis, Tick, XAxis, XTick, YAxis
+from matplotlib.text import Text
 
 ROUNDING = 1e-10
 """By what part of an axis a tick may be beyond its end."""
 
 
 class _Place:
-    """Where a tick is drawn, and its number: in place of a tick for what draws and measures it."""
+    """Where a tick is drawn, and its number: in place of a tick for what draws and measures it.
 
-    def __init__(self, tick: Tick, at: float, text: str, last: list["_Place | None"]):
-        self._tick, self._at, self._text, self._last = tick, at, text, last
+    The first place has the `locations` of all, and draws the lines of the grid and the marks of all
+    ticks, each as one line.
+    """
 
-    def _moved(self) -> Tick:
-        """The tick, here; `last` is where it was put last."""
-        if self._last[0] is not self:
-            self._tick.update_position(self._at)
-            self._tick.label1.set_text(self._text)
-            self._tick.label2.set_text(self._text)
-            self._last[0] = self
-        return self._tick
+    def __init__(self, tick: Tick, at: float, text: str, locations: np.ndarray | None):
+        self._tick, self._at, self._text, self._locations = tick, at, text, locations
 
     @property
     def label1(self) -> Any:
         """The number on the usual side."""
-        return self._moved().label1
+        return self._moved(self._tick.label1)
 
     @property
     def label2(self) -> Any:
         """The number on the other side."""
-        return self._moved().label2 if self._tick.label2.get_visible() else self._tick.label2
+        return self._moved(self._tick.label2)
+
+    def _moved(self, label: Text) -> Text:
+        if label.get_visible():
+            (label.set_x if isinstance(self._tick, XTick) else label.set_y)(self._at)
+            label.set_text(self._text)
+        return label
 
     def draw(self, renderer: Any) -> None:
-        """Draw the tick, with what belongs to it."""
-        self._moved().draw(renderer)
+        """Draw the number, and for all ticks what else belongs to them."""
+        if self._locations is not None:
+            self._draw_lines(renderer, self._locations)
+        self.label1.draw(renderer)
+        self.label2.draw(renderer)
+
+    def _draw_lines(self, renderer: Any, locations: np.ndarray) -> None:
+        tick, grid = self._tick, self._tick.gridline
+        alone = grid.get_data()
+        across, along = np.tile([0.0, 1.0, np.nan], len(locations)), np.repeat(locations, 3)
+        grid.set_data(*((along, across) if isinstance(tick, XTick) else (across, along)))
+        for mark in (tick.tick1line, tick.tick2line):
+            (mark.set_xdata if isinstance(tick, XTick) else mark.set_ydata)(locations)
+        for line in (grid, tick.tick1line, tick.tick2line):
+            line.draw(renderer)
+        grid.set_data(*alone)
 
 
 class _SharedTicks(Axis):
@@ -61,12 +77,10 @@ class _SharedTicks(Axis):
                 continue
             texts, tick = formatter.format_ticks(locations), ticks()[0]
             there = self.get_transform().transform(locations)
-            shown = (there >= first - room) & (there <= last + room)
-            before: list[_Place | None] = [None]
+            shown = np.flatnonzero((there >= first - room) & (there <= last + room))
             places += [
-                _Place(tick, at, text, before)
-                for at, text, inside in zip(locations, texts, shown, strict=True)
-                if inside
+                _Place(tick, locations[one], texts[one], locations[shown] if not number else None)
+                for number, one in enumerate(shown)
             ]
         return places
 
