@@ -1,5 +1,6 @@
 """The entry point, there before anything slow is imported: signals and exit statuses."""
 
+import gc
 import os
 import signal
 import sys
@@ -27,6 +28,8 @@ def main(tokens: Sequence[str] | None = None) -> None:
             status = _interrupted(received)
         if received:
             os._exit(status)  # a computation may still hold a thread
+    if tokens is None:
+        gc.freeze()  # Python would search all objects for dead cycles once more as it ends
     sys.exit(status)
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from jaxsat.core.text import capitalised
 from jaxsat.report.document import Cell, Document, Shown, Table, Verdict
-from jaxsat.report.facts import fraction_cell, interval_cell, interval_of
+from jaxsat.report.study_document import fraction_cell, interval_cell, interval_of
 from jaxsat.studies.statistics import percent_texts
 
 ENDS = {"settled": "settled", "rest": "exact rest, which no law reaches"}

@@ -7,8 +7,7 @@ from jaxsat.core.numerals import number_text, vector_text
 from jaxsat.core.text import capitalised
 from jaxsat.report.comparison_document import LAW_COLUMNS, LAWS_NOTE, law_cells
 from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
-from jaxsat.report.facts import interval_of
-from jaxsat.report.study_document import percentile_table
+from jaxsat.report.study_document import interval_of, percentile_table
 
 DESIGNED = "designed.toml"
 """File of the designed scenario."""

@@ -1,21 +1,18 @@
-"""What documents of several kinds have alike: the scenario and what made a result, as facts, and
-intervals as cells."""
+"""What documents of several kinds have alike: the scenario and what made a result, as facts."""
 
 import hashlib
 import tomllib
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
 import xarray as xr
 
 from jaxsat.core.numerals import number_text
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.report.document import Facts, Shown
+from jaxsat.report.document import Facts
 from jaxsat.scenario.control import known_law
 from jaxsat.scenario.tables import OrbitTable
 from jaxsat.store.labels import PARTS
-from jaxsat.studies.statistics import Interval, ends_text, fraction_text
 
 
 def scenario_tables(dataset: xr.Dataset) -> dict[str, Any]:
@@ -117,31 +114,6 @@ def record_provenance(record: Mapping[str, Any], **more: str) -> Facts:
         "platform": str(record.get("platform", "")),
     }
     return Facts("Provenance", {label: text for label, text in facts.items() if text})
-
-
-INTERVALS = "Intervals are of 95 %."
-
-
-def fraction_cell(interval: Interval) -> Shown:
-    """A fraction with its interval, "99.90% (99.64% to 99.97%)"."""
-    return Shown(fraction_text(interval), interval.value)
-
-
-def interval_cell(interval: Interval | None, missing: str = "–") -> Shown:
-    """A number with its interval; `missing` where there is none, as of cases that never settle."""
-    if interval is None or not np.isfinite(interval.value):
-        return Shown(missing, float("inf"))
-    return Shown(f"{number_text(interval.value)} ({ends_text(interval)})", interval.value)
-
-
-def interval_of(record: Mapping[str, Any] | None) -> Interval | None:
-    """The interval in a record, which has None for ends that are open and numbers that lack."""
-    if record is None or record.get("value") is None:
-        return None
-    low, high = record.get("low"), record.get("high")
-    return Interval(
-        record["value"], -np.inf if low is None else low, np.inf if high is None else high
-    )
 
 
 def step_error(rate: float | None, attitude: float | None) -> str:

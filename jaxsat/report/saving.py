@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from jaxsat.core.process import no_collection
 from jaxsat.core.text import clean
 from jaxsat.store.files import FAILURES, reason
 
@@ -37,7 +38,7 @@ def save_figures(figures: Figures | Callable[[], Figures], write: Callable[[str,
             if not name.startswith(OF_PROCESS)
         }
         style["svg.hashsalt"] = "jaxsat"  # names in SVG are random otherwise
-        with rc_context(style):
+        with rc_context(style), no_collection():
             by_name = figures() if callable(figures) else figures
             for name, figure in by_name.items():
                 files |= _drawn(name, figure)

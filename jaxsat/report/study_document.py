@@ -1,4 +1,4 @@
-"""What a study found, as a document."""
+"""What a study found, as a document, and how documents word intervals."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -8,7 +8,7 @@ import numpy as np
 from jaxsat.core.declaration.actuators import STUDIED
 from jaxsat.core.numerals import number_text
 from jaxsat.report.document import Cell, Document, Lines, Shown, Table, Verdict
-from jaxsat.report.facts import INTERVALS, fraction_cell, interval_cell, settled_meaning, step_error
+from jaxsat.report.facts import settled_meaning, step_error
 from jaxsat.studies.columns import UNMADE
 from jaxsat.studies.recovery_summary import (
     SETTLING_PERCENTS,
@@ -17,7 +17,7 @@ from jaxsat.studies.recovery_summary import (
     reason_words,
 )
 from jaxsat.studies.sensitivities import Sensitivity
-from jaxsat.studies.statistics import Interval, ends_text, percent_texts
+from jaxsat.studies.statistics import Interval, ends_text, fraction_text, percent_texts
 from jaxsat.studies.summary import Summary
 
 EXPLAINED = 200
@@ -37,6 +37,8 @@ PERCENTILES = {
 
 MUTE = {*UNMADE, *(name for name, (one, _) in STUDIED.items() if one.mute)}
 """Of these, what is not told where it is nothing."""
+
+INTERVALS = "Intervals are of 95 %."
 
 
 def study_document(summary: Summary, scenario: Mapping[str, Any], again: str = "") -> Document:
@@ -217,3 +219,25 @@ def _explained(recovery: RecoverySummary) -> Table:
 
 
 """Numbers of a sensitivity ranking that text shows."""
+
+
+def fraction_cell(interval: Interval) -> Shown:
+    """A fraction with its interval, "99.90% (99.64% to 99.97%)"."""
+    return Shown(fraction_text(interval), interval.value)
+
+
+def interval_cell(interval: Interval | None, missing: str = "–") -> Shown:
+    """A number with its interval; `missing` where there is none, as of cases that never settle."""
+    if interval is None or not np.isfinite(interval.value):
+        return Shown(missing, float("inf"))
+    return Shown(f"{number_text(interval.value)} ({ends_text(interval)})", interval.value)
+
+
+def interval_of(record: Mapping[str, Any] | None) -> Interval | None:
+    """The interval in a record, which has None for ends that are open and numbers that lack."""
+    if record is None or record.get("value") is None:
+        return None
+    low, high = record.get("low"), record.get("high")
+    return Interval(
+        record["value"], -np.inf if low is None else low, np.inf if high is None else high
+    )

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
-from jaxsat.report.facts import INTERVALS, fraction_cell, interval_cell, interval_of
+from jaxsat.report.study_document import INTERVALS, fraction_cell, interval_cell, interval_of
 
 DOMINANT_FRACTION = 0.5
 """Part of the cost from which on it is told where it comes from."""

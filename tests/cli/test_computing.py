@@ -1,4 +1,4 @@
-"""What commands do around their computing: imports that are kept away."""
+"""What commands do around their computing: imports that are kept away, and how they end."""
 
 import subprocess
 import sys
@@ -53,3 +53,17 @@ def test_xarray_labels_an_array_without_dask():
     command = [sys.executable, "-c", LABELS_AN_ARRAY]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+ENDS = """
+import atexit, gc, sys
+atexit.register(lambda: print(gc.get_freeze_count() > 0))
+sys.argv = ["jaxsat", "completion", "--help"]
+from jaxsat.cli import main
+main()
+"""
+
+
+def test_a_command_that_ends_does_not_search_its_objects_again():
+    done = subprocess.run([sys.executable, "-c", ENDS], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "True"
