@@ -70,7 +70,9 @@ def _actuators(scenario: Mapping[str, Any]) -> str:
         tables = scenario.get(kind, ())
         if tables:
             failed = sum(bool(table.get("failed")) for table in tables)
-            parts.append(f"{len(tables)} {kind}s" + (f", {failed} failed" if failed else ""))
+            prices = [table.get("price", 1.0) for table in tables]
+            dear = f" at prices {_numbers(prices)}" if set(prices) != {1.0} else ""
+            parts.append(f"{len(tables)} {kind}s{dear}" + (f", {failed} failed" if failed else ""))
     return "; ".join(parts)
 
 

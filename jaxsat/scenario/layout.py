@@ -79,13 +79,15 @@ def command_torques(scenario: Any, torques: int) -> tuple[np.ndarray, np.ndarray
 
 
 def thruster_costs(scenario: Any) -> np.ndarray:
-    """Of full thrust of each thruster: its propellant flow or, if any has none, its torque."""
-    flows = [
-        one.propellant_flow() for one in scenario.thruster if not one.failed for _ in signs(one)
-    ]
-    if all(flows):
-        return np.array(flows)
-    return np.sqrt(np.sum(working_torques(scenario.thruster) ** 2, axis=0))
+    """Of full thrust of each thruster: its propellant flow or, if any has none, its torque.
+
+    Both are multiplied by its `price`.
+    """
+    working = [one for one in scenario.thruster if not one.failed for _ in signs(one)]
+    costs = np.array([one.propellant_flow() for one in working])
+    if not costs.all():
+        costs = np.sqrt(np.sum(working_torques(scenario.thruster) ** 2, axis=0))
+    return costs * [one.price for one in working]
 
 
 ERROR_COORDINATE_KEYS = (

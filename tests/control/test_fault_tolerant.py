@@ -15,8 +15,11 @@ from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
+from jaxsat.scenario.layout import thruster_costs
+from jaxsat.scenario.parts.thrusters import working_torques
 from jaxsat.simulation.engine.single import simulate
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.least_propellant import LeastPropellant
 from jaxsat.studies.failure_codes import FAILURES
 from jaxsat.studies.recovery import wrong_kind
 
@@ -62,6 +65,31 @@ def test_law_and_detector_see_estimates_and_commands_alone():
         np.testing.assert_array_equal(x, y)
     diagnosis = first.final.memory.actuators[0].diagnosis
     assert float(diagnosis.statistic.max()) > 0 or bool(diagnosis.condition.failed.any())
+
+
+def test_the_price_of_thrusters_decides_who_fires():
+    """The duties of 20 torques at random prices are those of SciPy's linear programme."""
+    rng = np.random.default_rng(6)
+    prices = [0.2, 1.0, 5.0, 1.0, 30.0, 1.0, 2.0, 0.5]
+    table = load("failures-12u").thruster
+    priced = [one.model_copy(update={"price": p}) for one, p in zip(table, prices, strict=True)]
+    scenario = load("failures-12u").model_copy(update={"thruster": tuple(priced)})
+    torque = working_torques(scenario.thruster)
+    size = np.abs(torque).max()
+    allocation = LeastPropellant.of(torque, thruster_costs(scenario))
+    duties = jax.jit(lambda wanted: allocation(wanted, jnp.ones(8))[0])
+    differ = 0
+    for wanted in 0.3 * size * rng.normal(size=(20, 3)):
+        cheapest, equal = (
+            linprog(price, A_eq=torque / size, b_eq=wanted / size, bounds=(0, 1))
+            for price in (prices, np.ones(8))
+        )
+        if cheapest.status == 0:
+            duty = np.asarray(duties(wanted))
+            np.testing.assert_allclose(torque @ duty, wanted, atol=1e-9 * size)
+            assert duty @ prices == pytest.approx(cheapest.fun, rel=1e-6)
+            differ += equal.x @ prices > 1.01 * cheapest.fun
+    assert differ > 5
 
 
 @pytest.mark.slow

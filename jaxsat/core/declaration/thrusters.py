@@ -11,6 +11,9 @@ FORCE = Range(1e-9, 1e9)
 SPECIFIC_IMPULSE = Range(1.0, 1e5)
 """s; cold gas has 60, an ion engine some thousands."""
 
+PRICE = Range(1e-3, 1e3)
+"""Of the use of a thruster, as a factor."""
+
 _KINDS = tuple(kind for kind in FailureKind if kind is not FailureKind.REVERSED)
 
 THRUSTER = ActuatorDeclaration(
@@ -76,6 +79,14 @@ THRUSTER = ActuatorDeclaration(
             "s",
             within=SPECIFIC_IMPULSE,
             default=None,
+        ),
+        number(
+            "price",
+            "Price of its use, times its propellant (times its torque where some thruster has no "
+            "specific_impulse_s); of all that make a torque, jaxsat uses the cheapest thrusters",
+            "1",
+            within=PRICE,
+            default=1.0,
         ),
     ),
     failed="Whether it has failed before the start, and the law knows it",
