@@ -58,6 +58,20 @@ def known_law(name: Any) -> Law | None:
         return None
 
 
+def required_law(name: str, allowed: str) -> Law:
+    """The law that an argument `law` names.
+
+    Raises `ValueError` with the reason for one that cannot be used, and with what is `allowed` for
+    a name that there is not.
+    """
+    try:
+        return find_law(name)
+    except PluginError as error:
+        raise ValueError(f"Argument `law` {error}.") from None
+    except KeyError:
+        raise ValueError(f"Argument `law` must be {allowed}, but got {name}.") from None
+
+
 def _require_true(law: Law) -> None:
     """Raise `PluginError` where a class is not what it declares."""
     from jaxsat.control.controller import AbstractBacksteppingLaw

@@ -207,13 +207,45 @@ def without_imports() -> Iterator[None]:
         _IMPORTS.reset(token)
 
 
+_FAILED: ContextVar[dict[str, BaseException] | None] = ContextVar("_FAILED", default=None)
+"""Why modules cannot be imported, inside `failing_once`."""
+
+
+@contextlib.contextmanager
+def failing_once() -> Iterator[None]:
+    """Inside, a module whose import fails is not imported again: it would do its work twice."""
+    token = _FAILED.set({})
+    try:
+        yield
+    finally:
+        _FAILED.reset(token)
+
+
+def _import(module: str) -> ModuleType:
+    failed = _FAILED.get()
+    if failed is not None and module in failed:
+        raise failed[module]
+    try:
+        return importlib.import_module(module)
+    except FOREIGN as error:
+        if failed is not None and not _is_missing(module, error):
+            failed[module] = error
+        raise
+
+
+def _is_missing(module: str, error: BaseException) -> bool:
+    """Whether a module, or a package that it is in, is not there; a folder may yet be added."""
+    missing = isinstance(error, ModuleNotFoundError) and error.name
+    return bool(missing) and f"{module}.".startswith(f"{missing}.")
+
+
 def _imported(kind: PluginKind, name: str, module: str) -> ModuleType:
     if not _IMPORTS.get() and module not in sys.modules:
         raise PluginError(kind, f"must name a module that is imported already, got {name}")
     try:
-        return importlib.import_module(module)
+        return _import(module)
     except ModuleNotFoundError as error:
-        if error.name and f"{module}.".startswith(f"{error.name}."):
+        if _is_missing(module, error):
             raise PluginError(
                 kind,
                 f"must name a module that can be found, got {name}: there is no module {error.name}"

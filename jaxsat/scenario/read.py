@@ -35,6 +35,7 @@ from jaxsat.scenario.plugins import (
     LAW,
     PluginError,
     PluginKind,
+    failing_once,
     require_not_hidden,
 )
 from jaxsat.scenario.schema import Scenario
@@ -54,6 +55,7 @@ def warn(text: str) -> None:
     warnings.warn(text, ScenarioWarning, stacklevel=3)
 
 
+@failing_once()
 def read(
     name_or_path: str | Path,
     overrides: Iterable[str | Override] = (),

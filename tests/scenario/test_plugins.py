@@ -130,6 +130,15 @@ def test_a_module_that_cannot_be_imported_is_told_with_its_line(own, text, messa
     assert f"{own}:12: key control.law: must name a module that can be imported" in found
 
 
+def test_a_module_that_cannot_be_imported_is_imported_once_a_reading(own, capsys):
+    text = 'print("once")\nraise SystemExit(3)'
+    own.with_name("own_law.py").write_text(text, encoding="utf-8")
+    assert "SystemExit: 3 (" in refused(own)
+    assert capsys.readouterr().out == "once\n"
+    assert "SystemExit: 3 (" in refused(own)  # it may have been mended meanwhile
+    assert capsys.readouterr().out == "once\n"
+
+
 def test_a_module_that_another_hides_is_refused(own, tmp_path):
     other = tmp_path / "other"
     other.mkdir()

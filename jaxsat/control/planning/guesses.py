@@ -20,15 +20,28 @@ LEAST_DURATION, LEAST_REST = 0.5, 0.05
 """Of a guess, and of what is left of an earlier plan of least time, in units of τ."""
 
 
+BLOCK = 12
+"""Random numbers are drawn for as many guesses at once."""
+
+
 @once
 def random_numbers(count: int) -> dict[str, Float[np.ndarray, "count ..."]]:
-    """What makes the guesses differ: the same for every start, half of them for each sign of q."""
-    random = np.random.default_rng(0)
+    """What makes the guesses differ: the same for every start, half of them for each sign of q.
+
+    Those of fewer guesses are the first of those of more.
+    """
+    blocks = [_block(number) for number in range(-(-count // BLOCK))]
+    drawn = {name: np.concatenate([one[name] for one in blocks])[:count] for name in blocks[0]}
+    return {"sign": np.where(np.arange(count) % 2, -1.0, 1.0), **drawn}
+
+
+def _block(number: int) -> dict[str, Float[np.ndarray, "block ..."]]:
+    """The random numbers of one block of guesses; `number` is their seed."""
+    random = np.random.default_rng(number)
     return {
-        "sign": np.where(np.arange(count) % 2, -1.0, 1.0),
-        "stretch": random.uniform(*SPREAD, count),
-        "waves": random.integers(1, 4, (count, STATES)).astype(float),
-        "bumps": random.normal(size=(count, STATES)),
+        "stretch": random.uniform(*SPREAD, BLOCK),
+        "waves": random.integers(1, 4, (BLOCK, STATES)).astype(float),
+        "bumps": random.normal(size=(BLOCK, STATES)),
     }
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import refined_study
-from jaxsat.scenario.control import known_law, law_names
+from jaxsat.scenario.control import law_names, required_law
 from jaxsat.store.labels import named_store
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.store.tables import open_study
@@ -73,13 +73,11 @@ def scenario_under(scenario: Scenario, law: str) -> Scenario:
     if law.endswith(FILE):
         data["control"] = load(law, purpose="text").control.model_dump(exclude_none=True)
     elif law != scenario.control.law:
-        new_law = known_law(law)
-        if new_law is None:
-            raise ValueError(
-                f"Argument `law` must be one of {', '.join(law_names())}, a law of the form "
-                f'"module:Class" or the name of a {FILE} file, but got {law}.'
-            )
-        of_law = new_law.declaration
+        of_law = required_law(
+            law,
+            f'one of {", ".join(law_names())}, a law of the form "module:Class" or the name of a '
+            f"{FILE} file",
+        ).declaration
         shared = {key.name for key in of_law.keys}
         shared |= {"model"} if of_law.has_model else set()
         shared |= {"measured_disturbance"} if of_law.measures_disturbance else set()

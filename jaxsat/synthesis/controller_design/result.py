@@ -257,6 +257,7 @@ class ControllerDesign:
         return (
             "Every thruster has its own misalignment, so the torques of a thruster and of its "
             "opposite leave the plane by different amounts. This gives a torque about the "
-            "unactuated axis in proportion to the magnitude of the command, which no law here "
-            "models. Measure the thruster axes, or reduce the misalignment of the thrusters in use."
+            "unactuated axis in proportion to the magnitude of the command, which the laws for two "
+            "torques do not model. Measure the thruster axes, or reduce the misalignment of the "
+            "thrusters in use."
         )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from jaxsat.core.process import processors
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.control import known_law
+from jaxsat.scenario.control import required_law
 from jaxsat.studies.executors import Serial, Threads
 from jaxsat.studies.work import Work
 from jaxsat.synthesis.controller_design.files import write_files
@@ -109,8 +109,6 @@ def _require_law(name: str) -> None:
     """Raise `ValueError` for a law that there is not or that aims at no attitude."""
     if name in (ALL, QUICK):
         return
-    law = known_law(name)
-    if law is None:
-        raise ValueError(f"Argument `law` must be a law, all or quick, but got {name}.")
+    law = required_law(name, f"a law, {ALL} or {QUICK}")
     if not law.declaration.regulates_attitude or not law.declaration.torques:
         raise ValueError(f"Argument `law` must be one that aims at an attitude, but got {name}.")

@@ -10,6 +10,7 @@ import pytest
 
 from control.planning.spacecraft import PAPER, flown, planner, random_body, state, turned_about_x
 from jaxsat.compiler import Mapped
+from jaxsat.control.planning.guesses import random_numbers
 from jaxsat.control.planning.planner import Plan, Planner, PlanStatus
 from jaxsat.core.checks import as_float
 from jaxsat.core.errors import ArgumentError
@@ -32,6 +33,16 @@ def assert_arrives(made, start, plan):
     assert end.angle < 1e-4
     assert end.rate * np.sqrt(float(jnp.mean(made.model.spacecraft.moments) / made.limit)) < 1e-4
     assert end.largest_thrust <= float(made.limit * (1 - made.margin)) * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("count", [5, 12, 24, 31])
+def test_fewer_guesses_are_the_first_of_more(count):
+    """So more of them contain all that fewer find."""
+    more, fewer = random_numbers(48), random_numbers(count)
+    for name, values in fewer.items():
+        assert len(values) == count
+        np.testing.assert_array_equal(values, more[name][:count])
+    assert len(np.unique(more["stretch"])) == 48
 
 
 @pytest.mark.slow

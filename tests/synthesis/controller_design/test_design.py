@@ -51,6 +51,7 @@ def test_a_law_that_does_not_fit_is_told_with_its_reason():
     ("given", "message"),
     [
         ({"law": "nonsense"}, "must be a law, all or quick"),
+        ({"law": "math:sqrt"}, "must name a class of math, got math:sqrt"),
         ({"law": "coast"}, "aims at an attitude"),
         ({"law": "rate"}, "aims at an attitude"),
         ({"settled": 0.0}, "above 0 and at most 1"),
