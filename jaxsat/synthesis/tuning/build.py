@@ -287,11 +287,13 @@ def _aggregate(table: TuningTable) -> AbstractAggregate:
 
 def _settings(table: TuningTable, seed: int, interval: float) -> TuningSettings:
     names = {one.name for one in dataclasses.fields(TuningSettings)}
-    values = {name: value for name, value in table if name in names}
+    values: dict[str, Any] = {name: value for name, value in table if name in names}
+    if table.starts == 1:
+        values["screened"] = 0
     return TuningSettings(
         objective=Objective(_aggregate(table), TailCompression(table.tail_scale), table.case_bound),
         descent=OptimiserSettings(table.optimiser, table.learning_rate, table.schedule, table.clip),
         horizons=tuple(round(horizon / interval) for horizon in table.horizon_s or ()),
         seed=seed,
-        **(values if table.starts > 1 else values | {"screened": 0}),
+        **values,
     )
