@@ -61,6 +61,9 @@ class Task:
     until: str | None = None
     """Beginning of a line on standard error with which the measurement ends."""
 
+    before: list[str] | None = None
+    """A command that makes what this one reads; it is not measured."""
+
 
 @dataclasses.dataclass
 class Row:
@@ -104,9 +107,15 @@ def tasks(folder: Path, scenarios: list[str]) -> Iterator[Task]:
         yield Task(f"simulate {name}", [*jaxsat, "simulate", name, *out, at()], 2.5, 10)
     changed = ["simulate", "two-torque-free", "--set", "initial.omega_rad_s=[0.01, 0.02, -0.01]"]
     yield Task("simulate two-torque-free --set", [*jaxsat, *changed, *out, at()], 2.5)
+    paged = [*jaxsat, "simulate", "two-torque-free", "--report"]
+    yield Task("simulate two-torque-free --report", [*paged, *out, at()], 4.5)
     study = [*jaxsat, "montecarlo", "failures-12u", "-n", "8"]
     yield Task("montecarlo failures-12u -n 8", [*study, "--quiet"], 3)
     yield Task("montecarlo failures-12u --case 3", [*study, "--case", "3", *out, at()], 3)
+    store = str(folder / "cases")
+    many = [*jaxsat, "montecarlo", "benchmark-three-axis", "-n", "100000", "--quiet"]
+    pages = [*jaxsat, "report", store, *out, f"{at()}.html"]
+    yield Task("report of 100,000 cases", pages, 5, before=[*many, "--out", store])
     reach = [*jaxsat, "controllability", "thruster-dies"]
     yield Task("controllability thruster-dies", reach, 2)
     yield Task("controllability thruster-dies --out", [*reach, *out, at()], 5)
@@ -155,6 +164,8 @@ def _read(process: subprocess.Popen[str], until: str | None) -> str:
 
 def row(task: Task, folder: Path, flags: dict[str, str], rounds: int) -> Row:
     """One command measured."""
+    if task.before is not None:
+        subprocess.run(task.before, cwd=folder, env=flags, check=True)
     measured(task, flags | {"JAXSAT_CACHE_DIR": str(folder / "first")})
     with tempfile.TemporaryDirectory(dir=folder) as cache:
         own = flags | {"JAXSAT_CACHE_DIR": cache}

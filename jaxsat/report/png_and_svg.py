@@ -111,6 +111,11 @@ class _PngAndSvgRenderer(RendererBase):
             places = (width, height, corners, offsets, offset_trans + unit)
             renderer.draw_quad_mesh(own, master_transform + unit, *places, *looks, **more)
 
+    def draw_gouraud_triangles(self, gc, triangles_array, colors_array, transform) -> None:
+        """Draw triangles whose colours run from corner to corner."""
+        for renderer, own, unit in self._each(gc):
+            renderer.draw_gouraud_triangles(own, triangles_array, colors_array, transform + unit)
+
     def draw_image(self, gc, x, y, im, transform=None) -> None:
         """Draw an image of pixels, whose lower left corner is at x and y."""
         del transform  # for renderers that scale images

@@ -71,11 +71,15 @@ def everything() -> Figure:
     axes.pcolormesh(x, x[:3], np.outer(x[:2], x[:6]), rasterized=True)
     axes.pcolormesh(x, x[2:5], np.outer(x[:2], x[:6]))
     axes.imshow(np.outer(x, x), extent=(0.2, 0.4, 0.6, 0.8))
+    axes.tripcolor(x, x**2, x, shading="gouraud", rasterized=True)
+    axes.tripcolor(x, 1 - x**2, x, shading="gouraud")
+    axes.add_patch(Circle((0.5, 0.5), 0.2, fill=False, hatch="//"))
     axes.lines[0].set_clip_path(Circle((0.5, 0.5), 0.3, transform=axes.transData))
     axes.set_axis_off()
     return drawn
 
 
+@mpl.rc_context({"svg.hashsalt": "jaxsat"})  # names in SVG are random otherwise
 def test_one_drawing_gives_the_files_that_matplotlib_draws_apart():
     png, svg = png_and_svg(everything())
     with io.BytesIO() as file:
