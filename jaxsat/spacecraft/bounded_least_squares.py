@@ -40,23 +40,35 @@ class Bounded(NamedTuple):
     weight: OfEach
 
 
-class Active(NamedTuple):
-    """Which devices are at a bound: those with a `side` of 1 at the upper one, -1 at the lower one.
+class Held(NamedTuple):
+    """What determines a solution: which devices are at a bound, and what could not be made.
 
-    The torques of all others are W Aᵀμ, with A the `units`, W the `weight`, and μ the `multiplier`.
-    `ahead` is still to be made by way of this `leg`: 0 comes first, 1 is the torque itself. A leg
-    that was not made in full has in its row of `facets` the normal of what ended it.
+    Devices with a `side` of 1 are at their upper bound, those with -1 at the lower one. A leg that
+    was not made in full, see `Active`, has in its row of `facets` the normal of what ended it.
+    """
+
+    side: OfEach
+    facets: Float[Array, "2 3"]
+
+
+class Active(NamedTuple):
+    """The solution on its way: the torques of all devices that are not `held` are W Aᵀμ, with A the
+    `units`, W the `weight`, and μ the `multiplier`.
+
+    `ahead` is still to be made by way of this `leg`: 0 comes first, 1 is the torque itself, and 2 a
+    little `BEYOND`. `last` is what was held where the torque ended.
     """
 
     multiplier: Float[Array, "3"]
-    side: OfEach
+    held: Held
+    last: Held
     ahead: Float[Array, "3"]
-    facets: Float[Array, "2 3"]
     leg: Int[Array, ""]
     rounds: Int[Array, ""]
     goes: Bool[Array, ""]
 
 
+@jax.jit
 def least_squares_within(
     units: Float[Array, "3 m"],
     low: OfEach,
@@ -89,85 +101,81 @@ def _solved(
     A device that is just at its bound counts as being there, as it is for a torque slightly
     `BEYOND`, where the others can make up for that.
     """
-    fixed = jax.lax.stop_gradient((devices, torque, first))
-    last = _ended(*fixed[:2], _beginning(*fixed))
-    beyond = _ended(*fixed[:2], _continued(last, fixed[1] + fixed[2]))
-    each, made = _at(*fixed, beyond)
-    off = made - devices.units @ within(each, devices.low, devices.high)
-    good = jnp.max(jnp.abs(off)) <= NONE * jnp.max(jnp.abs(made))
-    chosen = jax.tree.map(lambda x, y: jnp.where(good, x, y), beyond, last)
-    each, made = _at(devices, torque, first, chosen)
+    end = _ended(*jax.lax.stop_gradient((devices, torque, first)))
+    both = jax.tree.map(lambda *x: jnp.stack(x), end.held, end.last)
+    each, made = jax.vmap(lambda held: _at(devices, torque, first, held))(both)
+    off = made[0] - devices.units @ within(each[0], devices.low, devices.high)
+    good = jnp.max(jnp.abs(off)) <= NONE * jnp.max(jnp.abs(made[0]))
+    each, made = (jnp.where(good, x[0], x[1]) for x in (each, made))
     return each, torque + first - made
 
 
 def _at(
-    devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"], at: Active
+    devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"], held: Held
 ) -> tuple[OfEach, Float[Array, "3"]]:
     """Torques of each with these devices at their bounds, and what all are to make together."""
-    free = _free(devices, at)
+    free = _free(devices, held)
     low, high = (jnp.where(jnp.isfinite(x), x, 0.0) for x in (devices.low, devices.high))
     bounds = (low, high)
-    made = part_up_to(at.facets[0], devices.units, bounds, 0 * first, first)
-    made = made + part_up_to(at.facets[1], devices.units, bounds, made, torque + first - made)
-    each = jnp.where(at.side > 0, devices.high, jnp.where(at.side < 0, devices.low, 0.0))
+    made = part_up_to(held.facets[0], devices.units, bounds, 0 * first, first)
+    made = made + part_up_to(held.facets[1], devices.units, bounds, made, torque + first - made)
     inverse = _inverse(devices, free, _span(devices, free))
-    for _ in range(3):  # the second and third take away what rounding has left
+
+    def nearer(_, each: OfEach) -> OfEach:
         lacks = made - devices.units @ each
-        each = each + jnp.where(free, devices.weight * ((inverse @ lacks) @ devices.units), 0.0)
-    return each, made
+        return each + jnp.where(free, devices.weight * ((inverse @ lacks) @ devices.units), 0.0)
+
+    at_bounds = jnp.where(held.side > 0, high, jnp.where(held.side < 0, low, 0.0))
+    # The second and third time take away what rounding has left.
+    return jax.lax.fori_loop(0, 3, nearer, at_bounds), made
 
 
 def _beginning(devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"]) -> Active:
     """No torque, and all of it ahead."""
     comes_first = jnp.any(first != 0)
     none = jnp.zeros_like(torque)
+    held = Held(0 * devices.weight, jnp.stack([none, none]))
     return Active(
         none,
-        0 * devices.weight,
+        held,
+        held,
         jnp.where(comes_first, first, torque),
-        jnp.stack([none, none]),
         jnp.where(comes_first, 0, 1),
         jnp.array(0),
         comes_first | jnp.any(torque != 0),
     )
 
 
-def _continued(last: Active, torque: Float[Array, "3"]) -> Active:
-    """On a little in the direction of all that is to be made, unless no more could be made."""
-    return last._replace(
-        ahead=BEYOND * torque,
-        rounds=jnp.array(0),
-        leg=jnp.array(1),
-        goes=jnp.all(last.facets == 0) & jnp.any(torque != 0),
-    )
-
-
-def _ended(devices: Bounded, torque: Float[Array, "3"], at: Active) -> Active:
+def _ended(devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"]) -> Active:
     """After all rounds."""
     return jax.lax.while_loop(
         lambda at: at.goes & (at.rounds < ROUNDS_A_DEVICE * (devices.low.shape[0] + 1)),
-        lambda at: _round(devices, torque, at),
-        at,
+        lambda at: _round(devices, torque, first, at),
+        _beginning(devices, torque, first),
     )
 
 
-def _free(devices: Bounded, at: Active) -> Bool[Array, " m"]:
+def _free(devices: Bounded, held: Held) -> Bool[Array, " m"]:
     """The devices that are not at a bound."""
-    return (at.side == 0) & (devices.high > devices.low)
+    return (held.side == 0) & (devices.high > devices.low)
 
 
 def _span(devices: Bounded, free: Bool[Array, " m"]) -> Float[Array, "3 3"]:
     """The projector on the torques that these make together; the identity where they make all."""
-    across = devices.units
-    span = jnp.zeros((3, 3), across.dtype)
-    for _ in range(3):
+
+    def with_one_more(_, so_far):
+        span, across = so_far
         sizes = jnp.where(free, jnp.sum(across**2, axis=0), 0.0)
         most = jnp.argmax(jax.lax.stop_gradient(sizes * devices.weight))
-        there = sizes[most] > FLAT**2
-        one = across[:, most] / jnp.sqrt(jnp.where(there, sizes[most], 1.0))
-        one = jnp.where(there, one, 0.0)
-        span = span + jnp.outer(one, one)
-        across = across - jnp.outer(one, one @ across)
+        chosen = jnp.arange(sizes.shape[0]) == most
+        size = jnp.sum(jnp.where(chosen, sizes, 0.0))
+        there = size > FLAT**2
+        one = jnp.sum(jnp.where((chosen & there)[None], across, 0.0), axis=1)
+        one = one / jnp.sqrt(jnp.where(there, size, 1.0))
+        return span + jnp.outer(one, one), across - jnp.outer(one, one @ across)
+
+    none = jnp.zeros((3, 3), devices.units.dtype)
+    span, _ = jax.lax.fori_loop(0, 3, with_one_more, (none, devices.units))
     whole = jax.lax.stop_gradient(jnp.trace(span)) > 2.5
     return jnp.where(whole, jnp.eye(3, dtype=span.dtype), span)
 
@@ -182,13 +190,15 @@ def _inverse(
     return inverse_of_columns(gram / size + jnp.eye(3, dtype=gram.dtype) - span) / size
 
 
-def _round(devices: Bounded, torque: Float[Array, "3"], at: Active) -> Active:
+def _round(
+    devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"], at: Active
+) -> Active:
     """On to where a device comes to a bound or leaves it, or the leg ends.
 
     Where the free devices do not make what is ahead, the multiplier alone changes, across all that
     they make, until one at a bound leaves it; if none does, no more can be made.
     """
-    free = _free(devices, at)
+    free = _free(devices, at.held)
     span = _span(devices, free)
     across = at.ahead - span @ at.ahead
     square = jnp.sum(across**2)
@@ -202,9 +212,9 @@ def _round(devices: Bounded, torque: Float[Array, "3"], at: Active) -> Active:
     moves = pace > NONE * jnp.max(pace)
     side = jnp.where(rate < 0, -1.0, 1.0)
     comes = free & moves & ~stands
-    leaves = (at.side * side < 0) & moves
+    leaves = (at.held.side * side < 0) & moves
     ahead_of_bound = jnp.where(rate < 0, now - devices.low, devices.high - now)
-    beyond = jnp.where(at.side < 0, devices.low - now, now - devices.high)
+    beyond = jnp.where(at.held.side < 0, devices.low - now, now - devices.high)
     room = jnp.maximum(jnp.where(free, ahead_of_bound, beyond), 0.0)
     until = room / jnp.where(moves, jnp.abs(rate), 1.0)
     until = jnp.where(comes | leaves, until, jnp.inf)
@@ -213,14 +223,21 @@ def _round(devices: Bounded, torque: Float[Array, "3"], at: Active) -> Active:
     ended = short | (~stands & (step >= 1 - NONE))
     step = jnp.where(stands, jnp.where(short, 0.0, step), jnp.minimum(step, 1.0))
     turned = (jnp.arange(free.shape[0]) == hit) & ~ended
+    this = ended & (jnp.arange(2) == jnp.minimum(at.leg, 1))
+    held = Held(
+        jnp.where(turned, jnp.where(free, side, 0.0), at.held.side),
+        jnp.where(this[:, None], jnp.where(short, across, 0.0)[None], at.held.facets),
+    )
+    whole = torque + first
+    more = jnp.all(held.facets == 0) & jnp.any(whole != 0)
     left = jnp.where(stands, at.ahead, (1 - step) * at.ahead)
-    this = ended & (jnp.arange(2) == at.leg)
+    following = jnp.where(at.leg == 0, torque + left, BEYOND * whole)
     return Active(
         at.multiplier + step * way,
-        jnp.where(turned, jnp.where(free, side, 0.0), at.side),
-        jnp.where(ended, torque + left, left),
-        jnp.where(this[:, None], jnp.where(short, across, 0.0)[None], at.facets),
+        held,
+        jax.tree.map(lambda new, old: jnp.where(at.leg < 2, new, old), held, at.last),
+        jnp.where(ended, following, left),
         jnp.where(ended, at.leg + 1, at.leg),
         at.rounds + 1,
-        ~ended | (at.leg == 0),
+        ~ended | (at.leg == 0) | ((at.leg == 1) & more),
     )
