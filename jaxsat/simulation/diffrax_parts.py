@@ -56,7 +56,6 @@ class MonitorRecord(NamedTuple):
 
     since: tuple[SettlingTracker, ...]
     entries: tuple[EntryBracket, ...]
-    rate: Float[Array, "*m"]
     integral: Float[Array, "*m"]
 
 
@@ -121,7 +120,7 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
         seen = self.monitor(*stop_gradient((t0, y0)))
         never = EntryBracket(t0, t0, dense, t0 + jnp.inf, t0 + jnp.inf)
         since = tuple(SettlingTracker.initial(t0, len(x)).observe(t0, x) for x in seen.excess)
-        record = MonitorRecord(since, (never,) * len(since), seen.rate, jnp.zeros_like(seen.rate))
+        record = MonitorRecord(since, (never,) * len(since), jnp.zeros_like(seen.rate))
         return MonitoredState(inner, record)
 
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
@@ -129,31 +128,29 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
         y1, error, dense, inner, result = self.solver.step(
             terms, t0, t1, y0, args, solver_state.solver, made_jump
         )
-        begin, end, stages, start = stop_gradient((jnp.asarray(t0), jnp.asarray(t1), dense, y0))
-        record = solver_state.record
-        if made_jump is not False:  # the rate right before a jump is not that right after it
-            after = self.monitor(begin, start).rate
-            record = record._replace(rate=jnp.where(made_jump, after, record.rate))
-        record = self._recorded(begin, end, stages, record)
+        begin, end, stages = stop_gradient((jnp.asarray(t0), jnp.asarray(t1), dense))
+        record = self._recorded(begin, end, stages, solver_state.record)
         return y1, error, dense, MonitoredState(inner, record), result
 
     def _recorded(self, t0, t1, dense, record: MonitorRecord) -> MonitorRecord:
-        at = jnp.arange(1, CHECKS + 1) / CHECKS
+        at = jnp.arange(CHECKS + 1) / CHECKS
         samples = jax.vmap(lambda fraction: self._at(t0, t1, dense, fraction))(at)
         groups = []
         for since, entry, values in zip(record.since, record.entries, samples.excess, strict=True):
-            for number, fraction in enumerate(at):
-                now, time = values[number], t0 + fraction * (t1 - t0)
+            entered = t0 + jnp.inf
+            for number, fraction in enumerate(at[1:], 1):
+                now = values[number]
                 enters = jnp.any(since.excess >= 0) & jnp.all(now < 0)
-                here = EntryBracket(t0, t1, dense, fraction - 1 / CHECKS, fraction)
-                entry = jax.tree.map(lambda x, y, e=enters: jnp.where(e, x, y), here, entry)
-                since = since.observe(time, now)
+                entered = jnp.where(enters, fraction, entered)
+                since = since.observe(t0 + fraction * (t1 - t0), now)
+            here = EntryBracket(t0, t1, dense, entered - 1 / CHECKS, entered)
+            enters = jnp.isfinite(entered)
+            entry = jax.tree.map(lambda x, y, e=enters: jnp.where(e, x, y), here, entry)
             groups.append((since, entry))
-        rates = jnp.concatenate([record.rate[None], samples.rate])
         weights = jnp.array([1.0, 4.0, 2.0, 4.0, 1.0]) / 12.0  # Simpson's
-        integral = record.integral + (t1 - t0) * weights @ rates
+        integral = record.integral + (t1 - t0) * weights @ samples.rate
         since, entries = (tuple(group[i] for group in groups) for i in range(2))
-        return MonitorRecord(since, entries, samples.rate[-1], integral)
+        return MonitorRecord(since, entries, integral)
 
     def _at(self, t0, t1, dense, fraction) -> MonitorSample:
         t = t0 + fraction * (t1 - t0)

@@ -37,6 +37,7 @@ from jaxsat.simulation.engine.rates import (
     within_limit,
 )
 from jaxsat.simulation.held_torque import HeldTorque, Unmade
+from jaxsat.simulation.loops import AbstractContinuousLoop, Motion
 from jaxsat.simulation.methods import Adjoint, Method, step_size_for
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.simulation.trajectory import Outcome, Signals
@@ -71,7 +72,7 @@ def _continuous(program: Program, case: Case, times, method: Method, adjoint) ->
     loop, cost, zero = continuous_loop(case), program.running_cost, jnp.zeros((), times.dtype)
 
     def rate(t, both, args):
-        motion = loop.motion(t, both[0])
+        motion = _motion(loop, t, both[0])
         if cost is None:
             return motion.rate, None
         return motion.rate, running_cost(cost, motion.plant, motion.relative_rate, motion.torque)
@@ -113,12 +114,18 @@ def _continuous(program: Program, case: Case, times, method: Method, adjoint) ->
     return Integrated(_outputs(program, case, progress, times, signals), signals, None)
 
 
+@eqx.filter_jit
+def _motion(loop: AbstractContinuousLoop, t, state: PyTree) -> Motion:
+    """Of a loop, traced once for all places where a program has it."""
+    return loop.motion(t, state)
+
+
 def _monitor(program: Program, loop):
     """What settling and effort are judged by: of a detailed program also what is at rest."""
     from jaxsat.simulation.diffrax_parts import MonitorSample
 
     def monitor(t, both) -> MonitorSample:
-        motion = loop.motion(t, both[0])
+        motion = _motion(loop, t, both[0])
         observed = Observation.of(loop.plant, motion.plant)
         excess = (observed.excess(program.tolerances),)
         if program.detailed:
