@@ -95,6 +95,8 @@ class Builder:
     def _with_sign_outside(self, name: str, args: Sequence[Scalar]) -> Scalar | None:
         """The same value with a negation taken in or handed on, or None; equal in all bits."""
         inner = [self._negated.get(x.number) if isinstance(x, Value) else None for x in args]
+        if not any(x is not None for x in inner):
+            return None
         match name, args, inner:
             case "neg", _, [x] if x is not None:
                 return x

@@ -217,15 +217,20 @@ def blocks_in(step: Step) -> Sequence[Block]:
     return ()
 
 
-def uses(step: Step) -> Iterator[int]:
+def uses(step: Step) -> Iterable[int]:
     """Numbers of the values from outside that a step reads."""
     match step:
         case Operation(args=args) | Call(args=args):
-            yield from numbers_of(args)
+            return numbers_of(args)
         case Load(index=index, memory=memory):
-            yield from numbers_of([index, *memory.elements])
+            return numbers_of([index, *memory.elements])
         case Store(index=index, value=value):
-            yield from numbers_of([index, value])
+            return numbers_of([index, value])
+    return _uses_inside(step)
+
+
+def _uses_inside(step: "Loop | BlockSwitch") -> Iterator[int]:
+    match step:
         case BlockSwitch():
             yield from numbers_of([step.index])
             for block, results in zip(step.blocks, step.yields, strict=True):
@@ -259,6 +264,8 @@ def is_uniform(x: Scalar) -> bool:
 def memories(step: Step) -> Iterator[Memory]:
     """What a step reads or writes that may be written."""
     match step:
+        case Operation():
+            return
         case Load(memory=memory) | Store(memory=memory):
             if memory.initial is None:
                 yield memory

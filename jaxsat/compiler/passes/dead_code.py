@@ -165,7 +165,7 @@ class _DataFlow:
     def _step(self, step: Step, control: int) -> None:
         match step:
             case Operation(args=args, out=out):
-                self._note([out], [self.of(args)])
+                self.known[out.number] = self.of(args)
             case Load(memory=memory, index=index, out=out):
                 self._note([out], [self.of([index, *memory.elements]) | self._in(memory)])
             case Store(memory=memory, index=index, value=value):

@@ -88,12 +88,15 @@ def merge_cold_branches(block: Block) -> None:
     At each jump the register allocator spills what is live. The cold switches of a block that need
     no results of one another become one, as early as the last of them can be.
     """
+    for step in block.steps:
+        for inside in blocks_in(step):
+            merge_cold_branches(inside)
+    if not any(isinstance(step, BlockSwitch) and step.cold for step in block.steps):
+        return
     depths: dict[int, int] = {}  # by value and memory: how many switches one after the other
     plain: dict[int, list[Step]] = defaultdict(list)
     cold: dict[int, list[BlockSwitch]] = defaultdict(list)
     for step in block.steps:
-        for inside in blocks_in(step):
-            merge_cold_branches(inside)
         touched = [memory.number for memory in memories(step)]
         depth = max((depths.get(n, 0) for n in chain(uses(step), touched)), default=0)
         is_cold = isinstance(step, BlockSwitch) and step.cold
