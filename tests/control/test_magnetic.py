@@ -253,5 +253,5 @@ def test_a_tumble_is_stopped_and_three_axes_are_held(name, samples, degrees, rat
     assert np.abs(omega[last] - [0, -float(plant.orbit.rate), 0]).max() < rate
     if wheels is not None:
         bias = -float(law.steering.bias[1])
-        np.testing.assert_allclose(stored[last], bias, rtol=0.1)
+        np.testing.assert_allclose(stored[last], bias, rtol=0.2)
         assert np.abs(stored).max() < np.asarray(wheels.momentum_limit).min()
