@@ -59,6 +59,7 @@ COLUMNS = (
     "recoverable",
     "recovered",
     "reasons",
+    "false_alarms",
 )
 
 
@@ -84,13 +85,13 @@ def member(number: int, seed: int = SEED) -> tuple[dict[str, object], Scenario]:
     jets = [
         f"{{torque_axis={arm.tolist()}, torque_N_m={push}, min_on_time_s=0.02}}" for arm in arms
     ]
-    failures, told = [], []
+    failures, drawn = [], []
     for _ in range(int(rng.integers(1, 3))):
         part = str(rng.choice([kind for kind, many in count.items() if many]))
         which, kind = int(rng.integers(count[part])) + 1, str(rng.choice(KINDS[part]))
         at = rng.uniform(50, 500)
         failures.append(f'{{of="{part} {which}", at_s={at:.1f}, {kind}}}')
-        told.append(f"{part} {which} {kind.split(chr(34))[1]} at {at:.0f} s")
+        drawn.append(f"{part} {which} {kind.split(chr(34))[1]} at {at:.0f} s")
     changes = [
         f"spacecraft.inertia_kg_m2={moments.tolist()}",
         f"wheel=[{', '.join(wheels)}]",
@@ -107,7 +108,7 @@ def member(number: int, seed: int = SEED) -> tuple[dict[str, object], Scenario]:
         "wheels": count["wheel"],
         "thrusters": count["thruster"],
         "orbit_rate_rad_s": round(orbit_rate, 6),
-        "failures": "; ".join(told),
+        "failures": "; ".join(drawn),
     }
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ScenarioWarning)
@@ -125,6 +126,7 @@ def flown(number: int, cases: int, seed: int = SEED) -> dict[str, object]:
         "recoverable": cases - verdicts[Recovery.UNRECOVERABLE],
         "recovered": verdicts[Recovery.RECOVERED],
         "reasons": "; ".join(f"{many} {reason}" for reason, many in lost.items()),
+        "false_alarms": int(values["false_alarms"].sum()),
     }
 
 

@@ -1,16 +1,18 @@
 """Tables `[[magnetorquer]]` and `[unloading]`: what is made of them, and mistakes."""
 
-import jax
+from typing import ClassVar
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from pydantic import ValidationError
 
 from helpers.magnetic import document
-from jaxsat.control.steering import MagneticSteering
+from jaxsat.control.steering import AbstractSteering, MagneticSteering, Steered
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.magnetorquers import Magnetorquers
 
 
 def made(data) -> SampledLoop:
@@ -46,24 +48,34 @@ def test_one_that_has_failed_is_asked_nothing():
     np.testing.assert_allclose(steering.axes @ steering.shares[:, 0], [1, 0, 0], atol=1e-14)
 
 
-def test_what_no_magnetorquer_can_make_is_not_missed():
-    """Of a torque within their limits nothing; of a larger one what is across the field."""
+class Powerless(AbstractSteering):
+    """Magnetorquers whose limits are zero."""
+
+    kind: ClassVar[str] = Magnetorquers.kind
+
+    of: MagneticSteering
+
+    def __call__(self, t, state, command):
+        del t, state
+        return jnp.zeros(self.of.axes.shape[1]), command
+
+    def within_reach(self, t, state, torque):
+        return self.of.within_reach(t, state, torque)
+
+
+def test_a_torque_that_no_dipole_makes_is_not_missed():
+    """Missing is the least-squares fit of the torques of three dipoles to the command."""
     run = build(Scenario.model_validate(document()))
-    loop, state = run.loop, run.start
-    (steering,) = loop.distribution.steering
-    field = np.asarray(steering.field.in_body(jnp.array(0.0), state.attitude))
-    unit = field / np.linalg.norm(field)
-    share = jax.jit(
-        lambda wanted: loop.distribution(jnp.array(0.0), state, wanted, loop.plant.effectors)
+    (steering,), state = run.loop.distribution.steering, run.start
+    t, torque = jnp.array(0.0), np.array([0.3, -0.8, 0.5])
+    shares = Steered((Powerless(steering),))(
+        t, state, jnp.asarray(torque), run.loop.plant.effectors
     )
-    for size in (1e-9, 1.0):
-        torque = size * np.array([0.3, -0.8, 0.5])
-        shares = share(torque)
-        across = torque - unit * (unit @ torque)
-        dipoles = np.asarray(shares.uses[0])
-        made_of_it = np.cross(np.asarray(steering.axes) @ dipoles, field)
-        np.testing.assert_allclose(shares.left, across - made_of_it, atol=1e-12 * size)
-        assert (np.linalg.norm(shares.left) > 0.5 * size) == (size == 1.0)
+    field = np.asarray(steering.field.in_body(t, state.attitude))
+    columns = 1e5 * np.cross(np.asarray(steering.axes).T, field).T
+    fit = columns @ np.linalg.lstsq(columns, torque, rcond=1e-9)[0]
+    np.testing.assert_allclose(shares.left, fit, atol=1e-12)
+    assert 0.1 < np.linalg.norm(fit) < 0.99 * np.linalg.norm(torque)
 
 
 def _renamed(data):
@@ -72,6 +84,10 @@ def _renamed(data):
 
 def _law(data):
     data["control"] = {"law": "three-slew", "period_s": 0.5}
+
+
+def _tolerant(data):
+    data["control"] = {"law": "fault-tolerant", "natural_frequency_rad_s": 0.05}
 
 
 def _inertial(data):
@@ -111,6 +127,10 @@ def _unknown(data):
     [
         (_renamed, "must be a name of its own"),
         (_law, 'commands three torques .*"quaternion-feedback"'),
+        (
+            _tolerant,
+            'got "fault-tolerant", which commands and diagnoses thrusters and wheels alone',
+        ),
         (_inertial, "must be that of an orbit above the ground"),
         (_all_failed, "must leave one that works"),
         (_unloading, r"got time_constant_s = 10.0 without \[\[wheel\]\]"),

@@ -45,11 +45,13 @@ def _declare_rules(actuator: ActuatorDeclaration) -> None:
     @rule(name, "control.law")
     def _law_commands_three_torques(tables, law):
         if tables and actuator.steering and not _suits(law.declaration):
+            own = ", which commands and diagnoses thrusters and wheels alone"
             names = (f'"{name}"' for name, one in LAWS.items() if _suits(one.declaration))
             yield at(
                 name,
                 "must belong to a sampled law that commands three torques "
-                f'({", ".join(names)}), got "{law}"',
+                f'({", ".join(names)}), got "{law}"'
+                f"{own if law.declaration.commands_actuators else ''}",
             )
 
     @rule_over(*(one.name for one in ACTUATORS), AXES)
