@@ -19,6 +19,9 @@ from matplotlib.transforms import Affine2D, IdentityTransform, TransformedBbox, 
 PNG_OPTIONS = {"compress_level": 2}
 """Of Pillow: PNG files a tenth larger than with all effort, in a third of the time."""
 
+NO_SOFTWARE: Any = {"Software": None}
+"""Without the version of matplotlib in a PNG file."""
+
 POINTS_PER_INCH = 72
 """The unit of an SVG file; pixels are the unit of all that a figure gives to a renderer."""
 
@@ -35,7 +38,7 @@ def png_and_svg(figure: Figure) -> tuple[bytes, bytes]:
             format="png",
             origin="upper",
             dpi=figure.dpi,
-            metadata={"Software": None},
+            metadata=NO_SOFTWARE,
             pil_kwargs=PNG_OPTIONS,
         )
         return png.getvalue(), text.getvalue().encode()
@@ -51,7 +54,7 @@ class _PngAndSvgRenderer(RendererBase):
     def __init__(self, figure: Figure, file: io.StringIO):
         super().__init__()
         self.width, self.height = figure.bbox.size
-        self.dpi = figure.dpi
+        self.dpi: Any = figure.dpi
         self.pixels = self._new_pixels()
         self._scale = POINTS_PER_INCH / self.dpi
         self._points = Affine2D().scale(self._scale)
@@ -72,10 +75,11 @@ class _PngAndSvgRenderer(RendererBase):
 
     def _in_points(self, gc: GraphicsContextBase) -> GraphicsContextBase:
         """A graphics context that clips where `gc` does; widths and dashes are always in points."""
-        box, (path, transform) = gc.get_clip_rectangle(), gc.get_clip_path()
+        clip: Any = gc.get_clip_path()
+        box, (path, transform) = gc.get_clip_rectangle(), clip
         if box is None and path is None:
             return gc
-        scaled = self.svg.new_gc()
+        scaled: Any = self.svg.new_gc()
         scaled.copy_properties(gc)
         if box is not None:
             scaled.set_clip_rectangle(TransformedBbox(box, self._points))
@@ -143,7 +147,8 @@ class _PngAndSvgRenderer(RendererBase):
 
     def stop_rasterizing(self) -> None:
         """Write the image, as small as it can be."""
-        image, self._image = self._image, None
+        image: Any = self._image
+        self._image = None
         pixels = np.asarray(image.buffer_rgba())
         rows, columns = (np.flatnonzero(pixels[..., 3].any(axis=axis)) for axis in (1, 0))
         if not len(rows):
@@ -164,6 +169,6 @@ class _PngAndSvgRenderer(RendererBase):
         """The size of a line of text in pixels."""
         return self.pixels.get_text_width_height_descent(s, prop, ismath)
 
-    def points_to_pixels(self, points: float) -> float:
+    def points_to_pixels(self, points: Any) -> Any:
         """A length in pixels."""
         return self.pixels.points_to_pixels(points)
