@@ -77,17 +77,18 @@ class ControllabilityStudy(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """A sentence, and before it one of control moment gyros, if there are any.
-
-        Without other actuators that of magnetorquers alone.
-        """
+        """A sentence; before it one of control moment gyros or magnetorquers, if there are any."""
         sentence, gyros = verdict_sentence(self.judgement), _gyro_cluster(self.scenario)
         others = self.judgement.actuators.names
         if gyros is None:
-            torquers = None if others else _magnetic_authority(self.scenario)
-            return sentence if torquers is None else magnetic_verdict(torquers)
+            torquers = _magnetic_authority(self.scenario)
+            first = None if torquers is None else magnetic_verdict(torquers)
+        else:
+            first = gyros.verdict()
+        if first is None:
+            return sentence
         more = f"Without them: {sentence[0].lower()}{sentence[1:]}" if others else ""
-        return f"{gyros.verdict()} {more}".strip()
+        return f"{first} {more}".strip()
 
     def document(self, failures: int | None = None) -> Document:
         """The verdict, every failure, or those of so many actuators, and the findings."""

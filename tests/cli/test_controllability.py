@@ -65,6 +65,15 @@ def test_control_moment_gyros_have_a_verdict_of_their_own(capsys, tmp_path):
     assert "With one gimbal locked: 4 of 4 cases leave three torques" in text
 
 
+def test_the_verdict_on_a_wheel_and_magnetorquers_begins_with_what_they_can_do(capsys):
+    status, out, _ = run(capsys, "controllability", "wheel-and-rods")
+    assert status == 0
+    verdict = " ".join(out.split()).split(" - ")[0]
+    first, without = verdict.index("Magnetorquers alone control all"), verdict.index("Without them")
+    assert first < without
+    assert "Without them: not controllable" in verdict
+
+
 @pytest.mark.slow
 def test_controllability_says_no_and_maybe(capsys):
     command = ["controllability", "paper-three-axis", "--set"]
