@@ -103,12 +103,9 @@ def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
         lines += [*program.structs["clock"].declaration(), ""]
     if program.estimates:
         lines += [*program.structs["seen"].declaration(), ""]
-    lines += [*unit.tables, ""] if unit.tables else []
-    for text in unit.helpers.values():
-        lines += [text, ""]
-    for function in unit.functions:
-        lines += [*function, ""]
-    return "\n".join([*lines, *_entry_points(program, calls), ""])
+    functions = [line for function in unit.functions for line in (*function, "")]
+    functions += [*_entry_points(program, calls), ""]
+    return "\n".join([*lines, *unit.used("\n".join(functions)), *functions])
 
 
 def reads_clock(call: str) -> bool:

@@ -34,7 +34,7 @@ class Unit(AbstractUnit):
         self.libm, self.types, self.shapes = libm, types, shapes
         self.names = Names(types)
         self.helpers: dict[str, str] = {}
-        self.tables: list[str] = []
+        self.tables: dict[str, str] = {}
         self.functions: list[list[str]] = []
         self.contexts: dict[int, Context] = {}
         self._reserved: dict[str, str] = {}
@@ -55,6 +55,20 @@ class Unit(AbstractUnit):
             self.helpers[full] = text
         return full
 
+    def used(self, text: str) -> list[str]:
+        """The tables and helpers that the text of the functions names, and those that these name.
+
+        A statement that was left out as dead may have been the only one to name them.
+        """
+        words = set(re.findall(r"\w+", text))
+        helpers: list[str] = []
+        for name, definition in reversed(self.helpers.items()):
+            if name in words:
+                words.update(re.findall(r"\w+", definition))
+                helpers = [definition, "", *helpers]
+        tables = [definition for name, definition in self.tables.items() if name in words]
+        return [*tables, "", *helpers] if tables else helpers
+
     def memory(self, memory: Memory) -> str:
         """The name of an array of constants that is indexed."""
         assert memory.initial is not None
@@ -68,7 +82,7 @@ class Unit(AbstractUnit):
         if key not in self._tables:
             name = self._tables[key] = self.names.new(f"{wish}_table")
             head = f"static const {kind} {name}{dimensions(shape)} = "
-            self.tables.append("\n".join(in_lines(f"{head}{text};", "")))
+            self.tables[name] = "\n".join(in_lines(f"{head}{text};", ""))
         return self._tables[key]
 
     def elementary(self, function: Function, trace: Trace) -> str:
