@@ -50,15 +50,15 @@ class AbstractSmoothActuators(AbstractActuators):
 
     @property
     def event_count(self) -> int:
-        """None."""
+        """How many corners the torque has: none."""
         return 0
 
     def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
-        """None."""
+        """Functions of the command whose zeros are the corners: none."""
         return jnp.zeros(0, command.dtype)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractSmoothActuators":
-        """Themselves."""
+        """These actuators themselves, as they have no corners."""
         return self
 
 
@@ -129,12 +129,12 @@ class Actuators(AbstractEffector):
 
     @property
     def command_size(self) -> int:
-        """Two torques or three, which thrusters share."""
+        """How many torques are commanded, which the thrusters share: two or three."""
         return self.thrust_map.shape[1]
 
     @property
     def event_count(self) -> int:
-        """One for each thruster."""
+        """How many corners the torque has: one for each thruster."""
         return self.count
 
     def thrust(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
@@ -168,7 +168,7 @@ class Actuators(AbstractEffector):
         return self(command)
 
     def effect(self, piece: Float[Array, "3"], t, plant, state: None) -> Effect:
-        """The torque."""
+        """The torque on the body (N m), with no correction of its inertia."""
         return Effect(piece)
 
     def driven(
@@ -218,13 +218,13 @@ class PluginActuators(AbstractEffector):
 
     @property
     def count(self) -> int:
-        """One for each torque."""
+        """How many devices there are: one for each torque."""
         return self.torques
 
     def driven(
         self, state: None, command: Float[Array, " torques"], struck: Bool[Array, "0"]
     ) -> "tuple[PluginActuators, Float[Array, ' torques']]":
-        """Themselves: they do not fail."""
+        """These actuators and the command as they are: they do not fail."""
         return self, command
 
     def piece(self, mode: tuple, command: Float[Array, " torques"]) -> Float[Array, "3"]:
@@ -232,16 +232,16 @@ class PluginActuators(AbstractEffector):
         return self.actuators(command)
 
     def effect(self, piece: Float[Array, "3"], t, plant, state: None) -> Effect:
-        """The torque."""
+        """The torque on the body (N m), with no correction of its inertia."""
         return Effect(piece)
 
     @property
     def event_count(self) -> int:
-        """As they say."""
+        """How many corners the actuators say that their torque has."""
         return self.actuators.event_count
 
     def event_functions(self, state: None, command, acceleration) -> Float[Array, " m"]:
-        """As they say."""
+        """The functions of the command by which the actuators tell their corners."""
         return self.actuators.event_functions(command)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "PluginActuators":

@@ -14,12 +14,12 @@ def unit_axes(axes: Array) -> Float[Array, "3 n"]:
     if axes.ndim != 2 or axes.shape[0] != 3:
         raise ValueError(f"Argument `axes` must have shape (3, n), got {tuple(axes.shape)}.")
     require_finite("axes", axes)
-    known = concrete(axes)
-    if known is None:
+    concrete_axes = concrete(axes)
+    if concrete_axes is None:
         return axes / jnp.sqrt(jnp.sum(axes**2, axis=0, keepdims=True))
-    if not np.all(np.any(known != 0, axis=0)):
-        raise ArgumentError("axes", "must have no zero column", known.tolist())
-    return as_array(unit_columns(known))
+    if not np.all(np.any(concrete_axes != 0, axis=0)):
+        raise ArgumentError("axes", "must have no zero column", concrete_axes.tolist())
+    return as_array(unit_columns(concrete_axes))
 
 
 def of_each(value: ArrayLike | list | tuple, count: int) -> Float[Array, " n"]:

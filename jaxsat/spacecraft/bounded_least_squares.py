@@ -89,8 +89,8 @@ def least_squares_within(
     size = jax.lax.stop_gradient(jnp.where(largest > 0, largest, 1.0))
     strength = jax.lax.stop_gradient(jnp.where(jnp.isfinite(limit), known / size, 1.0))
     devices = Bounded(units, low / size, high / size, strength**2)
-    made, unmade = _solved(devices, torque / size, first / size)
-    return within(size * made, low, high), size * unmade
+    torques, unmade = _solved(devices, torque / size, first / size)
+    return within(size * torques, low, high), size * unmade
 
 
 def _solved(
@@ -103,11 +103,11 @@ def _solved(
     """
     end = _ended(*jax.lax.stop_gradient((devices, torque, first)))
     both = jax.tree.map(lambda *x: jnp.stack(x), end.held, end.last)
-    each, made = jax.vmap(lambda held: _at(devices, torque, first, held))(both)
-    off = made[0] - devices.units @ within(each[0], devices.low, devices.high)
-    good = jnp.max(jnp.abs(off)) <= NONE * jnp.max(jnp.abs(made[0]))
-    each, made = (jnp.where(good, x[0], x[1]) for x in (each, made))
-    return each, torque + first - made
+    each, totals = jax.vmap(lambda held: _at(devices, torque, first, held))(both)
+    off = totals[0] - devices.units @ within(each[0], devices.low, devices.high)
+    good = jnp.max(jnp.abs(off)) <= NONE * jnp.max(jnp.abs(totals[0]))
+    each, totals = (jnp.where(good, x[0], x[1]) for x in (each, totals))
+    return each, torque + first - totals
 
 
 def _at(

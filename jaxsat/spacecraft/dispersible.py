@@ -22,7 +22,7 @@ class Limits(NamedTuple):
 
     @staticmethod
     def between(values: Range) -> "Limits":
-        """Of numbers that are drawn as they are."""
+        """The limits of numbers that are drawn as they are."""
         return Limits(as_float(values.low), as_float(values.high))
 
     @staticmethod

@@ -141,23 +141,23 @@ class WheelsFirst(AbstractDistribution):
         Least squares share what all of them can make. Raises `ValueError` where that leaves
         something to `others` and there are none.
         """
-        known = unit_columns(np.asarray(axes, float))
-        working = [number not in failed for number in range(1, known.shape[1] + 1)]
-        shares = np.zeros((known.shape[1], torques))
-        limit = None if wheel_limit is None else as_float(wheel_limit) * jnp.ones(known.shape[1])
+        units = unit_columns(np.asarray(axes, float))
+        working = [number not in failed for number in range(1, units.shape[1] + 1)]
+        shares = np.zeros((units.shape[1], torques))
+        limit = None if wheel_limit is None else as_float(wheel_limit) * jnp.ones(units.shape[1])
         limits = None if limit is None else np.asarray(limit)[working]
-        shares[working] = least_squares_map(known[:, working], torques, limits)
-        rest = what_is_left(known, shares)
-        left = known * np.array(working)
+        shares[working] = least_squares_map(units[:, working], torques, limits)
+        rest = what_is_left(units, shares)
+        working_axes = units * np.array(working)
         if not rest.any():
-            return WheelsFirst(left, as_array(shares), limit)
+            return WheelsFirst(working_axes, as_array(shares), limit)
         if not others:
             which = "x and y" if torques == 2 else "x, y and z"
             raise ValueError(
                 f"The wheels left must make independent torques about body axes {which}, "
-                f"but their axes are the columns of {known[:, working].round(6).tolist()}."
+                f"but their axes are the columns of {units[:, working].round(6).tolist()}."
             )
-        return WheelsFirst(left, as_array(shares), limit, as_array(rest))
+        return WheelsFirst(working_axes, as_array(shares), limit, as_array(rest))
 
     def __call__(self, t, state, command, effectors) -> Shares:
         """The torque that each wheel is to put on the body (N m), and what is left to others."""
@@ -193,7 +193,7 @@ class WheelsFirst(AbstractDistribution):
         )
 
     def tells_left(self, effectors) -> bool:
-        """It is."""
+        """Whether `Shares.left` is told: it always is."""
         return True
 
     def wheels(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"]:
@@ -211,7 +211,7 @@ class WheelsFirst(AbstractDistribution):
 
     @property
     def event_count(self) -> int:
-        """One for each wheel with a limit."""
+        """How many corners the uses have: one for each wheel with a torque limit."""
         return 0 if self.wheel_limit is None else self.wheel_map.shape[0]
 
     def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
@@ -221,7 +221,7 @@ class WheelsFirst(AbstractDistribution):
         return first_at_limit(self.wheel_map @ command, self.wheel_limit)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "WheelsFirst":
-        """The same, bounded by one wheel or by none."""
+        """The same distribution, bounded by one wheel or by none."""
         return self if self.wheel_limit is None else dataclasses.replace(self, limiting=signs)
 
 

@@ -55,7 +55,7 @@ class RigidBody(eqx.Module):
 
     @property
     def stores_momentum(self) -> bool:
-        """Whether any of its effectors does."""
+        """Whether any of the effectors stores momentum."""
         return any(one.momentum(one.init()) is not None for one in self.effectors)
 
     def find(self, kind: type[Kind]) -> Kind | None:
@@ -255,8 +255,8 @@ class RigidBody(eqx.Module):
     ) -> Float[Array, "3"]:
         """The torque of effectors on the body where dω/dt is this, N m."""
         parts = zip(self.effectors, pieces, state.of_each, strict=True)
-        made = [one.torque(piece, t, state, own, acceleration) for one, piece, own in parts]
-        return self._sum(made, None)
+        torques = [one.torque(piece, t, state, own, acceleration) for one, piece, own in parts]
+        return self._sum(torques, None)
 
     def stored(self, state: PlantState) -> dict[str, Array]:
         """What effectors store, by the names of signals."""
@@ -268,8 +268,8 @@ class RigidBody(eqx.Module):
     ) -> dict[str, Array]:
         """What effectors do, by the names of signals."""
         parts = zip(self.effectors, pieces, state.of_each, strict=True)
-        made = [one.signals(piece, own, acceleration) for one, piece, own in parts]
-        return {name: x for found in made for name, x in found.items()}
+        of_each = [one.signals(piece, own, acceleration) for one, piece, own in parts]
+        return {name: x for signals in of_each for name, x in signals.items()}
 
     # Corners under a continuous command.
 
@@ -283,8 +283,8 @@ class RigidBody(eqx.Module):
     ) -> Float[Array, " m"]:
         """The effectors' event functions where dω/dt is this (rad/s²)."""
         parts = zip(self.effectors, state.of_each, commands, strict=True)
-        found = [one.event_functions(own, command, acceleration) for one, own, command in parts]
-        return jnp.concatenate([*found, jnp.zeros(0, state.omega.dtype)])
+        functions = [one.event_functions(own, command, acceleration) for one, own, command in parts]
+        return jnp.concatenate([*functions, jnp.zeros(0, state.omega.dtype)])
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "RigidBody":
         """This body with each effector in the smooth piece that its events tell."""

@@ -64,7 +64,7 @@ class AbstractFailures(eqx.Module):
 
     @classmethod
     def of_tables(cls, failures: Sequence[tuple[int, Any]]) -> Any:
-        """Those of `EffectorContext.failures`; None without any."""
+        """The failures of `EffectorContext.failures`; None without any."""
         if not failures:
             return None
         kind = [failure_kind(cls.kinds, table) for _, table in failures]
@@ -84,12 +84,12 @@ class AbstractFailures(eqx.Module):
     def last(self, struck: Bool[Array, " f"], count: int) -> LastFailure:
         """What each of `count` actuators is under once those events have struck."""
         none = jnp.full(count, SOUND)
-        found = LastFailure(none, none, 0 * none, none - jnp.inf)
+        latest = LastFailure(none, none, 0 * none, none - jnp.inf)
         for event in range(self.count):
-            newer = self.hit(event, count) & struck[event] & (self.at[event] >= found.since)
+            newer = self.hit(event, count) & struck[event] & (self.at[event] >= latest.since)
             this = (float(event), jnp.round(self.kind[event]), self.amount[event], self.at[event])
-            found = LastFailure(*map(lambda new, old: jnp.where(newer, new, old), this, found))
-        return found
+            latest = LastFailure(*map(lambda new, old: jnp.where(newer, new, old), this, latest))
+        return latest
 
 
 class FailureEvents(AbstractFailures):

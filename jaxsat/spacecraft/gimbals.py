@@ -37,7 +37,7 @@ class GimbalFailures(AbstractFailures):
     kinds: ClassVar[type[AbstractFailureKind]] = GimbalFailureKind
 
     def largest_amount(self) -> np.ndarray:
-        """Times of any length."""
+        """The longest times in which a rotor may run down, s."""
         return np.full(self.count, SECONDS.high)
 
     def condition(
@@ -126,7 +126,7 @@ class ControlMomentGyros(AbstractEffector):
     def from_tables(
         cls, tables: Sequence[Any], context: EffectorContext
     ) -> "tuple[ControlMomentGyros, GyroStates]":
-        """Those of checked tables `[[gimbal]]` of a scenario, and their states at the start."""
+        """The gyros of checked tables `[[gimbal]]` of a scenario, and their states at the start."""
 
         def each(key: str) -> np.ndarray:
             return np.array([getattr(one, key) for one in tables], float)
@@ -157,11 +157,11 @@ class ControlMomentGyros(AbstractEffector):
     # State, effect and derivative.
 
     def init(self) -> GyroStates:
-        """Angles of zero, and all rotors at their momentum."""
+        """The state at the start: angles of zero, and all rotors at their momentum."""
         return GyroStates(jnp.zeros(self.count), self.rotor_momentum)
 
     def with_momenta(self, state: GyroStates, change) -> GyroStates:
-        """That of each rotor changed; an angle is the same in a body of any size."""
+        """The state with each rotor's momentum changed; angles stay, whatever the body's size."""
         return GyroStates(state.angle, change(state.momentum))
 
     def momentum(self, state: GyroStates) -> Float[Array, "3"]:
@@ -172,26 +172,26 @@ class ControlMomentGyros(AbstractEffector):
         return jnp.clip(command, -self.rate_limit, self.rate_limit)
 
     def piece(self, mode: tuple, command: Float[Array, " k"]) -> GyroPiece:
-        """Gimbal rates within their limits."""
+        """The gimbal rates within their limits, and how rotors slow down."""
         slowing = jnp.zeros(self.count) if self.slowing is None else self.slowing
         return GyroPiece(self._rates(command), slowing)
 
     def effect(self, piece: GyroPiece, t, plant, state: GyroStates) -> Effect:
-        """-dh/dt as it is relative to the body."""
+        """The torque on the body: -dh/dt as it is relative to the body, N m."""
         along, change = self.directions(state.angle)
         momentum = state.momentum
         return Effect(along @ (piece.slowing * momentum) - change @ (piece.rate * momentum))
 
     def derivative(self, piece: GyroPiece, plant, state: GyroStates, acceleration) -> GyroStates:
-        """dδ/dt and dH/dt."""
+        """The rates of the state: dδ/dt of gimbals and dH/dt of rotors."""
         return GyroStates(piece.rate, -piece.slowing * state.momentum)
 
     def signals(self, piece: GyroPiece, state: GyroStates, acceleration) -> dict[str, Array]:
-        """The rate of each gimbal."""
+        """The rate of each gimbal (rad/s), by the name of its signal."""
         return {"gimbal_rate": piece.rate}
 
     def stored(self, state: GyroStates) -> dict[str, Array]:
-        """The angle of each gimbal."""
+        """The angle of each gimbal (rad), by the name of its signal."""
         return {"gimbal_angle": state.angle}
 
     # Failures in flight, and what is left.
@@ -217,7 +217,7 @@ class ControlMomentGyros(AbstractEffector):
         return left, jnp.where(locked, 0.0, command)
 
     def reach(self, t, plant, state: GyroStates, struck, span) -> Reach:
-        """-H (cos δ t - sin δ s) of each gyro, in N m for one rad/s of its gimbal."""
+        """The torque of each gyro for a gimbal rate of 1 rad/s, -H (cos δ t - sin δ s), in N m."""
         _, change = self.directions(state.angle)
         rate = jnp.where(self._condition(struck)[0], 0.0, self.rate_limit)
         return Reach(-change * state.momentum[None], -rate, rate)

@@ -95,16 +95,16 @@ class LeastPropellant(eqx.Module):
         command_map: Float[np.ndarray, "3 torques"] | None = None,
         tabled: bool = False,
     ) -> "LeastPropellant":
-        """For thrusters with these torques (N m) at full thrust, and what that costs.
+        """The allocation to thrusters with these torques (N m) and costs at full thrust.
 
         A command is a torque (N m) about the body axes unless `command_map` makes it one. Raises
         `ValueError` where they are `tabled` and make no torque of either sign for some command.
         """
         size = np.sqrt(np.sum(torque**2, axis=0))
         price = cost / size
-        given = np.eye(3) if command_map is None else command_map
-        table = least_propellant(torque, cost, given) if tabled else None
-        return LeastPropellant(unit_columns(torque), size, price / price.max(), given, table)
+        to_torque = np.eye(3) if command_map is None else command_map
+        table = least_propellant(torque, cost, to_torque) if tabled else None
+        return LeastPropellant(unit_columns(torque), size, price / price.max(), to_torque, table)
 
     def __call__(
         self,
@@ -134,9 +134,9 @@ class LeastPropellant(eqx.Module):
             jnp.where(within_bounds, 0.0, missed),
         )
 
-    def _bounded(self, limit, torque, first, wanted):
+    def _bounded(self, limit, torque, first, runs):
         upper = limit * self.size
-        thrust, missed = least_price(self.units, upper, self.price, torque, first, wanted)
+        thrust, missed = least_price(self.units, upper, self.price, torque, first, runs)
         return within(thrust / self.size, 0 * limit, limit), missed
 
 
@@ -152,14 +152,14 @@ def least_price(
     price: Float[Array, " m"],
     torque: Float[Array, "3"],
     first: Float[Array, "3"],
-    wanted: Bool[Array, ""],
+    runs: Bool[Array, ""],
 ) -> tuple[Float[Array, " m"], Float[Array, "3"]]:
     """Torques u (N m) along `units`, 0 <= u <= `upper`, that make `first` + `torque` (N m).
 
     They have the least Σ `price` u, the prices 1 at most. Where the sum is too much, `first` is
     made as far as it can be; then, of what the sum lacks, the greatest part in its direction. Given
     are u and what is not made. Derivatives are those at the last vertex. Compiled once, however
-    often it is called; the loop is not run where the torques are not `wanted`.
+    often it is called; the loop is left out unless it `runs`.
     """
     count = upper.shape[0]
     spread = GOLDEN * jnp.arange(count, dtype=upper.dtype) % 1
@@ -168,7 +168,7 @@ def least_price(
     last = jax.lax.while_loop(
         lambda at: at.goes & (at.pivots < PIVOTS_A_THRUSTER * (count + 2)),
         lambda at: _pivot(*fixed, at),
-        jax.lax.stop_gradient(_beginning(upper, torque, first)._replace(goes=wanted)),
+        jax.lax.stop_gradient(_beginning(upper, torque, first)._replace(goes=runs)),
     )
     bounds = (None, upper)
     made = part_up_to(last.facets[0], units, bounds, 0 * first, first)

@@ -80,7 +80,7 @@ class Magnetorquers(AbstractEffector):
     def from_tables(
         cls, tables: Sequence[Any], context: EffectorContext
     ) -> "tuple[Magnetorquers, None]":
-        """Those of checked tables `[[magnetorquer]]` of a scenario."""
+        """The magnetorquers of checked tables `[[magnetorquer]]` of a scenario."""
         axes = np.array([one.axis for one in tables], float).T
         limits = np.array([one.dipole_limit_A_m2 for one in tables])
         failures = MagnetorquerFailures.of_tables(context.failures)
@@ -102,7 +102,7 @@ class Magnetorquers(AbstractEffector):
         return left, gain * self._dipoles(command) + level * self.dipole_limit
 
     def reach(self, t, plant, state: None, struck, span) -> Reach:
-        """a × B of each axis a, in N m for one A m²: together the plane across the field B."""
+        """The torque of each for 1 A m², a × B (N m) of its axis a: all in the plane across B."""
         field = self.field.in_body(jnp.asarray(t), plant.attitude)
         columns = jnp.cross(self.axes, field[:, None], axis=0)
         gain, level = jnp.ones(self.count), jnp.zeros(self.count)
@@ -115,16 +115,16 @@ class Magnetorquers(AbstractEffector):
         return jnp.clip(command, -self.dipole_limit, self.dipole_limit)
 
     def piece(self, mode: tuple, command: Float[Array, " k"]) -> Float[Array, " k"]:
-        """The dipole of each on a command, A m²."""
+        """The dipole of each magnetorquer on a command, within its limit, A m²."""
         return self._dipoles(command)
 
     def effect(self, piece: Float[Array, " k"], t, plant, state: None) -> Effect:
-        """m × B of the dipole m of all."""
+        """The torque on the body: m × B (N m) of the dipole m of all."""
         field = self.field.in_body(jnp.asarray(t), plant.attitude)
         return Effect(jnp.cross(self.axes @ piece, field))
 
     def signals(self, piece: Float[Array, " k"], state: None, acceleration) -> dict[str, Array]:
-        """The dipole of each."""
+        """The dipole of each magnetorquer (A m²), by the name of its signal."""
         return {"dipole": piece}
 
     def misaligned(self, angles: Float[Array, "k 2"]) -> "Magnetorquers":

@@ -66,7 +66,7 @@ class IdealThrottle(AbstractModulation):
     """No modulation: the thrust is the duty, all the period long."""
 
     def init(self, count: int) -> None:
-        """Nothing."""
+        """The memory at the start: a throttle needs none."""
         return
 
     def __call__(self, duty, memory, period, min_on_time):
@@ -75,11 +75,11 @@ class IdealThrottle(AbstractModulation):
         return pulses._replace(level=duty[None]), memory
 
     def edges(self, between: int, count: int) -> int:
-        """None."""
+        """How often valves open or shut inside a period: never."""
         return 0
 
     def counts_openings(self) -> bool:
-        """A throttle is not counted."""
+        """Whether openings are counted: not those of a throttle."""
         return False
 
 
@@ -87,7 +87,7 @@ class PulseWidth(AbstractModulation):
     """Pulse-width modulation: one pulse as long as its duty, none below the minimum on-time."""
 
     def init(self, count: int) -> None:
-        """Nothing."""
+        """The memory at the start: pulse widths need none."""
         return
 
     def __call__(self, duty, memory, period, min_on_time):
@@ -96,7 +96,7 @@ class PulseWidth(AbstractModulation):
         return _one_pulse(jnp.where(width >= min_on_time, width, 0.0)), memory
 
     def edges(self, between: int, count: int) -> int:
-        """Each thruster that fires for a part of the period shuts once."""
+        """How often valves open or shut: each one that fires for a part of a period shuts once."""
         return between
 
 
@@ -118,7 +118,7 @@ class DeltaSigma(AbstractModulation):
         return _one_pulse(width), jnp.minimum(owed - width, period)
 
     def edges(self, between: int, count: int) -> int:
-        """Any thruster may fire what it owes, and shut once."""
+        """How often valves open or shut: any thruster may fire what it owes, and shut once."""
         return count
 
 
@@ -154,11 +154,11 @@ class PulseWidthPulseFrequency(AbstractModulation):
     def of(
         cls, period: float, gain: float, time_constant: float, on_level: float, off_level: float
     ) -> "PulseWidthPulseFrequency":
-        """One with as many switchings as there can be in a period (s), for duties from 0 to 1."""
+        """The modulator with all switchings that a period (s) can have, for duties from 0 to 1."""
         duties = np.linspace(on_level / gain, 1, 1001)[1:]
-        left, made = gain * (1 - duties), gain * duties
-        pulse = np.log((on_level + left) / (off_level + left))
-        pause = np.log((made - off_level) / (made - on_level))
+        discharge, charge = gain * (1 - duties), gain * duties
+        pulse = np.log((on_level + discharge) / (off_level + discharge))
+        pause = np.log((charge - off_level) / (charge - on_level))
         shortest = time_constant * float(np.min(pulse + pause)) * (1 - 1e-3)
         return cls(gain, time_constant, on_level, off_level, 2 * int(period / shortest) + 2)
 
@@ -207,5 +207,5 @@ class PulseWidthPulseFrequency(AbstractModulation):
         return Pulses(begins, ends, jnp.ones_like(begins))
 
     def edges(self, between: int, count: int) -> int:
-        """Any may fire: one that has lost its duty goes on until its lag has decayed."""
+        """How often valves switch: any may, also one without a duty while its lag decays."""
         return count * self.switchings

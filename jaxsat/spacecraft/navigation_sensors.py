@@ -66,7 +66,7 @@ class Gyro(eqx.Module):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], period: float) -> "Gyro":
-        """That of a checked table `[gyro]` of a scenario, whatever the law's `period` (s)."""
+        """The gyro of a checked table `[gyro]` of a scenario, whatever the law's `period` (s)."""
         limit = values["limit_rad_s"]
         return cls(
             values["noise_density_rad_s_sqrt_Hz"],
@@ -161,7 +161,7 @@ class StarTracker(eqx.Module):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], period: float) -> "StarTracker":
-        """That of a checked table `[star_tracker]` of a scenario; `period` (s) is the law's."""
+        """The tracker of a checked table `[star_tracker]`; `period` (s) is that of the law."""
         update, limit = values["update_period_s"], values["rate_limit_rad_s"]
         return cls(
             values["across_rad"],
@@ -183,11 +183,11 @@ class StarTracker(eqx.Module):
         self, sample: Int[Array, ""], period: Float[Array, ""], omega: Float[Array, "3"]
     ) -> Bool[Array, ""]:
         """Whether there is a measurement at this sample; samples are `period` s apart."""
-        seen = (sample % self.every == 0) & (jnp.sum(omega**2) <= self.rate_limit**2)
+        has_fix = (sample % self.every == 0) & (jnp.sum(omega**2) <= self.rate_limit**2)
         if self.outage_start is None or self.outage is None:
-            return seen
+            return has_fix
         since = sample * period - self.outage_start
-        return seen & ((since < 0) | (since >= self.outage))
+        return has_fix & ((since < 0) | (since >= self.outage))
 
     def arriving(self, queue: Queue) -> Queue:
         """What arrives now of all that was measured in the last `latency` samples and now."""

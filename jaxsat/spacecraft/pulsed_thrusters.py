@@ -127,17 +127,17 @@ class PulsedThrusters(AbstractEffector):
 
     @property
     def command_size(self) -> int:
-        """So many torques as are shared, or a duty for each thruster."""
+        """How many numbers command them: the shared torques, or a duty for each thruster."""
         return self.allocation.command_map.shape[1] if self.allocation else self.count
 
     @property
     def failure_times(self) -> Float[Array, "0"]:
-        """None: failures divide the plan into holds."""
+        """No times, as failures divide the plan into holds."""
         return jnp.zeros(0)
 
     @property
     def holds(self) -> int:
-        """One more than there are edges: of commands, failures, and ends of ramps."""
+        """The most holds of a plan: the edges of commands, failures and ramps, and one more."""
         count = self.count
         edges = self.modulation.edges(self.allocation.between if self.allocation else count, count)
         if self.late:
@@ -148,7 +148,7 @@ class PulsedThrusters(AbstractEffector):
         return edges + 1
 
     def init_memory(self) -> ThrusterMemory:
-        """All valves shut, nothing used."""
+        """The memory at the start: all valves are shut, and nothing was used."""
         count = self.count
         zero, modulation = jnp.zeros(count), self.modulation.init(count)
         pulses = None
@@ -219,12 +219,12 @@ class PulsedThrusters(AbstractEffector):
         return Reach(condition.torque, condition.floor, high, self.thrusters.flow)
 
     def begin(self, plan: PulsePlan) -> Running:
-        """Nothing has been used in this period."""
+        """What runs through the holds of a plan: nothing was used yet in this period."""
         zero = jnp.zeros_like(plan.memory.openings)
         return Running(plan.before, zero[0], zero, jnp.zeros(3, zero.dtype))
 
     def ahead(self, plan: PulsePlan, running: Running, now, period) -> Ahead:
-        """Up to the next edge of a command, of a failure or of a ramp."""
+        """The torque up to the next edge of a command, of a failure or of a ramp."""
         pulses = plan.pulses
         condition = self._condition(plan.t, now)
         acting = (pulses.on <= now) & (now < pulses.off)
@@ -242,7 +242,7 @@ class PulsedThrusters(AbstractEffector):
         return Ahead(until, torque, _Level(level, slope, target, arrival))
 
     def passed(self, plan: PulsePlan, running: Running, ahead: Ahead, now, end) -> Running:
-        """With what was used in the hold."""
+        """What runs through a plan, with what was used in a hold."""
         length, (level, slope, target, arrival) = end - now, ahead.own
         after, mean, torque = None, level, ahead.command.torque
         if slope is not None and arrival is not None:
@@ -268,14 +268,14 @@ class PulsedThrusters(AbstractEffector):
         return jnp.where(moves, level, target), jnp.where(moves, slope, 0.0), arrival
 
     def finish(self, plan: PulsePlan, running: Running) -> tuple[ThrusterMemory, ThrusterTorque]:
-        """What has been used is summed up, and the mean torque with the usage of the period."""
+        """The memory with all that was used, and the mean torque with the usage of the period."""
         propellant = plan.memory.propellant + running.propellant
         memory = plan.memory._replace(level=running.level, propellant=propellant)
         usage = Usage(running.on_time / plan.period, propellant, memory.openings)
         return memory, ThrusterTorque(running.impulse / plan.period, usage=usage)
 
     def consumption(self, memory: ThrusterMemory) -> dict[str, Array]:
-        """As the memory has it."""
+        """The propellant (kg) and the openings of valves up to a sample."""
         return {"propellant": memory.propellant, "valve_openings": memory.openings}
 
     # What stays in a hold.
@@ -283,7 +283,7 @@ class PulsedThrusters(AbstractEffector):
     def driven(
         self, state: None, command: ThrusterTorque, struck: Bool[Array, "0"]
     ) -> "tuple[PulsedThrusters, ThrusterTorque]":
-        """Themselves: what has failed is in the torque."""
+        """These thrusters and their torque as they are: what has failed is in the torque."""
         return self, command
 
     def later(self, command: ThrusterTorque, elapsed: RealScalar) -> ThrusterTorque:
@@ -297,7 +297,7 @@ class PulsedThrusters(AbstractEffector):
         return command
 
     def effect(self, piece: ThrusterTorque, t, plant, state: None) -> Effect:
-        """The torque."""
+        """The torque on the body (N m), with no correction of its inertia."""
         return Effect(piece.torque)
 
     def signals(self, piece: ThrusterTorque, state: None, acceleration) -> dict[str, Array]:

@@ -38,7 +38,7 @@ class Sensors(eqx.Module):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], key: UInt32[Array, "2"]) -> "Sensors":
-        """Those of a checked table `[sampling]` of a scenario."""
+        """The noise of a checked table `[sampling]` of a scenario."""
         return cls(values["rate_noise_rad_s"], values["attitude_noise_rad"], key)
 
     def __call__(
@@ -74,7 +74,7 @@ class DrawnSensors(eqx.Module):
     def __call__(
         self, sample: Int[Array, ""], attitude: AbstractAttitude, omega: Float[Array, "3"]
     ) -> tuple[AbstractAttitude, Float[Array, "3"]]:
-        """As the sensors themselves."""
+        """The measured attitude and the measured ω (rad/s), as by the sensors themselves."""
         return self.sensors.with_noise(self.noise[sample - self.first], attitude, omega)
 
 

@@ -21,8 +21,8 @@ def _as_inertia(value: ArrayLike | list | tuple) -> Float[Array, "3 3"]:
         )
     if array.ndim == 2:
         return array
-    known = concrete(array)
-    return jnp.diag(array) if known is None else as_array(np.diag(known))
+    moments = concrete(array)
+    return jnp.diag(array) if moments is None else as_array(np.diag(moments))
 
 
 def inverse_of(inertia: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
@@ -50,9 +50,9 @@ class Spacecraft(eqx.Module):
     @property
     def moments(self) -> Float[Array, "3"]:
         """The diagonal of the inertia, J1, J2, J3 of equation (37), kg m²."""
-        known = concrete(self.inertia)
-        if known is not None:
-            return as_array(np.diagonal(known))
+        inertia = concrete(self.inertia)
+        if inertia is not None:
+            return as_array(np.diagonal(inertia))
         a, b, c = self.inertia
         return jnp.stack([a[0], b[1], c[2]])  # far fewer operations than jnp.diagonal
 

@@ -36,11 +36,11 @@ class Thrusters(eqx.Module):
                 f"Argument `torque_axes` must have shape (3, m), but got {tuple(axes.shape)}."
             )
         require_finite("torque_axes", axes)
-        known = concrete(axes)
-        if known is None:
+        concrete_axes = concrete(axes)
+        if concrete_axes is None:
             self.torque_axes = axes / jnp.sqrt(jnp.sum(axes**2, axis=0, keepdims=True))
             return
-        self.torque_axes = as_array(unit_columns(known))
+        self.torque_axes = as_array(unit_columns(concrete_axes))
 
     @property
     def count(self) -> int:
@@ -58,10 +58,10 @@ class Thrusters(eqx.Module):
             raise ValueError(
                 f"Argument `failed` must name thrusters from 1 to {self.count}, but got {unknown}."
             )
-        kept = [j for j in range(self.count) if j + 1 not in failed]
-        known = concrete(self.torque_axes)
-        axes = self.torque_axes if known is None else known
-        return Thrusters(axes[:, np.array(kept, dtype=int)])
+        working = [j for j in range(self.count) if j + 1 not in failed]
+        concrete_axes = concrete(self.torque_axes)
+        axes = self.torque_axes if concrete_axes is None else concrete_axes
+        return Thrusters(axes[:, np.array(working, dtype=int)])
 
 
 def two_thruster_coupling(thrusters: Thrusters) -> Float[Array, "2"]:
@@ -95,9 +95,9 @@ def one_thruster_coupling(thrusters: Thrusters) -> Float[Array, "2"]:
 
 
 def _require_normaliser(value: Float[Array, ""], rule: str) -> None:
-    known = concrete(value)
-    if known is not None and abs(known) < NORMALISER_FLOOR:
-        raise ValueError(f"{rule}, but got {float(known):.3g}.")
+    number = concrete(value)
+    if number is not None and abs(number) < NORMALISER_FLOOR:
+        raise ValueError(f"{rule}, but got {float(number):.3g}.")
 
 
 class ThrusterSet(eqx.Module):
@@ -122,8 +122,8 @@ class ThrusterSet(eqx.Module):
     def __check_init__(self):
         require_finite("torque", self.torque)
         require_finite("force", self.force)
-        known = concrete(self.torque)
-        if known is not None and not np.all(np.any(known != 0, axis=0)):
+        torque = concrete(self.torque)
+        if torque is not None and not np.all(np.any(torque != 0, axis=0)):
             raise ValueError("Argument `torque` must have no zero column, but one is zero.")
         if (self.rise_time is None) != (self.fall_time is None):
             raise ValueError("Arguments `rise_time` and `fall_time` must be given together.")

@@ -25,7 +25,7 @@ class WheelFailures(AbstractFailures):
     kinds: ClassVar[type[AbstractFailureKind]] = WheelFailureKind
 
     def largest_amount(self) -> np.ndarray:
-        """As much friction as a wheel may have, else all of its torque."""
+        """The most friction that a wheel may have, else all of its torque."""
         kinds = concrete(self.kind)
         if kinds is None:
             return super().largest_amount()
@@ -48,10 +48,10 @@ class WheelFailures(AbstractFailures):
 
     def frees_a_wheel(self) -> bool:
         """Whether a wheel that has seized is struck once more, as far as the numbers are known."""
-        known = [concrete(one) for one in (self.number, self.at, self.kind)]
-        if any(one is None for one in known):
+        columns = [concrete(one) for one in (self.number, self.at, self.kind)]
+        if any(one is None for one in columns):
             return False
-        events = sorted(zip(*map(np.asarray, known), strict=True), key=lambda one: one[1])
+        events = sorted(zip(*map(np.asarray, columns), strict=True), key=lambda one: one[1])
         events = [(round(wheel), at, round(kind)) for wheel, at, kind in events if np.isfinite(at)]
         stops = [one for one in events if one[2] == WheelFailureKind.STOPPED]
         return any(one[0] == other[0] and other[1] > one[1] for one in stops for other in events)
@@ -72,15 +72,15 @@ class WheelCondition(NamedTuple):
 
     def command(
         self,
-        asked: Float[Array, " wheels"],
+        torque: Float[Array, " wheels"],
         momentum: Float[Array, " wheels"],
         limit: Float[Array, " wheels"] | None,
     ) -> Float[Array, " wheels"]:
-        """The torque that motors make of what is `asked`, within their `limit` (N m) before."""
+        """The torque that motors make when a `torque` is commanded within their `limit` (N m)."""
         if limit is not None:
             full = jnp.where(momentum < 0, limit, -limit)
-            asked = jnp.where(self.runaway, full, asked)
-        return self.gain * asked
+            torque = jnp.where(self.runaway, full, torque)
+        return self.gain * torque
 
 
 def driven(

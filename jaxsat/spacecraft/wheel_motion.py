@@ -92,9 +92,9 @@ def edges_of(
     `period` where that does not happen.
     """
     course = _course(wheels, momentum, command)
-    found = [] if wheels.coulomb_friction is None else [course.zero]
-    found += [] if wheels.momentum_limit is None else [course.limit]
-    return jnp.minimum(jnp.concatenate([*found, jnp.zeros(0, momentum.dtype)]), period)
+    edges = [] if wheels.coulomb_friction is None else [course.zero]
+    edges += [] if wheels.momentum_limit is None else [course.limit]
+    return jnp.minimum(jnp.concatenate([*edges, jnp.zeros(0, momentum.dtype)]), period)
 
 
 def piece_after(

@@ -50,7 +50,7 @@ def _with_momentum(one: "Wheels", state: WheelMomenta, momentum: Array):
 
 
 def _momentum_limits(one: "Wheels") -> Limits:
-    """Up to the limit of each wheel that has one."""
+    """The limits of momenta: that of each wheel which has one."""
     limit = as_float(TORQUE.high) if one.momentum_limit is None else one.momentum_limit
     largest = jnp.minimum(limit, TORQUE.high)
     return Limits(-largest, largest)
@@ -124,7 +124,7 @@ class Wheels(AbstractEffector):
     def from_tables(
         cls, tables: Sequence[Any], context: EffectorContext
     ) -> tuple["Wheels", WheelMomenta]:
-        """Those of checked tables `[[wheel]]` of a scenario, and their momenta at the start.
+        """The wheels of checked tables `[[wheel]]` of a scenario, and their momenta at the start.
 
         What none of them has is left out.
         """
@@ -182,19 +182,19 @@ class Wheels(AbstractEffector):
     # State, effect and derivative.
 
     def init(self) -> WheelMomenta:
-        """All stand still."""
+        """The state at the start: all wheels stand still."""
         return WheelMomenta(jnp.zeros(self.count))
 
     def with_momenta(self, state: WheelMomenta, change) -> WheelMomenta:
-        """That of each wheel changed."""
+        """The state with each wheel's momentum changed."""
         return WheelMomenta(change(state.momentum))
 
     def momentum(self, state: WheelMomenta) -> Float[Array, "3"]:
-        """A h in body axes, N m s."""
+        """The momentum of all wheels relative to the body, A h in body axes, N m s."""
         return self.axes @ state.momentum
 
     def free_inertia(self) -> Float[Array, "3 3"] | None:
-        """-Σ J_w a aᵀ of all wheels, kg m²."""
+        """The correction of the inertia by all wheels, -Σ J_w a aᵀ, kg m²."""
         return self._correction(None)
 
     def _correction(self, turns: Bool[Array, " wheels"] | None) -> Float[Array, "3 3"] | None:
@@ -202,30 +202,30 @@ class Wheels(AbstractEffector):
 
     @property
     def mode_passes(self) -> int:
-        """That of wheels at their limits or not as told is known from the beginning."""
+        """How often `mode_after` is asked: never where `limited` tells which wheels are held."""
         if self.limited is not None:
             return 0
         return 1 if self.rotor_inertia is None else STATE_PASSES
 
     def mode(self, state: WheelMomenta) -> WheelStates:
-        """By their momenta: those that may be held are."""
+        """How wheels move by their momenta alone: those that may be held are."""
         return first_states(self, state.momentum)
 
     def mode_after(
         self, mode: WheelStates, state: WheelMomenta, command, acceleration
     ) -> WheelStates:
-        """After those of which a margin is below zero."""
+        """How wheels move once those have left their state of which a margin is below zero."""
         if self.limited is not None:
             return mode
         drive, drag = self.motor_torque(command), self._drag(acceleration)
         return mode.left(mode.margins(self, state.momentum, drive, drag), drive, drag)
 
     def piece(self, mode: WheelStates, command: Float[Array, " wheels"]) -> WheelPiece:
-        """Drive and decay of each wheel, and which of them turn."""
+        """The drive and decay of each wheel, and which of them turn."""
         return mode.piece(self, self.motor_torque(command))
 
     def effect(self, piece: WheelPiece, t, plant, state: WheelMomenta) -> Effect:
-        """A c, and -Σ J_w a aᵀ of the wheels that turn."""
+        """The torque A c (N m), and the correction -Σ J_w a aᵀ (kg m²) of the wheels that turn."""
         return Effect(self.axes @ piece.torque(state.momentum), self._correction(piece.turns))
 
     def derivative(
@@ -235,11 +235,11 @@ class Wheels(AbstractEffector):
         return WheelMomenta(self._rate(piece, state, acceleration))
 
     def _rate(self, piece: WheelPiece, state: WheelMomenta, acceleration):
-        found = -piece.torque(state.momentum)
+        rate = -piece.torque(state.momentum)
         if self.rotor_inertia is None:
-            return found
-        found = found - self._drag(acceleration)
-        return found if piece.turns is None else jnp.where(piece.turns, found, 0.0)
+            return rate
+        rate = rate - self._drag(acceleration)
+        return rate if piece.turns is None else jnp.where(piece.turns, rate, 0.0)
 
     def made(
         self, piece: WheelPiece, state: WheelMomenta, acceleration: Float[Array, "3"]
@@ -254,15 +254,15 @@ class Wheels(AbstractEffector):
         return jnp.where(piece.turns, torque, -self._drag(acceleration))
 
     def torque(self, piece: WheelPiece, t, plant, state: WheelMomenta, acceleration):
-        """A c with what turns rotors that keep their momentum, N m."""
+        """The torque A c with what turns rotors that keep their momentum, N m."""
         return self.axes @ self.made(piece, state, acceleration)
 
     def signals(self, piece: WheelPiece, state: WheelMomenta, acceleration) -> dict[str, Array]:
-        """The torque of each wheel."""
+        """The torque of each wheel (N m), by the name of its signal."""
         return {"wheel_torque": self.made(piece, state, acceleration)}
 
     def stored(self, state: WheelMomenta) -> dict[str, Array]:
-        """The momentum of each wheel."""
+        """The momentum of each wheel (N m s), by the name of its signal."""
         return {"wheel_momentum": state.momentum}
 
     # Failures in flight.
@@ -273,13 +273,13 @@ class Wheels(AbstractEffector):
         return self.failures.condition(struck, self.count).stopped
 
     def blow(self, state: WheelMomenta, struck: Bool[Array, " f"]) -> Effect:
-        """The momenta of wheels that seize, and the rotors of those that do not."""
+        """The impulse of wheels that seize (N m s), and the inertia of the rotors that turn on."""
         stopped = self._stopped(struck)
-        given = self.axes @ jnp.where(stopped, state.momentum, 0.0)
-        return Effect(given, self._correction(~stopped))
+        impulse = self.axes @ jnp.where(stopped, state.momentum, 0.0)
+        return Effect(impulse, self._correction(~stopped))
 
     def blown(self, state: WheelMomenta, struck: Bool[Array, " f"], change) -> WheelMomenta:
-        """Those that seize stand still; J_w aᵀω + h of each other wheel is what it was."""
+        """The state after a blow: those that seize stand still, and J_w aᵀω + h of others stays."""
         momentum = state.momentum
         if self.rotor_inertia is not None:
             momentum = momentum - self._drag(change)
@@ -296,8 +296,8 @@ class Wheels(AbstractEffector):
         return wheel_failures.reach(self, state.momentum, struck, span)
 
     def last_drawn_kind(self, sampled: bool) -> WheelFailureKind:
-        """One runs away only where all have a torque limit, and has Coulomb friction, whose kind is
-        before that, only under a sampled law."""
+        """The last kind that a study draws: `RUNAWAY` only where all have a torque limit, and
+        `FRICTION_TO`, the one before, only under a sampled law."""
         if not sampled:
             return WheelFailureKind.FRICTION_BY
         limits = None if self.torque_limit is None else concrete(self.torque_limit)
@@ -305,7 +305,7 @@ class Wheels(AbstractEffector):
         return WheelFailureKind.RUNAWAY if limited else WheelFailureKind.FRICTION_TO
 
     def without_corners(self) -> "Wheels":
-        """The same without Coulomb friction and failures in flight."""
+        """The same wheels without Coulomb friction and failures in flight."""
         return eqx.tree_at(
             lambda one: (one.coulomb_friction, one.failures),
             self,
@@ -317,25 +317,26 @@ class Wheels(AbstractEffector):
 
     @property
     def edge_count(self) -> int:
-        """One for each wheel that friction may bring to rest, and one for each with a limit."""
+        """How many edges there are: one a wheel that friction may stop, and one a wheel with a
+        limit."""
         return self.count * sum(x is not None for x in (self.coulomb_friction, self.momentum_limit))
 
     @property
     def follows_body(self) -> bool:
-        """Where rotors have an inertia and wheels may be held."""
+        """Whether edges must be searched: where rotors have an inertia and wheels may be held."""
         holds = self.edge_count > 0 or self.seized is not None
         return self.rotor_inertia is not None and holds
 
     def edges(self, state: WheelMomenta, command, period) -> Float[Array, " edges"]:
-        """Where wheels come to rest or to their limits."""
+        """The instants (s) at which wheels come to rest or to their limits."""
         return wheel_motion.edges_of(self, state.momentum, command, period)
 
     def held_piece(self, state: WheelMomenta, command, elapsed) -> WheelPiece:
-        """While the body turns evenly, or without a rotor inertia."""
+        """The piece after `elapsed` s, while the body turns evenly or without a rotor inertia."""
         return wheel_motion.piece_after(self, state.momentum, command, elapsed)
 
     def snapped(self, state: WheelMomenta, command, elapsed, reached: WheelMomenta) -> WheelMomenta:
-        """Exactly zero, or the limit, where wheels come to it then."""
+        """The state with momenta exactly zero, or at the limit, where wheels come to it then."""
         momentum = state.momentum
         return WheelMomenta(
             wheel_motion.snapped(self, momentum, command, elapsed, reached.momentum)
@@ -344,27 +345,27 @@ class Wheels(AbstractEffector):
     def margins(
         self, mode: WheelStates, state: WheelMomenta, command, acceleration
     ) -> Float[Array, "2 wheels"]:
-        """Those of rest and of what is held, and those of the limit of momentum."""
+        """How far wheels are from leaving rest or a hold, and from their momentum limit."""
         drive, drag = self.motor_torque(command), self._drag(acceleration)
         return mode.margins(self, state.momentum, drive, drag)
 
     def approach(
         self, mode: WheelStates, state: WheelMomenta, command, acceleration
     ) -> Float[Array, "2 wheels"]:
-        """Of wheels that turn: where one breaks loose nothing jumps."""
+        """How fast margins of turning wheels change: where one breaks loose nothing jumps."""
         rate = self._rate(self.piece(mode, command), state, acceleration)
         speeds = jnp.stack([mode.side * rate, -jnp.sign(state.momentum) * rate])
         return jnp.where(mode.turns[None], speeds, 0.0)
 
     def come(self, mode: WheelStates, state: WheelMomenta, margins) -> WheelMomenta:
-        """Exactly zero, or the limit, where wheels have come to it."""
+        """The state with momenta exactly zero, or at the limit, where wheels have come to it."""
         return WheelMomenta(mode.snapped(self, state.momentum, margins))
 
     # A command that changes continuously: events, and the smooth piece between two of them.
 
     @property
     def event_count(self) -> int:
-        """One for each wheel with a momentum limit."""
+        """How many corners there are: one for each wheel with a momentum limit."""
         return 0 if self.momentum_limit is None else self.count
 
     def event_functions(self, state: WheelMomenta, command, acceleration) -> Float[Array, " m"]:

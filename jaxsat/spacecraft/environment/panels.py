@@ -48,7 +48,7 @@ class Panels(eqx.Module):
 
     @classmethod
     def from_tables(cls, tables: Sequence[Any]) -> "Panels":
-        """Those of checked tables `[[panel]]` of a scenario."""
+        """The panels of checked tables `[[panel]]` of a scenario."""
         names = ("area_m2", "normal", "centre_m", "drag_coefficient", "specular", "diffuse")
         return cls(*(np.array([getattr(one, name) for one in tables]) for name in names))
 
