@@ -35,13 +35,13 @@ class Library:
         self.path = path.resolve()
         try:
             self._library = ctypes.CDLL(str(self.path))
-            told = self._library.controller_program
+            program_function = self._library.controller_program
         except (OSError, AttributeError) as error:
             raise LibraryError(
                 f"must be a library that `make` built of an export ({error})"
             ) from None
-        told.restype = ctypes.c_char_p
-        program, _, precision = told().decode().partition("-")
+        program_function.restype = ctypes.c_char_p
+        program, _, precision = program_function().decode().partition("-")
         self.single = precision == "single"
         self.program: FlightProgram = flight_program(loop, start, single=self.single)
         if program != self.program.hash:
@@ -59,14 +59,14 @@ class Library:
 
     def run(self, stage: str, rows: list[Any], out: Struct) -> tuple[np.ndarray, np.ndarray]:
         """Outputs and next states of a stage for rows of parameters, inputs and states."""
-        given = np.ascontiguousarray(np.concatenate(rows, axis=1), np.float64)
-        count, sizes = len(given), (out.size, self.program.structs["state"].size)
-        found = np.zeros((count, sum(sizes)))
+        arguments = np.ascontiguousarray(np.concatenate(rows, axis=1), np.float64)
+        count, sizes = len(arguments), (out.size, self.program.structs["state"].size)
+        outcomes = np.zeros((count, sum(sizes)))
         function = getattr(self._library, f"controller_{stage}_batch")
         function.argtypes = [ctypes.c_int64, ctypes.c_void_p, ctypes.c_void_p]
         function.restype = None
-        function(count, given.ctypes.data, found.ctypes.data)
-        return found[:, : sizes[0]], found[:, sizes[0] :]
+        function(count, arguments.ctypes.data, outcomes.ctypes.data)
+        return outcomes[:, : sizes[0]], outcomes[:, sizes[0] :]
 
 
 def with_library(loop: SampledLoop, library: Library) -> SampledLoop:
@@ -87,33 +87,33 @@ class ExternalLaw(AbstractSampledController):
     library: Library = eqx.field(static=True)
 
     def init(self, state: PlantState) -> PyTree:
-        """The law's own."""
+        """The memory before the first sample, which the law itself makes."""
         return self.law.init(state)
 
     def step(self, t: Array, state: PlantState, memory: PyTree) -> tuple[Array, PyTree]:
         """The library's torque (N m) and memory."""
         arrays = eqx.filter(self.law, eqx.is_array)
         command = jax.eval_shape(self.law.step, t, state, memory)[0]
-        seen = Seen(state.attitude, state.omega, wheel_momentum(state))
+        law_input = Seen(state.attitude, state.omega, wheel_momentum(state))
         call = _Call(self.library, "control")
         return jax.pure_callback(
-            call, (command, memory), arrays, t, seen, memory, vmap_method="broadcast_all"
+            call, (command, memory), arrays, t, law_input, memory, vmap_method="broadcast_all"
         )
 
     def rate_error(self, state: PlantState, memory: PyTree) -> Float[Array, "2"]:
-        """The law's own."""
+        """How far the rates are from the law's own reference, rad/s."""
         return self.law.rate_error(state, memory)
 
     def judged(self, memory: PyTree) -> PyTree:
-        """The law's own."""
+        """What of the memory must stay finite, which the law itself says."""
         return self.law.judged(memory)
 
     def telemetry(self, memory: PyTree) -> Mapping[str, Array]:
-        """The law's own."""
+        """What the law itself tells of the memory, by the names of signals."""
         return self.law.telemetry(memory)
 
     def mode(self, memory: PyTree) -> Int[Array, ""]:
-        """The law's own."""
+        """Which part of the law is at work, by the memory."""
         return self.law.mode(memory)
 
 
@@ -124,7 +124,7 @@ class ExternalEstimator(AbstractEstimator):
     library: Library = eqx.field(static=True)
 
     def init(self, attitude: Quaternion, sigma: Array) -> PyTree:
-        """The estimator's own."""
+        """The memory before the first sample, which the estimator itself makes."""
         return self.estimator.init(attitude, sigma)
 
     def step(
@@ -137,12 +137,12 @@ class ExternalEstimator(AbstractEstimator):
             momentum = jnp.zeros(momentum.shape)
         attitude, rate = measurement.attitude, measurement.rate
         measured = Measured(rate, attitude.q, measurement.seen, momentum)
-        seen = Seen(attitude, rate, momentum)
+        law_input = Seen(attitude, rate, momentum)
         call = _Call(self.library, "estimate")
-        seen, memory = jax.pure_callback(
-            call, (seen, memory), arrays, sample, measured, memory, vmap_method="broadcast_all"
+        law_input, memory = jax.pure_callback(
+            call, (law_input, memory), arrays, sample, measured, memory, vmap_method="broadcast_all"
         )
-        return Estimate(seen.attitude, seen.omega), memory
+        return Estimate(law_input.attitude, law_input.omega), memory
 
 
 class _Call:
@@ -151,8 +151,8 @@ class _Call:
     def __init__(self, library: Library, stage: str):
         self.library, self.stage = library, stage
 
-    def __call__(self, arrays: PyTree, when: Any, seen: PyTree, memory: PyTree) -> PyTree:
-        """Next to the parts that the stage has not, rows are zero."""
+    def __call__(self, arrays: PyTree, when: Any, inputs: PyTree, memory: PyTree) -> PyTree:
+        """The stage's results for all cases; rows are zero in what the stage has no part in."""
         program, controls = self.library.program, self.stage == "control"
         part = "law" if controls else "estimator"
         when = np.asarray(when)
@@ -160,26 +160,26 @@ class _Call:
         structs = program.structs
         rows = [self._parameters(part, arrays, count)]
         begin = (when, np.zeros_like(when)) if controls else (np.zeros_like(when), when)
-        given = _rows((*begin, seen), count)
+        input_rows = _rows((*begin, inputs), count)
         if controls and program.estimates:
             empty = np.zeros((count, structs["input"].size - 2))
-            rows += [given[:, :2], empty, given[:, 2:]]
+            rows += [input_rows[:, :2], empty, input_rows[:, 2:]]
         else:
-            rows.append(given)
+            rows.append(input_rows)
         before = np.zeros((count, structs["state"].size))
         place = _places(program, part)
         before[:, place] = _rows(memory, count)
         rows.append(before)
         out = structs["output"] if controls else structs["seen"]
-        found, after = self.library.run(self.stage, rows, out)
+        output_rows, after = self.library.run(self.stage, rows, out)
         if controls:
             first = structs["output"].fields[0]
-            outputs: Any = found[:, : first.size].reshape(*when.shape, -1)
+            outputs: Any = output_rows[:, : first.size].reshape(*when.shape, -1)
             outputs = outputs.astype(jax.dtypes.canonicalize_dtype(float))
         else:
-            like = Seen(Quaternion(seen.attitude), seen.rate, seen.wheel_momentum)
-            outputs = _unpacked(found, like, when.shape)
-        return outputs, _unpacked(after[:, place], memory, when.shape)
+            like = Seen(Quaternion(inputs.attitude), inputs.rate, inputs.wheel_momentum)
+            outputs = _unpack(output_rows, like, when.shape)
+        return outputs, _unpack(after[:, place], memory, when.shape)
 
     def _parameters(self, part: str, arrays: PyTree, count: int) -> np.ndarray:
         """The case's own arrays, and those of the scenario for what it does not have."""
@@ -204,22 +204,22 @@ def _rows(tree: PyTree, count: int) -> np.ndarray:
 
 def _places(program: FlightProgram, part: str) -> np.ndarray:
     """Which numbers of a state belong to a part of it."""
-    found, place = [], 0
+    places, place = [], 0
     for field in program.structs["state"].fields:
         if field.path == part or field.path.startswith((f"{part}.", f"{part}[")):
-            found += range(place, place + field.size)
+            places += range(place, place + field.size)
         place += field.size
-    return np.array(found, int)
+    return np.array(places, int)
 
 
-def _unpacked(rows: np.ndarray, like: PyTree, shape: tuple[int, ...]) -> PyTree:
+def _unpack(rows: np.ndarray, like: PyTree, shape: tuple[int, ...]) -> PyTree:
     """Rows as a tree whose leaves have these leading axes already."""
     leaves, structure = jax.tree.flatten(like)
-    found, place = [], 0
+    arrays, place = [], 0
     for leaf in leaves:
         leaf = np.asarray(leaf)
         size = int(np.prod(leaf.shape[len(shape) :]))
         part = rows[:, place : place + size].reshape(leaf.shape)
-        found.append((part != 0) if leaf.dtype == bool else part.astype(leaf.dtype))
+        arrays.append((part != 0) if leaf.dtype == bool else part.astype(leaf.dtype))
         place += size
-    return jax.tree.unflatten(structure, found)
+    return jax.tree.unflatten(structure, arrays)

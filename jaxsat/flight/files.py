@@ -73,10 +73,10 @@ def export(request: Request) -> Export:
     }
     files = {name: text.encode() for name, text in texts.items()}
     files["test_vectors.bin"] = vectors_file(samples)
-    numbers = measured(files)
+    processor_use = measured(files)
     lines = texts["controller.c"].count("\n")
-    files["README.md"] = readme(request, program, samples, numbers, lines).encode()
-    return Export(program, files, samples, numbers, lines)
+    files["README.md"] = readme(request, program, samples, processor_use, lines).encode()
+    return Export(program, files, samples, processor_use, lines)
 
 
 def _intro(request: Request, program: FlightProgram) -> list[str]:

@@ -34,7 +34,7 @@ class Seen(NamedTuple):
     wheel_momentum: Float[Array, " wheels"] | None = None
 
     def as_state(self) -> PlantState:
-        """The same as laws take it."""
+        """The state of a plant with these numbers, as laws take it."""
         momentum = self.wheel_momentum
         states = None if momentum is None else (WheelMomenta(momentum),)
         return PlantState(self.attitude, self.omega, states)
@@ -94,7 +94,7 @@ class FlightController(eqx.Module):
 
     @staticmethod
     def of(loop: object) -> "FlightController":
-        """Those of a loop; raises `CannotExport` for one that is not sampled."""
+        """The parts of a loop; raises `CannotExport` for one that is not sampled."""
         if not isinstance(loop, SampledLoop):
             raise CannotExport(
                 "control.law: must be a law that runs once a period to become flight code, got one "
@@ -119,37 +119,37 @@ class FlightController(eqx.Module):
     def estimate(self, now: Input, memory: PyTree) -> tuple[Seen, PyTree]:
         """What the law is told, and the estimator's memory."""
         assert self.estimator is not None
-        found, memory = self.estimator.step(
+        estimate, memory = self.estimator.step(
             now.sample, self.law.period, _measurement(now.measured), memory
         )
-        return Seen(found.attitude, found.omega, now.measured.wheel_momentum), memory
+        return Seen(estimate.attitude, estimate.omega, now.measured.wheel_momentum), memory
 
-    def control(self, time: Array, seen: Seen, memory: PyTree) -> tuple[Array, Array, PyTree]:
+    def control(self, time: Array, law_input: Seen, memory: PyTree) -> tuple[Array, Array, PyTree]:
         """The law's command (N m), its mode and its memory."""
-        command, memory = self.law.step(time, seen.as_state(), memory)
+        command, memory = self.law.step(time, law_input.as_state(), memory)
         return command, self.law.mode(memory), memory
 
     def allocate(
-        self, seen: Seen, command: Array, memory: PyTree
+        self, law_input: Seen, command: Array, memory: PyTree
     ) -> tuple[dict[str, Array], PyTree]:
         """The effectors' commands by the names of `SampleCommands`, and the modulator's memory."""
         # What steers effectors alone asks for the time, and is no part of flight code.
-        uses = self.distribution(jnp.zeros(()), seen.as_state(), command, self.effectors).uses
-        found: dict[str, Array] = {}
+        uses = self.distribution(jnp.zeros(()), law_input.as_state(), command, self.effectors).uses
+        commands: dict[str, Array] = {}
         for one, use in zip(self.effectors, uses, strict=True):
             if isinstance(one, Wheels):
-                found["wheel_torque"] = use
+                commands["wheel_torque"] = use
             elif isinstance(one, Actuators):
-                found["thrust"] = one.thrust(use)
+                commands["thrust"] = one.thrust(use)
             elif isinstance(one, PulsedThrusters):
                 period, least = self.law.period, one.thrusters.min_on_time
                 pulses, memory = one.modulation(one.duties(use), memory, period, least)
-                found |= zip(("valve_on", "valve_off", "level"), pulses, strict=True)
-        return found, memory
+                commands |= zip(("valve_on", "valve_off", "level"), pulses, strict=True)
+        return commands, memory
 
-    def begin_law(self, seen: Seen) -> PyTree:
+    def begin_law(self, law_input: Seen) -> PyTree:
         """The law's memory before the first sample."""
-        return self.law.init(seen.as_state())
+        return self.law.init(law_input.as_state())
 
     def begin_estimator(self, attitude: Array) -> PyTree:
         """The estimator's memory before the first sample, for a first estimate (quaternion)."""
@@ -186,7 +186,7 @@ def as_type(tree: PyTree, dtype: Any) -> PyTree:
 
     Whole numbers have 32 bits beside floats of 32 bits, as they have in a trace of these.
     """
-    made: dict[int, Any] = {}
+    arrays: dict[int, Any] = {}
     shorter = {np.dtype(np.int64): np.int32, np.dtype(np.uint64): np.uint32}
     whole = shorter if np.dtype(dtype).itemsize == 4 else {}
 
@@ -194,7 +194,7 @@ def as_type(tree: PyTree, dtype: Any) -> PyTree:
         if not eqx.is_array_like(x):
             return x
         floating = jnp.issubdtype(jnp.result_type(x), jnp.floating)
-        wanted = dtype if floating else whole.get(getattr(x, "dtype", None))
-        return x if wanted is None else made.setdefault(id(x), jnp.asarray(x, wanted))
+        new_type = dtype if floating else whole.get(getattr(x, "dtype", None))
+        return x if new_type is None else arrays.setdefault(id(x), jnp.asarray(x, new_type))
 
     return jax.tree.map(one, tree)

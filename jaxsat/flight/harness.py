@@ -182,7 +182,7 @@ int main(int count, char **words)
 
 
 def test_program(program: FlightProgram, intro: Sequence[str]) -> str:
-    """test_controller.c."""
+    """The text of test_controller.c."""
     real, word, least = (
         ("float", "int32_t", "INT32_MIN") if program.single else ("double", "int64_t", "INT64_MIN")
     )
@@ -194,7 +194,7 @@ STAGES = ("estimate", "control")
 
 
 def library_source(program: FlightProgram, intro: Sequence[str]) -> str:
-    """The file; it takes in controller.c, whose stages nobody else can call.
+    """The text of controller_library.c, which includes controller.c for its static stages.
 
     A row of parameters, inputs and state goes in for each case; the next state and the law's torque
     and mode (`control`), or what the law is told (`estimate`), come out.
@@ -243,8 +243,8 @@ def _batch(program: FlightProgram, stage: str, *, seen_in: bool) -> list[str]:
         lines += ["    controller_output output;"]
     if program.estimates:
         lines += ["    controller_seen told;"]
-    clocked = reads_clock(program.calls[stage])
-    lines += ["    controller_clock clock;"] if clocked else []
+    needs_clock = reads_clock(program.calls[stage])
+    lines += ["    controller_clock clock;"] if needs_clock else []
     place = 0
     names = [("parameters", "parameters"), ("input", "input")]
     names += [("seen", "told")] if seen_in else []
@@ -254,7 +254,7 @@ def _batch(program: FlightProgram, stage: str, *, seen_in: bool) -> list[str]:
         place += size
     if uses_out:
         lines.append("    (void)memset(&output, 0, sizeof(output));")
-    if clocked:
+    if needs_clock:
         real = "(float)" if program.single else ""
         lines += [f"    clock.time = {real}input.time;", "    clock.sample = input.sample;"]
     lines += ["    after = before;", f"    {_call(program, stage)}"]
@@ -273,10 +273,10 @@ def _batch(program: FlightProgram, stage: str, *, seen_in: bool) -> list[str]:
 
 def _call(program: FlightProgram, stage: str) -> str:
     call = program.calls[stage]
-    given = {
+    arguments = {
         "p": "&parameters", "at": "&clock", "in": "&input", "seen": "&told", "now": "&before",
         "next": "&after", "out": "&output",
     }  # fmt: skip
     name, _, rest = call.partition("(")
-    args = [given[arg] for arg in re.findall(r"\w+", rest)]
+    args = [arguments[arg] for arg in re.findall(r"\w+", rest)]
     return f"{name}({', '.join(args)});"

@@ -55,17 +55,17 @@ def measured(files: Mapping[str, bytes]) -> ProcessorUse:
     missing = [tool for tool in (ARM, QEMU) if shutil.which(tool) is None]
     if ARM in missing:
         return ProcessorUse(why=f"{' and '.join(missing)} not installed where this was exported")
-    used = {file: files[file] for file in sorted(files) if file.endswith((".c", ".h", ".bin"))}
-    entry = _entry(used)
+    sources = {file: files[file] for file in sorted(files) if file.endswith((".c", ".h", ".bin"))}
+    entry = _entry(sources)
     content = cache.kept(entry)
     if content is not None:
         return ProcessorUse(**json.loads(content))
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        for file, content in used.items():
+        for file, content in sources.items():
             (folder / file).write_bytes(content)
         try:
-            use = _measured(folder, has_emulator=QEMU not in missing)
+            use = _measure(folder, has_emulator=QEMU not in missing)
         except (OSError, subprocess.SubprocessError) as error:
             return ProcessorUse(why=f"the tools failed: {type(error).__name__}")
     cache.keep(entry, json.dumps(dataclasses.asdict(use)).encode())
@@ -79,11 +79,11 @@ def _entry(files: Mapping[str, bytes]) -> str:
         place = shutil.which(tool)
         status = None if place is None else Path(place).stat()
         tools.append(None if status is None else (place, status.st_size, status.st_mtime_ns))
-    made_from = (Path(__file__).read_bytes(), BLOCKS, tools, *files.items())
-    return f"{hashlib.sha256(repr(made_from).encode()).hexdigest()}.measured"
+    origin = (Path(__file__).read_bytes(), BLOCKS, tools, *files.items())
+    return f"{hashlib.sha256(repr(origin).encode()).hexdigest()}.measured"
 
 
-def _measured(folder: Path, *, has_emulator: bool) -> ProcessorUse:
+def _measure(folder: Path, *, has_emulator: bool) -> ProcessorUse:
     _run(folder, ARM, *_FLAGS, "-fcallgraph-info=su", "-c", "controller.c")
     stack = _stack((folder / "controller.ci").read_text())
     sizes = _run(folder, "arm-none-eabi-size", "controller.o").splitlines()[1].split()
@@ -95,12 +95,12 @@ def _measured(folder: Path, *, has_emulator: bool) -> ProcessorUse:
     section = "-Wl,--section-start=.vectors=0x0"
     parts = ["-DSTEPS", "cortex_m.c", "controller.o", "-o", "steps.elf", "-lm"]
     _run(folder, ARM, *_FLAGS, section, *parts)
-    told = _run(
+    output = _run(
         folder, QEMU, "-M", "mps2-an386", "-nographic", "-icount", "shift=0",
         "-semihosting-config", "enable=on,target=native", "-kernel", "steps.elf",
     )  # fmt: skip
-    found = re.search(r"(\d+) instructions", told)
-    instructions = int(found.group(1)) if found else None
+    match = re.search(r"(\d+) instructions", output)
+    instructions = int(match.group(1)) if match else None
     return ProcessorUse(stack, int(sizes[0]), instructions, len(chosen))
 
 
@@ -110,14 +110,14 @@ def samples_worth_emulating(folder: Path) -> Int[np.ndarray, " chosen"]:
     count = int(np.fromfile(folder / "test_vectors.bin", "<f8", 4)[1])
     (folder / "blocks.c").write_text(BLOCKS)
     options = ["-std=gnu99", "-ffp-contract=off", "-O0"]
-    counted = "-fsanitize-coverage=trace-pc"
+    coverage = "-fsanitize-coverage=trace-pc"
     try:
-        _run(folder, HOST, *options, counted, "-c", "controller.c", "-o", "blocks_controller.o")
+        _run(folder, HOST, *options, coverage, "-c", "controller.c", "-o", "blocks_controller.o")
         _run(folder, HOST, *options, "blocks.c", "blocks_controller.o", "-o", "blocks", "-lm")
-        told = _run(folder, str(folder / "blocks"))
+        output = _run(folder, str(folder / "blocks"))
     except (OSError, subprocess.SubprocessError):
         return np.arange(count)
-    blocks, is_new = np.array(told.split(), int).reshape(count, 2).T
+    blocks, is_new = np.array(output.split(), int).reshape(count, 2).T
     dearest = np.argsort(-blocks, kind="stable")[:DEAREST]
     return np.union1d(np.flatnonzero(is_new), dearest)
 
@@ -132,11 +132,11 @@ def _some_of(vectors: bytes, chosen: Int[np.ndarray, " chosen"]) -> bytes:
 
 
 def _run(folder: Path, *command: str) -> str:
-    done = subprocess.run(
+    process = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, timeout=LONGEST, check=True,
         stdin=subprocess.DEVNULL,
     )  # fmt: skip
-    return done.stdout
+    return process.stdout
 
 
 def _stack(graph: str) -> int:
@@ -147,8 +147,8 @@ def _stack(graph: str) -> int:
         for name, size in re.findall(r'node: \{ title: "([^"]*)"[^}]*?(\d+) bytes', graph)
     }
     calls: dict[str, set[str]] = {}
-    for caller, called in re.findall(r'sourcename: "([^"]*)" targetname: "([^"]*)"', graph):
-        calls.setdefault(caller, set()).add(called)
+    for caller, callee in re.findall(r'sourcename: "([^"]*)" targetname: "([^"]*)"', graph):
+        calls.setdefault(caller, set()).add(callee)
 
     def depth(name: str) -> int:
         return sizes.get(name, 0) + max(map(depth, calls.get(name, ())), default=0)

@@ -48,9 +48,8 @@ class FlightProgram:
     `start(parameters, attitude, input)` what is before the first; `parameters` are the arrays of
     the structure, `now` and `begun` an input and a state for their shapes. These take time and
     sample from the first on; the structures have them from any time on, in double precision, and
-    the state has when that was. `order` tells of each
-    array of `FlightController` which of the parameters it is. `calls` are those of the stages in
-    C, once they are written.
+    the state has when that was. `order` tells of each array of `FlightController` which of the
+    parameters it is. `calls` has the call of each stage in C, once that is written.
     """
 
     begin: list[ProgramStage]
@@ -83,42 +82,42 @@ def flight_program(loop: object, start: PlantState, *, single: bool = False) -> 
 def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgram:
     flight = as_type(FlightController.of(loop), dtype)
     arrays, rest = eqx.partition(flight, eqx.is_array)
-    kept, fields, order = parameter_fields(arrays)
+    defaults, fields, order = parameter_fields(arrays)
     structure = jax.tree.structure(arrays)
 
-    def made(parameters: list) -> FlightController:
+    def controller(parameters: list) -> FlightController:
         leaves = [parameters[number] for number in order]
         return eqx.combine(jax.tree.unflatten(structure, leaves), rest)
 
     start = as_type(start, dtype)
     estimates = flight.estimator is not None
     momentum = wheel_momentum(start)
-    seen = Seen(start.attitude, start.omega, momentum)
+    law_input = Seen(start.attitude, start.omega, momentum)
     q = start.attitude.as_quaternion().q
-    measured = Measured(seen.omega, q, jnp.array(True), momentum) if estimates else seen
+    measured = Measured(law_input.omega, q, jnp.array(True), momentum) if estimates else law_input
     now = Input(jnp.zeros((), dtype), jnp.zeros((), np.int32), measured)
     begun: Any = State(
-        jax.eval_shape(lambda p: made(p).begin_law(seen), kept),
-        jax.eval_shape(lambda p: made(p).begin_estimator(q), kept) if estimates else None,
-        jax.eval_shape(lambda p: made(p).begin_modulation(), kept),
+        jax.eval_shape(lambda p: controller(p).begin_law(law_input), defaults),
+        jax.eval_shape(lambda p: controller(p).begin_estimator(q), defaults) if estimates else None,
+        jax.eval_shape(lambda p: controller(p).begin_modulation(), defaults),
     )
 
     def whole(parameters, now, state):
-        flight = made(parameters)
-        told, memory = (
+        flight = controller(parameters)
+        law_input, memory = (
             flight.estimate(now, state.estimator) if estimates else (now.measured, state.estimator)
         )
-        command, mode, law = flight.control(now.time, told, state.law)
-        asked, modulation = flight.allocate(told, command, state.modulation)
-        return SampleCommands(command, mode, **asked), State(law, memory, modulation)
+        command, mode, law = flight.control(now.time, law_input, state.law)
+        commands, modulation = flight.allocate(law_input, command, state.modulation)
+        return SampleCommands(command, mode, **commands), State(law, memory, modulation)
 
     def begin(parameters, attitude, now):
-        flight = made(parameters)
+        flight = controller(parameters)
         memory = flight.begin_estimator(attitude) if estimates else None
-        told = flight.estimate(now, memory)[0] if estimates else now.measured
-        return State(flight.begin_law(told), memory, flight.begin_modulation())
+        law_input = flight.estimate(now, memory)[0] if estimates else now.measured
+        return State(flight.begin_law(law_input), memory, flight.begin_modulation())
 
-    out = jax.eval_shape(whole, kept, now, begun)[0]
+    out = jax.eval_shape(whole, defaults, now, begun)[0]
     names = Names(fields=True)
     instant: Any = jax.ShapeDtypeStruct((), np.float64), jax.ShapeDtypeStruct((), np.int32)
     own = fields_of(Input(instant[0], instant[1], None), names)
@@ -138,17 +137,17 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
             "Time (s) and number of a sample since the controller began.",
             fields_of(now._replace(measured=None), Names(fields=True)),
         ),
-        "seen": Struct("controller_seen", about(Seen), fields_of(seen, Names(fields=True))),
+        "seen": Struct("controller_seen", about(Seen), fields_of(law_input, Names(fields=True))),
     }
-    stages, starts = _stages(made, kept, now, begun, seen, q, structs)
-    structs["parameters"] = _used(structs["parameters"], [*stages, *starts])
+    stages, starts = _stages(controller, defaults, now, begun, law_input, q, structs)
+    structs["parameters"] = _without_unread(structs["parameters"], [*stages, *starts])
     traces = {stage.name: stage.program.jaxpr for stage in (*starts, *stages)}
     modes = {member.name: int(member) for member in flight.law.modes}
     return FlightProgram(
         starts,
         stages,
         structs,
-        kept,
+        defaults,
         modes,
         estimates,
         dtype == np.float32,
@@ -163,19 +162,19 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
 
 
 def _hash(traces, structs: dict[str, Struct]) -> str:
-    """Of the operations, and of the structures that they work on; no comment is part of it."""
+    """The hash of operations and of the structures that they use; no comment is part of it."""
     layout = [line for struct in structs.values() for line in struct.layout()]
     return hashlib.sha256("\n".join([fingerprint(traces), *layout]).encode()).hexdigest()
 
 
 def _stages(
-    made, kept, now, begun, seen, q, structs
+    controller, defaults, now, begun, law_input, q, structs
 ) -> tuple[list[ProgramStage], list[ProgramStage]]:
-    """Those of a sample, and those before the first."""
-    estimates = made(kept).estimator is not None
+    """The stages of a sample, and the stages before the first."""
+    estimates = controller(defaults).estimator is not None
     p = structs["parameters"].elements("p->")
     measured, clock = structs["input"].elements("in->")[2:], structs["clock"].elements("at->")
-    told = structs["seen"].elements("seen->") if estimates else measured
+    law_elements = structs["seen"].elements("seen->") if estimates else measured
     state = {
         part: [text for one in _under(structs["state"], part) for text in one.elements("{}->")]
         for part in State._fields
@@ -189,34 +188,34 @@ def _stages(
     if estimates:
         program = scalar_program(
             "estimate",
-            lambda p, now, memory: made(p).estimate(now, memory),
-            (kept, now, begun.estimator),
+            lambda p, now, memory: controller(p).estimate(now, memory),
+            (defaults, now, begun.estimator),
         )
         inputs = [*p, *clock, *measured, *at("estimator", "now")]
         outputs = [*structs["seen"].elements("seen->"), *at("estimator", "next")]
         stages.append(ProgramStage("estimate", "The estimator", program, inputs, outputs))
     program = scalar_program(
         "control",
-        lambda p, time, told, memory: made(p).control(time, told, memory),
-        (kept, now.time, seen, begun.law),
+        lambda p, time, law_input, memory: controller(p).control(time, law_input, memory),
+        (defaults, now.time, law_input, begun.law),
     )
     outputs = [*out["torque"], *out["mode"], *at("law", "next")]
-    inputs = [*p, clock[0], *told, *at("law", "now")]
+    inputs = [*p, clock[0], *law_elements, *at("law", "now")]
     stages.append(ProgramStage("control", "The law", program, inputs, outputs))
     command = program.outputs[0]
     program = scalar_program(
         "allocate",
-        lambda p, told, command, memory: made(p).allocate(told, command, memory),
-        (kept, seen, command, begun.modulation),
+        lambda p, law_input, command, memory: controller(p).allocate(law_input, command, memory),
+        (defaults, law_input, command, begun.modulation),
     )
     names = sorted(program.outputs[0])
     outputs = [text for name in names for text in out[name]]
-    inputs = [*p, *told, *out["torque"], *at("modulation", "now")]
+    inputs = [*p, *law_elements, *out["torque"], *at("modulation", "now")]
     outputs += at("modulation", "next")
     stages.append(ProgramStage("allocate", "Allocation and modulation", program, inputs, outputs))
     if estimates:
         program = scalar_program(
-            "begin_estimator", lambda p, q: made(p).begin_estimator(q), (kept, q)
+            "begin_estimator", lambda p, q: controller(p).begin_estimator(q), (defaults, q)
         )
         attitude = [f"attitude[{i}]" for i in range(4)]
         starts.append(
@@ -228,11 +227,19 @@ def _stages(
                 at("estimator", "next"),
             )
         )
-    program = scalar_program("begin_law", lambda p, told: made(p).begin_law(told), (kept, seen))
-    starts.append(
-        ProgramStage("begin_law", "The law's first memory", program, [*p, *told], at("law", "next"))
+    program = scalar_program(
+        "begin_law",
+        lambda p, law_input: controller(p).begin_law(law_input),
+        (defaults, law_input),
     )
-    program = scalar_program("begin_modulation", lambda p: made(p).begin_modulation(), (kept,))
+    starts.append(
+        ProgramStage(
+            "begin_law", "The law's first memory", program, [*p, *law_elements], at("law", "next")
+        )
+    )
+    program = scalar_program(
+        "begin_modulation", lambda p: controller(p).begin_modulation(), (defaults,)
+    )
     starts.append(
         ProgramStage(
             "begin_modulation",
@@ -253,27 +260,27 @@ def _under(struct: Struct, part: str) -> list[Field]:
     ]
 
 
-def _used(parameters: Struct, stages: Sequence[ProgramStage]) -> Struct:
-    """The structure without what no stage reads."""
-    read = _read_by(stages)
-    kept, place = [], 0
+def _without_unread(parameters: Struct, stages: Sequence[ProgramStage]) -> Struct:
+    """The structure of parameters without those that no stage reads."""
+    places_read = _places_read(stages)
+    fields, place = [], 0
     for one in parameters.fields:
-        if read & set(range(place, place + one.size)):
-            kept.append(one)
+        if places_read & set(range(place, place + one.size)):
+            fields.append(one)
         place += one.size
-    return Struct(parameters.name, parameters.about, tuple(kept))
+    return Struct(parameters.name, parameters.about, tuple(fields))
 
 
-def _read_by(stages: Sequence[ProgramStage]) -> set[int]:
+def _places_read(stages: Sequence[ProgramStage]) -> set[int]:
     """Numbers of the scalars that are the first parameters of all stages and that one reads."""
-    found: set[int] = set()
+    places: set[int] = set()
     for stage in stages:
         numbers = {param.number: place for place, param in enumerate(stage.program.function.params)}
-        read = _values(stage.program.function.block) | {
+        values_read = _values(stage.program.function.block) | {
             x.number for x in stage.program.function.results if isinstance(x, Value)
         }
-        found |= {numbers[number] for number in read if number in numbers}
-    return found
+        places |= {numbers[number] for number in values_read if number in numbers}
+    return places
 
 
 def _values(block: Block) -> set[int]:

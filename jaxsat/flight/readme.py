@@ -17,11 +17,11 @@ SHOWN = 12
 
 
 def readme(
-    request: "Request", program: FlightProgram, found: Vectors, numbers: ProcessorUse, lines: int
+    request: "Request", program: FlightProgram, vectors: Vectors, numbers: ProcessorUse, lines: int
 ) -> str:
-    """What it is, where it comes from, how it is built, tested and called."""
+    """The text: what an export is, where it comes from, how it is built, tested and called."""
     versions = request.provenance["versions"]
-    told = "\n".join(f"| {name} | {version} |" for name, version in versions.items())
+    version_rows = "\n".join(f"| {name} | {version} |" for name, version in versions.items())
     functions = "the C library's" if request.libm else "in controller.c, those of the native engine"
     return f"""# {request.title}: flight code
 
@@ -34,7 +34,7 @@ period; no allocation, no recursion, no global state that changes, every loop bo
 | precision | {"single" if program.single else "double"} |
 | elementary functions | {functions} |
 | lines of controller.c | {lines} |
-{told}
+{version_rows}
 | exported | {request.provenance["created"]} on {request.provenance["platform"]} |
 
 ## Build and test
@@ -46,7 +46,7 @@ period; no allocation, no recursion, no global state that changes, every loop bo
 
 or `cmake -S . -B build && cmake --build build && ctest --test-dir build`.
 
-`test_vectors.bin` holds {len(found.given)} samples, of closed-loop runs and {EDGES} of them again
+`test_vectors.bin` holds {len(vectors.given)} samples, of closed-loop runs and {EDGES} of them again
 with extreme numbers (zeros of both signs, infinities, NaN, the largest and least numbers). Each is
 an input and a state, and the output and next state that the simulator's compiled engine makes of
 them without fused operations. {_agreement(request)}
@@ -69,7 +69,7 @@ period is {_period(program)} s. Time and sample count from those that `controlle
 
 ## On a Cortex-M4 (no floating-point unit for doubles, -O2)
 
-{_measurement(numbers, found)}
+{_measurement(numbers, vectors)}
 
 ## Software in the loop
 
@@ -122,9 +122,9 @@ def _period(program: FlightProgram) -> str:
     return f"{float(np.asarray(program.period)):.9g}"
 
 
-def _emulated(numbers: ProcessorUse, found: Vectors) -> str:
-    """Over which test vectors instructions were counted."""
-    if numbers.samples == len(found.given):
+def _emulated_vectors(numbers: ProcessorUse, vectors: Vectors) -> str:
+    """The words for the test vectors over which instructions were counted."""
+    if numbers.samples == len(vectors.given):
         return "the test vectors"
     return (
         f"{numbers.samples} test vectors: all that run a block of code which none before ran, "
@@ -132,20 +132,21 @@ def _emulated(numbers: ProcessorUse, found: Vectors) -> str:
     )
 
 
-def _measurement(numbers: ProcessorUse, found: Vectors) -> str:
+def _measurement(numbers: ProcessorUse, vectors: Vectors) -> str:
+    samples = _emulated_vectors(numbers, vectors)
     rows = {
-        f"instructions of a step, the most over {_emulated(numbers, found)}": numbers.instructions,
+        f"instructions of a step, the most over {samples}": numbers.instructions,
         "bytes of stack at most": numbers.stack,
         "bytes of code and constants": numbers.code,
     }
-    told = [f"- {name}: {number}" for name, number in rows.items() if number is not None]
-    return "\n".join([*told, *([f"- not measured: {numbers.why}"] if numbers.why else [])])
+    measurements = [f"- {name}: {number}" for name, number in rows.items() if number is not None]
+    return "\n".join([*measurements, *([f"- not measured: {numbers.why}"] if numbers.why else [])])
 
 
 def _parameters(program: FlightProgram) -> str:
     lines = ["| field | value |", "|---|---|"]
     for field in program.structs["parameters"].fields:
         value = np.asarray(program.parameters[field.number])
-        shown = str(value.tolist()) if value.size <= SHOWN else f"{value.size} numbers"
-        lines.append(f"| `{field.path}` | {shown} |")
+        text = str(value.tolist()) if value.size <= SHOWN else f"{value.size} numbers"
+        lines.append(f"| `{field.path}` | {text} |")
     return "\n".join(lines)

@@ -39,7 +39,7 @@ STRUCTURES = {
 
 
 def header(program: FlightProgram, intro: Sequence[str]) -> str:
-    """controller.h."""
+    """The text of controller.h."""
     lines = [*intro, f"#ifndef {GUARD}", f"#define {GUARD}", ""]
     lines += ["#include <stdbool.h>", "#include <stdint.h>", ""]
     if len(program.modes) > 1:
@@ -86,7 +86,7 @@ def header(program: FlightProgram, intro: Sequence[str]) -> str:
 
 
 def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
-    """controller.c."""
+    """The text of controller.c."""
     real = "float" if program.single else "double"
     types = {name: text.format(real=real) for name, text in TYPES_OF_POINTERS.items()}
     if not program.estimates:
@@ -114,7 +114,7 @@ def reads_clock(call: str) -> bool:
 
 
 def _shapes(program: FlightProgram) -> dict[str, tuple[int, ...]]:
-    """Of all arrays that functions find in structures, by name."""
+    """The shapes of all arrays that functions find in structures, by name."""
     return {"attitude": (4,)} | {
         f"{pointer}->{field.name}": field.shape
         for pointer, struct in STRUCTURES.items()
@@ -160,15 +160,15 @@ def _initialiser(array) -> str:
 
 
 def _stage(unit: Unit, stage: ProgramStage) -> str:
-    """Have a stage printed; its call."""
+    """Print the function of a stage, and return the call of it."""
     function = stage.program.function
     if not stage.outputs:
         return ""
-    known = {param.number: text for param, text in zip(function.params, stage.inputs, strict=True)}
-    begin = Context(function, known)
+    texts = {param.number: text for param, text in zip(function.params, stage.inputs, strict=True)}
+    begin = Context(function, texts)
     for result, place in zip(function.results, stage.outputs, strict=True):
-        taken = {**known, **begin.kept}
-        if isinstance(result, Value) and result.number not in taken:
+        expressions = {**texts, **begin.kept}
+        if isinstance(result, Value) and result.number not in expressions:
             begin.kept[result.number] = place
         else:
             begin.left.append((place, result))
@@ -193,7 +193,7 @@ def _clock(time: str, sample: str) -> list[str]:
 
 def _entry_points(program: FlightProgram, calls: dict[str, str]) -> list[str]:
     real = "float" if program.single else "double"
-    zero, narrowed = ("0.0f", "(float)") if program.single else ("0.0", "")
+    zero, cast = ("0.0f", "(float)") if program.single else ("0.0", "")
     attitude = f"const {real} attitude[4], " if program.estimates else ""
     begin = [
         f"void controller_init(const controller_parameters *p, {attitude}"
@@ -236,7 +236,7 @@ def _entry_points(program: FlightProgram, calls: dict[str, str]) -> list[str]:
     ]
     body = []
     if any(reads_clock(calls.get(name, "")) for name in ("estimate", "control")):
-        time = f"{narrowed}(in->time - state->begin_time)"
+        time = f"{cast}(in->time - state->begin_time)"
         step += _clock(time, "sub_i32(in->sample, state->begin_sample)")
     if program.estimates:
         step += ["  controller_seen told;", "  controller_seen *seen = &told;"]

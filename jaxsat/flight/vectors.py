@@ -45,11 +45,11 @@ class Vectors(NamedTuple):
     expected: Float[np.ndarray, "n expected"]
 
 
-class _Heard(NamedTuple):
-    """The memory of an estimator or a law, and what it was given last."""
+class _Record(NamedTuple):
+    """The memory of an estimator or a law, and its last input."""
 
     memory: PyTree
-    given: PyTree
+    last_input: PyTree
 
 
 class _RecordingLaw(AbstractSampledController):
@@ -58,12 +58,12 @@ class _RecordingLaw(AbstractSampledController):
     law: AbstractSampledController
     period: Float[Array, ""]
 
-    def init(self, state: PlantState) -> _Heard:
-        return _Heard(self.law.init(state), (jnp.zeros_like(state.omega[0]), state))
+    def init(self, state: PlantState) -> _Record:
+        return _Record(self.law.init(state), (jnp.zeros_like(state.omega[0]), state))
 
     def step(self, t, state, memory):
         command, following = self.law.step(t, state, memory.memory)
-        return command, _Heard(following, (t, state))
+        return command, _Record(following, (t, state))
 
 
 class _RecordingEstimator(AbstractEstimator):
@@ -71,13 +71,13 @@ class _RecordingEstimator(AbstractEstimator):
 
     estimator: AbstractEstimator
 
-    def init(self, attitude: Quaternion, sigma: Array) -> _Heard:
+    def init(self, attitude: Quaternion, sigma: Array) -> _Record:
         first = Measurement(jnp.zeros_like(attitude.q[:3]), attitude, jnp.array(False))
-        return _Heard(self.estimator.init(attitude, sigma), first)
+        return _Record(self.estimator.init(attitude, sigma), first)
 
-    def step(self, sample, period, measurement, memory) -> tuple[Estimate, _Heard]:
+    def step(self, sample, period, measurement, memory) -> tuple[Estimate, _Record]:
         estimate, following = self.estimator.step(sample, period, measurement, memory.memory)
-        return estimate, _Heard(following, measurement)
+        return estimate, _Record(following, measurement)
 
 
 def vectors(
@@ -159,7 +159,7 @@ def _closed_loops(
             return before_and_now[1], _after(recording, begin + i, period, before_and_now[1])
 
         before, following = jax.lax.fori_loop(0, stride, one, (state, state))
-        return following, _observed(loop, begin + stride - 1, before, following)
+        return following, _observation(loop, begin + stride - 1, before, following)
 
     keys = jax.random.split(jax.random.key(seed), CASES)
     state, samples = _over_cases(first, keys)(keys), []
@@ -198,14 +198,14 @@ def _after(loop: SampledLoop, number, period: float, state):
     return loop.period(number, number * period, state, integrate, None)[0]
 
 
-def _observed(loop: SampledLoop, number, before: Any, following: Any) -> tuple[Input, State]:
+def _observation(loop: SampledLoop, number, before: Any, following: Any) -> tuple[Input, State]:
     """Input and state of one sample, from the loop's states before and after its period."""
-    time, told = following.memory.given
+    time, plant_state = following.memory.last_input
     state = State(before.memory.memory, None, _modulation(loop, before.effectors))
-    measured: Any = Seen(told.attitude, told.omega, wheel_momentum(told))
+    measured: Any = Seen(plant_state.attitude, plant_state.omega, wheel_momentum(plant_state))
     if before.navigation is not None:
-        rate, attitude, seen = following.navigation.memory.given
-        measured = Measured(rate, attitude.q, seen, wheel_momentum(told))
+        rate, attitude, has_attitude = following.navigation.memory.last_input
+        measured = Measured(rate, attitude.q, has_attitude, wheel_momentum(plant_state))
         state = state._replace(estimator=before.navigation.memory.memory)
     return Input(time, jnp.asarray(number, jnp.int32), measured), state
 

@@ -25,7 +25,7 @@ def calls(tmp_path, monkeypatch):
 
     monkeypatch.setenv("JAXSAT_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(shutil, "which", lambda name: str(tool))
-    monkeypatch.setattr(measure, "_measured", ask)
+    monkeypatch.setattr(measure, "_measure", ask)
     return counted, tool, monkeypatch
 
 
@@ -43,13 +43,13 @@ def test_equal_code_is_measured_once(calls):
 
 def test_tools_that_fail_are_asked_again(calls):
     counted, _, monkeypatch = calls
-    whole = measure._measured
+    whole = measure._measure
 
     def fail(folder, *, has_emulator):
         raise subprocess.TimeoutExpired("tool", 1)
 
-    monkeypatch.setattr(measure, "_measured", fail)
+    monkeypatch.setattr(measure, "_measure", fail)
     assert "TimeoutExpired" in measure.measured(FILES).why
-    monkeypatch.setattr(measure, "_measured", whole)
+    monkeypatch.setattr(measure, "_measure", whole)
     assert measure.measured(FILES).code == 100
     assert len(counted) == 1
