@@ -204,7 +204,7 @@ class Coast(AbstractFeedbackLaw):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "Coast":
-        """There is nothing to set."""
+        """The law of a table of a scenario, in which there is nothing to set."""
         return cls()
 
     def torque(self, t: Float[Array, ""], state: PlantState) -> Float[Array, "2"]:
@@ -270,8 +270,8 @@ class AbstractBacksteppingLaw(AbstractController):
         j1, j2, j3 = self.model.spacecraft.moments
         omega1, omega2, omega3 = state.omega
         gyroscopic = jnp.stack([(j2 - j3) * omega2 * omega3, (j3 - j1) * omega3 * omega1])
-        known = self.model.disturbance_torque(t, state)[:2]
-        return feedback - gyroscopic - known + jnp.stack([j1, j2]) * reference_derivative
+        disturbance = self.model.disturbance_torque(t, state)[:2]
+        return feedback - gyroscopic - disturbance + jnp.stack([j1, j2]) * reference_derivative
 
     def __call__(
         self, t: Float[Array, ""], state: PlantState, memory: Memory

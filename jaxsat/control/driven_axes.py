@@ -92,17 +92,17 @@ class DrivenFit(eqx.Module):
     def sampled(
         self, t: RealScalar, state: PlantState, memory: DrivenMemory, period: RealScalar
     ) -> DrivenMemory:
-        """One sample more, `period` (s) after the last."""
+        """The memory after one sample more, `period` (s) after the last."""
         omega = self.form.slow(self.form.axes @ state.omega)
         begun, middle = memory.samples >= 0, (memory.omega + omega) / 2
         turning = self.form.gyroscopic_torque
-        known = (turning(memory.omega) + 4 * turning(middle) + turning(omega)) / 6
-        known = known + self.form.axes[:2] @ self.form.model.disturbance_torque(
+        model_torque = (turning(memory.omega) + 4 * turning(middle) + turning(omega)) / 6
+        model_torque = model_torque + self.form.axes[:2] @ self.form.model.disturbance_torque(
             t - period / 2, state
         )
         pushed = self._by_inertia(memory.torque) * period
         products = integrated_products(memory.omega, omega, period)
-        expected = memory.expected + pushed + self._by_inertia(known) * period
+        expected = memory.expected + pushed + self._by_inertia(model_torque) * period
         regressor = memory.regressor + jnp.concatenate([pushed, products])
         memory = memory._replace(
             first=jnp.where(begun, memory.first, omega[:2]),
@@ -121,7 +121,7 @@ class DrivenFit(eqx.Module):
         return jnp.stack([d * x - b * y, a * y - b * x]) / (a * d - b * b)
 
     def _corrected(self, memory: DrivenMemory, period: RealScalar) -> DrivenMemory:
-        """With the interval that ends now, at the beginning of the next one."""
+        """The memory with the interval that ends now, at the beginning of the next one."""
         regressor, covariance = memory.regressor, memory.covariance
         span = self.samples * period
         unknown = self._by_inertia(jnp.stack([self.limit, self.limit])) * UNKNOWN_TORQUE * span

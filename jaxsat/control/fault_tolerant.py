@@ -151,8 +151,8 @@ class FaultTolerant(AbstractSampledController):
         if before is None:
             return None, torque
         for one, now in zip(self.actuators, able, strict=True):
-            full, wanted = one.overfull(state, reading, self.healthy, now, before.unloads)
-            unloads, torque = unloads | full, torque + wanted
+            full, relief = one.overfull(state, reading, self.healthy, now, before.unloads)
+            unloads, torque = unloads | full, torque + relief
             flows = flows | one.flows(now)
         torque = torque + jnp.where(unloads | flows, sum(mix.steady, jnp.zeros(3)), 0.0)
         return before._replace(three=three, unloads=unloads & three), jnp.where(three, torque, 0.0)
@@ -201,7 +201,7 @@ class FaultTolerant(AbstractSampledController):
 
     @property
     def tells_unmade(self) -> bool:
-        """Of several kinds, it does."""
+        """Whether `telemetry` has the torque that actuators do not make: with several kinds."""
         return len(self.actuators) > 1
 
     def mode(self, memory: FaultTolerantMemory) -> Int[Array, ""]:

@@ -92,13 +92,14 @@ def _built(make: Callable[..., Made], values: Mapping[str, Any], context: LawCon
     form = NormalForm.of(model, directions)
     limit = cast(float, context.torque_limit) * usable_share(axes, np.asarray(form.axes)[:2])
     amplitude, frequency = _ripple_about(np.asarray(form.axes)[2], context)
-    given = values["ripple_amplitude_N_m"], values["ripple_frequency_rad_s"]
+    own_amplitude = values["ripple_amplitude_N_m"]
+    own_frequency = values["ripple_frequency_rad_s"]
     try:
         ripple = ripple_filter(
             form,
             limit,
-            amplitude if given[0] is None else given[0],
-            frequency if given[1] is None else given[1],
+            amplitude if own_amplitude is None else own_amplitude,
+            frequency if own_frequency is None else own_frequency,
             values["period_s"],
         )
         return make(
@@ -164,7 +165,7 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
 def _tolerant_thrusters(
     values: Mapping[str, Any], context: LawContext, thrusters: ThrusterContext
 ) -> TolerantThrusters:
-    """With the tables of all that may fail.
+    """Thrusters with the tables of all that may fail.
 
     A plane in which the two torques cannot steer the third axis counts as less than a plane.
     """
@@ -172,8 +173,8 @@ def _tolerant_thrusters(
     effect = np.asarray(context.model.spacecraft.inverse_inertia) @ torque
     sizes = np.sqrt(np.sum(effect**2, axis=0))
     least = LEAST_NOISE * values["period_s"] * float(sizes.max())
-    given = values["rate_noise_rad_s"]
-    noise = max(thrusters.rate_noise, least) if given is None else given
+    declared_noise = values["rate_noise_rad_s"]
+    noise = max(thrusters.rate_noise, least) if declared_noise is None else declared_noise
     pulse = float(np.max(sizes * thrusters.pulse))
     sets, settling = failed_sets(torque), None
     wheels = None if context.wheels is None else context.wheels.wheels
@@ -191,29 +192,29 @@ def _tolerant_thrusters(
 
 def _noise_by_wheels(context: LawContext, period: float) -> float:
     """The rate (rad/s) about any axis that noise of all tachometers looks like."""
-    known = cast(WheelContext, context.wheels)
-    effect = np.asarray(context.model.spacecraft.inverse_inertia) @ np.asarray(known.wheels.axes)
-    return float(np.sqrt(np.max(np.sum((effect * _momentum_noise(known, period)) ** 2, axis=1))))
+    wheels = cast(WheelContext, context.wheels)
+    effect = np.asarray(context.model.spacecraft.inverse_inertia) @ np.asarray(wheels.wheels.axes)
+    return float(np.sqrt(np.max(np.sum((effect * _momentum_noise(wheels, period)) ** 2, axis=1))))
 
 
-def _momentum_noise(known: WheelContext, period: float) -> Float[np.ndarray, " m"]:
+def _momentum_noise(context: WheelContext, period: float) -> Float[np.ndarray, " m"]:
     """Standard deviation of each tachometer (N m s), or what stands for one without noise."""
-    least = LEAST_NOISE * period * np.asarray(known.wheels.torque_limit)
-    return np.maximum(known.momentum_noise, least)
+    least = LEAST_NOISE * period * np.asarray(context.wheels.torque_limit)
+    return np.maximum(context.momentum_noise, least)
 
 
 def _tolerant_wheels(
-    values: Mapping[str, Any], context: LawContext, known: WheelContext
+    values: Mapping[str, Any], law: LawContext, context: WheelContext
 ) -> TolerantWheels:
-    """With the noise of their tachometers, and that of the rates which rotors have part in."""
-    wheels, noise = known.wheels, _momentum_noise(known, values["period_s"])
+    """Wheels with the noise of tachometers, and of the rates which rotors have part in."""
+    wheels, noise = context.wheels, _momentum_noise(context, values["period_s"])
     if wheels.rotor_inertia is not None:  # of the part J_w a·ω of two samples
-        noise = np.hypot(noise, np.sqrt(2) * np.asarray(wheels.rotor_inertia) * known.rate_noise)
+        noise = np.hypot(noise, np.sqrt(2) * np.asarray(wheels.rotor_inertia) * context.rate_noise)
     return TolerantWheels(
         filter=WheelFilter(wheels, as_array(noise)),
-        two_wheels=TwoWheels(context.model),
-        known=as_array(np.asarray(known.failed)),
-        delay=known.delay,
+        two_wheels=TwoWheels(law.model),
+        known=as_array(np.asarray(context.failed)),
+        delay=context.delay,
     )
 
 
@@ -227,7 +228,7 @@ def _settling(
     """The sets, and the laws of those that leave a plane; None where no set does."""
     places: dict[tuple, int | None] = {}
     laws: list[tuple[ThreeSlewSettling, np.ndarray, Leaks]] = []
-    of_set, known = [], []
+    of_set, final_sets = [], []
     for one in sets:
         place = None
         if one.directions is not None:
@@ -241,14 +242,14 @@ def _settling(
             place = places[key]
             if place is None:
                 one = one._replace(left=Left.LESS, directions=None)
-        known.append(one)
+        final_sets.append(one)
         of_set.append(place or 0)
     if not laws:
-        return tuple(known), None
+        return tuple(final_sets), None
     stacked = _stacked(law for law, _, _ in laws)
     directions = np.stack([directions for _, directions, _ in laws])
     leaks = _stacked(leaks for _, _, leaks in laws)
-    return tuple(known), SettlingLaws(stacked, as_array(np.array(of_set)), directions, leaks)
+    return tuple(final_sets), SettlingLaws(stacked, as_array(np.array(of_set)), directions, leaks)
 
 
 def _stacked(trees: Iterable[Tree]) -> Tree:

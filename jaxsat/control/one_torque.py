@@ -217,15 +217,15 @@ class OneTorque(AbstractSampledController):
         size = jnp.sqrt(jnp.sum(momentum**2))
         damps = holding > jnp.where(memory.damps, RECOVERED, OVERWHELMED)
         damps |= size > jnp.where(memory.damps, REGROWTH, 1.0) * memory.most
-        wanted, spins = self._wanted(frame, momenta, memory.spins, rests)
+        target, spins = self._wanted(frame, momenta, memory.spins, rests)
         gyroscopic = momenta.x * (frame.gamma * momenta.w + frame.eta * momenta.x)
         gyroscopic += (frame.zeta - frame.delta) * momenta.x * momenta.y
         gyroscopic -= frame.eta * momenta.y**2
-        tracking = wanted.derivative - gyroscopic + self.rate_gain * (wanted.momentum - momenta.w)
+        tracking = target.derivative - gyroscopic + self.rate_gain * (target.momentum - momenta.w)
         about_axis = momenta.w + frame.gamma / frame.alpha * momenta.y  # b·ω / α
         unlimited = jnp.where(damps, -self.rate_gain * about_axis, tracking)
         torque = jnp.clip(unlimited, -self.torque_limit, self.torque_limit)
-        mode = jnp.where(damps, OneTorqueMode.DAMPING, wanted.mode)
+        mode = jnp.where(damps, OneTorqueMode.DAMPING, target.mode)
         fit = fit._replace(torque=torque)
         return torque[None], OneTorqueMemory(fit, damps, spins, rests, mode, memory.most)
 
@@ -248,13 +248,13 @@ class OneTorque(AbstractSampledController):
         brake = jnp.minimum(_cube_root(3 * force * braking_room / frame.gamma), held)
         brake = jnp.where(jnp.abs(y) < BRAKE_SIDE * x, brake, 0.0)
         most = jnp.maximum(turn, brake)
-        needed, sense = self._turning(frame, at, turn, brake, most, left, SMALL * unit)
-        size = jnp.minimum(needed, most)
+        demand, sense = self._turning(frame, at, turn, brake, most, left, SMALL * unit)
+        size = jnp.minimum(demand, most)
 
-        ready = (x > 0) & (needed >= BRAKED * brake)
+        ready = (x > 0) & (demand >= BRAKED * brake)
         slow = (jnp.abs(w) < STILL * across) & (across < SLOW * unit) & ~ready
         spins = ~rests & (across <= QUICK * unit) & (spun | slow)
-        brakes = ~rests & ~spins & (brake > turn) & (needed > turn)
+        brakes = ~rests & ~spins & (brake > turn) & (demand > turn)
 
         spin = jnp.where(w < 0, -1.0, 1.0) * SPIN * QUICK * unit
         momentum = jnp.where(rests, 0.0, jnp.where(spins, spin, sense * size))

@@ -165,10 +165,10 @@ class Oscillator(eqx.Module):
         return self.request(slow, third).granted(third.axes)
 
     def tracking(
-        self, clock: RealScalar, state: NormalState, tilt: Tilt, wanted: Oscillation
+        self, clock: RealScalar, state: NormalState, tilt: Tilt, oscillation: Oscillation
     ) -> Tracking:
         """ω_d = e - k (tilt - its oscillation) + the oscillating rates, and dω_d/dt."""
-        nu, k, (alpha, beta, rho, axes) = self.frequency, self.tilt_gain, wanted
+        nu, k, (alpha, beta, rho, axes) = self.frequency, self.tilt_gain, oscillation
         sine, cosine = jnp.sin(nu * clock), jnp.cos(nu * clock)
         frame = state.frame_rate[:2]
         inverse = reciprocal(rho)

@@ -73,24 +73,24 @@ class LinearMotion(NamedTuple):
 
     @property
     def _made(self) -> Float[np.ndarray, "turns halves x 3"]:
-        """What a torque of rods does."""
+        """What a torque of rods does to dx/dτ."""
         parts = [np.zeros((3, 3)), self.inverse @ self.unmade, self.basis.T]
         return np.concatenate(parts) @ self.across
 
     @property
     def rods(self) -> Float[np.ndarray, "turns halves x 3"]:
-        """What u does."""
+        """What the torque u of rods does to dx/dτ."""
         return self._made @ self.unmade
 
     @property
     def wheels(self) -> Float[np.ndarray, "x p"]:
-        """What c does."""
+        """What the torques c of wheels do to dx/dτ."""
         count = self.basis.shape[1]
         return np.concatenate([np.zeros((3, count)), self.inverse @ self.basis, -np.eye(count)])
 
     @property
     def free(self) -> Float[np.ndarray, "turns halves x x"]:
-        """What errors do by themselves, and unloading."""
+        """What errors do to dx/dτ by themselves, and unloading."""
         free = np.broadcast_to(self.state, (*self.across.shape[:2], *self.state.shape)).copy()
         free[..., 6:] -= self.unloading * self._made @ self.basis
         return free

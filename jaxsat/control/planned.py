@@ -54,7 +54,7 @@ class PlannedMode(enum.IntEnum):
 
     @property
     def label(self) -> str:
-        """How people see it."""
+        """The name of the mode as people see it."""
         fallback = self in (PlannedMode.STOPPING, PlannedMode.SLEWING)
         return f"plan failed {self.name.lower()}" if fallback else self.name.lower()
 
@@ -151,18 +151,18 @@ class PlannedSettling(AbstractSampledController):
         """One sample of the law of three slews and one piece of the search; then what is due."""
         driven = self.driven.sampled(t, state, memory.driven, self.period)
         program, stage = self.program(memory.settling, driven), memory.stage
-        given = jnp.where(stage == SETTLING, SETTLING, Phase.OSCILLATING)
+        law_phase = jnp.where(stage == SETTLING, SETTLING, Phase.OSCILLATING)
         t = self.settling.clock(memory.settling)
-        torque, settling = self.settling.in_phase(state, memory.settling, given)
-        now, x = t / program.time_unit, self._seen(program, state, settling)
+        torque, settling = self.settling.in_phase(state, memory.settling, law_phase)
+        now, x = t / program.time_unit, self._plan_state(program, state, settling)
         ended = (stage == SETTLING) & (memory.settling.phase == Phase.OSCILLATING)
-        lost = ended & (settling.phase == Phase.STOPPING)
+        loss = ended & (settling.phase == Phase.STOPPING)
         slips = ended & memory.settling.fine.late & ~settling.fine.late
         over = stage == PlannedMode.FOLLOWING
         over = over & (now > memory.followed.begin + memory.followed.plan.duration)
         missed = slips | (over & ~settling.fine.late)
         missed = missed & (memory.manoeuvres < MOST_MANOEUVRES)
-        begins = lost | missed | (memory.searched < 0)
+        begins = loss | missed | (memory.searched < 0)
         holds = (stage == SETTLING) & (self.settling.mode(settling) == Phase.HOLDING)
         holds = holds & (t - settling.since > self.settling.patience)
         manoeuvres = jnp.where(holds, 0, memory.manoeuvres) + jnp.where(begins, 1, 0)
@@ -170,7 +170,7 @@ class PlannedSettling(AbstractSampledController):
         stage = jnp.where(begins, PlannedMode.PLANNING, stage)
 
         begin, ahead = self._ahead(program, now, x, begins, stage)
-        search, searched = self._sought(program, now, x, memory, begins, (begin, ahead))
+        search, searched = self._next_search(program, now, x, memory, begins, (begin, ahead))
         ends = ~self.search.over(search)
         search = self.search.advanced(program, search, begin, ahead)
         ends = ends & self.search.over(search)
@@ -191,11 +191,11 @@ class PlannedSettling(AbstractSampledController):
         waiting = settling._replace(phase=phase, fine=fine, since=t + 0 * settling.since)
         settling = choose((stage != SETTLING) | over | fails, waiting, settling)
         failures = memory.failures + jnp.where(fails, 1, 0)
-        found_out = (stage, failures, manoeuvres, searched)
+        progress = (stage, failures, manoeuvres, searched)
         driven = driven._replace(torque=self.form.to_command.T @ torque)
-        return torque, PlannedMemory(settling, driven, search, followed, *found_out)
+        return torque, PlannedMemory(settling, driven, search, followed, *progress)
 
-    def _seen(
+    def _plan_state(
         self, program: Transcription, state: PlantState, settling: SettlingMemory
     ) -> Float[Array, "7"]:
         """The state of a plan, with s as the estimator has filtered it."""
@@ -218,7 +218,7 @@ class PlannedSettling(AbstractSampledController):
         period, most = self.period / program.time_unit, max(halfway, closing)
         return now + periods * period, program.coasted(now, x, period, periods, most)
 
-    def _sought(
+    def _next_search(
         self, program: Transcription, now: RealScalar, x, memory: PlannedMemory, begins, first
     ) -> tuple[Search, RealScalar]:
         """The search, which may now begin from all guesses or from the rest of the plan.
@@ -237,7 +237,7 @@ class PlannedSettling(AbstractSampledController):
         return search, jnp.where(begins | again, now, memory.searched)
 
     def judged(self, memory: PlannedMemory) -> SettlingMemory:
-        """Without the search, which may try what diverges."""
+        """The memory without that of the search, which may try what diverges."""
         return memory.settling
 
     def rate_error(self, state: PlantState, memory: PlannedMemory) -> Float[Array, "2"]:
@@ -261,8 +261,8 @@ def planned_settling(settling: ThreeSlewSettling) -> PlannedSettling:
     """The law that plans, for the spacecraft of a law of three slews."""
     ripple = settling.estimator.observer
     if isinstance(ripple, RippleFilter):
-        enter, stay, known = RIPPLE_SLACK
-        times = enter * ripple.amplitude, stay * ripple.amplitude, known / ripple.frequency
+        enter, stay, grace = RIPPLE_SLACK
+        times = enter * ripple.amplitude, stay * ripple.amplitude, grace / ripple.frequency
         handover = dataclasses.replace(settling.fine.handover, slack=RippleSlack(*times))
         fine = dataclasses.replace(settling.fine, handover=handover)
         settling = dataclasses.replace(settling, fine=fine)

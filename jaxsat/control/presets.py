@@ -188,11 +188,11 @@ def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSet
     """
     unit = _scaling(law.form, float(law.torque_limit), float(law.period)).fine_time
     amplitude = float(law.fine.holding_amplitude)
-    known = STEADY / unit**2, STEADY_DRIFT / unit**2.5, CALM * amplitude
+    steady = STEADY / unit**2, STEADY_DRIFT / unit**2.5, CALM * amplitude
     ripple = cast(RippleFilter, law.estimator.observer)
     noise = max(float(ripple.noise), noise)
     observer = dataclasses.replace(
-        ripple, steady=Steady(*map(as_float, known)), noise=as_float(noise)
+        ripple, steady=Steady(*map(as_float, steady)), noise=as_float(noise)
     )
     amplitude = max(amplitude - PULSE_SHARE * pulse, LEAST_QUIET * amplitude)
     fine = dataclasses.replace(
@@ -215,11 +215,11 @@ def _scaling(form: NormalForm, torque_limit: float | int, period: float) -> Scal
 
 
 def _gains(table: Mapping[float, Gains], scaling: Scaling) -> Gains:
-    """In SI; between two of the tuned steps on straight lines in logarithms."""
-    known = sorted(table)
-    step = min(max(scaling.step, known[0]), known[-1])
-    place = min(bisect.bisect(known, step), len(known) - 1)
-    low, high = known[place - 1 : place + 1]
+    """The gains in SI; between two of the tuned steps on straight lines in logarithms."""
+    steps = sorted(table)
+    step = min(max(scaling.step, steps[0]), steps[-1])
+    place = min(bisect.bisect(steps, step), len(steps) - 1)
+    low, high = steps[place - 1 : place + 1]
     share = math.log(step / low) / math.log(high / low)
     gains = jax.tree.map(
         lambda one, other: float(one ** (1 - share) * other**share), table[low], table[high]

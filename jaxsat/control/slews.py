@@ -194,9 +194,9 @@ class SlewPlanner(eqx.Module):
         stretch = jnp.sqrt(1 + jnp.where(axis_x, *self.form.lean) ** 2)
         to_go = slewing.to_go - stretch * period * (rate + slewing.last_rate) / 2
         over = (jnp.abs(to_go) < self.angle_tolerance) & (jnp.abs(rate) < self.rate_tolerance)
-        flown = slewing._replace(to_go=to_go, last_rate=rate)
+        same_leg = slewing._replace(to_go=to_go, last_rate=rate)
         following = self._next_leg(t, state, slewing)
-        return choose(over, following, flown)
+        return choose(over, following, same_leg)
 
     def reference(self, to_go: RealScalar, along_x: Bool[Array, ""]) -> tuple[Array, Array]:
         """The leg's rate v (rad/s) for an angle to go, and dv/de (1/s)."""

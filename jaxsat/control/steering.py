@@ -81,7 +81,7 @@ class Steered(AbstractDistribution):
     rest: AbstractDistribution | None = None
 
     def __call__(self, t, state, command, effectors) -> Shares:
-        """By steering, and the others; raises `ValueError` for a steering without its effector."""
+        """What each effector is asked for; raises `ValueError` for a steering without its own."""
         steered = {}
         for one in self.steering:
             steered[one.kind], command = one(t, state, command)
@@ -102,7 +102,7 @@ class Steered(AbstractDistribution):
         return Shares(uses, shares.left)
 
     def tells_left(self, effectors) -> bool:
-        """Of what steering leaves, or as the rest tells."""
+        """Whether `Shares.left` is told: that of steering alone is, else the rest says so."""
         return self.rest is None or self.rest.tells_left(effectors)
 
 
@@ -204,7 +204,7 @@ class GimbalSteering(AbstractSteering):
     def from_tables(
         cls, effector: ControlMomentGyros, tables: Sequence[Any], context: SteeringContext
     ) -> "GimbalSteering":
-        """Of the gyros that have not failed before the start."""
+        """The steering of the gyros that have not failed before the start."""
         working = np.array([not one.failed for one in tables], float)
         return cls(cast(ControlMomentGyros, effector.without_corners()), working)
 

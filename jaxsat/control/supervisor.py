@@ -139,7 +139,7 @@ class ThreeSlewSettling(AbstractSampledController):
         self,
         state: PlantState,
         memory: SettlingMemory,
-        given: Int[Array, ""],
+        prescribed: Int[Array, ""],
         aid: Aid | None = None,
     ) -> tuple[Float[Array, "2"], SettlingMemory]:
         """As `step`, in a phase that is given; 0 where it is chosen."""
@@ -155,7 +155,7 @@ class ThreeSlewSettling(AbstractSampledController):
         seen = seen.relative_to(third.turn)
         slewing = self.planner.advance(t, seen, memory.slewing, self.period)
         chosen = self._phase(t, memory, seen, third, slewing)
-        phase = jnp.where(given > 0, given, chosen)
+        phase = jnp.where(prescribed > 0, prescribed, chosen)
         begun = phase != memory.phase
         begins_fine = begun & (phase == Phase.OSCILLATING)
         again = begun & (phase == Phase.STOPPING)

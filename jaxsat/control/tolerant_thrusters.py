@@ -161,8 +161,8 @@ class TolerantThrusters(AbstractTolerantActuators):
         duty = jnp.where(three, whole, duty)
         if self.settling is not None and settling is not None:
             leaks, fit = self.settling.at(now.ability.number)[2], cast(Fit, settling.estimator.fit)
-            wanted = cast(RealScalar, settling.push)
-            pushed, leaking = leaks.push(fit, wanted, duty, limit, period, leaking)
+            push = cast(RealScalar, settling.push)
+            pushed, leaking = leaks.push(fit, push, duty, limit, period, leaking)
             duty = jnp.where(plane, pushed, duty)
         duty = jnp.where(three | plane, duty, self.damping(state, law, now))
         due, probe = self.probing(law, now)

@@ -129,17 +129,17 @@ class Evidence(NamedTuple):
 
         Evidence beyond any doubt is kept at `MOST_INFORMATION`.
         """
-        loss, flow, seen = residual.loss, residual.flow, residual.innovation
+        loss, flow, innovation = residual.loss, residual.flow, residual.innovation
         variance = UNIT * residual.doubt(uncertainty)[None] ** 2
         products = (loss * loss, loss * flow, flow * flow)
         more = jnp.stack([jnp.sum(one, axis=0) for one in products])
-        correlation = jnp.stack([jnp.sum(seen * one, axis=0) for one in (loss, flow)])
+        correlation = jnp.stack([jnp.sum(innovation * one, axis=0) for one in (loss, flow)])
         information = self.information + more / variance
         most = jnp.maximum(jnp.max(information), MOST_INFORMATION)
         scale = MOST_INFORMATION / most
         besides = self.disturbance
         if residual.steady is not None:
-            signature = jnp.concatenate([residual.steady[None], seen[:, 0]])
+            signature = jnp.concatenate([residual.steady[None], innovation[:, 0]])
             besides = scale * (besides + residual.steady * signature / variance[0, 0])
         return Evidence(
             scale * information, scale * (self.weighted + correlation / variance), besides
@@ -199,8 +199,8 @@ def explanation(
     actuator = jnp.argmax(best)
     others = jnp.where(jnp.arange(failed.shape[0]) == actuator, -IMPOSSIBLE, best)
     row = jnp.argmax(scores[:, actuator])
-    known, pull = evidence.disturbance[0], evidence.disturbance[1:]
-    acceleration = pull / jnp.where(known > 0, known, 1.0)
+    information, pull = evidence.disturbance[0], evidence.disturbance[1:]
+    acceleration = pull / jnp.where(information > 0, information, 1.0)
     disturbance = jnp.sum(pull * acceleration) / 2 - PENALTY * pull.shape[0]
     return Explanation(
         actuator,

@@ -161,14 +161,14 @@ class AbstractResidualFilter(eqx.Module):
         `commanded` is what actuators were to do in that period. Torques are believed to be wrong by
         the part `uncertainty` of themselves.
         """
-        seen, started, noise = self.read(reading), memory.started, self.noise**2
+        measurement, started, noise = self.read(reading), memory.started, self.noise**2
         ahead = self.predicted(reading, commanded, condition, period, memory)
         doubt = uncertainty**2 * ahead.squares + ahead.doubt
         predicted = memory.variance + RESTLESSNESS * noise + doubt
         variance = predicted + noise
         gain = jnp.where(started, predicted / variance, 1.0)
         left = 1 - gain
-        innovation = jnp.where(started, seen - memory.estimate - ahead.change, 0.0)
+        innovation = jnp.where(started, measurement - memory.estimate - ahead.change, 0.0)
         steady = None
         if memory.steady is not None and ahead.steady is not None:
             steady = jnp.where(started, memory.steady + ahead.steady, 0.0)
@@ -182,7 +182,7 @@ class AbstractResidualFilter(eqx.Module):
         )
         after = memory.estimate + ahead.change + gain[None] * innovation
         following = FilterMemory(
-            jnp.where(started, after, seen),
+            jnp.where(started, after, measurement),
             jnp.where(started, left * predicted, noise),
             left[None] * residual.loss,
             left[None] * residual.flow,

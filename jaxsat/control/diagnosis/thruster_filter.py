@@ -102,12 +102,12 @@ def _parts(information, weighted, uncertainty) -> Float[Array, "kinds 2 m"]:
     aa, ab, bb = information
     y, z = weighted
     one, zero = jnp.ones_like(y), jnp.zeros_like(y)
-    lost, stuck = most_likely(y, aa), most_likely(z - ab, bb)
+    loss, stuck = most_likely(y, aa), most_likely(z - ab, bb)
     certain = 1 / uncertainty**2
     fully = (z - ab + certain) / (bb + certain)
     leak = most_likely(y + z, aa + 2 * ab + bb)
     return stacked_parts(
-        (one, zero), (lost, zero), (one, fully), (one, stuck), (leak, leak), (2 * one, zero)
+        (one, zero), (loss, zero), (one, fully), (one, stuck), (leak, leak), (2 * one, zero)
     )
 
 

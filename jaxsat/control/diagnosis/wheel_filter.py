@@ -59,10 +59,10 @@ def _parts(information, weighted, uncertainty) -> Float[Array, "kinds 2 m"]:
     aa, ab, bb = information
     y, z = weighted
     one, zero = jnp.ones_like(y), jnp.zeros_like(y)
-    lost, braked = most_likely(y, aa), most_likely(z, bb, MOST_FRICTION)
+    loss, braked = most_likely(y, aa), most_likely(z, bb, MOST_FRICTION)
     certain = 1 / uncertainty**2
     driven = (z - ab - certain) / (bb + certain)
-    return stacked_parts((one, zero), (lost, zero), (zero, braked), (one, driven))
+    return stacked_parts((one, zero), (loss, zero), (zero, braked), (one, driven))
 
 
 class Rotors(NamedTuple):
@@ -176,10 +176,10 @@ class WheelFilter(AbstractResidualFilter):
         memory: FilterMemory,
     ) -> Prediction:
         """What motors, friction and the turning body are believed to have done to each momentum."""
-        taken, before = self._taken(reading), memory.estimate[0]
+        rotor_momentum, before = self._taken(reading), memory.estimate[0]
         left_behind = 0.0
-        if taken is not None and memory.own.taken is not None:
-            left_behind = taken - memory.own.taken
+        if rotor_momentum is not None and memory.own.taken is not None:
+            left_behind = rotor_momentum - memory.own.taken
         full = period * self.full
         motor = condition.part * commanded
         driving = motor + left_behind
@@ -204,7 +204,7 @@ class WheelFilter(AbstractResidualFilter):
         def rotors(residual: Residual, left: OfEach) -> Rotors:
             jump = JUMP * full + STILL * jnp.sqrt(residual.variance)
             jumped = jnp.abs(residual.innovation[0]) > jump
-            return Rotors(still & (jumped | memory.own.seized), taken)
+            return Rotors(still & (jumped | memory.own.seized), rotor_momentum)
 
         return Prediction(
             change[None],

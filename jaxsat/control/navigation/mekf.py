@@ -181,7 +181,7 @@ def _corrected(estimator: MultiplicativeFilter, belief: Belief, measurement: Mea
 
 
 def _narrowed(
-    belief: Belief, axis: Float[Array, "3"], variance: Float[Array, ""], seen: Bool[Array, ""]
+    belief: Belief, axis: Float[Array, "3"], variance: Float[Array, ""], valid: Bool[Array, ""]
 ) -> tuple[Belief, tuple[Float[Array, "3"], Float[Array, "3"]], Float[Array, ""]]:
     """The covariances after a measurement of δ along an axis with this variance (rad²).
 
@@ -189,7 +189,7 @@ def _narrowed(
     seen. These make the gains.
     """
     attitude, bias = belief.attitude @ axis, axis @ belief.cross
-    scale = jnp.where(seen, 1 / (axis @ attitude + variance), 0.0)
+    scale = jnp.where(valid, 1 / (axis @ attitude + variance), 0.0)
     noise = scale * (axis @ belief.attitude_noise)
     narrowed = belief._replace(
         attitude=belief.attitude - scale * _outer(attitude, attitude),

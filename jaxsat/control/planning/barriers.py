@@ -38,7 +38,7 @@ def longest_step(value: Array, change: Array) -> RealScalar:
 
 
 def stepped(x: Array, change: Array, step: RealScalar) -> Array:
-    """After a step; without a step unchanged, also where the change is NaN."""
+    """The value after a step; without a step unchanged, also where the change is NaN."""
     return x + jnp.where(step > 0, step * change, 0.0)
 
 
@@ -57,7 +57,7 @@ class Limit(eqx.Module):
     def moved(
         self, change: "Limit", primal: RealScalar, dual: RealScalar, mu: RealScalar
     ) -> "Limit":
-        """After steps of these lengths, the multiplier near the central path."""
+        """The limit after steps of these lengths, its multiplier near the central path."""
         slack = stepped(self.slack, change.slack, primal)
         centred = mu / slack
         multiplier = stepped(self.multiplier, change.multiplier, dual)
@@ -125,14 +125,14 @@ class TorqueCost(eqx.Module):
     def moved(
         self, change: "TorqueCost", primal: RealScalar, dual: RealScalar, mu: RealScalar
     ) -> "TorqueCost":
-        """After steps of these lengths; without a step unchanged, also where the change is NaN."""
+        """The cost after these steps; without a step unchanged, also where the change is NaN."""
         pairs = zip(self.limits, change.limits, strict=True)
         return TorqueCost(tuple(limit.moved(other, primal, dual, mu) for limit, other in pairs))
 
     def value(
         self, change: "TorqueCost", step: RealScalar, mu: RealScalar, length: RealScalar
     ) -> RealScalar:
-        """Cost and barriers after a step of slacks."""
+        """The cost and the barriers after a step of slacks."""
         pairs = zip(self.limits, change.limits, strict=True)
         slacks = [limit.slack + step * other.slack for limit, other in pairs]
         barriers = -mu * jnp.sum(jnp.log(reduce(jnp.multiply, slacks)))
@@ -162,7 +162,7 @@ def inside(place: Float[Array, "6"]) -> Float[Array, "6"]:
 
 
 def slacks(place: Float[Array, "6"]) -> Float[Array, "3"]:
-    """c of each ball."""
+    """The slack c of each ball."""
     return 1 - place**2 @ BALLS
 
 
@@ -209,14 +209,14 @@ def moved_multipliers(
     place: Float[Array, "6"],
     multipliers: Float[Array, "3"],
     change: Float[Array, "6"],
-    taken: RealScalar,
+    primal: RealScalar,
     dual: RealScalar,
     mu: RealScalar,
 ) -> Float[Array, "3"]:
-    """z after Newton's step, near the central path of the place after the step `taken`."""
+    """z after Newton's step, near the central path of the place after the `primal` step."""
     slack = slacks(place)
     falling = 2 * (place * change) @ BALLS
     step = mu / slack - multipliers + multipliers / slack * falling
-    centred = mu / slacks(stepped(place, change, taken))
+    centred = mu / slacks(stepped(place, change, primal))
     moved = stepped(multipliers, step, dual)
     return jnp.clip(moved, centred / LEAVING, centred * LEAVING)

@@ -31,8 +31,8 @@ def random_numbers(count: int) -> dict[str, Float[np.ndarray, "count ..."]]:
     Those of fewer guesses are the first of those of more.
     """
     blocks = [_block(number) for number in range(-(-count // BLOCK))]
-    drawn = {name: np.concatenate([one[name] for one in blocks])[:count] for name in blocks[0]}
-    return {"sign": np.where(np.arange(count) % 2, -1.0, 1.0), **drawn}
+    numbers = {name: np.concatenate([one[name] for one in blocks])[:count] for name in blocks[0]}
+    return {"sign": np.where(np.arange(count) % 2, -1.0, 1.0), **numbers}
 
 
 def _block(number: int) -> dict[str, Float[np.ndarray, "block ..."]]:
@@ -87,25 +87,25 @@ def guess(
 
 
 def resampled(
-    program: Transcription, x: Float[Array, "7"], known: Unknowns, passed: RealScalar
+    program: Transcription, x: Float[Array, "7"], plan: Unknowns, passed: RealScalar
 ) -> Unknowns:
     """The rest of a plan after the time `passed`, on this program's intervals, beginning at `x`.
 
     Of a plan of least time at least `LEAST_REST`; a duration that is given stays as it is.
     """
-    count, rest = known.torque.shape[0], known.duration - passed
+    count, rest = plan.torque.shape[0], plan.duration - passed
     if program.objective is PlanObjective.TIME:
         rest = jnp.maximum(rest, LEAST_REST)
-    following = jnp.concatenate([known.states[1:], known.last[None]])
+    following = jnp.concatenate([plan.states[1:], plan.last[None]])
 
     def interval(share: RealScalar):
-        place = (passed + share * rest) / known.duration * count
+        place = (passed + share * rest) / plan.duration * count
         number = jnp.clip(place.astype(int), 0, count - 1)
         part = jnp.clip(place - number.astype(place.dtype), 0.0, 1.0)
-        middle = (passed + (share + 0.5 / program.intervals) * rest) / known.duration * count
-        torque = known.torque[jnp.clip(middle.astype(int), 0, count - 1)]
-        return known.states[number] * (1 - part) + following[number] * part, torque
+        middle = (passed + (share + 0.5 / program.intervals) * rest) / plan.duration * count
+        torque = plan.torque[jnp.clip(middle.astype(int), 0, count - 1)]
+        return plan.states[number] * (1 - part) + following[number] * part, torque
 
     shares = jnp.linspace(0.0, 1.0, program.intervals, endpoint=False, dtype=x.dtype)
     states, torque = lax.map(interval, shares)
-    return Unknowns(states.at[0].set(x), known.last, torque, rest, program.place(known.last))
+    return Unknowns(states.at[0].set(x), plan.last, torque, rest, program.place(plan.last))

@@ -152,19 +152,19 @@ def _terms(program: Transcription, at: Iterate, settings: Settings) -> Quadratic
 
 
 def iterated(program: Transcription, begin: RealScalar, at: Iterate, settings: Settings) -> Iterate:
-    """After one more step."""
+    """The iterate after one more step."""
     terms = _terms(program, at, settings)
     step = newton_step(program, begin, at.unknowns, at.arrival_multipliers, terms)
     cost_change, primal, dual = _cost_change(program, at, step.change, settings)
-    taken, defects, slope = _line_search(program, begin, at, step, cost_change, primal, settings)
-    accepted = taken > 0
+    length, defects, slope = _line_search(program, begin, at, step, cost_change, primal, settings)
+    accepted = length > 0
     dual = jnp.where(accepted, dual, 0.0)
 
     def moved(rows):
         cost, change = rows
-        return cost.moved(change, taken, dual, at.barrier)
+        return cost.moved(change, length, dual, at.barrier)
 
-    calm = (taken > LARGEST_STRETCH) & (defects < CALM)
+    calm = (length > LARGEST_STRETCH) & (defects < CALM)
     mu = jnp.maximum(at.barrier * FALL, settings.last_barrier)
     steady = jnp.abs(step.change.duration) < STEADY * at.unknowns.duration
     # A large weight of changes makes the step small, not what is left to gain.
@@ -172,25 +172,25 @@ def iterated(program: Transcription, begin: RealScalar, at: Iterate, settings: S
     steady = steady & (freed < STEADY * _scale(program, at))
     last = at.barrier <= settings.last_barrier
     return Iterate(
-        _moved(at.unknowns, step.change, taken),
+        _moved(at.unknowns, step.change, length),
         lax.map(moved, (at.cost, cost_change)),
         jnp.where(accepted, step.arrival_multipliers, at.arrival_multipliers),
         jnp.where(calm, mu, at.barrier),
-        _next_proximity(at.proximity, taken),
+        _next_proximity(at.proximity, length),
         at.iterations + 1,
         defects,
         last & accepted & steady & (defects < DEFECT_TOLERANCE),
-        _end_multipliers(at, step.change, taken, dual),
+        _end_multipliers(at, step.change, length, dual),
     )
 
 
 def _end_multipliers(
-    at: Iterate, change: Unknowns, taken: RealScalar, dual: RealScalar
+    at: Iterate, change: Unknowns, length: RealScalar, dual: RealScalar
 ) -> Float[Array, "3"] | None:
     place, moved = at.unknowns.place, change.place
     if place is None or moved is None or at.end_multipliers is None:
         return None
-    return moved_multipliers(place, at.end_multipliers, moved, taken, dual, at.barrier)
+    return moved_multipliers(place, at.end_multipliers, moved, length, dual, at.barrier)
 
 
 def _scale(program: Transcription, at: Iterate) -> RealScalar:
@@ -201,7 +201,7 @@ def _scale(program: Transcription, at: Iterate) -> RealScalar:
 
 
 def _moved(at: Unknowns, change: Unknowns, step: RealScalar) -> Unknowns:
-    """After a step; without a step unchanged."""
+    """The unknowns after a step; without a step unchanged."""
     states, torque = lax.map(
         lambda row: (stepped(row[0], row[1], step), stepped(row[2], row[3], step)),
         (at.states, change.states, at.torque, change.torque),
@@ -237,10 +237,10 @@ def _cost_change(
     return change_of_cost, primal, dual
 
 
-def _next_proximity(proximity: RealScalar, taken: RealScalar) -> RealScalar:
-    """Less after a long step, more after a short one, much more after none."""
-    short = jnp.where(taken < 0.1, 2.0, 1.0)
-    factor = jnp.where(taken > 0.4, 1 / 3, jnp.where(taken > 0, short, 8.0))
+def _next_proximity(proximity: RealScalar, length: RealScalar) -> RealScalar:
+    """The next weight: less after a long step, more after a short one, much more after none."""
+    short = jnp.where(length < 0.1, 2.0, 1.0)
+    factor = jnp.where(length > 0.4, 1 / 3, jnp.where(length > 0, short, 8.0))
     return jnp.clip(proximity * factor, *PROXIMITIES)
 
 

@@ -133,9 +133,9 @@ class Planner(eqx.Module):
     def replanned(self, t: RealScalar, state: PlantState, plan: Plan) -> Plan:
         """The plan of least time from a state on the way of an earlier plan, sought near it."""
         program = self._program(PlanObjective.TIME, self.intervals, FINE_SUBSTEPS)
-        unit, known = program.time_unit, _unknowns(program, plan)
-        x = in_hemisphere_of(known.states[0], program.scaled(state))
-        first = resampled(program, x, known, (t - plan.begin) / unit)
+        unit, unknowns = program.time_unit, _unknowns(program, plan)
+        x = in_hemisphere_of(unknowns.states[0], program.scaled(state))
+        first = resampled(program, x, unknowns, (t - plan.begin) / unit)
         return self._plan(program, t, solve(program, t / unit, first, FINE))
 
     def _program(self, objective: PlanObjective, intervals: int, substeps: int) -> Transcription:
@@ -150,12 +150,12 @@ class Planner(eqx.Module):
     ) -> Plan:
         """The plan of least effort near another one flown at another pace."""
         program = self._program(PlanObjective.EFFORT, self.intervals, FINE_SUBSTEPS)
-        unit, known = program.time_unit, _unknowns(program, near)
+        unit, unknowns = program.time_unit, _unknowns(program, near)
         pace = near.duration / duration
         slower = jnp.concatenate([jnp.ones(4), jnp.full(3, pace)])
-        x = in_hemisphere_of(known.states[0], program.scaled(state))
-        states = (known.states * slower[None]).at[0].set(x)
-        torque, last = known.torque * pace**2, known.last
+        x = in_hemisphere_of(unknowns.states[0], program.scaled(state))
+        states = (unknowns.states * slower[None]).at[0].set(x)
+        torque, last = unknowns.torque * pace**2, unknowns.last
         first = Unknowns(states, last, torque, duration / unit, program.place(last))
         return self._plan(program, t, solve(program, t / unit, first, STRETCHED))
 

@@ -26,7 +26,7 @@ DURATION_PROXIMITY = 0.01
 
 
 class QuadraticTerms(NamedTuple):
-    """Of the step's cost: of the torques and of T; `proximity` holds it near where it begins.
+    """The step's cost by the torques and by T; `proximity` holds it near where it begins.
 
     `duration_curvature` is infinite where the duration is given. `end` is of the place in the
     tolerances where the plan ends.

@@ -94,18 +94,18 @@ class PlanSearch(eqx.Module):
         over = jnp.array(self.guesses + 1)
         return Search(over, jnp.array(False), nothing, nothing.unknowns, zero, zero, x, zero)
 
-    def from_guesses(self, known: Search, begin: RealScalar, x: Float[Array, "7"]) -> Search:
+    def from_guesses(self, search: Search, begin: RealScalar, x: Float[Array, "7"]) -> Search:
         """A search that begins anew, for a plan from `x` on at the time `begin`."""
         worth = jnp.full_like(begin, jnp.inf)
-        first, yes = jnp.zeros_like(known.stage), jnp.array(True)
+        first, yes = jnp.zeros_like(search.stage), jnp.array(True)
         least = jnp.full_like(begin, self.shortest)
         of_plan = {"worth": worth, "begin": begin, "start": x, "least": least}
-        return known._replace(stage=first, fresh=yes, **of_plan)
+        return search._replace(stage=first, fresh=yes, **of_plan)
 
     def near(
         self,
         program: Transcription,
-        known: Search,
+        search: Search,
         begin: RealScalar,
         x: Float[Array, "7"],
         plan: Unknowns,
@@ -113,9 +113,9 @@ class PlanSearch(eqx.Module):
     ) -> Search:
         """A search from the rest of a `plan`, after the time `passed` of it."""
         best = resampled(program, in_hemisphere_of(plan.states[0], x), plan, passed)
-        stage, yes = jnp.full_like(known.stage, self.guesses), jnp.array(True)
+        stage, yes = jnp.full_like(search.stage, self.guesses), jnp.array(True)
         of_plan = {"best": best, "begin": begin, "start": best.states[0]}
-        return known._replace(stage=stage, fresh=yes, **of_plan, least=jnp.zeros_like(begin))
+        return search._replace(stage=stage, fresh=yes, **of_plan, least=jnp.zeros_like(begin))
 
     def over(self, search: Search) -> Bool[Array, ""]:
         """Whether there is nothing left to do."""
@@ -128,7 +128,7 @@ class PlanSearch(eqx.Module):
     def advanced(
         self, program: Transcription, search: Search, begin: RealScalar, x: Float[Array, "7"]
     ) -> Search:
-        """After one more piece.
+        """The search after one more piece.
 
         If it begins to improve the best guess, that is for a plan from `x` on at the time `begin`.
         """
@@ -193,7 +193,7 @@ def worth_of(program: Transcription, x: Float[Array, "7"], solution: Iterate) ->
     return jnp.where(jnp.isfinite(worth), worth, jnp.inf)
 
 
-def in_hemisphere_of(known: Float[Array, "7"], x: Float[Array, "7"]) -> Float[Array, "7"]:
+def in_hemisphere_of(reference: Float[Array, "7"], x: Float[Array, "7"]) -> Float[Array, "7"]:
     """The same state with its quaternion on the side of another's."""
-    sign = jnp.where(jnp.sum(x[:4] * known[:4]) < 0, -1.0, 1.0)
+    sign = jnp.where(jnp.sum(x[:4] * reference[:4]) < 0, -1.0, 1.0)
     return jnp.concatenate([sign * x[:4], x[4:]])

@@ -24,18 +24,18 @@ class Followed(NamedTuple):
 
 
 def followed_if(
-    program: Transcription, new: Bool[Array, ""], plan: Unknowns, begin: RealScalar, known: Followed
+    program: Transcription, new: Bool[Array, ""], plan: Unknowns, begin: RealScalar, old: Followed
 ) -> Followed:
-    """A `new` plan with its feedback, or the one that is known.
+    """A `new` plan with its feedback, or the `old` one.
 
     A loop of one turn or none: a batch pays for gains only when some of its cases need them.
     """
 
-    def made(at):
+    def turn(at):
         gains = tracking_gains(program, begin, plan, jnp.array(WEIGHTS), jnp.array(LAST_WEIGHTS))
         return Followed(plan, gains, begin), at[1] + 1
 
-    return lax.while_loop(lambda at: (at[1] < 1) & new, made, (known, jnp.array(0)))[0]
+    return lax.while_loop(lambda at: (at[1] < 1) & new, turn, (old, jnp.array(0)))[0]
 
 
 def following_torque(
@@ -51,8 +51,8 @@ def following_torque(
     """
     plan, begin, gains = followed.plan, followed.begin, followed.gains
     passed = now - begin
-    wanted = planned_state(program, begin, plan, passed)
-    error = in_hemisphere_of(wanted, x) - wanted
+    target = planned_state(program, begin, plan, passed)
+    error = in_hemisphere_of(target, x) - target
     error = jnp.where(passed + period / 2 > 0, error, 0.0)
     feedback = gains[interval_at(program, plan, passed)[0]] @ error
     return mean_torque(program, plan, passed, period) + feedback

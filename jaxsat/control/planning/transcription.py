@@ -83,7 +83,7 @@ class Transcription(eqx.Module):
 
     @property
     def time_unit(self) -> RealScalar:
-        """τ in s."""
+        """The unit of time τ, s."""
         return jnp.sqrt(jnp.mean(self.model.spacecraft.moments) / self.limit)
 
     def scaled(self, state: PlantState) -> Float[Array, "7"]:
@@ -149,8 +149,8 @@ class Transcription(eqx.Module):
         """The state after interval `number` of a plan that begins at the time `begin`."""
         h = duration / (self.intervals * self.substeps)
 
-        def step(number, flown):
-            t, x = flown
+        def step(number, point):
+            t, x = point
             k1 = self._rate(t, x, u)
             k2 = self._rate(t + h / 2, x + h / 2 * k1, u)
             k3 = self._rate(t + h / 2, x + h / 2 * k2, u)
@@ -210,11 +210,11 @@ class Transcription(eqx.Module):
         return total + jnp.sum(jnp.abs(at.last - reached))
 
     def effort(self, at: "Unknowns") -> RealScalar:
-        """∫ Σ|u| dt."""
+        """The effort ∫ Σ|u| dt of a plan, without dimension."""
         return jnp.sum(jnp.abs(at.torque)) * at.duration / self.intervals
 
     def value(self, at: "Unknowns") -> RealScalar:
-        """What the program makes least."""
+        """What the program makes least: duration or effort, without dimension."""
         return at.duration if self.objective is PlanObjective.TIME else self.effort(at)
 
     def numbers(self, at: "Unknowns") -> Float[Array, " n"]:
