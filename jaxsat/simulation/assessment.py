@@ -41,7 +41,7 @@ class Observation(NamedTuple):
 
     @staticmethod
     def of(plant: RigidBody, state: PlantState) -> "Observation":
-        """That of a plant in a state."""
+        """The observation of a plant in a state."""
         wz = state.attitude.as_wz()
         return Observation(wz.w, wz.z, plant.relative_rate(state), state.omega)
 
@@ -50,7 +50,7 @@ class Observation(NamedTuple):
         return excess(self.w, self.z, self.relative_rate, tolerances)
 
     def rest_excess(self, tolerances: Tolerances) -> Float[Array, "1"]:
-        """The same of the inertial rate alone."""
+        """How far the inertial rate alone is outside its tolerance."""
         return jnp.sqrt(jnp.sum(self.omega**2))[None] / tolerances.relative_rate - 1
 
 
@@ -73,7 +73,7 @@ class IntegrationError(eqx.Module):
 
     @staticmethod
     def none(like: Float[Array, "..."]) -> "IntegrationError":
-        """Before the first part, in the precision of an array."""
+        """No error yet, in the precision of the array `like`."""
         zero = jnp.zeros((), like.dtype)
         return IntegrationError(zero, zero)
 
@@ -85,7 +85,7 @@ class IntegrationError(eqx.Module):
         halved: PlantState,
         weight: float = 1.0,
     ) -> "IntegrationError":
-        """With a part of so many seconds, at whose end the plant is as whole and halved steps say.
+        """The sums with a part of `length` s, at whose end whole and halved steps give two states.
 
         The momenta of effectors count as the rate that they give a body of the mean moment. The
         part stands for `weight` parts.
@@ -97,11 +97,11 @@ class IntegrationError(eqx.Module):
         rate = sum((_norm(one - other) / moment for one, other in pairs), rate)
         one, other = (state.attitude.as_quaternion().q for state in (whole, halved))
         turn = 2 * jnp.minimum(_norm(one - other), _norm(one + other))
-        carried = self.later(length)
-        return IntegrationError(carried.rate + weight * rate, carried.attitude + weight * turn)
+        previous = self.later(length)
+        return IntegrationError(previous.rate + weight * rate, previous.attitude + weight * turn)
 
     def later(self, length: Float[Array, ""]) -> "IntegrationError":
-        """After so many seconds without an error of their own."""
+        """The sums after so many seconds that add no error of their own."""
         return IntegrationError(self.rate, self.attitude + self.rate * stop_gradient(length))
 
 

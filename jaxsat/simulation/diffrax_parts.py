@@ -77,50 +77,50 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
 
     @property
     def term_structure(self):  # pyright: ignore[reportIncompatibleVariableOverride]
-        """The solver's own, as are all that follow."""
+        """The structure of the terms that the solver takes."""
         return self.solver.term_structure
 
     @property
     def interpolation_cls(self):  # pyright: ignore
-        """Its dense output."""
+        """The class of the solver's dense output."""
         return self.solver.interpolation_cls
 
     @property
     def term_compatible_contr_kwargs(self):  # pyright: ignore[reportIncompatibleVariableOverride]
-        """What diffrax asks of its terms."""
+        """What diffrax asks of the terms' contractions, as the solver has it."""
         return self.solver.term_compatible_contr_kwargs
 
     @property
     def scan_kind(self):
-        """How its stages are looped over, which diffrax replaces for forward mode."""
+        """How the solver loops over its stages, which diffrax replaces for forward mode."""
         return self.solver.scan_kind  # pyright: ignore[reportAttributeAccessIssue]
 
     def order(self, terms):
-        """Its order."""
+        """The order of the solver."""
         return self.solver.order(terms)
 
     def strong_order(self, terms):
-        """Its strong order."""
+        """The strong order of the solver."""
         return self.solver.strong_order(terms)
 
     def error_order(self, terms):
-        """The order of its error."""
+        """The order of the solver's error."""
         return self.solver.error_order(terms)
 
     def func(self, terms, t0, y0, args):
-        """The rate."""
+        """The rate of the state, as the solver has it."""
         return self.solver.func(terms, t0, y0, args)
 
     def init(self, terms, t0, t1, y0, args) -> MonitoredState:
-        """With the first sample."""
+        """The solver's state and the monitor's record with the first sample."""
         inner = self.solver.init(terms, t0, t1, y0, args)
         shapes = eqx.filter_eval_shape(self.solver.step, terms, t0, t1, y0, args, inner, False)[2]
         dense = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
         t0 = jnp.asarray(t0)
-        seen = self.monitor(*stop_gradient((t0, y0)))
+        sample = self.monitor(*stop_gradient((t0, y0)))
         never = EntryBracket(t0, t0, dense, t0 + jnp.inf, t0 + jnp.inf)
-        since = tuple(SettlingTracker.initial(t0, len(x)).observe(t0, x) for x in seen.excess)
-        record = MonitorRecord(since, (never,) * len(since), jnp.zeros_like(seen.rate))
+        since = tuple(SettlingTracker.initial(t0, len(x)).observe(t0, x) for x in sample.excess)
+        record = MonitorRecord(since, (never,) * len(since), jnp.zeros_like(sample.rate))
         return MonitoredState(inner, record)
 
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
@@ -129,22 +129,22 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
             terms, t0, t1, y0, args, solver_state.solver, made_jump
         )
         begin, end, stages = stop_gradient((jnp.asarray(t0), jnp.asarray(t1), dense))
-        record = self._recorded(begin, end, stages, solver_state.record)
+        record = self._record_step(begin, end, stages, solver_state.record)
         return y1, error, dense, MonitoredState(inner, record), result
 
-    def _recorded(self, t0, t1, dense, record: MonitorRecord) -> MonitorRecord:
+    def _record_step(self, t0, t1, dense, record: MonitorRecord) -> MonitorRecord:
         at = jnp.arange(CHECKS + 1) / CHECKS
         samples = jax.vmap(lambda fraction: self._at(t0, t1, dense, fraction))(at)
         groups = []
         for since, entry, values in zip(record.since, record.entries, samples.excess, strict=True):
-            entered = t0 + jnp.inf
+            entry_fraction = t0 + jnp.inf
             for number, fraction in enumerate(at[1:], 1):
                 now = values[number]
                 enters = jnp.any(since.excess >= 0) & jnp.all(now < 0)
-                entered = jnp.where(enters, fraction, entered)
+                entry_fraction = jnp.where(enters, fraction, entry_fraction)
                 since = since.observe(t0 + fraction * (t1 - t0), now)
-            here = EntryBracket(t0, t1, dense, entered - 1 / CHECKS, entered)
-            enters = jnp.isfinite(entered)
+            here = EntryBracket(t0, t1, dense, entry_fraction - 1 / CHECKS, entry_fraction)
+            enters = jnp.isfinite(entry_fraction)
             entry = jax.tree.map(lambda x, y, e=enters: jnp.where(e, x, y), here, entry)
             groups.append((since, entry))
         weights = jnp.array([1.0, 4.0, 2.0, 4.0, 1.0]) / 12.0  # Simpson's
@@ -170,8 +170,8 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
 
         bracket = (jnp.where(never, 0.0, entry.low), jnp.where(never, 1.0, entry.high))
         high = jax.lax.fori_loop(0, HALVINGS, halve, bracket)[1]
-        located = begin + high * (end - begin)
-        return since._replace(start=jnp.where(never | jnp.isinf(since.start), since.start, located))
+        instant = begin + high * (end - begin)
+        return since._replace(start=jnp.where(never | jnp.isinf(since.start), since.start, instant))
 
 
 class StepControl(diffrax.PIDController):
@@ -180,7 +180,7 @@ class StepControl(diffrax.PIDController):
     body: RigidBody | None = None
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
-        """With the first step of the state in units."""
+        """The first step and the controller's state, chosen with momenta in units of the body."""
 
         def rate(terms, t, y, args):
             return self._of(in_units, func(terms, t, self._of(out_of_units, y), args))
@@ -190,7 +190,7 @@ class StepControl(diffrax.PIDController):
     def adapt_step_size(
         self, t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
     ):
-        """By states and error in units."""
+        """The next step, judged by states and error with momenta in units of the body."""
         before, after, error = (self._of(in_units, y) for y in (y0, y1_candidate, y_error))
         return super().adapt_step_size(
             t0, t1, before, after, args, error, error_order, controller_state

@@ -29,8 +29,8 @@ def through_hold(
     def through(elapsed, t, hold, plant, carry):
         struck = tuple(one <= elapsed for one in times)
         plant = body.after_failures(plant, struck)
-        left, now = body.driven(plant, body.later(commands, elapsed), struck)
-        return _between_failures(left, now, t, hold, plant, integrate, carry)
+        working_body, now = body.driven(plant, body.later(commands, elapsed), struck)
+        return _between_failures(working_body, now, t, hold, plant, integrate, carry)
 
     if not at.size:
         return through(jnp.zeros_like(t), t, hold, plant, carry)
@@ -73,18 +73,18 @@ def _between_failures(
     if not count:
         held = pieces(jnp.zeros_like(hold.length), hold.length)
         return integrate(t, hold._replace(pieces=held), plant, carry)
-    edges = jnp.concatenate([one.edges(own, asked, hold.length) for one, own, asked in parts])
+    edges = jnp.concatenate([one.edges(own, command, hold.length) for one, own, command in parts])
 
     def part(_, now):
         begin, plant, carry = now
         end = jnp.min(jnp.where(edges > begin, edges, hold.length))
         one = hold.part(begin, end - begin)._replace(pieces=pieces(begin, (begin + end) / 2))
         plant, carry = integrate(t + begin, one, plant, carry)
-        reached = tuple(
+        states = tuple(
             one.snapped(own, command, end, now)
             for (one, own, command), now in zip(parts, plant.of_each, strict=True)
         )
-        return end, PlantState(plant.attitude, plant.omega, reached), carry
+        return end, PlantState(plant.attitude, plant.omega, states), carry
 
     first = (jnp.zeros_like(hold.length), plant, carry)
     return jax.lax.fori_loop(0, count + 1, part, first)[1:]

@@ -46,8 +46,8 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
     def __check_init__(self):
         if self.plant.effectors:
             raise ValueError("Error coordinates must have a plant without wheels.")
-        known = [concrete(x) for x in jax.tree.leaves((self.plant, self.law))]
-        if any(leaf is None for leaf in known):
+        leaves = [concrete(x) for x in jax.tree.leaves((self.plant, self.law))]
+        if any(leaf is None for leaf in leaves):
             return
         believed, true = self.law.model, self.plant
         same_body = np.array_equal(believed.spacecraft.inertia, true.spacecraft.inertia)
@@ -63,17 +63,17 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
             raise ValueError("Law and plant must agree on whether the third rate is held.")
 
     def start(self, state: PlantState) -> ErrorState:
-        """The rates turned into rate errors."""
+        """The plant's state with rates turned into rate errors, and the law's first memory."""
         error, memory = self.law.rate_error(state), self.law.init(state)
         return ErrorState(state.attitude, state.omega[2], error, memory)
 
     @property
     def torque_count(self) -> int:
-        """About body x and y."""
+        """Two: the torques about body x and y."""
         return 2
 
     def plant_state(self, t: Float[Array, ""], state: ErrorState) -> PlantState:
-        """The rate errors turned back into rates."""
+        """The state of the plant, the rate errors turned back into rates."""
         return self._with_rates(state, self._reference(state.attitude, state.omega3))
 
     def motion(self, t: Float[Array, ""], state: ErrorState) -> Motion:
@@ -117,15 +117,15 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         )
 
     def event_functions(self, t: Float[Array, ""], state: ErrorState) -> Float[Array, " m"]:
-        """Those of the law."""
+        """The event functions of the law."""
         return self.law.event_functions(self._probe(state.attitude, state.omega3))
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ErrorCoordinateLoop":
-        """With the law held in one of its pieces."""
+        """The loop with the law held in the smooth piece with these signs."""
         return dataclasses.replace(self, law=self.law.smooth_piece(signs))
 
     def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
-        """That of the law."""
+        """The integrating factor of the law."""
         return self.law.integrating_factor(t)
 
     def _probe(self, attitude: AbstractAttitude, omega3: Float[Array, ""]) -> PlantState:

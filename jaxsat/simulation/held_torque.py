@@ -28,20 +28,23 @@ class HeldTorque(NamedTuple):
 
     @staticmethod
     def none(torque: Float[Array, "3"]) -> "HeldTorque":
-        """Before the first hold."""
+        """The record before the first hold."""
         zero = jnp.zeros_like(torque)
         return HeldTorque(zero + jnp.inf, zero - jnp.inf, zero, zero[0])
 
     @staticmethod
     def of_ranges(ranges: TorqueRange) -> "HeldTorque":
-        """Of the ranges from every sample to the next; periods are the unit of time."""
+        """The record of ranges from every sample to the next; periods are the unit of time."""
         least, largest, mean = (x[:-1] for x in (ranges.least, ranges.largest, ranges.mean))
         return HeldTorque(least, largest, mean, np.ones_like(mean[:, 0]))
 
     def with_hold(
         self, length: Float[Array, ""], first: Float[Array, "3"], last: Float[Array, "3"]
     ) -> "HeldTorque":
-        """With a time (s) in which the torque went from `first` to `last`, if it has a length."""
+        """The record with a hold of `length` s in which the torque went from `first` to `last`.
+
+        A hold without a length changes nothing.
+        """
         held = length > 0
         return HeldTorque(
             jnp.where(held, jnp.minimum(self.least, jnp.minimum(first, last)), self.least),
@@ -55,7 +58,7 @@ class HeldTorque(NamedTuple):
         return TorqueRange(self.least, self.largest, self.integral / self.length)
 
     def between(self, numbers: Numbers, last: Float[Array | np.ndarray, "3"]) -> TorqueRange:
-        """Of many periods: the range from each of these samples to the next, then the `last`."""
+        """The range from each of these samples to the next, over many periods, then the `last`."""
         length = over_parts(np.add, self.length, numbers)
         parts = TorqueRange(
             over_parts(np.minimum, self.least, numbers),
@@ -66,8 +69,11 @@ class HeldTorque(NamedTuple):
 
 
 class Unmade(NamedTuple):
-    """Of how many `samples` actuators made less torque than was commanded, at how many they were
-    `lacking`, and the largest squares of what was not made and of the torque (N² m²)."""
+    """How much of the commanded torque actuators do not make.
+
+    Of `samples` so many were `lacking` torque; `square` and `torque_square` are the largest squares
+    of what was not made and of the torque (N² m²).
+    """
 
     samples: Float[Array, ""]
     lacking: Float[Array, ""]
@@ -76,11 +82,11 @@ class Unmade(NamedTuple):
 
     @staticmethod
     def none(like: Float[Array, "..."]) -> "Unmade":
-        """Before the first sample, in the precision of an array."""
+        """The record before the first sample, in the precision of the array `like`."""
         return Unmade(*[jnp.zeros((), like.dtype)] * 4)
 
     def with_sample(self, torque: Float[Array, "3"], unmade: Float[Array, "3"]) -> "Unmade":
-        """With one more sample, of which nothing is differentiated."""
+        """The record with one more sample, of which nothing is differentiated."""
         torque, unmade = stop_gradient((torque, unmade))
         square = jnp.sum(unmade**2)
         largest = jnp.maximum(self.torque_square, jnp.maximum(jnp.sum(torque**2), square))
@@ -102,9 +108,11 @@ def saved(signals: Signals, numbers: Numbers, held: HeldTorque) -> Signals:
     torques that were `held` in each period the range, from each to the next. NumPy arrays stay what
     they are.
     """
-    kept = jax.tree.map(lambda x: x[numbers], signals)
-    ranges = held.between(numbers, stop_gradient(kept.torque[-1]))
-    kept = eqx.tree_at(lambda one: one.torque_range, kept, ranges, is_leaf=lambda x: x is None)
+    selection = jax.tree.map(lambda x: x[numbers], signals)
+    ranges = held.between(numbers, stop_gradient(selection.torque[-1]))
+    selection = eqx.tree_at(
+        lambda one: one.torque_range, selection, ranges, is_leaf=lambda x: x is None
+    )
     counts = numbers[1:] - numbers[:-1]
     means = {
         name: _with_last(over_parts(np.add, values[:-1], numbers) / counts[:, None], values[-1])
@@ -112,9 +120,11 @@ def saved(signals: Signals, numbers: Numbers, held: HeldTorque) -> Signals:
         if name in SIGNALS and SIGNALS[name].mean
     }
     if not means:
-        return kept
+        return selection
     where = list(means)
-    return eqx.tree_at(lambda one: [one.parts[name] for name in where], kept, list(means.values()))
+    return eqx.tree_at(
+        lambda one: [one.parts[name] for name in where], selection, list(means.values())
+    )
 
 
 def over_parts(combine: np.ufunc, values: Array | np.ndarray, numbers: Numbers):

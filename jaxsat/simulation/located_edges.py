@@ -48,20 +48,20 @@ class _Bracket(NamedTuple):
     closed: Bool[Array, ""]
 
     def following(self, x: RealScalar, margin: RealScalar, correction: RealScalar, tolerance):
-        """After a try at x, to be closed where that is within twice the tolerance."""
-        left = margin < 0
-        again = jnp.where(left, 1.0, -1.0) == self.side  # the Illinois rule
-        at_low = jnp.where(left & again, self.at_low / 2, self.at_low)
-        at_high = jnp.where(~left & again, self.at_high / 2, self.at_high)
-        low, high = jnp.where(left, self.low, x), jnp.where(left, x, self.high)
+        """The bracket after a try at x, `closed` once it is no wider than twice the tolerance."""
+        outside = margin < 0
+        again = jnp.where(outside, 1.0, -1.0) == self.side  # the Illinois rule
+        at_low = jnp.where(outside & again, self.at_low / 2, self.at_low)
+        at_high = jnp.where(~outside & again, self.at_high / 2, self.at_high)
+        low, high = jnp.where(outside, self.low, x), jnp.where(outside, x, self.high)
         return _Bracket(
             low,
             high,
-            jnp.where(left, at_low, margin),
-            jnp.where(left, margin, at_high),
-            jnp.where(left, 1.0, -1.0),
+            jnp.where(outside, at_low, margin),
+            jnp.where(outside, margin, at_high),
+            jnp.where(outside, 1.0, -1.0),
             self.tries + 1,
-            jnp.where(left, correction, self.correction),
+            jnp.where(outside, correction, self.correction),
             jnp.array(True),
             high - low <= 2 * tolerance,
         )
@@ -88,7 +88,7 @@ class _Search(NamedTuple):
     bracket: _Bracket
 
 
-class _Judged(NamedTuple):
+class _Judgement(NamedTuple):
     """Margins of each effector and of all in a row, d/dt of those before a jump, and dω/dt."""
 
     margins: OfEach
@@ -115,17 +115,17 @@ def through_located_parts(
     edges = sum(one.edge_count for one in body.effectors)
     tolerance, rounds = RESOLUTION * end, TRIES * (1 + edges)
 
-    def judged(elapsed, plant: PlantState, modes: OfEach) -> _Judged:
+    def judge(elapsed, plant: PlantState, modes: OfEach) -> _Judgement:
         pieces = body.later(body.pieces(modes, commands), elapsed)
         acceleration = body.acceleration(t + elapsed, plant, pieces=pieces)
         parts = list(zip(body.effectors, modes, plant.of_each, commands, strict=True))
         margins = tuple(one.margins(m, s, c, acceleration) for one, m, s, c in parts)
         speeds = tuple(one.approach(m, s, c, acceleration) for one, m, s, c in parts)
-        return _Judged(margins, _flat(margins), _flat(speeds), acceleration)
+        return _Judgement(margins, _flat(margins), _flat(speeds), acceleration)
 
-    def begun(elapsed, plant, carry, modes: OfEach) -> _Search:
+    def begin(elapsed, plant, carry, modes: OfEach) -> _Search:
         modes = body.modes(t + elapsed, plant, body.later(commands, elapsed), modes)
-        least = jnp.min(judged(elapsed, plant, modes).flat)
+        least = jnp.min(judge(elapsed, plant, modes).flat)
         zero, no = jnp.zeros_like(end), jnp.array(False)
         bracket = _Bracket(elapsed, end, least, least, zero, jnp.array(0), zero, no, no)
         return _Search(elapsed, plant, carry, modes, jax.lax.stop_gradient(bracket))
@@ -136,28 +136,28 @@ def through_located_parts(
         one = hold.part(now.begin, x - now.begin)
         one = one._replace(pieces=body.later(body.pieces(now.modes, commands), now.begin))
         plant, carry = integrate(t + now.begin, one, now.plant, now.carry)
-        found = judged(x, plant, now.modes)
-        least = jnp.min(found.flat)
-        known = jax.lax.stop_gradient((bracket, x, least))
-        correction = _correction(found.flat, found.speeds)
-        tried = known[0].following(*known[1:], correction, jax.lax.stop_gradient(tolerance))
+        judgement = judge(x, plant, now.modes)
+        least = jnp.min(judgement.flat)
+        still, place, margin = jax.lax.stop_gradient((bracket, x, least))
+        correction = _correction(judgement.flat, judgement.speeds)
+        narrower = still.following(place, margin, correction, jax.lax.stop_gradient(tolerance))
         there = last | bracket.closed | (~bracket.open & (least >= 0))
-        left = body.modes_after(now.modes, plant, commands, found.acceleration)
-        parts = zip(body.effectors, now.modes, plant.of_each, found.margins, strict=True)
-        come = tuple(
+        modes = body.modes_after(now.modes, plant, commands, judgement.acceleration)
+        parts = zip(body.effectors, now.modes, plant.of_each, judgement.margins, strict=True)
+        states = tuple(
             one.come(mode, own, jnp.where(bracket.closed, margins, jnp.inf))
             for one, mode, own, margins in parts
         )
-        plant = PlantState(plant.attitude, plant.omega, come)
-        return choose(there, begun(x, plant, carry, left), now._replace(bracket=tried))
+        plant = PlantState(plant.attitude, plant.omega, states)
+        return choose(there, begin(x, plant, carry, modes), now._replace(bracket=narrower))
 
     def one(number, now: _Search) -> _Search:
         return jax.lax.cond(now.begin < end, lambda x: part(number, x), lambda x: x, now)
 
     zero = jnp.zeros_like(end)
     modes = body.modes(t, plant, commands)
-    found = jax.lax.fori_loop(0, rounds, one, begun(zero, plant, carry, modes))
-    return found.plant, found.carry
+    search = jax.lax.fori_loop(0, rounds, one, begin(zero, plant, carry, modes))
+    return search.plant, search.carry
 
 
 def _flat(parts: OfEach) -> Float[Array, " margins"]:

@@ -86,7 +86,7 @@ class AbstractContinuousLoop(AbstractLoop):
 
     @abc.abstractmethod
     def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
-        """That of the state's `memory` at time `t` (s), if there is one."""
+        """The integrating factor of the state's `memory` at time `t` (s), if there is one."""
 
     def __call__(self, t: Float[Array, ""], state: PyTree, args: None = None) -> PyTree:
         """Time derivative of the loop's state, in the form diffrax integrates."""
@@ -153,7 +153,7 @@ class ContinuousLoop(AbstractContinuousLoop):
 
     @property
     def torque_count(self) -> int:
-        """Thrusters may turn about any axis."""
+        """Three: actuators may turn the body about any axis."""
         return 3
 
     @property
@@ -169,7 +169,7 @@ class ContinuousLoop(AbstractContinuousLoop):
         return tuple(struck[end - size : end] for size, end in ends)
 
     def plant_state(self, t: Float[Array, ""], state: LoopState) -> PlantState:
-        """With the wheels that have seized at rest."""
+        """The state of the plant, with the wheels that have seized at rest."""
         return self.plant.after_failures(state.plant, self._struck(t))
 
     def _acting(self, t: Float[Array, ""], plant: PlantState, command) -> _Acting:
@@ -202,11 +202,11 @@ class ContinuousLoop(AbstractContinuousLoop):
         signals = continuous_signals(
             self.plant, self.controller, t, motion.plant, state.memory, motion.torque
         )
-        made = acting.body.signals(motion.plant, acting.pieces, motion.rate.plant.omega)
-        return dataclasses.replace(signals, torque_unmade=acting.unmade).with_parts(made)
+        parts = acting.body.signals(motion.plant, acting.pieces, motion.rate.plant.omega)
+        return dataclasses.replace(signals, torque_unmade=acting.unmade).with_parts(parts)
 
     def event_functions(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
-        """Those of controller, distribution and effectors, and the time since each failure."""
+        """Event functions of controller, distribution and effectors, and times since failures."""
         plant = self.plant_state(t, state)
         command, _ = self.controller(t, plant, state.memory)
         own = self.controller.event_functions(plant)
@@ -225,16 +225,16 @@ class ContinuousLoop(AbstractContinuousLoop):
         failures, effectors = self.failure_times.size, self.plant.event_count
         signs, struck = signs[: signs.size - failures], signs[signs.size - failures :]
         own = signs.size - effectors - self.distribution.event_count
-        law, shared, others = jnp.split(signs, [own, signs.size - effectors])
+        law, shares, others = jnp.split(signs, [own, signs.size - effectors])
         return ContinuousLoop(
             self.plant.smooth_piece(others),
             self.controller.smooth_piece(law),
-            self.distribution.smooth_piece(shared),
+            self.distribution.smooth_piece(shares),
             struck if failures else None,
         )
 
     def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
-        """That of the controller."""
+        """The integrating factor of the controller."""
         return self.controller.integrating_factor(t)
 
 

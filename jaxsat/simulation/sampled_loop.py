@@ -78,7 +78,7 @@ class SampledLoop(AbstractLoop):
 
     @property
     def tells_unmade(self) -> bool:
-        """By the law, or by who shares its command."""
+        """Whether law, distribution or an effector tells the torque that actuators do not make."""
         effectors = self.plant.effectors
         if self.controller.tells_unmade or self.distribution.tells_left(effectors):
             return True
@@ -98,14 +98,14 @@ class SampledLoop(AbstractLoop):
 
     def told(self, number: Int[Array, ""], state: SampledState) -> Told:
         """What the controller is told at sample `number` of the run when the truth is `state`."""
-        told = self._told(number, state)
+        measurement = self._with_exact_momenta(number, state)
         if self.tachometers is None:
-            return told
-        measured = self.tachometers(number, told.state.of_each)
-        return told._replace(state=dataclasses.replace(told.state, effectors=measured))
+            return measurement
+        momenta = self.tachometers(number, measurement.state.of_each)
+        return measurement._replace(state=dataclasses.replace(measurement.state, effectors=momenta))
 
-    def _told(self, number: Int[Array, ""], state: SampledState) -> Told:
-        """With momenta of wheels as they are."""
+    def _with_exact_momenta(self, number: Int[Array, ""], state: SampledState) -> Told:
+        """What the controller is told, with the momenta of wheels as they are."""
         if self.navigation is not None and state.navigation is not None:
             period = self.controller.period
             return self.navigation.told(number, period, state.plant, state.navigation)
@@ -117,12 +117,12 @@ class SampledLoop(AbstractLoop):
 
     def signals(self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState) -> Signals:
         """The signals of the truth at sample `number` of the run, which is at time `t` (s)."""
-        told = self.told(number, state)
-        shares, memory = self._shares(t, told.state, state.memory)
+        measurement = self.told(number, state)
+        shares, memory = self._shares(t, measurement.state, state.memory)
         plans = self._plans(t, shares.uses, state)
         parts = zip(self.plant.effectors, plans, strict=True)
         means = [one.finish(plan, one.run(plan, self.controller.period))[1] for one, plan in parts]
-        signals = self._signals(t, state, memory, told, tuple(means))
+        signals = self._signals(t, state, memory, measurement, tuple(means))
         return self._with_unmade(signals, shares)
 
     def period(
@@ -137,31 +137,31 @@ class SampledLoop(AbstractLoop):
 
         Gives the state at its end, the carry, and the signals at its begin.
         """
-        told = self.told(number, state)
-        shares, memory = self._shares(t, told.state, state.memory)
+        measurement = self.told(number, state)
+        shares, memory = self._shares(t, measurement.state, state.memory)
         plans = self._plans(t, shares.uses, state)
         plant, carry, running = self._through(t, plans, state, integrate, carry)
         parts = zip(self.plant.effectors, plans, running, strict=True)
         pairs = [one.finish(plan, now) for one, plan, now in parts]
-        signals = self._signals(t, state, memory, told, tuple(mean for _, mean in pairs))
+        signals = self._signals(t, state, memory, measurement, tuple(mean for _, mean in pairs))
         after = SampledState(
             plant.normalised(),
             memory,
             tuple(own for own, _ in pairs),
             None if self.delay is None else shares.uses,
-            told.navigation,
+            measurement.navigation,
         )
         return after, carry, self._with_unmade(signals, shares)
 
     def _shares(
-        self, t: Float[Array, ""], told: PlantState, memory: Memory
+        self, t: Float[Array, ""], estimate: PlantState, memory: Memory
     ) -> tuple[Shares, Memory]:
         """What each effector is asked for at a sample, and the law's memory."""
-        command, memory = self.controller.step(t, told, memory)
-        return self.distribution(t, told, command, self.plant.effectors), memory
+        command, memory = self.controller.step(t, estimate, memory)
+        return self.distribution(t, estimate, command, self.plant.effectors), memory
 
     def _with_unmade(self, signals: Signals, shares: Shares) -> Signals:
-        """With what effectors do not make of a command."""
+        """The signals with the torque that effectors do not make of a command."""
         unmade = shares.torque_unmade(self.plant.effectors)
         if unmade is None:  # then the law tells it, or nothing does
             return signals
@@ -207,12 +207,12 @@ class SampledLoop(AbstractLoop):
             return end, ran, plant, carry
 
         count = 1 + sum(one.holds - 1 for one in body.effectors)
-        begun = tuple(one.begin(plan) for one, plan in zip(body.effectors, plans, strict=True))
-        running, plant, carry = hold_by_hold(count, period, step, begun, state.plant, carry)
+        first = tuple(one.begin(plan) for one, plan in zip(body.effectors, plans, strict=True))
+        running, plant, carry = hold_by_hold(count, period, step, first, state.plant, carry)
         return plant, carry, running
 
-    def _signals(self, t, state: SampledState, memory, told: Told, means: OfEach) -> Signals:
-        """Those of a sample: of commands that change within the period, the means."""
+    def _signals(self, t, state: SampledState, memory, measurement: Told, means: OfEach) -> Signals:
+        """The signals of a sample, by the means of commands that change within the period."""
         acting = means
         if self.delay is not None:
             before, delay = self._before(state, means), self.delay
@@ -227,10 +227,10 @@ class SampledLoop(AbstractLoop):
         acceleration = driven.acceleration(t, after, pieces=pieces)
         torque = driven.control_torque(t, after, pieces, acceleration)
         signals = plant_signals(body, t, plant, torque, error, none, mode)
-        made, telemetry = driven.signals(after, pieces, acceleration), dict(law.telemetry(memory))
+        parts, telemetry = driven.signals(after, pieces, acceleration), dict(law.telemetry(memory))
         unmade = telemetry.pop("torque_unmade", None)
         signals = dataclasses.replace(signals, torque_unmade=unmade)
-        return signals.with_parts(made, told.errors, telemetry)
+        return signals.with_parts(parts, measurement.errors, telemetry)
 
     def plant_rate(
         self, t: Float[Array, ""], state: PlantState, hold: Hold, elapsed: Float[Array, ""]

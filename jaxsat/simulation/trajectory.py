@@ -22,7 +22,7 @@ class Outcome(enum.IntEnum):
 
     @property
     def explanation(self) -> str:
-        """One clause for a person."""
+        """How the run ended, as one clause for a person."""
         return _EXPLANATIONS[self]
 
 
@@ -81,9 +81,9 @@ class Signals(eqx.Module):
     parts: dict[str, Array | np.ndarray] = eqx.field(default_factory=dict)
 
     def with_parts(self, *parts: Mapping[str, Array | np.ndarray]) -> "Signals":
-        """With what these parts tell besides."""
-        told = {name: value for one in parts for name, value in one.items()}
-        return dataclasses.replace(self, parts=self.parts | told)
+        """The signals with what these parts tell added to their own."""
+        additions = {name: value for one in parts for name, value in one.items()}
+        return dataclasses.replace(self, parts=self.parts | additions)
 
 
 class Trajectory(eqx.Module):

@@ -122,11 +122,11 @@ class AdaptiveStepper(AbstractStepper):
         state = AdaptiveState(zero, jnp.array(0), flat, rate, events > 0, events, excess, last_step)
         first_step = self.tolerance.first_step
         plant = ode.loop.plant_state(zero, ode.state(zero, flat))
-        begun = initial_progress(state, case.loop.plant, plant, case.possible, first_step)
+        progress = initial_progress(state, case.loop.plant, plant, case.possible, first_step)
         if not program.detailed:
-            return begun
-        kept = with_details(begun, ode.loop, ode.loop.torque_count)
-        return kept._replace(forced=jnp.array(0))
+            return progress
+        progress = with_details(progress, ode.loop, ode.loop.torque_count)
+        return progress._replace(forced=jnp.array(0))
 
     def unfinished(
         self, program: Program, progress: Progress, bound: Int[Array, ""]
@@ -147,9 +147,9 @@ class AdaptiveStepper(AbstractStepper):
         """One step tried, and all instants before number `bound` that it has passed observed."""
         ode, state = FlatODE.of(self.solver, program, case, axis_name), progress.state
         up_to_date = state.t < program.time_of(state.number)
-        needed = up_to_date & (state.t < program.time_of(bound))
-        needed &= progress.code == int(Outcome.SUCCESS)
-        return _observed(ode, bound, _attempted(self, ode, needed, progress))
+        active = up_to_date & (state.t < program.time_of(bound))
+        active &= progress.code == int(Outcome.SUCCESS)
+        return _observe_passed(ode, bound, _attempt_step(self, ode, active, progress))
 
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress up to instant number `first + count`, while any of a batch goes on.
@@ -175,7 +175,7 @@ class AdaptiveStepper(AbstractStepper):
         ode, last_step = FlatODE.of(self.solver, program, case), progress.state.last_step
         t = program.time_of(number)
         end = last_step.fraction(t)
-        flat = self._shortened(ode, last_step, t)
+        flat = self._end_of_shorter_step(ode, last_step, t)
         plant = ode.loop.plant_state(t, ode.state(t, flat))
         progress = with_peaks(progress, plant.omega, ode.loop.plant.stored(plant))
         excess = excess_at(ode, t, ode.interpolated(last_step, end))
@@ -191,12 +191,12 @@ class AdaptiveStepper(AbstractStepper):
             ended_at=jnp.where(success, t, progress.ended_at),
         )
         final, dwell = ode.state(t, flat), program.tolerances.dwell
-        told = details_of(progress, ode.loop, final, t, progress.steps, dwell)
+        details = details_of(progress, ode.loop, final, t, progress.steps, dwell)
         return outputs_of(
-            progress, plant, t, case.drawn, program.running_cost, details=told, dwell=dwell
+            progress, plant, t, case.drawn, program.running_cost, details=details, dwell=dwell
         )
 
-    def _shortened(
+    def _end_of_shorter_step(
         self, ode: FlatODE, last_step: DenseStep, t: Float[Array, ""]
     ) -> Float[Array, " n"]:
         """The flat state after a step from the begin of `last_step` to the time `t` (s)."""
@@ -214,12 +214,12 @@ class AdaptiveStepper(AbstractStepper):
         """
         ode = FlatODE.of(self.solver, program, case)
         t = program.time_of(number)
-        flat = self._shortened(ode, progress.state.last_step, t)
+        flat = self._end_of_shorter_step(ode, progress.state.last_step, t)
         return ode.loop.signals(t, ode.state(t, flat))
 
 
-def _attempted(stepper: AdaptiveStepper, ode: FlatODE, needed, progress: Progress) -> Progress:
-    """Progress after one step, accepted or not; as it was unless that is `needed`."""
+def _attempt_step(stepper: AdaptiveStepper, ode: FlatODE, active, progress: Progress) -> Progress:
+    """Progress after one step, accepted or not; as it was where the trajectory is not `active`."""
     solver, tolerance = stepper.solver, stepper.tolerance
     tableau, state, step = tableau_of(solver), progress.state, progress.step
     begin = ode.at_step_begin(state.state)
@@ -228,7 +228,7 @@ def _attempted(stepper: AdaptiveStepper, ode: FlatODE, needed, progress: Progres
     after = begin + increment
     error = step * weighted(tableau.b_error, rates)
     norm = stop_gradient(_error_norm(tolerance, *map(ode.error_controlled, (begin, after, error))))
-    accepted = needed & ((norm <= 1) | (step <= tolerance.min_step))
+    accepted = active & ((norm <= 1) | (step <= tolerance.min_step))
     increments = ode.increments(step, rates, increment)
     zeros = jnp.zeros((ode.output.sign_checks, ode.torque_count), increments.dtype)
     effort = progress.integrals.effort
@@ -241,49 +241,55 @@ def _attempted(stepper: AdaptiveStepper, ode: FlatODE, needed, progress: Progres
     dense = dense._replace(torque_zeros=stop_gradient(zeros))
     t = state.t + end.length
     excess = excess_at(ode, t, end.state)
-    found = (end.state, end.rate, end.signs, end.events, excess, dense)
-    further = AdaptiveState(t, state.number, *found)
+    next_state = AdaptiveState(
+        t, state.number, end.state, end.rate, end.signs, end.events, excess, dense
+    )
     last_step = state.last_step
     until = last_step.fraction(state.t)
-    moved = progress._replace(
-        state=further,
+    candidate = progress._replace(
+        state=next_state,
         integrals=progress.integrals._replace(effort=ode.effort(dense, fraction)),
         settled=settled_along_step(ode, last_step, until, progress.settled, state.excess, accepted),
         rest=_rest_along_step(ode, last_step, until, progress.rest, state.t, accepted),
         ended_at=t,
     )
-    following = _accepted(tolerance, ode, progress, moved, needed, accepted, norm)
+    following = _accept_step(tolerance, ode, progress, candidate, active, accepted, norm)
     # no longer step after one that met an event: a law that slides would lose its way
     largest = jnp.where(fraction < 1, 1.0, MAX_FACTOR)
     factor = jnp.minimum(_step_factor(norm, solver_of(solver).order(None)), largest)
     proposal = jnp.maximum(step * stop_gradient(factor), tolerance.min_step)
-    return following._replace(step=jnp.where(needed, proposal, step))
+    return following._replace(step=jnp.where(active, proposal, step))
 
 
-def _rest_along_step(ode: FlatODE, step: DenseStep, until, rest, t, needed):
+def _rest_along_step(ode: FlatODE, step: DenseStep, until, rest, t, active):
     """Since when a trajectory is at rest, see `settled_along_step`; `t` (s) is at `until`."""
     if rest is None:
         return None
     at_end = rest_excess_at(ode, t, ode.interpolated(step, until))
-    return settled_along_step(ode, step, until, rest, at_end, needed, rest_excess_at)
+    return settled_along_step(ode, step, until, rest, at_end, active, rest_excess_at)
 
 
-def _accepted(tolerance, ode, before: Progress, moved: Progress, needed, accepted, norm):
-    """Further on, where it was, or ended."""
+def _accept_step(tolerance, ode, before: Progress, candidate: Progress, active, accepted, norm):
+    """The `candidate` where its step is accepted and its state is within the limit, else `before`.
+
+    A trajectory ends where the state passes the limit, or after the last step that it may take.
+    """
     limit = ode.program.state_limit
-    good = within_limit(ode.restore(moved.state.state)[0], limit)
-    steps = before.steps + needed.astype(before.steps.dtype)
+    good = within_limit(ode.restore(candidate.state.state)[0], limit)
+    steps = before.steps + active.astype(before.steps.dtype)
     code = jnp.where(accepted & ~good, int(Outcome.STATE_LIMIT), before.code)
-    out = needed & (code == int(Outcome.SUCCESS)) & (steps >= tolerance.max_steps)
+    out = active & (code == int(Outcome.SUCCESS)) & (steps >= tolerance.max_steps)
     code = jnp.where(out, int(Outcome.MAX_STEPS), code)
-    kept = jax.tree.map(lambda new, old: jnp.where(accepted & good, new, old), moved, before)
+    progress = jax.tree.map(
+        lambda new, old: jnp.where(accepted & good, new, old), candidate, before
+    )
     if before.forced is not None:
-        kept = kept._replace(forced=before.forced + (accepted & (norm > 1)))
-    return kept._replace(code=code, steps=steps)
+        progress = progress._replace(forced=before.forced + (accepted & (norm > 1)))
+    return progress._replace(code=code, steps=steps)
 
 
-def _observed(ode: FlatODE, bound, progress: Progress) -> Progress:
-    """With all instants before number `bound` observed that the last step has passed."""
+def _observe_passed(ode: FlatODE, bound, progress: Progress) -> Progress:
+    """The progress with all instants before number `bound` observed that the last step passed."""
     program = ode.program
 
     def pending(progress: Progress):
@@ -296,14 +302,14 @@ def _observed(ode: FlatODE, bound, progress: Progress) -> Progress:
         t = program.time_of(state.number)
         flat = ode.interpolated(state.last_step, state.last_step.fraction(t))
         plant = ode.loop.plant_state(t, ode.state(t, flat))
-        seen = with_peaks(progress, plant.omega, ode.loop.plant.stored(plant))
-        return seen._replace(state=state._replace(number=state.number + 1))
+        progress = with_peaks(progress, plant.omega, ode.loop.plant.stored(plant))
+        return progress._replace(state=state._replace(number=state.number + 1))
 
     return jax.lax.while_loop(pending, observe, progress)
 
 
 def _error_norm(tolerance, before, after, error) -> Float[Array, ""]:
-    """The error relative to the tolerance; NaN where it is NaN, which is never accepted."""
+    """The error relative to the tolerance; NaN, which is never accepted, where the error is."""
     scale = tolerance.atol + tolerance.rtol * jnp.maximum(jnp.abs(before), jnp.abs(after))
     return jnp.sqrt(jnp.mean((error / scale) ** 2))
 
@@ -311,6 +317,6 @@ def _error_norm(tolerance, before, after, error) -> Float[Array, ""]:
 def _step_factor(norm: Float[Array, ""], order: int | None) -> Float[Array, ""]:
     """How much longer the next step may be; much shorter where the error is NaN."""
     assert order is not None
-    wanted = SAFETY * jnp.exp(-(1 / order) * jnp.log(jnp.maximum(norm, 1e-12)))
-    known = jnp.where(jnp.isfinite(norm), wanted, MIN_FACTOR)
-    return jnp.clip(known, MIN_FACTOR, MAX_FACTOR)
+    factor = SAFETY * jnp.exp(-(1 / order) * jnp.log(jnp.maximum(norm, 1e-12)))
+    factor = jnp.where(jnp.isfinite(norm), factor, MIN_FACTOR)
+    return jnp.clip(factor, MIN_FACTOR, MAX_FACTOR)

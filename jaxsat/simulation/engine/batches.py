@@ -68,7 +68,7 @@ class AbstractBatchEngine(AbstractEngine):
     def operations(
         self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
     ) -> str:
-        """The fingerprint of these."""
+        """The fingerprint of the operations of a batch."""
         return fingerprint(self.traced(program, cases, gains, mode))
 
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
@@ -95,11 +95,11 @@ class AbstractBatchEngine(AbstractEngine):
         for first in range(0, count, self.batch_size):
             batch = jax.tree.map(lambda x: x[first : first + self.batch_size], cases)  # noqa: B023
             with jax.debug_nans(False):  # NaN is what a case does not have
-                found = run(program, jax.tree.map(self._padded, batch), gains, *rest)
-            batches.append(jax.tree.map(lambda x: np.asarray(x)[: self.batch_size], found))
+                lane_results = run(program, jax.tree.map(self._pad, batch), gains, *rest)
+            batches.append(jax.tree.map(lambda x: np.asarray(x)[: self.batch_size], lane_results))
         return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *batches)
 
-    def _padded(self, batch: np.ndarray) -> Array:
+    def _pad(self, batch: np.ndarray) -> Array:
         missing = self.padded_size - len(batch)
         return jnp.asarray(np.concatenate([batch, np.repeat(batch[:1], missing, axis=0)]))
 

@@ -57,12 +57,12 @@ class Quartic(AbstractDenseOutput):
     sign_checks: ClassVar[int] = 1
 
     def increments(self, step, rates, increment):
-        """One sum over the stages."""
+        """The rows of a step, by one sum over the stages."""
         middle = step * weighted(np.array(self.middle), rates)
         return jnp.stack([step * rates[0], middle, increment, step * rates[-1]])
 
     def at(self, begin, increments, fraction):
-        """By the polynomials that are one for a row and nothing for the others."""
+        """The state by the polynomials that are one for a row and nothing for the others."""
         at_begin, middle, whole, at_end = increments
         x = fraction
         rest, square = 1 - x, x * x
@@ -76,7 +76,7 @@ class Quartic(AbstractDenseOutput):
         )
 
     def coefficients(self, increments):
-        """The same polynomial."""
+        """The coefficients of the same polynomials."""
         at_begin, middle, whole, at_end = increments
         return jnp.stack(
             [
@@ -97,15 +97,15 @@ class Sextic(AbstractDenseOutput):
     sign_checks: ClassVar[int] = 2
 
     def increments(self, step, rates, increment):
-        """One sum over the stages for each power."""
+        """The rows of a step, by one sum over the stages for each power."""
         return jnp.stack([step * weighted(np.array(row), rates) for row in self.weights])
 
     def at(self, begin, increments, fraction):
-        """By Horner's rule."""
+        """The state by Horner's rule."""
         return begin + polynomial(list(increments), fraction)
 
     def coefficients(self, increments):
-        """The rows themselves."""
+        """The coefficients, which are the rows themselves."""
         return increments
 
 

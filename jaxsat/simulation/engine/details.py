@@ -47,7 +47,7 @@ def details_of(
     dwell: Float[Array, ""] | None,
     begin: float | Float[Array, ""] = 0.0,
 ) -> Details | None:
-    """Those of a trajectory from its `begin` to its `end` (s), in the loop's state `final`.
+    """The details of a trajectory from its `begin` to its `end` (s), in the loop's state `final`.
 
     It must have been at rest for `dwell` seconds, see `SettlingTracker.settling_time`.
     """

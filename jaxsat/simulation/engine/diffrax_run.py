@@ -60,11 +60,11 @@ def integrated(
     Those of a sampled loop are all its samples. NaN stands at times that were not reached.
     """
     if isinstance(case.loop, SampledLoop):
-        return _sampled(program, case, times, _either_mode(solver_of(method.solver)))
-    return _continuous(program, case, times, method, adjoint)
+        return _run_sampled(program, case, times, _either_mode(solver_of(method.solver)))
+    return _run_continuous(program, case, times, method, adjoint)
 
 
-def _continuous(program: Program, case: Case, times, method: Method, adjoint) -> Integrated:
+def _run_continuous(program: Program, case: Case, times, method: Method, adjoint) -> Integrated:
     import diffrax
 
     from jaxsat.simulation.diffrax_parts import MonitoredSolver, MonitoredState
@@ -103,7 +103,7 @@ def _continuous(program: Program, case: Case, times, method: Method, adjoint) ->
     state, whole = jax.tree.map(lambda x: x[0], final)
     record = cast(MonitoredState, solution.solver_state).record
     settled, *rest = (solver.since(record, group) for group in range(len(record.since)))
-    progress = _begun(program, case)._replace(
+    progress = _initial(program, case)._replace(
         state=state,
         integrals=Integrals(zero if cost is None else whole, record.integral),
         settled=settled,
@@ -116,22 +116,22 @@ def _continuous(program: Program, case: Case, times, method: Method, adjoint) ->
 
 @eqx.filter_jit
 def _motion(loop: AbstractContinuousLoop, t, state: PyTree) -> Motion:
-    """Of a loop, traced once for all places where a program has it."""
+    """The motion of a loop, traced once for all places where a program has it."""
     return loop.motion(t, state)
 
 
 def _monitor(program: Program, loop):
-    """What settling and effort are judged by: of a detailed program also what is at rest."""
+    """What settling and effort are judged by, and in a detailed program rest as well."""
     from jaxsat.simulation.diffrax_parts import MonitorSample
 
     def monitor(t, both) -> MonitorSample:
         motion = _motion(loop, t, both[0])
-        observed = Observation.of(loop.plant, motion.plant)
-        excess = (observed.excess(program.tolerances),)
+        observation = Observation.of(loop.plant, motion.plant)
+        excess = (observation.excess(program.tolerances),)
         if program.detailed:
-            excess = (*excess, observed.rest_excess(program.tolerances))
-        moved = (loop.plant, t, motion.plant, motion.torque, jnp.abs(motion.torque))
-        return MonitorSample(excess, effort_rates(program.detailed, *moved))
+            excess = (*excess, observation.rest_excess(program.tolerances))
+        arguments = (loop.plant, t, motion.plant, motion.torque, jnp.abs(motion.torque))
+        return MonitorSample(excess, effort_rates(program.detailed, *arguments))
 
     return monitor
 
@@ -171,17 +171,17 @@ class _SampledRecord(NamedTuple):
     error: IntegrationError | None
 
     def at(self, t, plant: PlantState, program: Program, loop: SampledLoop) -> "_SampledRecord":
-        """With one more observation of the plant."""
-        observed = Observation.of(loop.plant, plant)
+        """The record with one more observation of the plant."""
+        observation = Observation.of(loop.plant, plant)
         since = (self.settled, self.rest)
-        settled, rest = judged_at(since, t, observed, program.tolerances)
+        settled, rest = judged_at(since, t, observation, program.tolerances)
         return self._replace(settled=settled, rest=rest)
 
 
-def _sampled(program: Program, case: Case, times, solver: AbstractSolver) -> Integrated:
-    """All periods. A state past the limit is not taken over: the last one is kept from there on."""
+def _run_sampled(program: Program, case: Case, times, solver: AbstractSolver) -> Integrated:
+    """Runs all periods. A state past the limit is not taken over: the last good one stays."""
     loop, zero = cast(SampledLoop, case.loop), jnp.zeros((), times.dtype)
-    begun, none = _begun(program, case), HeldTorque.none(case.start.omega)
+    progress_at_zero, none = _initial(program, case), HeldTorque.none(case.start.omega)
 
     def period(running, sample):
         (number, t), (state, record, code) = sample, running
@@ -189,17 +189,17 @@ def _sampled(program: Program, case: Case, times, solver: AbstractSolver) -> Int
         following, carried, signals = loop.period(number, t, state, through, record)
         kept_finite = loop.controller.judged(following.memory)
         good = within_limit(following.plant, program.state_limit, kept_finite)
-        seen = (signals, carried.held)
-        seen = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), seen)
+        observation = (signals, carried.held)
+        observation = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), observation)
         code = jnp.where(good, code, int(Outcome.STATE_LIMIT))
         new, old = (following, carried._replace(held=none)), (state, record)
-        kept = jax.tree.map(lambda x, y: jnp.where(code == 0, x, y), new, old)
-        return (*kept, code), seen
+        last_good = jax.tree.map(lambda x, y: jnp.where(code == 0, x, y), new, old)
+        return (*last_good, code), observation
 
     settled = SettlingTracker.initial(times[0], 3)
     rest = SettlingTracker.initial(times[0], 1) if program.detailed else None
     error = IntegrationError.none(case.start.omega) if program.error_every else None
-    integrals = begun.integrals._replace(cost=zero)
+    integrals = progress_at_zero.integrals._replace(cost=zero)
     record = _SampledRecord(integrals, settled, rest, none, error)
     record = record.at(times[0], case.start, program, loop)
     first = (loop.start(case.start), stop_gradient(record), jnp.array(int(Outcome.SUCCESS)))
@@ -209,7 +209,7 @@ def _sampled(program: Program, case: Case, times, solver: AbstractSolver) -> Int
     last = loop.signals(jnp.array(count), times[-1], state)
     last = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), last)
     signals = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), signals, last)
-    progress = begun._replace(
+    progress = progress_at_zero._replace(
         state=state,
         integrals=record.integrals,
         settled=record.settled,
@@ -218,7 +218,7 @@ def _sampled(program: Program, case: Case, times, solver: AbstractSolver) -> Int
         code=code,
         steps=jnp.array(count * loop.substeps),
         failures=_failures(program, case, times, signals),
-        unmade=_unmade(loop, signals),
+        unmade=_unmade_torque(loop, signals),
     )
     return Integrated(_outputs(program, case, progress, times, signals), signals, held)
 
@@ -268,13 +268,13 @@ def _equal_steps(
     return after, record
 
 
-def _begun(program: Program, case: Case) -> Progress:
+def _initial(program: Program, case: Case) -> Progress:
     """The progress at time zero."""
     state = case.loop.start(case.start)
-    begun = initial_progress(
+    progress = initial_progress(
         state, case.loop.plant, plant_state(case.loop, 0.0, state), case.possible
     )
-    return with_details(begun, case.loop, 3) if program.detailed else begun
+    return with_details(progress, case.loop, 3) if program.detailed else progress
 
 
 def _outputs(program: Program, case: Case, progress: Progress, times, signals) -> Outputs:
@@ -282,21 +282,22 @@ def _outputs(program: Program, case: Case, progress: Progress, times, signals) -
     end = times[-1]
     plant = plant_state(case.loop, end, progress.state)
     squares = jnp.sum(signals.omega**2, axis=1)
-    reached = jnp.maximum(jnp.sum(jnp.isfinite(squares)) - 1, 0)  # even the start may be none
+    last_index = jnp.maximum(jnp.sum(jnp.isfinite(squares)) - 1, 0)  # even the start may be none
     progress = progress._replace(
         peak_square=jnp.max(squares),
-        ended_at=jnp.where(case.possible, times[reached], times[0]),
+        ended_at=jnp.where(case.possible, times[last_index], times[0]),
         code=jnp.where(case.possible, progress.code, int(Outcome.IMPOSSIBLE_CASE)),
         peaks={name: jnp.max(peaks_of(signals.parts)[name], axis=0) for name in progress.peaks},
     )
     begin, dwell = times[0], program.tolerances.dwell
     details = details_of(progress, case.loop, progress.state, end, progress.steps, dwell, begin)
-    used, cost = consumption(case.loop, progress.state), program.running_cost
-    told = (used, program.interval, details, dwell, begin)
-    return outputs_of(progress, plant, end, case.drawn, cost, *told)
+    usage, cost = consumption(case.loop, progress.state), program.running_cost
+    return outputs_of(
+        progress, plant, end, case.drawn, cost, usage, program.interval, details, dwell, begin
+    )
 
 
-def _unmade(loop: SampledLoop, signals: Signals) -> Unmade | None:
+def _unmade_torque(loop: SampledLoop, signals: Signals) -> Unmade | None:
     """What the history of a sampled loop tells of torque that is not made."""
     if not loop.tells_unmade or signals.torque_unmade is None:
         return None

@@ -28,7 +28,7 @@ class DiagnosisRecord(NamedTuple):
 
 
 class FailureRecord(NamedTuple):
-    """Of a case with failures at times `at` (s), at its samples.
+    """What is recorded, sample by sample, of a case with failures at times `at` (s).
 
     `stay` is for how many samples in a row the tolerances have been met since the first failure,
     `longest` the most of these. `diagnosis` is None for a law that does not diagnose.
@@ -42,57 +42,64 @@ class FailureRecord(NamedTuple):
     def observe(
         self, t: Float[Array, ""], signals: Signals, tolerances: Tolerances
     ) -> "FailureRecord":
-        """With one more sample, at `t` (s). What begins at the sample is not yet known to it."""
+        """The record with one more sample, at `t` (s).
+
+        What begins at the sample is not yet known to it.
+        """
         sizes = excess(signals.w, signals.z, signals.relative_rate, tolerances)
         inside = jnp.all(sizes < 0) & (t >= jnp.min(self.at))
         stay = jnp.where(inside, self.stay + 1, 0)
         return self._replace(
             stay=stay,
             longest=jnp.maximum(self.longest, stay),
-            diagnosis=self._diagnosed(t, signals),
+            diagnosis=self._next_diagnosis(t, signals),
         )
 
-    def _diagnosed(self, t: Float[Array, ""], signals: Signals) -> DiagnosisRecord | None:
+    def _next_diagnosis(self, t: Float[Array, ""], signals: Signals) -> DiagnosisRecord | None:
         before = self.diagnosis
         if before is None:
             return None
         kind, alarm = (jnp.asarray(signals.parts[one]) for one in ("diagnosed_kind", "alarm"))
         alarmed = alarm > 0
-        found = alarmed & (t > self.at) & jnp.isinf(before.detected)
-        accused = (kind >= 0) & jnp.isinf(before.isolated)
+        detection = alarmed & (t > self.at) & jnp.isinf(before.detected)
+        isolation = (kind >= 0) & jnp.isinf(before.isolated)
         false = alarmed & ~before.alarmed & (t <= jnp.min(self.at))
         return DiagnosisRecord(
-            jnp.where(found, t, before.detected),
-            jnp.where(accused, t, before.isolated),
+            jnp.where(detection, t, before.detected),
+            jnp.where(isolation, t, before.isolated),
             jnp.where(jnp.isnan(kind), before.kind, kind),
             alarmed,
             before.false_alarms + false.astype(before.false_alarms.dtype),
         )
 
     def outputs(self, interval: Float[Array, ""]) -> dict[str, Array]:
-        """By the names of the columns of a study; NaN for never."""
-        found: dict[str, Array] = {"longest_stay": self.longest * interval}
+        """What the record tells, by the columns of a study; NaN for never."""
+        columns: dict[str, Array] = {"longest_stay": self.longest * interval}
         if self.diagnosis is not None:
-            told = self.diagnosis
-            found |= {
-                "false_alarms": told.false_alarms,
-                "detection_time": jnp.where(jnp.isinf(told.detected), jnp.nan, told.detected),
-                "isolation_time": jnp.where(jnp.isinf(told.isolated), jnp.nan, told.isolated),
-                "isolated_kind": jnp.round(told.kind).astype(int) + 1,
+            diagnosis = self.diagnosis
+            columns |= {
+                "false_alarms": diagnosis.false_alarms,
+                "detection_time": jnp.where(
+                    jnp.isinf(diagnosis.detected), jnp.nan, diagnosis.detected
+                ),
+                "isolation_time": jnp.where(
+                    jnp.isinf(diagnosis.isolated), jnp.nan, diagnosis.isolated
+                ),
+                "isolated_kind": jnp.round(diagnosis.kind).astype(int) + 1,
             }
-        return found
+        return columns
 
 
 def initial_record(loop: AbstractLoop, state: PyTree) -> FailureRecord | None:
-    """Before the first sample; None for a loop that is not sampled, or without failures."""
+    """The record before the first sample; None for a loop without samples or failures."""
     events = failures_of(loop)
     if not events or not isinstance(loop, SampledLoop):
         return None
     at = jnp.concatenate([one.at for one in events])
-    none, told = jnp.array(0), loop.controller.telemetry(state.memory)
-    if "diagnosed_kind" not in told or "alarm" not in told:
+    none, telemetry = jnp.array(0), loop.controller.telemetry(state.memory)
+    if "diagnosed_kind" not in telemetry or "alarm" not in telemetry:
         return FailureRecord(at, none, none, None)
-    kind, never = told["diagnosed_kind"], jnp.inf
+    kind, never = telemetry["diagnosed_kind"], jnp.inf
     diagnosis = DiagnosisRecord(at * 0 + never, kind * 0 + never, kind, none > 0, none)
     return FailureRecord(at, none, none, diagnosis)
 

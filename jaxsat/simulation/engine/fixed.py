@@ -66,7 +66,7 @@ class FixedStepper(AbstractStepper):
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress after so many intervals."""
         loop = continuous_loop(case)
-        rate, judged = augmented_rate(program, loop), _judge(program, loop)
+        rate, judge = augmented_rate(program, loop), _judge(program, loop)
         tableau, plant_at = tableau_of(self.solver), stop_gradient(loop).plant_state
         estimate = HalvedSteps(
             program, partial(_steps_alone, tableau), self.substeps, loop.plant, plant_at
@@ -75,29 +75,29 @@ class FixedStepper(AbstractStepper):
         def interval(i, progress):
             t = program.time_of(first + i)
             signals = loop.signals(t, progress.state)
-            seen = with_peaks(progress, signals.omega, signals.parts)
+            candidate = with_peaks(progress, signals.omega, signals.parts)
             both, since = (progress.state, progress.integrals), (progress.settled, progress.rest)
             (state, integrals), since = _equal_steps(
-                tableau, rate, t, program.interval, self.substeps, (both, since), judged
+                tableau, rate, t, program.interval, self.substeps, (both, since), judge
             )
             span = Span(t, program.interval, progress.state, state)
             error = estimate.after(progress.error, first + i, stop_gradient(loop), span)
             carry = (integrals, since, None, error)
-            return _unless_ended(program, progress, seen, state, (state,), carry, t)
+            return _unless_ended(program, progress, candidate, state, (state,), carry, t)
 
         return jax.lax.fori_loop(0, count, interval, progress)
 
     def finish(self, program, case, progress, number):
         """Outputs at the end."""
-        return _finished(program, case, progress, number, self.substeps)
+        return _final_outputs(program, case, progress, number, self.substeps)
 
     def signals(self, program, case, progress, number):
-        """Those of the loop."""
+        """The loop's signals at instant `number`."""
         return continuous_loop(case).signals(program.time_of(number), progress.state)
 
 
 class SampledStepper(AbstractStepper):
-    """The own substeps of a sampled loop in each of its periods."""
+    """Takes a sampled loop's own substeps in each of its periods."""
 
     solver: Solver = NamedSolver("tsit5")
 
@@ -110,8 +110,8 @@ class SampledStepper(AbstractStepper):
 
     def begin(self, program, case):
         """The progress at time zero."""
-        found = _initial(program, case)
-        return found._replace(held=HeldTorque.none(found.state.plant.omega))
+        progress = _initial(program, case)
+        return progress._replace(held=HeldTorque.none(progress.state.plant.omega))
 
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress after so many periods, of which alone it keeps what the torque was.
@@ -127,26 +127,26 @@ class SampledStepper(AbstractStepper):
 
         def block(number, progress):
             begin = first + number * NOISE_BLOCK
-            drawn = sensors.drawn(begin, NOISE_BLOCK, progress.state.plant.omega.dtype)
-            told = dataclasses.replace(loop, sensors=drawn)
-            left = jnp.minimum(NOISE_BLOCK, count - number * NOISE_BLOCK)
-            return self._periods(program, told, progress, begin, left)
+            block_sensors = sensors.drawn(begin, NOISE_BLOCK, progress.state.plant.omega.dtype)
+            block_loop = dataclasses.replace(loop, sensors=block_sensors)
+            samples = jnp.minimum(NOISE_BLOCK, count - number * NOISE_BLOCK)
+            return self._periods(program, block_loop, progress, begin, samples)
 
         blocks = (count + NOISE_BLOCK - 1) // NOISE_BLOCK
         return jax.lax.fori_loop(0, blocks, block, progress)
 
     def _periods(self, program: Program, loop: SampledLoop, progress, first, count) -> Progress:
-        tableau, judged = tableau_of(self.solver), _judge(program, loop)
+        tableau, judge = tableau_of(self.solver), _judge(program, loop)
         alone = partial(_steps_alone, tableau)
         estimate = HalvedSteps(program, alone, loop.substeps, loop.plant, lambda t, plant: plant)
 
         def integrate(number, t, hold, plant, carry):
             integrals, since, held, error = carry
             rate, both = held_rate(program, loop, hold, t, plant), (plant, integrals)
-            begun = plant
+            plant_before = plant
             first = loop.torque(t, plant, hold, jnp.zeros_like(hold.length))
             (plant, integrals), since = _equal_steps(
-                tableau, rate, t, hold.length, loop.substeps, (both, since), judged
+                tableau, rate, t, hold.length, loop.substeps, (both, since), judge
             )
             last = loop.torque(t + hold.length, plant, hold, hold.length)
             held = held.with_hold(*stop_gradient((hold.length, first, last)))
@@ -155,7 +155,7 @@ class SampledStepper(AbstractStepper):
                 error,
                 number,
                 lambda now, plant: same.plant_rate(now, plant, still, now - t),
-                Span(t, hold.length, begun, plant),
+                Span(t, hold.length, plant_before, plant),
             )
             return plant, (integrals, since, held, error)
 
@@ -166,29 +166,29 @@ class SampledStepper(AbstractStepper):
             carry = (progress.integrals, since, progress.held, progress.error)
             through = partial(integrate, number)
             state, carry, signals = loop.period(number, t, progress.state, through, carry)
-            seen = with_peaks(progress, signals.omega, signals.parts)
+            candidate = with_peaks(progress, signals.omega, signals.parts)
             if progress.unmade is not None:
-                known = progress.unmade.with_sample(signals.torque, signals.torque_unmade)
-                seen = seen._replace(unmade=known)
+                unmade = progress.unmade.with_sample(signals.torque, signals.torque_unmade)
+                candidate = candidate._replace(unmade=unmade)
             if progress.failures is not None:
-                known = progress.failures.observe(t, signals, program.tolerances)
-                seen = seen._replace(failures=known)
+                failures = progress.failures.observe(t, signals, program.tolerances)
+                candidate = candidate._replace(failures=failures)
             checked = (state.plant, loop.controller.judged(state.memory))
-            after = _unless_ended(program, progress, seen, state, halved(checked), carry, t)
+            after = _unless_ended(program, progress, candidate, state, halved(checked), carry, t)
             return halved(after)
 
         return restored(jax.lax.fori_loop(0, count, period, halved(progress)))
 
     def finish(self, program, case, progress, number):
         """Outputs at the last sample."""
-        return _finished(program, case, progress, number, _sampled_loop(case).substeps)
+        return _final_outputs(program, case, progress, number, _sampled_loop(case).substeps)
 
     def signals(self, program, case, progress, number):
-        """Those of the sample, and the range of the torque since the last ones."""
+        """Signals of sample `number`, and the range of the torque since the last observation."""
         t = program.time_of(number)
         assert progress.held is not None
-        found = _sampled_loop(case).signals(number, t, progress.state)
-        return dataclasses.replace(found, torque_range=progress.held.range())
+        signals = _sampled_loop(case).signals(number, t, progress.state)
+        return dataclasses.replace(signals, torque_range=progress.held.range())
 
 
 def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper:
@@ -216,14 +216,14 @@ def _sampled_loop(case: Case) -> SampledLoop:
 def _judge(program: Program, loop: AbstractLoop):
     """How a step's begin is judged: since when the case is settled, and at rest."""
 
-    def judged(since: Since, t, both) -> Since:
+    def judge(since: Since, t, both) -> Since:
         state = both[0] if isinstance(loop, SampledLoop) else plant_state(loop, t, both[0])
         return judged_at(since, t, Observation.of(loop.plant, state), program.tolerances)
 
-    return judged
+    return judge
 
 
-def _equal_steps(tableau, rate, t, length, count: int, carry, judged):
+def _equal_steps(tableau, rate, t, length, count: int, carry, judge):
     """The state after equal steps, and since when the case is settled and at rest, judged where
     each begins."""
     step = length / count
@@ -232,7 +232,7 @@ def _equal_steps(tableau, rate, t, length, count: int, carry, judged):
         state, since = carry
         begin = t + number * step
         after = explicit_step(tableau, rate, begin, step, state)
-        return after, judged(since, begin, state)
+        return after, judge(since, begin, state)
 
     return one(0, carry) if count == 1 else jax.lax.fori_loop(0, count, one, carry)
 
@@ -242,7 +242,7 @@ def _steps_alone(tableau, rate, t, length, count: int, state):
     return _equal_steps(tableau, rate, t, length, count, (state, None), lambda since, *_: since)[0]
 
 
-def _unless_ended(program, before, seen, state, checked, carry, t) -> Progress:
+def _unless_ended(program, before, candidate, state, checked, carry, t) -> Progress:
     """The next progress, or the last good one where the case has ended or now ends.
 
     It ends where what is `checked` of the state, see `within_limit`, passes the limit.
@@ -252,7 +252,7 @@ def _unless_ended(program, before, seen, state, checked, carry, t) -> Progress:
     good = within_limit(moves, program.state_limit, *finite, integrals.cost)
     running = before.code == int(Outcome.SUCCESS)
     code = jnp.where(running & ~good, int(Outcome.STATE_LIMIT), before.code)
-    after = seen._replace(
+    after = candidate._replace(
         state=state,
         integrals=integrals,
         settled=settled,
@@ -262,23 +262,31 @@ def _unless_ended(program, before, seen, state, checked, carry, t) -> Progress:
         ended_at=t + program.interval,
         code=code,
     )
-    kept = before._replace(code=code)
-    return jax.tree.map(lambda new, old: jnp.where(running & good, new, old), after, kept)
+    last_good = before._replace(code=code)
+    return jax.tree.map(lambda new, old: jnp.where(running & good, new, old), after, last_good)
 
 
-def _finished(program: Program, case: Case, progress: Progress, number, steps: int) -> Outputs:
+def _final_outputs(program: Program, case: Case, progress: Progress, number, steps: int) -> Outputs:
     """Outputs after `number` intervals of so many steps each."""
     end = program.time_of(number)
     plant = plant_state(case.loop, end, progress.state)
-    observed = Observation.of(case.loop.plant, plant)
+    observation = Observation.of(case.loop.plant, plant)
     since = (progress.settled, progress.rest)
-    settled, rest = judged_at(since, end, observed, program.tolerances)
-    seen = with_peaks(progress, plant.omega, case.loop.plant.stored(plant))._replace(
+    settled, rest = judged_at(since, end, observation, program.tolerances)
+    progress = with_peaks(progress, plant.omega, case.loop.plant.stored(plant))._replace(
         settled=settled, rest=rest
     )
-    used = consumption(case.loop, progress.state)
+    usage = consumption(case.loop, progress.state)
     dwell = program.tolerances.dwell
-    told = details_of(seen, case.loop, progress.state, end, number * steps, dwell)
+    details = details_of(progress, case.loop, progress.state, end, number * steps, dwell)
     return outputs_of(
-        seen, plant, end, case.drawn, program.running_cost, used, program.interval, told, dwell
+        progress,
+        plant,
+        end,
+        case.drawn,
+        program.running_cost,
+        usage,
+        program.interval,
+        details,
+        dwell,
     )

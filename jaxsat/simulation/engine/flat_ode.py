@@ -58,32 +58,34 @@ class FlatODE(NamedTuple):
 
     @staticmethod
     def of(solver: Solver, program: Program, case: Case, axis_name: str | None = None) -> "FlatODE":
-        """That of a case."""
+        """The ODE of a case by this solver."""
         shapes = jax.eval_shape(lambda case: _initial_parts(program, case), case)
         template = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
         restore = ravel_pytree(template)[1]
         return FlatODE(program, continuous_loop(case), dense_output(solver), restore, axis_name)
 
     def cold_branch(
-        self, needed: Bool[Array, ""], function: Callable[[], PyTree], default: PyTree
+        self, condition: Bool[Array, ""], function: Callable[[], PyTree], default: PyTree
     ) -> PyTree:
-        """What `function` gives where it is `needed`, which is seldom, else `default`.
+        """What `function` gives where the `condition` holds, which is seldom, else `default`.
 
         Under `vmap` a `lax.cond` computes both for all cases. Here the whole batch leaves the
         function out while no case needs it.
         """
         if self.axis_name is None:
-            return jax.lax.cond(needed, function, lambda: default)
+            return jax.lax.cond(condition, function, lambda: default)
 
         def some():
-            return jax.tree.map(lambda x, y: jnp.where(needed, x, y), function(), default)
+            return jax.tree.map(lambda x, y: jnp.where(condition, x, y), function(), default)
 
-        return jax.lax.cond(self.in_any_case(needed), some, lambda: default)
+        return jax.lax.cond(self.in_any_case(condition), some, lambda: default)
 
-    def in_any_case(self, true: Bool[Array, ""]) -> Bool[Array, ""]:
-        """Whether it is true of any case of the batch."""
+    def in_any_case(self, condition: Bool[Array, ""]) -> Bool[Array, ""]:
+        """Whether a condition holds in any case of the batch."""
         return (
-            true if self.axis_name is None else jax.lax.pmax(true.astype(int), self.axis_name) > 0
+            condition
+            if self.axis_name is None
+            else jax.lax.pmax(condition.astype(int), self.axis_name) > 0
         )
 
     @property

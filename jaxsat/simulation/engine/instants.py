@@ -35,13 +35,13 @@ def until_event(
     events: Float[Array, " m"],
     step: DenseStep,
     end: StepEnd,
-    needed: Bool[Array, ""],
+    active: Bool[Array, ""],
     min_step: Float[Array, ""],
 ) -> StepEnd:
     """The end of a `step` that would go to `end`, its event functions being `events` at its begin.
 
     It is at the first event, though at least `min_step` (s) away, or at the end of the step. A
-    step for which it is not `needed` costs no search.
+    step that is not `active` costs no search.
     """
     whole = step.length
     if not signs.size:
@@ -60,12 +60,12 @@ def until_event(
     end = end._replace(events=ode.events(signs, step.begin + whole, end.state))
     ends = (stop_gradient(events), stop_gradient(end.events))
     bracket = _bracket(sign, *ends, beyond, ode.output.event_checks)
-    crosses = needed & (bracket.high_value > 0)
+    crosses = active & (bracket.high_value > 0)
 
     def at_event():
         fraction = stop_gradient(find_root(beyond, bracket, crosses))
         one_hot = jnp.arange(sign.size) == jnp.argmax(sign * events_at(fraction))
-        length = _corrected(ode, signs, step, one_hot, fraction)
+        length = _correct(ode, signs, step, one_hot, fraction)
         length = jnp.clip(length, jnp.minimum(min_step, whole), whole)
         t, state = step.begin + length, ode.interpolated(step, length / whole)
         flipped = signs ^ one_hot
@@ -84,14 +84,14 @@ def _bracket(sign, at_begin, at_end, beyond, checks: int) -> Bracket:
     points = [jnp.full_like(begin, number / checks) for number in range(checks + 1)]
     values = [begin, *map(beyond, points[1:-1]), end]
     ends = list(zip(points, values, strict=True))
-    *earlier, found = (Bracket(*low, *high) for low, high in pairwise(ends))
-    for bracket in reversed(earlier):
-        meets = bracket.high_value > 0
-        found = Bracket(*(jnp.where(meets, a, b) for a, b in zip(bracket, found, strict=True)))
-    return found
+    *earlier, bracket = (Bracket(*low, *high) for low, high in pairwise(ends))
+    for part in reversed(earlier):
+        meets = part.high_value > 0
+        bracket = Bracket(*(jnp.where(meets, a, b) for a, b in zip(part, bracket, strict=True)))
+    return bracket
 
 
-def _corrected(ode: FlatODE, signs, step: DenseStep, one_hot, fraction) -> Float[Array, ""]:
+def _correct(ode: FlatODE, signs, step: DenseStep, one_hot, fraction) -> Float[Array, ""]:
     """The seconds until the event: two steps of Newton's method.
 
     The second one moves with parameters. Taken where the function is zero, it is exact to first
@@ -129,7 +129,7 @@ def excess_at(
 def rest_excess_at(
     ode: FlatODE, t: Float[Array, ""], flat: Float[Array, " n"]
 ) -> Float[Array, "1"]:
-    """The same of the inertial rate alone."""
+    """How far outside the tolerance the inertial rate of a flat state is at time `t` (s)."""
     return _observation_at(ode, t, flat).rest_excess(ode.program.tolerances)
 
 
@@ -144,7 +144,7 @@ def settled_along_step(
     until: Float[Array, ""],
     settled: SettlingTracker,
     at_end: Float[Array, "conditions"],
-    needed: Bool[Array, ""],
+    active: Bool[Array, ""],
     excess_of: Callable | None = None,
 ) -> SettlingTracker:
     """Since when the case is settled, with the fraction `until` of a step taken into account.
@@ -153,7 +153,7 @@ def settled_along_step(
     does it if begin, middle and end are further inside than they differ, by `BETWEEN`. In other
     steps the excess is observed at the ends of equal parts, as many as for events, and the instant
     at which the case comes inside is located between them. Nothing of it is differentiated. A step
-    for which it is not `needed` costs no search. `excess_of` tells the excess of a flat state,
+    that is not `active` costs no search. `excess_of` tells the excess of a flat state,
     `excess_at` unless given.
     """
     ode, step, until, at_end = stop_gradient((ode, step, until, at_end))
@@ -165,9 +165,9 @@ def settled_along_step(
 
     middle = until / 2
     at_middle = excess(middle)
-    known = jnp.stack([settled.excess, at_middle, at_end])
-    most = jnp.max(known, axis=0)
-    differ = most - jnp.min(known, axis=0)
+    excesses = jnp.stack([settled.excess, at_middle, at_end])
+    most = jnp.max(excesses, axis=0)
+    differ = most - jnp.min(excesses, axis=0)
     stays = jnp.all(BETWEEN * (1 + most) + differ < 1)
 
     def entered() -> SettlingTracker:
@@ -194,5 +194,5 @@ def settled_along_step(
         return before.observe_after_entry(entry, end, at_end)
 
     unchanged = settled.observe_after_entry(step.begin, end, at_end)
-    searched = needed & jnp.all(at_end < 0) & ~stays
+    searched = active & jnp.all(at_end < 0) & ~stays
     return ode.cold_branch(searched, entered, unchanged)

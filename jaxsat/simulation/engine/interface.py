@@ -91,8 +91,8 @@ class AbstractEngine(eqx.Module):
     def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
         """One case (no leading axis) again, with its history and the same bits as before."""
         cases = jax.tree.map(lambda x: np.asarray(x)[None], case)
-        found = self.observed(program, cases, gains, program.instants())
-        outputs, signals = jax.tree.map(lambda x: np.asarray(x[0]), found)
+        batch = self.observed(program, cases, gains, program.instants())
+        outputs, signals = jax.tree.map(lambda x: np.asarray(x[0]), batch)
         times = np.arange(program.intervals + 1) * float(program.interval)
         return Replay(outputs, times, signals)
 
@@ -111,10 +111,10 @@ def with_ranges_ahead(signals: Signals) -> Signals:
 
     At the last instant they are the torque there.
     """
-    told = signals.torque_range
-    if told is None:
+    ranges = signals.torque_range
+    if ranges is None:
         return signals
-    ahead = jax.tree.map(lambda x: np.concatenate([x[:, 1:], signals.torque[:, -1:]], 1), told)
+    ahead = jax.tree.map(lambda x: np.concatenate([x[:, 1:], signals.torque[:, -1:]], 1), ranges)
     return eqx.tree_at(lambda one: one.torque_range, signals, ahead)
 
 

@@ -27,7 +27,7 @@ class NanInRun(NamedTuple):
     time: float
 
 
-class _Pushed(NamedTuple):
+class _DualProgress(NamedTuple):
     """The leaves of a progress that are real numbers, their derivatives, and the other leaves."""
 
     numbers: PyTree
@@ -44,47 +44,47 @@ class _Run(NamedTuple):
     gains: PyTree
     direction: PyTree
 
-    def begin(self) -> _Pushed:
-        """At time zero."""
-        return self._pushed(self._begin, (self.gains,), (self.direction,))
+    def begin(self) -> _DualProgress:
+        """The progress at time zero, with its derivative."""
+        return self._push(self._begin, (self.gains,), (self.direction,))
 
-    def after(self, before: _Pushed, number: Any) -> _Pushed:
-        """After interval `number`."""
+    def after(self, before: _DualProgress, number: Any) -> _DualProgress:
+        """The progress after interval `number`, with its derivative."""
 
         def advanced(gains, numbers):
-            steps, made = self._made(gains)
+            stepper, case = self._stepper_and_case(gains)
             progress = eqx.combine(numbers, before.rest)
-            return steps.advance(self.program, made, progress, number, 1)
+            return stepper.advance(self.program, case, progress, number, 1)
 
-        given = (self.gains, before.numbers), (self.direction, before.slopes)
-        return self._pushed(advanced, *given)
+        primals, tangents = (self.gains, before.numbers), (self.direction, before.slopes)
+        return self._push(advanced, primals, tangents)
 
-    def cost(self, end: _Pushed) -> tuple[Any, Any]:
+    def cost(self, end: _DualProgress) -> tuple[Any, Any]:
         """The cost and its derivative."""
 
         def finished(gains, numbers):
-            steps, made = self._made(gains)
+            stepper, case = self._stepper_and_case(gains)
             progress = eqx.combine(numbers, end.rest)
             count = jnp.array(self.program.intervals)
-            return steps.finish(self.program, made, progress, count).cost
+            return stepper.finish(self.program, case, progress, count).cost
 
-        given = (self.gains, end.numbers), (self.direction, end.slopes)
-        return jax.jvp(finished, *given)
+        primals, tangents = (self.gains, end.numbers), (self.direction, end.slopes)
+        return jax.jvp(finished, primals, tangents)
 
     def _begin(self, gains):
-        steps, made = self._made(gains)
-        return steps.begin(self.program, made)
+        stepper, case = self._stepper_and_case(gains)
+        return stepper.begin(self.program, case)
 
-    def _made(self, gains):
-        made = self.program.case_factory(self.case, gains)
-        return stepper_for(self.stepper, made.loop), made
+    def _stepper_and_case(self, gains):
+        case = self.program.case_factory(self.case, gains)
+        return stepper_for(self.stepper, case.loop), case
 
     @staticmethod
-    def _pushed(function: Callable, given: tuple, slopes: tuple) -> _Pushed:
-        def split(*given):
-            return eqx.partition(function(*given), eqx.is_inexact_array)
+    def _push(function: Callable, primals: tuple, tangents: tuple) -> _DualProgress:
+        def split(*primals):
+            return eqx.partition(function(*primals), eqx.is_inexact_array)
 
-        return _Pushed(*jax.jvp(split, given, slopes, has_aux=True))
+        return _DualProgress(*jax.jvp(split, primals, tangents, has_aux=True))
 
 
 def nan_in_run(
@@ -96,30 +96,30 @@ def nan_in_run(
     """
     run = _Run(stepper, program, case, gains, direction)
     states = [run.begin()]
-    found = nan_origins(run.after, states[0], jnp.array(0))
+    origins = nan_origins(run.after, states[0], jnp.array(0))
     cost = _place_of_cost(states[0])
-    early = found[cost]
+    early = origins[cost]
     if early is not None and early.argument is None:
         return NanInRun(early, 0.0)
     after = jax.jit(run.after)
     for number in range(program.intervals):
         states.append(after(states[-1], jnp.array(number)))
         if _is_nan(states[-1])[cost]:
-            return _followed(run, states, number, cost)
-    return _at_the_end(run, states)
+            return _follow_back(run, states, number, cost)
+    return _origin_at_end(run, states)
 
 
-def _at_the_end(run: _Run, states: list[_Pushed]) -> NanInRun | None:
-    """In what is made of the last state."""
+def _origin_at_end(run: _Run, states: list[_DualProgress]) -> NanInRun | None:
+    """The origin of a NaN in the cost that is made of the last state."""
     origin = nan_origins(run.cost, states[-1])[1]
     if origin is not None and origin.argument is not None:
-        return _followed(run, states, _first(states, origin.argument) - 1, origin.argument)
+        return _follow_back(run, states, _first(states, origin.argument) - 1, origin.argument)
     end = float(np.asarray(run.program.duration))
     return None if origin is None else NanInRun(origin, end)
 
 
-def _followed(run: _Run, states: list[_Pushed], number: int, leaf: int) -> NanInRun | None:
-    """Back from a leaf that is NaN after interval `number`."""
+def _follow_back(run: _Run, states: list[_DualProgress], number: int, leaf: int) -> NanInRun | None:
+    """The origin of a leaf's NaN after interval `number`, interval by interval backwards."""
     while number >= 0:
         origin = nan_origins(run.after, states[number], jnp.array(number))[leaf]
         if origin is None:
@@ -132,7 +132,7 @@ def _followed(run: _Run, states: list[_Pushed], number: int, leaf: int) -> NanIn
     return None if origin is None else NanInRun(origin, 0.0)
 
 
-def _place_of_cost(state: _Pushed) -> int:
+def _place_of_cost(state: _DualProgress) -> int:
     """The number of the leaf that is the derivative of the cost."""
     leaves = jax.tree.leaves(state._replace(slopes=None, rest=None))
     numbered = jax.tree.unflatten(
@@ -141,7 +141,7 @@ def _place_of_cost(state: _Pushed) -> int:
     return len(leaves) + numbered.integrals.cost
 
 
-def _first(states: list[_Pushed], leaf: int) -> int:
+def _first(states: list[_DualProgress], leaf: int) -> int:
     """The first of the states from which on a leaf is NaN up to the last of them."""
     number = len(states) - 1
     while number > 0 and _is_nan(states[number - 1])[leaf]:
@@ -149,8 +149,8 @@ def _first(states: list[_Pushed], leaf: int) -> int:
     return number
 
 
-def _is_nan(state: _Pushed) -> list[bool]:
-    """Of every leaf whether it has a NaN; those that are no real numbers have none."""
+def _is_nan(state: _DualProgress) -> list[bool]:
+    """Whether each leaf has a NaN; those that are no real numbers have none."""
     return [
         bool(jnp.issubdtype(x.dtype, jnp.inexact) and np.isnan(np.asarray(x)).any())
         for x in map(jnp.asarray, jax.tree.leaves(state))

@@ -34,7 +34,7 @@ class Unsettled(eqx.Module):
     def __call__(
         self, w: Float[Array, "2"], z: Float[Array, ""], relative_rate: Float[Array, "3"]
     ) -> Float[Array, ""]:
-        """Its value at one instant."""
+        """The stand-in's value at one instant."""
         limits = self.tolerances
         size = (
             jnp.sum(w**2) / limits.w**2
@@ -213,14 +213,14 @@ def initial_progress(
 
 def peaks_of(stored: Mapping[str, Array | np.ndarray]) -> dict[str, Array]:
     """The sizes of what a study has peaks of, by its columns."""
-    named = {name: SIGNALS[name].column for name in stored if name in SIGNALS}
-    return {column: jnp.abs(stored[name]) for name, column in named.items() if column}
+    columns = {name: SIGNALS[name].column for name in stored if name in SIGNALS}
+    return {column: jnp.abs(stored[name]) for name, column in columns.items() if column}
 
 
 def with_peaks(
     progress: Progress, omega: Float[Array, "3"], stored: Mapping[str, Array | np.ndarray]
 ) -> Progress:
-    """With one more instant in the peaks of ω (rad/s) and of what effectors store, by signal."""
+    """The progress with one more instant in the peaks of ω (rad/s) and of stored signals."""
     sizes = peaks_of(stored)
     peaks = {name: jnp.maximum(peak, sizes[name]) for name, peak in progress.peaks.items()}
     square = jnp.maximum(progress.peak_square, jnp.sum(omega**2))
@@ -228,16 +228,16 @@ def with_peaks(
 
 
 def judged_at(
-    since: Since, t: Float[Array, ""], observed: Observation, tolerances: Tolerances
+    since: Since, t: Float[Array, ""], observation: Observation, tolerances: Tolerances
 ) -> Since:
     """Since when the case is settled and at rest, with the end of one more of equal steps.
 
     Nothing of it is differentiated.
     """
     settled, rest = since
-    settled = settled.observe(*stop_gradient((t, observed.excess(tolerances))))
+    settled = settled.observe(*stop_gradient((t, observation.excess(tolerances))))
     if rest is not None:
-        rest = rest.observe(*stop_gradient((t, observed.rest_excess(tolerances))))
+        rest = rest.observe(*stop_gradient((t, observation.rest_excess(tolerances))))
     return settled, rest
 
 
@@ -262,7 +262,7 @@ def outputs_of(
     effort = progress.integrals.effort if details is None else jnp.sum(details.effort)
     success = progress.code == int(Outcome.SUCCESS)
 
-    def kept(value):
+    def or_nan(value):
         return jnp.where(success, value, jnp.nan)
 
     possible = progress.code != int(Outcome.IMPOSSIBLE_CASE)
@@ -277,16 +277,16 @@ def outputs_of(
         settling_time=jnp.where(
             success, progress.settled.settling_time(end, begin, dwell), jnp.inf
         ),
-        effort=kept(effort),
+        effort=or_nan(effort),
         cost=jnp.where(possible, whole, jnp.nan),
-        peak_rate=kept(jnp.sqrt(progress.peak_square)),
+        peak_rate=or_nan(jnp.sqrt(progress.peak_square)),
         ended_at=progress.ended_at,
-        w=kept(wz.w),
-        z=kept(wz.z),
-        quaternion=kept(quaternion.q),
-        omega=kept(plant.omega),
+        w=or_nan(wz.w),
+        z=or_nan(wz.z),
+        quaternion=or_nan(quaternion.q),
+        omega=or_nan(plant.omega),
         drawn=drawn,
-        parts=jax.tree.map(kept, (consumption or {}) | progress.peaks | unmade),
+        parts=jax.tree.map(or_nan, (consumption or {}) | progress.peaks | unmade),
         failures=None if failures is None else failures.outputs(jnp.asarray(interval)),
         details=details,
         integration_error=error,

@@ -42,10 +42,11 @@ def augmented_rate(program: Program, loop: AbstractContinuousLoop):
 
     def rate(t, both):
         motion = loop.motion(t, both[0])
-        size = jnp.abs(motion.torque)
-        moved = (loop.plant, t, motion.plant, motion.torque, size)
-        effort = effort_rates(program.detailed, *moved)
-        cost = running_cost(program.running_cost, motion.plant, motion.relative_rate, motion.torque)
+        torque = motion.torque
+        effort = effort_rates(
+            program.detailed, loop.plant, t, motion.plant, torque, jnp.abs(torque)
+        )
+        cost = running_cost(program.running_cost, motion.plant, motion.relative_rate, torque)
         return motion.rate, Integrals(cost, effort)
 
     return rate

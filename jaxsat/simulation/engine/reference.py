@@ -76,7 +76,7 @@ class ReferenceEngine(AbstractBatchEngine):
 @eqx.filter_jit
 def _run(engine, program, cases, gains) -> Integrated:
     def one(case):
-        return _one(engine, program, program.case_factory(case, gains), checkpoints())
+        return _run_case(engine, program, program.case_factory(case, gains), checkpoints())
 
     return jax.vmap(one)(cases)
 
@@ -90,7 +90,7 @@ def _gradient(engine, program, cases, gains, mode):
     differentiate = jax.jacrev if reverse else jax.jacfwd
 
     def cost(gains, case):
-        outputs = _one(engine, program, program.case_factory(case, gains), adjoint).outputs
+        outputs = _run_case(engine, program, program.case_factory(case, gains), adjoint).outputs
         return outputs.cost, outputs
 
     def one(case):
@@ -100,7 +100,9 @@ def _gradient(engine, program, cases, gains, mode):
     return jax.vmap(one)(cases)
 
 
-def _one(engine: ReferenceEngine, program: Program, case: Case, adjoint: Adjoint) -> Integrated:
+def _run_case(
+    engine: ReferenceEngine, program: Program, case: Case, adjoint: Adjoint
+) -> Integrated:
     method = default_method(case.loop) if engine.method is None else engine.method
     times = program.time_of(jnp.arange(program.intervals + 1))
     return integrated(program, case, times, method, adjoint)

@@ -30,30 +30,30 @@ class Bracket(NamedTuple):
 class _Search(NamedTuple):
     bracket: Bracket
     point: Float[Array, ""]
-    moved: Float[Array, ""]
+    move: Float[Array, ""]
     was_low: Bool[Array, ""]
-    tried: Int[Array, ""]
+    iterations: Int[Array, ""]
 
 
 def find_root(
     function: Callable[[Float[Array, ""]], Float[Array, ""]],
     bracket: Bracket,
-    needed: Bool[Array, ""],
+    active: Bool[Array, ""],
 ) -> Float[Array, ""]:
     """The fraction of the step at which the function becomes positive, to `CLOSE_ENOUGH`.
 
     Secants with the Illinois rule; every third point, and every point while the lower end is next
     to zero (a step that begins on a surface, from which a secant would not come away), halves the
-    bracket. A step for which it is not `needed` takes no iteration.
+    bracket. A step that is not `active` takes no iteration.
     """
 
     def unfinished(search: _Search):
-        return needed & (search.moved > CLOSE_ENOUGH) & (search.tried < ITERATIONS)
+        return active & (search.move > CLOSE_ENOUGH) & (search.iterations < ITERATIONS)
 
     def improve(search: _Search) -> _Search:
         low, low_value, high, high_value = search.bracket
         on_surface = (low == bracket.low) & (low_value >= -NEXT_TO_NOTHING * high_value)
-        halve = on_surface | (low_value >= 0) | (search.tried % 3 == 2)
+        halve = on_surface | (low_value >= 0) | (search.iterations % 3 == 2)
         slope = jnp.where(halve, 1.0, high_value - low_value)
         secant = low - low_value * (high - low) / slope
         point = jnp.where(halve, (low + high) / 2, jnp.clip(secant, low, high))
@@ -69,8 +69,8 @@ def find_root(
             jnp.where(is_low, high, point),
             jnp.where(is_low, keep_high, value),
         )
-        moved = jnp.abs(point - search.point)
-        return _Search(closer, point, moved, is_low, search.tried + 1)
+        move = jnp.abs(point - search.point)
+        return _Search(closer, point, move, is_low, search.iterations + 1)
 
     none = jnp.zeros_like(bracket.low)
     first = _Search(bracket, none - 1.0, none + jnp.inf, none > 0, jnp.array(0))
@@ -96,14 +96,14 @@ def sign_changes(
     coefficients: Float[Array, "degree n"],
     parts: int,
     end: Float[Array, ""],
-    needed: Bool[Array, ""],
+    active: Bool[Array, ""],
     cold_branch: Callable,
 ) -> Float[Array, "parts n"]:
     """Where the derivative of Σ_p θ^p coefficients[p - 1] changes its sign before `end`.
 
     One change in each of equal `parts` of a step; the end of that part where there is none. A fixed
     number of secants with the Illinois rule, and of Newton's steps inside the bracket; none where
-    no sign changes, or where it is not `needed`.
+    no sign changes, or where the step is not `active`.
     """
     first, *others = coefficients[:, None]
     slopes = [p * row for p, row in enumerate(others, 2)]
@@ -127,7 +127,7 @@ def sign_changes(
         bracket = Bracket(low, low_value, high, high_value)
         return jnp.where(changes, _sign_change(slope, curve, changes, bracket), nowhere)
 
-    return cold_branch(needed & jnp.any(changes), search, nowhere)
+    return cold_branch(active & jnp.any(changes), search, nowhere)
 
 
 def _sign_change(slope, curve, changes, bracket: Bracket) -> Float[Array, "parts n"]:

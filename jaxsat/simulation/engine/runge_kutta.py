@@ -63,9 +63,9 @@ def explicit_step(
     nodes = [0.0, *tableau.c]
     rates: dict[int, Array] = {}
     for stage in sorted(_needed_stages(tableau)):
-        there = restore(_combined(flat, step, rows[stage], rates))
+        there = restore(_combine(flat, step, rows[stage], rates))
         rates[stage] = ravel_pytree(rate(t + nodes[stage] * step, there))[0]
-    return restore(_combined(flat, step, tableau.b_sol, rates))
+    return restore(_combine(flat, step, tableau.b_sol, rates))
 
 
 def stage_rates(
@@ -79,28 +79,28 @@ def stage_rates(
     """The rates at all stages of a step of a flat state, whose rate is `first` where it begins."""
     rates: dict[int, Array] = {0: first}
     for stage, (row, node) in enumerate(zip(tableau.a_lower, tableau.c, strict=True), 1):
-        rates[stage] = rate(t + node * step, _combined(state, step, row, rates))
+        rates[stage] = rate(t + node * step, _combine(state, step, row, rates))
     return list(rates.values())
 
 
 def weighted(weights: np.ndarray, rates: list[Float[Array, " n"]]) -> Float[Array, " n"]:
     """The sum of the rates by their weights, those of zero left out."""
-    used = [float(w) * rate for w, rate in zip(weights, rates, strict=True) if w != 0]
-    return reduce(operator.add, used) if used else jnp.zeros_like(rates[0])
+    terms = [float(w) * rate for w, rate in zip(weights, rates, strict=True) if w != 0]
+    return reduce(operator.add, terms) if terms else jnp.zeros_like(rates[0])
 
 
 def _needed_stages(tableau: Tableau) -> set[int]:
-    needed = {stage for stage, weight in enumerate(tableau.b_sol) if weight != 0}
+    stages = {stage for stage, weight in enumerate(tableau.b_sol) if weight != 0}
     for stage in range(len(tableau.b_sol) - 1, 0, -1):
-        if stage in needed:
+        if stage in stages:
             row = tableau.a_lower[stage - 1]
-            needed |= {earlier for earlier, weight in enumerate(row) if weight != 0}
-    return needed
+            stages |= {earlier for earlier, weight in enumerate(row) if weight != 0}
+    return stages
 
 
-def _combined(state: Array, step, weights: np.ndarray, rates: dict[int, Array]) -> Array:
-    used = [(float(weights[j]), rates[j]) for j in rates if j < len(weights) and weights[j] != 0]
-    if len(used) == 1:
-        ((weight, slope),) = used
+def _combine(state: Array, step, weights: np.ndarray, rates: dict[int, Array]) -> Array:
+    terms = [(float(weights[j]), rates[j]) for j in rates if j < len(weights) and weights[j] != 0]
+    if len(terms) == 1:
+        ((weight, slope),) = terms
         return state + (step * weight) * slope  # one operation an element
-    return state + step * reduce(operator.add, (w * k for w, k in used)) if used else state
+    return state + step * reduce(operator.add, (w * k for w, k in terms)) if terms else state

@@ -85,37 +85,37 @@ def _to_host(signals: Signals) -> Signals:
     return jax.tree.map(np.asarray, signals)
 
 
-def _mapped(method, stepper, program, cases, gains, *progress):
+def _map_cases(method, stepper, program, cases, gains, *progress):
     """A stepper's method over the cases of a batch."""
 
     def one(case, *progress):
-        made = program.case_factory(case, gains)
-        return method(stepper_for(stepper, made.loop), program, made, *progress)
+        case = program.case_factory(case, gains)
+        return method(stepper_for(stepper, case.loop), program, case, *progress)
 
     return jax.vmap(one, axis_name=CASES)(cases, *progress)
 
 
 @eqx.filter_jit
 def _begin(*work):
-    return _mapped(lambda stepper, *rest: stepper.begin(*rest), *work)
+    return _map_cases(lambda stepper, *rest: stepper.begin(*rest), *work)
 
 
 @eqx.filter_jit
 def _advance(*work_and_bounds):
     *work, first, count = work_and_bounds
-    return _mapped(lambda stepper, *rest: stepper.advance(*rest, first, count, CASES), *work)
+    return _map_cases(lambda stepper, *rest: stepper.advance(*rest, first, count, CASES), *work)
 
 
 @eqx.filter_jit
 def _finish(*work_and_number):
     *work, number = work_and_number
-    return _mapped(lambda stepper, *rest: stepper.finish(*rest, number), *work)
+    return _map_cases(lambda stepper, *rest: stepper.finish(*rest, number), *work)
 
 
 @eqx.filter_jit
 def _observe(*work_and_number):
     *work, number = work_and_number
-    return _mapped(lambda stepper, *rest: stepper.observe(*rest, number), *work)
+    return _map_cases(lambda stepper, *rest: stepper.observe(*rest, number), *work)
 
 
 @eqx.filter_jit
@@ -124,11 +124,11 @@ def _gradient(stepper, program, cases, gains, mode):
     differentiate = jax.jacrev if reverse else jax.jacfwd
 
     def cost(gains, case):
-        made = program.case_factory(case, gains)
-        steps = stepper_for(stepper, made.loop)
-        work, progress = (program, made), steps.begin(program, made)
+        case = program.case_factory(case, gains)
+        steps = stepper_for(stepper, case.loop)
+        work, progress = (program, case), steps.begin(program, case)
         if reverse:
-            progress = _checkpointed(steps, *work, progress, program.intervals)
+            progress = _advance_with_checkpoints(steps, *work, progress, program.intervals)
         else:
             progress = steps.advance(*work, progress, 0, program.intervals, CASES)
         outputs = steps.finish(*work, progress, jnp.array(program.intervals))
@@ -141,8 +141,10 @@ def _gradient(stepper, program, cases, gains, mode):
     return jax.vmap(one, axis_name=CASES)(cases)
 
 
-def _checkpointed(stepper: AbstractStepper, program, case, progress, count: int) -> Progress:
-    """All intervals, for reverse mode: about 2 √count states are kept instead of every step.
+def _advance_with_checkpoints(
+    stepper: AbstractStepper, program, case, progress, count: int
+) -> Progress:
+    """The progress after all intervals, for reverse mode: about 2 √count states are kept, not all.
 
     Blocks of intervals are computed again on the way back, and in them every interval.
     """

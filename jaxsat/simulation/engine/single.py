@@ -59,8 +59,10 @@ def simulate(
     or, for a sampled loop, that are not sampling instants.
     """
     times = as_float(times)
-    known = concrete(times)
-    if known is not None and (known.ndim != 1 or len(known) < 2 or not np.all(np.diff(known) > 0)):
+    instants = concrete(times)
+    if instants is not None and (
+        instants.ndim != 1 or len(instants) < 2 or not np.all(np.diff(instants) > 0)
+    ):
         raise ValueError("Argument `times` must be at least two increasing numbers of seconds.")
     method = default_method(loop) if method is None else method
     loop, start = strong((loop, start))
@@ -78,10 +80,10 @@ def simulate(
 
 @eqx.filter_jit
 def _by_diffrax(program: Program, case: PyTree, times, numbers, method, adjoint) -> Trajectory:
-    made, instants = program.case_factory(case, None), times
+    case, instants = program.case_factory(case, None), times
     if numbers is not None:
         instants = times[0] + program.time_of(jnp.arange(program.intervals + 1))
-    outputs, signals, held = integrated(program, made, instants, method, adjoint)
+    outputs, signals, held = integrated(program, case, instants, method, adjoint)
     if held is None or numbers is None:
         return _trajectory(times, outputs, signals)
     return _trajectory(times, outputs, saved(signals, numbers, held))
@@ -104,12 +106,12 @@ def fly(
     the law has no derivative, and `tell` is told why.
     """
     loop, start = strong((loop, start))
-    obstacle, planned = _planned(loop, start, times, method, tolerances)
-    found = None if planned is None else planned.fly(times)
-    if found is None:
+    obstacle, flight = _plan(loop, start, times, method, tolerances)
+    trajectory = None if flight is None else flight.fly(times)
+    if trajectory is None:
         tell(obstacle or FORCED)
         return simulate(loop, start, times, method=method, tolerances=tolerances)
-    return found
+    return trajectory
 
 
 FORCED = "steps of the smallest length miss the tolerance: the law has no derivative there"
@@ -150,8 +152,8 @@ class _Flight(eqx.Module):
         engine = NativeEngine(stepper=self.stepper, simd_lanes=1)
         between = self.every if self.pulsed else 1  # samples of which the mean level is told
         instants = self.program.instants(self.every // between)
-        found = engine.observed(self.program, self.cases, None, instants)
-        outputs, signals = jax.tree.map(lambda x: x[0], found)
+        batch = engine.observed(self.program, self.cases, None, instants)
+        outputs, signals = jax.tree.map(lambda x: x[0], batch)
         if outputs.details.forced:
             return None
         if between > 1:
@@ -162,7 +164,7 @@ class _Flight(eqx.Module):
         return _trajectory(times, outputs, signals)
 
 
-def _planned(
+def _plan(
     loop: AbstractLoop,
     start: PlantState,
     times: Float[Array, " times"],
@@ -172,11 +174,11 @@ def _planned(
     """The flight, or what stands in its way."""
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((loop, start, method))):
         return "JAX traces its numbers", None
-    known = np.asarray(times)
-    gaps = np.diff(known)
-    if known[0] != 0 or np.ptp(gaps) > 1e-9 * known[-1]:
+    instants = np.asarray(times)
+    gaps = np.diff(instants)
+    if instants[0] != 0 or np.ptp(gaps) > 1e-9 * instants[-1]:
         return "the times to save are not even, from zero on", None
-    save_every = float(known[-1]) / len(gaps)
+    save_every = float(instants[-1]) / len(gaps)
     every, pulsed = observations_per_save(save_every), False
     interval = save_every / every
     stepper = _stepper(loop, method, interval)
@@ -237,11 +239,11 @@ def _stepper(loop: AbstractLoop, method: Method, interval: float) -> AbstractSte
 
 def sample_numbers(loop: SampledLoop, times: Float[Array, " times"]) -> np.ndarray:
     """Which samples of the loop the times are; raises `ValueError` where one falls between."""
-    period, known = concrete(loop.controller.period), concrete(times)
-    if period is None or known is None:
+    period, instants = concrete(loop.controller.period), concrete(times)
+    if period is None or instants is None:
         raise ValueError("A sampled loop's period and times must be known before tracing.")
-    numbers = np.rint((known - known[0]) / period).astype(int)
-    if np.abs(numbers * period - (known - known[0])).max() > 1e-6 * period:
+    numbers = np.rint((instants - instants[0]) / period).astype(int)
+    if np.abs(numbers * period - (instants - instants[0])).max() > 1e-6 * period:
         raise ValueError(f"Argument `times` must fall on multiples of the period {period} s.")
     return numbers
 
@@ -253,5 +255,13 @@ def _trajectory(times, outputs: Outputs, signals: Signals) -> Trajectory:
         outputs.settling_time, details.at_rest_from, details.effort, details.constraint_effort
     )
     signals = dataclasses.replace(signals, torque_range=None)
-    told = (outputs.code, details.steps, assessment, ranges, outputs.integration_error)
-    return Trajectory(times, signals, details.final, *told)
+    return Trajectory(
+        times,
+        signals,
+        details.final,
+        outputs.code,
+        details.steps,
+        assessment,
+        ranges,
+        outputs.integration_error,
+    )

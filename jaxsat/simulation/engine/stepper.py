@@ -64,7 +64,7 @@ class AbstractStepper(eqx.Module):
     def observe(
         self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
     ) -> Signals:
-        """The same; NaN after the end of a failed run."""
+        """Signals at the beginning of interval `number`; NaN after the end of a failed run."""
         signals = self.signals(program, case, progress, number)
         ended = progress.code != int(Outcome.SUCCESS)
         return jax.tree.map(lambda x: jnp.where(ended, jnp.nan, x), signals)

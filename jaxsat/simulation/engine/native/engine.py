@@ -85,7 +85,7 @@ class NativeEngine(AbstractEngine):
     def operations(
         self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
     ) -> str:
-        """The fingerprint of these, which may have been kept on disk with the machine code."""
+        """The fingerprint of the operations, which may be kept on disk with the machine code."""
         return self.kernel(program, cases, gains, derivatives=mode is not None).operations
 
     def kernel(
@@ -111,8 +111,8 @@ class NativeEngine(AbstractEngine):
     ) -> tuple[Outputs, Signals]:
         """`evaluate`, to the same bits, and signals at `instants`; in one thread."""
         kernel = self.kernel(program, cases, gains)
-        found, signals = kernel.replay(self.trees(cases, program, gains), instants.tolist())
-        return found, with_ranges_ahead(signals)
+        outputs, signals = kernel.replay(self.trees(cases, program, gains), instants.tolist())
+        return outputs, with_ranges_ahead(signals)
 
     def gradient(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode = "forward"
@@ -126,8 +126,8 @@ class NativeEngine(AbstractEngine):
         _require_floats(gains)
         kernel = self.kernel(program, cases, gains, derivatives=True)
         trees = self.trees(cases, program, gains)
-        found = kernel.run(trees, program.intervals, self.workers or processors())
-        return CostGradient(found.outputs, _by_gain(found.derivatives, gains))
+        flat_gradient = kernel.run(trees, program.intervals, self.workers or processors())
+        return CostGradient(flat_gradient.outputs, _by_gain(flat_gradient.derivatives, gains))
 
     def trees(self, cases: PyTree, program: Program, gains: PyTree) -> dict[str, PyTree]:
         """What a kernel takes, by the names of its arguments."""
@@ -195,9 +195,9 @@ def _kernel(
         if key not in _kernels:
 
             def lowered() -> LoweredTrajectory:
-                phases = PrimalPhases(stepper, program)
-                chosen = ForwardModePhases(phases) if derivatives else phases
-                return lower_trajectory(chosen, numbers_of(*whole), case, gains, lanes)
+                plain = PrimalPhases(stepper, program)
+                phases = ForwardModePhases(plain) if derivatives else plain
+                return lower_trajectory(phases, numbers_of(*whole), case, gains, lanes)
 
             name = entry_name(whole, case, gains, lanes, derivatives)
             _kernels[key] = Kernel(lowered, lanes, name)
@@ -210,8 +210,8 @@ def _by_gain(derivatives: np.ndarray, gains: PyTree) -> PyTree:
     shapes = [np.shape(leaf) for leaf in leaves]
     ends = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
     parts = np.split(derivatives, ends, axis=1)
-    shaped = [part.reshape(-1, *shape) for part, shape in zip(parts, shapes, strict=True)]
-    return jax.tree.unflatten(structure, shaped)
+    arrays = [part.reshape(-1, *shape) for part, shape in zip(parts, shapes, strict=True)]
+    return jax.tree.unflatten(structure, arrays)
 
 
 def _numbers(cases: PyTree, gains: PyTree) -> tuple[PyTree, PyTree]:

@@ -79,21 +79,21 @@ def entry_name(*parts: PyTree) -> str | None:
     """The name of the entry for trees and plain data; None where there is to be none."""
     if os.environ.get(IN_USE) != "1":
         return None
-    written = io.BytesIO()
+    stream = io.BytesIO()
     try:
-        _Structure(written).dump(jax.tree.map(_shape_of, parts))
+        _Structure(stream).dump(jax.tree.map(_shape_of, parts))
     except Exception:  # pickle raises what it likes for what it cannot write
         return None
     surroundings = _surroundings()
     if surroundings is None:
         return None
     host = target.host()
-    made_from = (
+    ingredients = (
         *(surroundings, _settings(), jax.default_backend()),
         *(target.PASSES, target.version(), host.name, host.features),
-        written.getvalue(),
+        stream.getvalue(),
     )
-    return f"{hashlib.sha256(repr(made_from).encode()).hexdigest()}.kernel"
+    return f"{hashlib.sha256(repr(ingredients).encode()).hexdigest()}.kernel"
 
 
 def kept_or_made(name: str | None, kind: type[T], make: Callable[[], T]) -> T:
@@ -106,15 +106,15 @@ def kept_or_made(name: str | None, kind: type[T], make: Callable[[], T]) -> T:
     content = cache.kept(name)
     if content is not None:
         try:
-            found = pickle.loads(content)  # which nobody but this user has written: see `cache`
+            entry = pickle.loads(content)  # which nobody but this user has written: see `cache`
         except Exception:
-            found = None
-        if isinstance(found, kind):
-            return found
-    made = make()
+            entry = None
+        if isinstance(entry, kind):
+            return entry
+    entry = make()
     with contextlib.suppress(Exception):  # trees of a kind that `pickle` cannot write
-        cache.keep(name, pickle.dumps(made))
-    return made
+        cache.keep(name, pickle.dumps(entry))
+    return entry
 
 
 @dataclass(frozen=True)
@@ -135,8 +135,8 @@ class _Structure(pickle.Pickler):
     """Writes nothing that refers to code of others than `PACKAGES`."""
 
     def reducer_override(self, obj: Any) -> Any:
-        named = obj if isinstance(obj, type) or callable(obj) else type(obj)
-        module = getattr(named, "__module__", None) or type(obj).__module__
+        owner = obj if isinstance(obj, type) or callable(obj) else type(obj)
+        module = getattr(owner, "__module__", None) or type(obj).__module__
         if not isinstance(module, str) or module.split(".")[0] not in _known_roots():
             raise pickle.PicklingError(f"{obj!r} is of {module}")
         if isinstance(obj, jax.Array):
@@ -168,16 +168,16 @@ def sources_hash(folder: Path, before_ns: int) -> str | None:
     None where one was changed at `before_ns` (of the clock `time.time_ns`) or later, or there is
     none.
     """
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     files = sorted(file for file in folder.rglob("*") if file.suffix in (".py", ".toml"))
     for file in files:
         content, status = file.read_bytes(), file.stat()
         if max(status.st_mtime_ns, status.st_ctime_ns) >= before_ns - CLOCK_NS:
             return None
         name = file.relative_to(folder).as_posix()
-        found.update(f"{name} {len(content)} {status.st_mtime_ns}\n".encode())
-        found.update(content)
-    return found.hexdigest() if files else None
+        digest.update(f"{name} {len(content)} {status.st_mtime_ns}\n".encode())
+        digest.update(content)
+    return digest.hexdigest() if files else None
 
 
 def _settings() -> list[str]:

@@ -55,7 +55,7 @@ class Kernel:
         self._lower, self.lanes, self._name = lower, lanes, name
         self._made = kept_or_made(name, MadeKernel, lambda: self._make(name is not None))
         entries = dict.fromkeys(["begin", "advance", "finish"], ENTRY_POINT)
-        self._functions = _linked(self._made.code, {"run": RUN, **entries})
+        self._functions = _link(self._made.code, {"run": RUN, **entries})
 
     @once_property
     def trajectory(self) -> LoweredTrajectory:
@@ -78,23 +78,23 @@ class Kernel:
 
     def _make(self, whole: bool) -> MadeKernel:
         """What is kept, without the fingerprint unless it is to be `whole`."""
-        lowered = self.trajectory
+        trajectory = self.trajectory
         return MadeKernel(
             in_own_thread(lambda stopped: cache.object_code(self.text)),
             self._module.arena,
-            lowered.state_size,
-            lowered.arguments,
-            lowered.outputs,
-            lowered.signals,
-            lowered.going,
-            fingerprint(lowered.jaxprs) if whole else "",
+            trajectory.state_size,
+            trajectory.arguments,
+            trajectory.outputs,
+            trajectory.signals,
+            trajectory.going,
+            fingerprint(trajectory.jaxprs) if whole else "",
         )
 
     @once_property
     def _observing(self) -> tuple[Callable[..., None], int]:
         """What only a replay needs, made for the first (and kept): the driver, its arena's size."""
-        made = kept_or_made(_observer(self._name), MadeObserver, self._make_observer)
-        return _linked(made.code, {"history": HISTORY})["history"], made.arena
+        observer = kept_or_made(_observer(self._name), MadeObserver, self._make_observer)
+        return _link(observer.code, {"history": HISTORY})["history"], observer.arena
 
     def _make_observer(self) -> MadeObserver:
         module = Module(self.lanes, target.host().masks)
@@ -113,7 +113,7 @@ class Kernel:
         (Ctrl-C) ends the call after the pieces under way. Raises `TypeError` and `ValueError` for
         arrays that are not of the kind the machine code was made for.
         """
-        inputs, count = self._taken(trees, intervals)
+        inputs, count = self._inputs(trees, intervals)
         outputs, leaves = _room(self._made.outputs, count)
         run = self._functions["run"]
         piece = self._piece(count, workers)
@@ -131,7 +131,7 @@ class Kernel:
         in_threads(work, min(workers, -(-count // piece)))
         return outputs
 
-    def _taken(self, trees: Trees, intervals: int) -> tuple[list[np.ndarray], int]:
+    def _inputs(self, trees: Trees, intervals: int) -> tuple[list[np.ndarray], int]:
         if not 0 < operator.index(intervals) < 1 << 63:
             raise ValueError(f"Argument `intervals` must be at least 1, but got {intervals}.")
         return self._made.arguments.taken(trees)
@@ -149,9 +149,9 @@ class Kernel:
         `instants` are their numbers, ascending from 0 to that of the end. The entry
         points are those of `run`, so the bits are, too, and so are the errors.
         """
-        inputs, count = self._taken(trees, instants[-1])
+        inputs, count = self._inputs(trees, instants[-1])
         outputs, leaves = _room(self._made.outputs, count)
-        seen, rows = _room(self._made.signals, len(instants) * count)
+        signals, rows = _room(self._made.signals, len(instants) * count)
         begin, advance, finish = (self._functions[name] for name in ("begin", "advance", "finish"))
         history, arena_size = self._observing
         numbers = np.array(instants, np.int64)
@@ -160,8 +160,8 @@ class Kernel:
             arena = AlignedMemory(max(self._made.arena, arena_size))
             pointers = addresses(arena, [*inputs, *leaves, *rows])
             for first in range(0, count, self.lanes):
-                state, cases, wanted = self._block(first, count)
-                where = (pointers, state.address, cases.ctypes.data, wanted.ctypes.data)
+                state, cases, mask = self._block(first, count)
+                where = (pointers, state.address, cases.ctypes.data, mask.ctypes.data)
                 places = AlignedMemory(8 * self.lanes).bytes.view(np.int64)
                 places[:] = cases
                 begin(*where, 0, 0)
@@ -171,8 +171,8 @@ class Kernel:
                     if piece:
                         advance(*where, numbers[piece - 1], numbers[piece] - numbers[piece - 1])
                     there = numbers[piece : piece + WATCHED]
-                    driven = (places.ctypes.data, there.ctypes.data, _address(advance))
-                    history(*where, *driven, len(there), count)
+                    driver_arguments = (places.ctypes.data, there.ctypes.data, _address(advance))
+                    history(*where, *driver_arguments, len(there), count)
                 finish(*where, 0, numbers[-1])
 
         in_own_thread(work)
@@ -180,7 +180,7 @@ class Kernel:
         def by_case(leaf: np.ndarray) -> np.ndarray:
             return np.moveaxis(leaf.reshape(len(numbers), count, *leaf.shape[1:]), 0, 1)
 
-        return outputs, jax.tree.map(by_case, seen)
+        return outputs, jax.tree.map(by_case, signals)
 
     def _block(self, first: int, count: int):
         numbers = first + np.arange(self.lanes)
@@ -203,7 +203,7 @@ def module_of(trajectory: LoweredTrajectory, lanes: int, cpu: target.Host) -> Mo
     return module
 
 
-def _linked(code: bytes, types: Mapping[str, Callable[[int], Any]]) -> dict[str, Any]:
+def _link(code: bytes, types: Mapping[str, Callable[[int], Any]]) -> dict[str, Any]:
     """Machine code in memory."""
     return in_own_thread(lambda stopped: target.loaded(code, types))
 

@@ -60,11 +60,11 @@ class AbstractPhases(abc.ABC):
 
     @abc.abstractmethod
     def learn(self, zero: list[bool]) -> None:
-        """Told, after `begin`, which leaves of what is fixed are nothing but zeros."""
+        """Take note, after `begin`, of the leaves of what is fixed that are nothing but zeros."""
 
 
 class PrimalPhases(AbstractPhases):
-    """A program by a stepper."""
+    """The phases of a program by a stepper, without derivatives."""
 
     def __init__(self, stepper: AbstractStepper, program: Program):
         self.static = eqx.partition((stepper, program.of_any_length()), eqx.is_array)[1]
@@ -72,8 +72,8 @@ class PrimalPhases(AbstractPhases):
 
     def begin(self, case, numbers, gains):
         """The case's arrays and the progress."""
-        made = eqx.combine(numbers, self.static)[1].case_factory(case, gains)
-        arrays, self._rest = eqx.partition(made, eqx.is_array)
+        case = eqx.combine(numbers, self.static)[1].case_factory(case, gains)
+        arrays, self._rest = eqx.partition(case, eqx.is_array)
         stepper, program, case = self._with(arrays, numbers)
         return arrays, stepper.begin(program, case)
 
@@ -100,17 +100,17 @@ class PrimalPhases(AbstractPhases):
         return stepper.unfinished(program, moving, first + count)
 
     def finish(self, fixed, moving, numbers, first, count):
-        """Outputs."""
+        """Outputs of the trajectory."""
         stepper, program, case = self._with(fixed, numbers)
         return stepper.finish(program, case, moving, first + count)
 
     def observe(self, fixed, moving, numbers, number):
-        """Signals."""
+        """Signals at the beginning of interval `number`."""
         stepper, program, case = self._with(fixed, numbers)
         return stepper.observe(program, case, moving, number)
 
     def learn(self, zero: list[bool]) -> None:
-        """All the same to it."""
+        """Do nothing: zeros make no difference here."""
 
     def _with(self, arrays, numbers) -> tuple[AbstractStepper, Program, Case]:
         stepper, program = eqx.combine(numbers, self.static)
@@ -137,11 +137,11 @@ class ForwardModePhases(AbstractPhases):
         def values(flat):
             return self._plain.begin(case, numbers, restore(flat))
 
-        (fixed, moving), (d_fixed, d_moving) = _pushed(values, flat, directions)
+        (fixed, moving), (d_fixed, d_moving) = _push_forward(values, flat, directions)
         return (fixed, d_fixed), (moving, d_moving)
 
     def learn(self, zero: list[bool]) -> None:
-        """Leaves: first values, then derivatives."""
+        """Take note of the leaves, first values, then derivatives, that move with a gain."""
         self._moved = [not is_zero for is_zero in zero]
 
     def advance(self, fixed, moving, numbers, first, count):
@@ -154,7 +154,7 @@ class ForwardModePhases(AbstractPhases):
 
     @property
     def paced(self) -> bool:
-        """As the program itself."""
+        """Whether the steps of the program itself are adaptive."""
         return self._plain.paced
 
     def attempt(self, fixed, moving, numbers, first, count):
@@ -179,18 +179,18 @@ class ForwardModePhases(AbstractPhases):
         return CostGradient(outputs, derivatives.cost)
 
     def observe(self, fixed, moving, numbers, number):
-        """Signals."""
+        """Signals at the beginning of interval `number`."""
         return self._plain.observe(fixed[0], moving[0], numbers, number)
 
     def _along(self, values: Callable, fixed, moving):
         (x, d_x), (y, d_y) = fixed, moving
         leaves = jax.tree.leaves(d_x)
-        moved = iter(self._moved[-len(leaves) :] if leaves else [])
-        d_x = jax.tree.map(lambda d: d if next(moved) else None, d_x)
-        return _pushed(values, (x, y), (d_x, d_y))
+        moves = iter(self._moved[-len(leaves) :] if leaves else [])
+        d_x = jax.tree.map(lambda d: d if next(moves) else None, d_x)
+        return _push_forward(values, (x, y), (d_x, d_y))
 
 
-def _pushed(function: Callable, x: PyTree, directions: PyTree) -> tuple[PyTree, PyTree]:
+def _push_forward(function: Callable, x: PyTree, directions: PyTree) -> tuple[PyTree, PyTree]:
     """A function's value, and its derivatives along directions stacked before the leaves of `x`.
 
     None in place of a direction's leaf is one along which that leaf stays. Derivatives of what is
@@ -198,20 +198,20 @@ def _pushed(function: Callable, x: PyTree, directions: PyTree) -> tuple[PyTree, 
     """
     whole = jax.tree.structure(x).flatten_up_to(directions)
     leaves, structure = jax.tree.flatten(x)
-    chosen = [i for i, direction in enumerate(whole) if direction is not None]
+    indices = [i for i, direction in enumerate(whole) if direction is not None]
 
     def of_chosen(values):
         now = list(leaves)
-        for i, value in zip(chosen, values, strict=True):
+        for i, value in zip(indices, values, strict=True):
             now[i] = value
         return function(jax.tree.unflatten(structure, now))
 
     def one(direction):
-        value, derivative = jax.jvp(of_chosen, ([leaves[i] for i in chosen],), (direction,))
+        value, derivative = jax.jvp(of_chosen, ([leaves[i] for i in indices],), (direction,))
         real = jax.tree.map(lambda d: None if d.dtype == jax.dtypes.float0 else d, derivative)
         return value, real
 
-    return jax.vmap(one, out_axes=(None, 0))([whole[i] for i in chosen])
+    return jax.vmap(one, out_axes=(None, 0))([whole[i] for i in indices])
 
 
 def zero_leaves(constants: list[list[Any]]) -> list[bool]:

@@ -74,13 +74,15 @@ def lower_trajectory(
     n_inputs = len(jaxprs["begin"].in_avals)
     outside = _outside(jaxprs["begin"].in_avals, n_case)
     state = _State(lanes)
-    begin, sources, found = _begin(jaxprs["begin"], outside, len(jax.tree.leaves(fixed)), state)
-    phases.learn(zero_leaves([list(array.flat) for array in found]))
-    begun = (fixed, moving)
+    begin, sources, fixed_elements = _begin(
+        jaxprs["begin"], outside, len(jax.tree.leaves(fixed)), state
+    )
+    phases.learn(zero_leaves([list(array.flat) for array in fixed_elements]))
+    progress = (fixed, moving)
     onwards = "attempt" if phases.paced else "advance"
-    traced(onwards, getattr(phases, onwards), *begun, numbers, whole, whole)
-    outputs = traced("finish", phases.finish, *begun, numbers, whole, whole)
-    signals = traced("observe", phases.observe, *begun, numbers, whole)
+    traced(onwards, getattr(phases, onwards), *progress, numbers, whole, whole)
+    outputs = traced("finish", phases.finish, *progress, numbers, whole, whole)
+    signals = traced("observe", phases.observe, *progress, numbers, whole)
 
     first = _count(jaxprs["begin"].in_avals[:n_case])
     of_program = outside[first : first + _count(jaxprs["begin"].in_avals[n_case:][:n_numbers])]
@@ -93,7 +95,7 @@ def lower_trajectory(
     }
     going = None
     if phases.paced:
-        traced("going", phases.going, *begun, numbers, whole, whole)
+        traced("going", phases.going, *progress, numbers, whole, whole)
         slot = state.slot(np.dtype(bool), False)
         where: list[Location] = [slot]
         locations["going"], going = where, slot.offset
@@ -165,13 +167,13 @@ def _begin(
     where = dict(zip((param.number for param in params), outside, strict=True))
     b = Builder()
     arrays = arrays_of(params, [aval.shape for aval in jaxpr.in_avals])
-    found = lower(b, jaxpr, arrays)
-    fixed, moving = scalars_of(found[:n_fixed]), scalars_of(found[n_fixed:])
+    elements = lower(b, jaxpr, arrays)
+    fixed, moving = scalars_of(elements[:n_fixed]), scalars_of(elements[n_fixed:])
     sources, results, outputs = [], [], []
     for number, scalar in enumerate([*fixed, *moving]):
-        stays, known = number < len(fixed), isinstance(scalar, Value)
+        stays, variable = number < len(fixed), isinstance(scalar, Value)
         source = where.get(scalar.number) if isinstance(scalar, Value) else None
-        if stays and not known:
+        if stays and not variable:
             sources.append(_Source(scalar.dtype, scalar))
         elif stays and source is not None and source.uniform:
             sources.append(source)
@@ -183,7 +185,7 @@ def _begin(
             sources.append(_Source(scalar.dtype, None, slot, uniform))
     locations = [source.location for source in outside if source.location is not None]
     entry = EntryPoint(Function("begin", params, b.block, results), locations, outputs)
-    return entry.optimised(), sources, found[:n_fixed]
+    return entry.optimised(), sources, elements[:n_fixed]
 
 
 def _later(name: str, jaxpr: Jaxpr, sources: list[_Source], outputs: list[Location]) -> EntryPoint:
@@ -210,9 +212,9 @@ def _with_needed_results(onwards: EntryPoint, others: Iterable[EntryPoint]) -> E
 
     The dense output of states that nobody observes is an example.
     """
-    needs, needed = onwards.needs(), set[Location]()
-    more = needed.union(*(some for entry in others for some in entry.needs().values()))
+    needs, live = onwards.needs(), set[Location]()
+    more = live.union(*(some for entry in others for some in entry.needs().values()))
     while more:
-        needed |= more
-        more = needed.union(*(needs.get(location, ()) for location in more)) - needed
-    return onwards.with_outputs(needed)
+        live |= more
+        more = live.union(*(needs.get(location, ()) for location in more)) - live
+    return onwards.with_outputs(live)
