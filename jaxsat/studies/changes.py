@@ -51,7 +51,7 @@ def possible_body(loop: AbstractLoop) -> Bool[Array, ""]:
 
 
 def possible_belief(loop: AbstractLoop) -> Bool[Array, ""]:
-    """The same of the inertia that the controller believes, which is without the rotors."""
+    """Whether a body can have the inertia that the controller believes, with rotors added."""
     parts = parts_of(Spacecraft, controller_of(loop))
     return _with_rotors(parts[0].inertia + rotors_of(loop), loop.plant.find(Wheels))
 
@@ -152,8 +152,10 @@ def set_model_orbit_rate(perturbed: PerturbedLoop, change: Values) -> PerturbedL
     """A relative change of the orbit rate that the controller believes."""
 
     def changed(part):
-        known = isinstance(part, AbstractOrbit)
-        return eqx.tree_at(lambda o: o.rate, part, part.rate * (1 + change[0])) if known else part
+        is_orbit = isinstance(part, AbstractOrbit)
+        return (
+            eqx.tree_at(lambda o: o.rate, part, part.rate * (1 + change[0])) if is_orbit else part
+        )
 
     controller = map_parts(changed, AbstractOrbit, controller_of(perturbed.loop))
     return perturbed._replace(loop=with_controller(perturbed.loop, controller))
@@ -174,12 +176,12 @@ def set_tilt_by(change: Callable[[WZ, Values], WZ]):
 
 
 def resized(wz: WZ, size: Values) -> WZ:
-    """The same direction of w with another length."""
+    """The attitude with w in the same direction, of another length."""
     return WZ(wz.w * (size[0] / jnp.sqrt(jnp.sum(wz.w**2))), wz.z)
 
 
 def redirected(wz: WZ, angle: Values) -> WZ:
-    """The same length of w in another direction, rad."""
+    """The attitude with w of the same length, in another direction (rad)."""
     size = jnp.sqrt(jnp.sum(wz.w**2))
     return WZ(size * jnp.stack([jnp.cos(angle[0]), jnp.sin(angle[0])]), wz.z)
 

@@ -97,7 +97,7 @@ class _Link:
         self._name = f"jaxsat-{uuid.uuid4().hex}"
         self._running: dict[Future, int] = {}
         self._threads = 0
-        self._looked = float("-inf")
+        self._last_look = float("-inf")
         self._alone_since: float | None = None
 
     @staticmethod
@@ -119,18 +119,18 @@ class _Link:
             self._look()
             room = AHEAD * max(1, self._threads)
             while len(self._running) < room and (chunk := next(remaining, None)) is not None:
-                self._running[self._submitted(chunk)] = chunk
+                self._running[self._submit(chunk)] = chunk
             if not self._running:
                 return
-            for future in self._first_done(stop):
+            for future in self._wait_for_first(stop):
                 chunk = self._running.pop(future)
                 yield chunk, self._result(future, chunk, stop)
 
-    def _submitted(self, chunk: int) -> Future:
+    def _submit(self, chunk: int) -> Future:
         key = f"{self._name}-{chunk}"
         return self._client.submit(_compute, self._name, chunk, key=key, pure=False)
 
-    def _first_done(self, stop: Stop) -> Iterable[Future]:
+    def _wait_for_first(self, stop: Stop) -> Iterable[Future]:
         while True:
             stop.check()
             self._look()
@@ -157,10 +157,10 @@ class _Link:
     def _look(self) -> None:
         """Ask from time to time who is there."""
         now = time.monotonic()
-        if now - self._looked < LOOK_S:
+        if now - self._last_look < LOOK_S:
             return
         self._threads = sum(self._ask(self._workers_there, ANSWER_S).values())
-        self._looked = time.monotonic()
+        self._last_look = time.monotonic()
         if self._threads:
             self._alone_since = None
         elif self._alone_since is None:

@@ -102,10 +102,10 @@ def columns_of(loop: AbstractLoop) -> dict[str, Column]:
     plant = loop.plant
 
     def of_parts() -> dict[str, Array]:
-        used = [one.consumption(one.init_memory()) for one in plant.effectors]
+        consumptions = [one.consumption(one.init_memory()) for one in plant.effectors]
         rest = tuple(one.init() for one in plant.effectors)
         stored = [one.stored(own) for one, own in zip(plant.effectors, rest, strict=True)]
-        return dict(ChainMap(peaks_of(ChainMap(*stored)), *used))
+        return dict(ChainMap(peaks_of(ChainMap(*stored)), *consumptions))
 
     shapes = {name: one.shape for name, one in jax.eval_shape(of_parts).items()}
     unmade = UNMADE if loop.tells_unmade else {}

@@ -48,7 +48,7 @@ def scheduler_address(place: str, timeout: float) -> str:
                 f"A scheduler must be an address such as {EXAMPLE} or the JSON file that it "
                 f"wrote, but got {place!r}."
             )
-    begun = time.monotonic()
+    start = time.monotonic()
     while True:
         try:
             return _address_in(Path(place))
@@ -58,7 +58,7 @@ def scheduler_address(place: str, timeout: float) -> str:
             limit, reason = FLUSHED_S, f"it must be JSON, but {error}"
         except (OSError, ValueError) as error:
             limit, reason = 0.0, getattr(error, "strerror", None) or str(error)
-        if time.monotonic() - begun >= limit:
+        if time.monotonic() - start >= limit:
             raise ValueError(f"The scheduler's file {place!r} cannot be used: {reason}.")
         time.sleep(0.1)
 
@@ -71,12 +71,12 @@ def _address_in(path: Path) -> str:
     if len(content) > MAX_FILE_SIZE:
         raise ValueError(f"it must be of at most {MAX_FILE_SIZE} bytes")
     try:
-        found = json.loads(content.decode())
+        document = json.loads(content.decode())
     except json.JSONDecodeError:
         raise
     except (RecursionError, ValueError):  # nested too deeply; bytes that are no text; long numbers
         raise ValueError("it must be the JSON that a scheduler wrote") from None
-    address = found.get("address") if isinstance(found, dict) else None
+    address = document.get("address") if isinstance(document, dict) else None
     if not isinstance(address, str) or not ADDRESS.fullmatch(address):
         raise ValueError(f"it must have the key `address` with a text such as {EXAMPLE}")
     return address
@@ -127,24 +127,24 @@ def _require_same_versions(client: Client, address: str) -> None:
     here["python"] = platform.python_version()
     try:
         ask = cast(Any, client.scheduler).versions
-        told = in_time(lambda: cast(Any, client.sync(ask)), ANSWER_S)
-        there = {name: str(told["packages"][name]) for name in here}
+        report = in_time(lambda: cast(Any, client.sync(ask)), ANSWER_S)
+        there = {name: str(report["packages"][name]) for name in here}
     except Exception as error:
         message = f"the scheduler at {address} reports no versions: {reason(error)}"
         raise ClusterError(message) from error
-    other = [
+    mismatches = [
         f"{name}: {there[name]} there, {here[name]} here"
         for name in here
         if _release(name, there[name]) != _release(name, here[name])
     ]
-    if other:
+    if mismatches:
         raise ClusterError(
-            f"the scheduler at {address} must have the same versions ({'; '.join(other)})"
+            f"the scheduler at {address} must have the same versions ({'; '.join(mismatches)})"
         )
 
 
 def _release(name: str, number: str) -> str:
-    """Of Python 3.11.7 the 3.11, of others all."""
+    """What of a version must be the same: of Python 3.11.7 the 3.11, of others all."""
     return ".".join(number.split(".")[:2]) if name == "python" else number
 
 

@@ -39,12 +39,12 @@ class Independent(AbstractDesign):
         """Uniform draws."""
         _require_numbers(numbers)
         key = np.asarray(noise.key_of_seed(self.seed))
-        own = _folded(key, np.asarray(numbers).astype(np.uint32))
+        own = _fold(key, np.asarray(numbers).astype(np.uint32))
         columns = [
-            _draws(_folded(own, np.array(noise.name_number(name), np.uint32)), count)
+            _draws(_fold(own, np.array(noise.name_number(name), np.uint32)), count)
             for name, count in dimensions.items()
         ]
-        return _joined(columns, len(numbers))
+        return _join(columns, len(numbers))
 
 
 class Sobol(AbstractDesign):
@@ -90,7 +90,7 @@ class LatinHypercube(AbstractDesign):
             _hypercube(self.seed, name, count, self.size)[np.asarray(numbers)]
             for name, count in dimensions.items()
         ]
-        return _joined(columns, len(numbers))
+        return _join(columns, len(numbers))
 
 
 def open_uniform(key: noise.Key, count: int):
@@ -99,7 +99,7 @@ def open_uniform(key: noise.Key, count: int):
     return draws + jnp.finfo(draws.dtype).epsneg
 
 
-def _folded(key: Any, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _fold(key: Any, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`noise.fold_in` by NumPy: a key (two words) for every number, or for every key given."""
     return noise.threefry(key, np.zeros_like(numbers), numbers)
 
@@ -150,7 +150,7 @@ def _inside(whole: np.ndarray) -> np.ndarray:
     return (whole.astype(np.float64) + 0.5) / 2.0**_BITS
 
 
-def _joined(columns: list[np.ndarray], count: int) -> np.ndarray:
+def _join(columns: list[np.ndarray], count: int) -> np.ndarray:
     return np.concatenate([np.zeros((count, 0)), *columns], axis=1)
 
 

@@ -66,8 +66,8 @@ class Dispersions(eqx.Module):
     def check(self, loop: AbstractLoop, start: PlantState | None = None) -> None:
         """Raise `ValueError` for the first of `dispersion_problems`."""
         for problem in dispersion_problems(self.ordered, self.frequency_known, loop, start):
-            found = "" if problem.got is None else f", but got {problem.got}"
-            raise ValueError(f"`{problem.quantity}` {problem.rule}{found}.")
+            got = "" if problem.got is None else f", but got {problem.got}"
+            raise ValueError(f"`{problem.quantity}` {problem.rule}{got}.")
 
     def dimensions(self, loop: AbstractLoop) -> dict[str, int]:
         """How many unit coordinates each name takes."""
@@ -113,48 +113,48 @@ class Dispersed(AbstractCaseFactory):
     def __call__(self, case: StudyCase, gains: dict[str, Array] | None = None) -> Case:
         """The copy of one case."""
         own_key = noise.fold_in(self.key, case.number)
-        drawn, possible = self._drawn(jnp.asarray(case.point), own_key)
+        draws, possible = self._draw(jnp.asarray(case.point), own_key)
         perturbed = PerturbedLoop(with_gains(self.loop, gains), self.start, self.loop)
         for name in self.dispersions.names:
-            perturbed = QUANTITIES[name].apply(perturbed, drawn[name])
+            perturbed = QUANTITIES[name].apply(perturbed, draws[name])
         loop = perturbed.loop
         if self.dispersions.frequency_known:
             loop = follow_frequency(loop)
         sensor_key = noise.fold_in(own_key, noise.name_number("sensor noise"))
-        return Case(_with_sensor_key(loop, sensor_key), perturbed.start, drawn, possible)
+        return Case(_with_sensor_key(loop, sensor_key), perturbed.start, draws, possible)
 
-    def _drawn(self, point: Float[Array, " dimension"], own_key: noise.Key):
+    def _draw(self, point: Float[Array, " dimension"], own_key: noise.Key):
         dimensions = self.dimensions()
         ends = np.cumsum([0, *dimensions.values()])
         spans = zip(dimensions, ends, ends[1:], strict=False)
         coordinates = {name: point[begin:end] for name, begin, end in spans}
-        drawn = {
+        draws = {
             name: self.dispersions.distributions[name].quantile(coordinates[name])
             for name in dimensions
         }
-        possible = self._within_limits(drawn)
+        possible = self._within_limits(draws)
         for group, possible_in in ((BODY, possible_body), (BELIEF, possible_belief)):
-            names = [name for name in group if name in drawn]
+            names = [name for name in group if name in draws]
             if names:
-                redrawn, fine = self._possible(names, coordinates, own_key, possible_in)
-                drawn |= redrawn
+                redraws, fine = self._draw_until_possible(names, coordinates, own_key, possible_in)
+                draws |= redraws
                 possible = possible & fine
-        return drawn, possible
+        return draws, possible
 
-    def _within_limits(self, drawn) -> Bool[Array, ""]:
+    def _within_limits(self, draws) -> Bool[Array, ""]:
         """Whether no tail of a distribution reached beyond its quantity's limits.
 
         Inertias are left out: they are drawn again until they are possible.
         """
         good = jnp.array(True)
-        for name, values in drawn.items():
+        for name, values in draws.items():
             tails = not self.dispersions.distributions[name].is_bounded()
             if tails and name not in (*BODY, *BELIEF):
                 low, high = limits_of(name, self.dispersions.frequency_known, self.loop)
                 good = good & jnp.all((values >= low) & (values <= high))
         return good
 
-    def _possible(self, names, coordinates, own_key, possible_in):
+    def _draw_until_possible(self, names, coordinates, own_key, possible_in):
         """The first of several draws of `names` that makes a possible body.
 
         Where there is none, the very first.
@@ -164,8 +164,8 @@ class Dispersed(AbstractCaseFactory):
             values = {}
             for name in names:
                 fresh = noise.fold_in(noise.fold_in(own_key, noise.name_number(name)), attempt)
-                given = coordinates[name]
-                u = jnp.where(attempt == 0, given, open_uniform(fresh, len(given)))
+                point = coordinates[name]
+                u = jnp.where(attempt == 0, point, open_uniform(fresh, len(point)))
                 values[name] = self.dispersions.distributions[name].quantile(u)
             perturbed = PerturbedLoop(self.loop, self.start, self.loop)
             for name in names:

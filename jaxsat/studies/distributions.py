@@ -61,11 +61,11 @@ class Uniform(AbstractDistribution):
         return self.low + (self.high - self.low) * u
 
     def ends(self) -> dict[str, Float[Array, "*n"]]:
-        """The bounds."""
+        """The bounds `low` and `high`."""
         return {"low": self.low, "high": self.high}
 
     def components(self) -> int | None:
-        """Those of the bounds."""
+        """How many components the bounds are given for."""
         return _components(self.low, self.high)
 
 
@@ -85,15 +85,15 @@ class Normal(AbstractDistribution):
         return self.mean + self.sigma * ndtri(u)
 
     def ends(self) -> dict[str, Float[Array, "*n"]]:
-        """The mean."""
+        """The mean, as there are no bounds."""
         return {"mean": self.mean}
 
     def is_bounded(self) -> bool:
-        """No: it has tails."""
+        """False: a Gaussian has tails."""
         return False
 
     def components(self) -> int | None:
-        """Those of mean and deviation."""
+        """How many components mean and deviation are given for."""
         return _components(self.mean, self.sigma)
 
 
@@ -114,11 +114,11 @@ class TruncatedNormal(AbstractDistribution):
 
     def _require_width(self) -> None:
         numbers = (concrete(x) for x in (self.mean, self.sigma, self.low, self.high))
-        known = [number for number in numbers if number is not None]
-        if len(known) < 4:
+        parameters = [number for number in numbers if number is not None]
+        if len(parameters) < 4:
             return
-        _components(*known)  # or they cannot be compared
-        mean, sigma, low, high = np.broadcast_arrays(*known)
+        _components(*parameters)  # or they cannot be compared
+        mean, sigma, low, high = np.broadcast_arrays(*parameters)
         if np.any(np.maximum(abs(low - mean), abs(high - mean)) > MAX_STANDARD_DEVIATIONS * sigma):
             share = f"{1 / MAX_STANDARD_DEVIATIONS:g} of the distance from the mean"
             raise ArgumentError(
@@ -137,11 +137,11 @@ class TruncatedNormal(AbstractDistribution):
         return self.mean + self.sigma * jnp.where(mirrored, -x, x)
 
     def ends(self) -> dict[str, Float[Array, "*n"]]:
-        """The bounds."""
+        """The bounds `low` and `high`."""
         return {"low": self.low, "high": self.high}
 
     def components(self) -> int | None:
-        """Those of the parameters."""
+        """How many components the parameters are given for."""
         return _components(self.mean, self.sigma, self.low, self.high)
 
 
@@ -157,10 +157,10 @@ class Discrete(AbstractDistribution):
         if np.shape(self.weights) != np.shape(self.values):
             rule = f"must have {np.size(self.values)} entries like `values`"
             raise ArgumentError("weights", rule, np.size(self.weights))
-        known = concrete(self.weights)
-        if known is not None and not MIN_WEIGHT_SUM < known.sum() < MAX_WEIGHT_SUM:
+        weights = concrete(self.weights)
+        if weights is not None and not MIN_WEIGHT_SUM < weights.sum() < MAX_WEIGHT_SUM:
             rule = f"must have a sum from {MIN_WEIGHT_SUM:g} to {MAX_WEIGHT_SUM:g}"
-            raise ArgumentError("weights", rule, f"{float(known.sum()):g}")
+            raise ArgumentError("weights", rule, f"{float(weights.sum()):g}")
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
         """The value whose share of the unit interval u is in."""
@@ -168,11 +168,11 @@ class Discrete(AbstractDistribution):
         return self.values[jnp.sum(u[:, None] >= bounds[None, :], axis=1)]
 
     def ends(self) -> dict[str, Float[Array, "*n"]]:
-        """All values."""
+        """All values that may be drawn."""
         return {"values": self.values}
 
     def components(self) -> int | None:
-        """Any number."""
+        """None: any number of components will do."""
         return None
 
 
@@ -196,15 +196,15 @@ class RandomAttitude(AbstractDistribution):
         )
 
     def ends(self) -> dict[str, Float[Array, "*n"]]:
-        """None: a rotation has no bounds."""
+        """No ends: a rotation has no bounds."""
         return {}
 
     def components(self) -> int | None:
-        """Four."""
+        """The four components of a quaternion."""
         return 4
 
     def dimension(self, size: int) -> int:
-        """Three."""
+        """Three unit coordinates for the four components."""
         return 3
 
 
@@ -220,5 +220,5 @@ def _require_order(low_name, low, high_name, high) -> None:
     _components(low, high)
     below, above = concrete(low), concrete(high)
     if below is not None and above is not None and not np.all(below <= above):
-        found = f"{below.tolist()} and {above.tolist()}"
-        raise ArgumentError(low_name, f"must not exceed `{high_name}`", found)
+        bounds = f"{below.tolist()} and {above.tolist()}"
+        raise ArgumentError(low_name, f"must not exceed `{high_name}`", bounds)

@@ -118,16 +118,16 @@ class Study:
             self.program, self.cases(numbers), self.gains, instants
         )
         names = histories_of(self.case_factory.loop)
-        kept = {HISTORY + name: np.asarray(history_of(signals, name)) for name in names}
-        return self._by_column(outputs) | kept
+        histories = {HISTORY + name: np.asarray(history_of(signals, name)) for name in names}
+        return self._by_column(outputs) | histories
 
     def _by_column(self, outputs: Outputs) -> dict[str, np.ndarray]:
         """What the outputs have of every column, and what they say of failures."""
-        found = _by_column(outputs)
+        columns = _by_column(outputs)
         if self.failures is None:
-            return found
-        drawn = {name: np.asarray(values) for name, values in outputs.drawn.items()}
-        return found | self.failures.values(found, drawn)
+            return columns
+        draws = {name: np.asarray(values) for name, values in outputs.drawn.items()}
+        return columns | self.failures.values(columns, draws)
 
     def replay(self, number: int) -> Replay:
         """One case again, with its history and the bits that it has in any study."""
@@ -136,13 +136,13 @@ class Study:
 
     def columns(self) -> dict[str, Column]:
         """What a case has in a store."""
-        drawn = {DRAWN + name: self._drawn(name) for name in self._dispersed}
+        draws = {DRAWN + name: self._draw_column(name) for name in self._dispersed_names}
         columns = columns_of(self.case_factory.loop)
         if self.program.error_every:
             columns = columns | {name: column for name, (_, column) in ERRORS.items()}
         if self.failures is not None:
             columns = columns | self.failures.columns()
-        columns = columns | drawn
+        columns = columns | draws
         if self.history is not None:
             for name, column in histories_of(self.case_factory.loop).items():
                 shape, dims = (self.history, *column.shape), (HISTORY_TIME, *column.dims)
@@ -156,11 +156,11 @@ class Study:
             for column in self.columns().values()
             for axis, size in zip(column.dims, column.shape, strict=True)
         }
-        found = {axis: Coordinate(self._components(axis, size)) for axis, size in sizes.items()}
-        if HISTORY_TIME in found:
+        labels = {axis: Coordinate(self._components(axis, size)) for axis, size in sizes.items()}
+        if HISTORY_TIME in labels:
             times = tuple(self._history_times or ())
-            found[HISTORY_TIME] = Coordinate(times, "s", "time since the start")
-        return found
+            labels[HISTORY_TIME] = Coordinate(times, "s", "time since the start")
+        return labels
 
     def _components(self, axis: str, size: int) -> tuple[str, ...]:
         """The names of parts, where the study knows as many, and else those of components."""
@@ -169,10 +169,10 @@ class Study:
         return tuple(distinct(names)) if len(names) == size else components(axis, size)
 
     @property
-    def _dispersed(self) -> Sequence[str]:
+    def _dispersed_names(self) -> Sequence[str]:
         return self.case_factory.dispersions.names
 
-    def _drawn(self, name: str) -> Column:
+    def _draw_column(self, name: str) -> Column:
         """The column of what was drawn for a quantity."""
         quantity = DISPERSIBLE[name]
         size = QUANTITIES[name].size(self.case_factory.loop)
@@ -196,7 +196,7 @@ class Study:
         return program_identity(self.engine, self.program, self.cases(np.arange(1)), self.gains)
 
     def identity(self) -> dict[str, Any]:
-        """All that the numbers of a case depend on. The count is part of it only where it must."""
+        """All that the numbers of a case depend on; the count only where they depend on it."""
         return {
             **self.description,
             "history": self._history_times,
@@ -220,12 +220,12 @@ class StudyProgress:
 
     @property
     def seconds_left(self) -> float:
-        """At the pace so far."""
+        """The seconds that the rest takes at the pace so far."""
         return (self.count - self.done) / self.rate if self.rate > 0 else float("inf")
 
     @property
     def fraction_settled(self) -> float:
-        """Of the cases done."""
+        """The fraction of the done cases that settled."""
         return self.settled / self.done if self.done else float("nan")
 
 
@@ -351,16 +351,16 @@ class _StudyLedger:
 
 def _by_column(outputs: Outputs) -> dict[str, np.ndarray]:
     named = {name: values for name, values in outputs._asdict().items() if values is not None}
-    drawn = named.pop("drawn")
+    draws = named.pop("drawn")
     named |= named.pop("parts")
-    told = named.pop("failures", {})
-    estimated = named.pop("integration_error", None)
-    if estimated is not None:
-        told = told | {name: getattr(estimated, part) for name, (part, _) in ERRORS.items()}
-    error = pointing_error(np.asarray(outputs.quaternion))
-    named["pointing_error"] = np.linalg.norm(error, axis=-1)
+    failures = named.pop("failures", {})
+    errors, estimate = {}, named.pop("integration_error", None)
+    if estimate is not None:
+        errors = {name: getattr(estimate, part) for name, (part, _) in ERRORS.items()}
+    rotation = pointing_error(np.asarray(outputs.quaternion))
+    named["pointing_error"] = np.linalg.norm(rotation, axis=-1)
     columns = {
         DRAWN + name: values[..., 0] if values.shape[-1] == 1 else values
-        for name, values in drawn.items()
+        for name, values in draws.items()
     }
-    return {**named, **told, **columns}
+    return {**named, **failures, **errors, **columns}

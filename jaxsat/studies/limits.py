@@ -37,19 +37,22 @@ STATE = Range(-STATE_LIMIT, STATE_LIMIT)
 
 
 def between(values: Range) -> Callable[[AbstractLoop], Limits]:
-    """Of numbers that are drawn as they are."""
+    """Limits of numbers that are drawn as they are."""
     return lambda loop: Limits.between(values)
 
 
 def changing(
     values: Range, nominal: Callable[[AbstractLoop], Float[Array, " n"]]
 ) -> Callable[[AbstractLoop], Limits]:
-    """Of relative changes of what `nominal` finds in a loop."""
+    """Limits of relative changes of what `nominal` finds in a loop."""
     return lambda loop: Limits.of_change(values, nominal(loop))
 
 
 def of_products(loop: AbstractLoop) -> Limits:
-    """Jij² < Ji Jj, else some axis has a negative moment; what else must hold the draw tells."""
+    """Limits of products of inertia: Jij² < Ji Jj, else some axis has a negative moment.
+
+    Whatever else must hold is judged draw by draw.
+    """
     xp, inertia, moments = numpy_if_known(loop.plant.spacecraft.inertia, moments_of(loop))
     first, second = np.array([0, 0, 1]), np.array([1, 2, 2])
     widest = xp.sqrt(moments[first] * moments[second])
@@ -58,51 +61,51 @@ def of_products(loop: AbstractLoop) -> Limits:
 
 
 def of_constant_torque(loop: AbstractLoop) -> Limits:
-    """Beside the constant torque that there is."""
+    """Limits of a constant torque beside the one that there is."""
     terms = [term.torque for term in parts_of(ConstantTorque, loop.plant.disturbance)]
     there = sum(terms, as_float(np.zeros(3)))
     return Limits(ranges.TORQUE.low - there, ranges.TORQUE.high - there)
 
 
 def of_delay(loop: AbstractLoop) -> Limits:
-    """At most the period of the controller."""
+    """Limits of a delay: at most the period of the controller."""
     period = cast(SampledLoop, loop).controller.period
     return Limits(jnp.zeros_like(period), period)
 
 
 def of_update_period(loop: AbstractLoop) -> Limits:
-    """From one period of the controller on."""
+    """Limits of a tracker's update period: from one period of the controller on."""
     period = cast(SampledLoop, loop).controller.period
     return Limits(period, jnp.full_like(period, ranges.SECONDS.high))
 
 
 def of_latency(loop: AbstractLoop) -> Limits:
-    """At most as long as measurements are kept: the nominal latency, but for rounding."""
+    """Limits of a latency: at most the nominal one, for which measurements are kept."""
     period = cast(SampledLoop, loop).controller.period
     most = navigation_of(loop).tracker.latency + 1e-9
     return Limits(jnp.zeros_like(period), period * most)
 
 
 def of_omega(loop: AbstractLoop) -> Limits:
-    """A held third rate begins at zero, and stays there."""
+    """Limits of rates at the start; a held third rate begins at zero, and stays there."""
     third = 0.0 if loop.plant.third_rate_held else STATE_LIMIT
     largest = as_float([STATE_LIMIT, STATE_LIMIT, third])
     return Limits(-largest, largest)
 
 
 def of_failed_thruster(loop: AbstractLoop) -> Limits:
-    """Numbers that are rounded to those of the thrusters."""
+    """Limits of numbers that are rounded to those of the thrusters."""
     (thrusters,) = thrusters_of(loop)
     return Limits(as_float(-0.5), as_float(thruster_count(thrusters) - 0.5))
 
 
 def of_failed(kind: type[AbstractEffector]) -> Callable[[AbstractLoop], Limits]:
-    """Numbers that are rounded to those of the devices of an effector."""
+    """Limits of numbers that are rounded to those of the devices of an effector."""
     return lambda loop: Limits(as_float(-0.5), as_float(effector_of(loop, kind).count - 0.5))
 
 
 def of_failure_kind(loop: AbstractLoop) -> Limits:
-    """Numbers that are rounded to kinds: those that actuators declare as drawn.
+    """Limits of numbers that are rounded to kinds: those that actuators declare as drawn.
 
     An ideal thruster is dead, weak or, where it has a limit, stuck.
     """
@@ -131,7 +134,7 @@ def _of_ideal_thrusters(loop: AbstractLoop) -> FailureKind | None:
 
 
 def of_failure_amount(loop: AbstractLoop) -> Limits:
-    """From nothing to the most of each failure."""
+    """Limits of amounts: from nothing to the most of each failure."""
     return Limits(as_float(0.0), _of_failures(loop, lambda failures: failures.largest_amount()))
 
 

@@ -13,18 +13,18 @@ from jaxsat.studies.perturbed import controller_of
 
 
 def always(loop: AbstractLoop) -> None:
-    """Every loop has it."""
+    """None: every loop has such a quantity."""
 
 
 def needs_torque_level(loop: AbstractLoop) -> str | None:
-    """Of loops whose torques reach the plant through actuators."""
+    """The obstacle unless torques reach the plant through actuators."""
     if isinstance(loop, ErrorCoordinateLoop):
         return "a loop in error coordinates has ideal thrusters and the plant's own model"
     return None
 
 
 def needs_model(kind: type) -> Callable[[AbstractLoop], str | None]:
-    """Of controllers that believe a model with such a part."""
+    """Gives the obstacle unless the controller believes a model with such a part."""
 
     def obstacle(loop: AbstractLoop) -> str | None:
         if not parts_of(kind, controller_of(loop)):
@@ -35,7 +35,7 @@ def needs_model(kind: type) -> Callable[[AbstractLoop], str | None]:
 
 
 def needs_sensor(place: str, what: str) -> Callable[[AbstractLoop], str | None]:
-    """Of sampled loops with a sensor at this attribute."""
+    """Gives the obstacle unless the loop is sampled with a sensor at this attribute."""
 
     def obstacle(loop: AbstractLoop) -> str | None:
         if not isinstance(loop, SampledLoop):
@@ -49,13 +49,13 @@ def needs_sensor(place: str, what: str) -> Callable[[AbstractLoop], str | None]:
 
 
 def needs_navigation(loop: AbstractLoop) -> str | None:
-    """Of loops with gyro and star tracker."""
+    """The obstacle unless the loop has gyro and star tracker."""
     there = isinstance(loop, SampledLoop) and loop.navigation is not None
     return None if there else "the loop has no gyro and star tracker"
 
 
 def needs_latency(loop: AbstractLoop) -> str | None:
-    """Of loops whose star tracker is late."""
+    """The obstacle unless the loop has a star tracker with a latency."""
     obstacle = needs_navigation(loop)
     if obstacle is None and not navigation_of(loop).tracker.latency:
         return "the star tracker has no latency"
@@ -63,19 +63,19 @@ def needs_latency(loop: AbstractLoop) -> str | None:
 
 
 def needs_delay(loop: AbstractLoop) -> str | None:
-    """Of loops with a computing delay."""
+    """The obstacle unless the loop has a computing delay."""
     delayed = isinstance(loop, SampledLoop) and loop.delay is not None
     return None if delayed else "the loop has no delay"
 
 
 def needs_reference(loop: AbstractLoop) -> str | None:
-    """Of laws with a reference rate of their own."""
+    """The obstacle unless the law has a reference rate of its own."""
     law = isinstance(controller_of(loop), AbstractBacksteppingLaw)
     return None if law else "the controller has no reference rate of its own"
 
 
 def needs_thrusters(loop: AbstractLoop) -> str | None:
-    """Of loops with one set of thrusters."""
+    """The obstacle unless the loop has one set of thrusters."""
     obstacle = needs_torque_level(loop)
     if obstacle is None and len(thrusters_of(loop)) != 1:
         return "the actuators are no thrusters"
@@ -83,7 +83,7 @@ def needs_thrusters(loop: AbstractLoop) -> str | None:
 
 
 def needs_failures(part: str | None = None) -> Callable[[AbstractLoop], str | None]:
-    """Of loops in which an actuator fails in flight, of the kind `part` or of any."""
+    """Gives the obstacle unless an actuator of the kind `part`, or any, fails in flight."""
 
     def obstacle(loop: AbstractLoop) -> str | None:
         if any(part in (None, one.part) for one in failures_of(loop)):
@@ -95,7 +95,7 @@ def needs_failures(part: str | None = None) -> Callable[[AbstractLoop], str | No
 
 
 def needs_effector(kind: type[AbstractEffector]) -> Callable[[AbstractLoop], str | None]:
-    """Of spacecraft with an effector of this class."""
+    """Gives the obstacle unless the spacecraft has an effector of this class."""
 
     def obstacle(loop: AbstractLoop) -> str | None:
         there = loop.plant.find(kind) is not None
@@ -105,7 +105,7 @@ def needs_effector(kind: type[AbstractEffector]) -> Callable[[AbstractLoop], str
 
 
 def needs_disturbance(kind: type, what: str) -> Callable[[AbstractLoop], str | None]:
-    """Of plants with one disturbance of this class."""
+    """Gives the obstacle unless the plant has one disturbance of this class."""
 
     def obstacle(loop: AbstractLoop) -> str | None:
         count = len(parts_of(kind, loop.plant.disturbance))

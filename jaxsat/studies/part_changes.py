@@ -25,7 +25,7 @@ from jaxsat.studies.perturbed import (
 
 
 def thrusters_of(loop: AbstractLoop) -> list[Actuators | ThrusterSet]:
-    """All that the loop has of thrusters."""
+    """All sets of thrusters that the loop has."""
     effectors = loop.plant.effectors
     return [*parts_of(Actuators, effectors), *parts_of(ThrusterSet, effectors)]
 

@@ -44,7 +44,7 @@ def with_controller(loop: AbstractLoop, controller) -> AbstractLoop:
 
 
 def in_loop(perturbed: PerturbedLoop, where, new) -> PerturbedLoop:
-    """With `new` at what `where` takes of the loop."""
+    """The perturbed loop with `new` in the place that `where` finds in it."""
     loop = eqx.tree_at(where, perturbed.loop, new, is_leaf=lambda part: part is None)
     return perturbed._replace(loop=loop)
 

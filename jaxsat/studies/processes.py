@@ -63,7 +63,7 @@ class Processes(AbstractExecutor):
         self._stop.ask()
 
 
-class _Ended(NamedTuple):
+class _End(NamedTuple):
     """A worker has ended, with this status, or killed by a signal if it is negative."""
 
     status: int
@@ -87,7 +87,7 @@ class _Crew:
         self._room = executor.threads + AHEAD
         self._order = WorkerTask(packed(work), executor.threads)
         self._workers: list[_Worker] = []
-        self._heard = SimpleQueue[tuple[_Worker, Any]]()
+        self._messages = SimpleQueue[tuple[_Worker, Any]]()
         self._again = deque[int]()
         self._deaths = Counter[int]()
         self._false_starts = 0
@@ -110,7 +110,7 @@ class _Crew:
                     yield chunk, result
                 case Failed(error):
                     raise error
-                case _Ended():
+                case _End():
                     self._bury(worker, message)
 
     def end(self) -> None:
@@ -134,7 +134,7 @@ class _Crew:
             chunk = self._next_chunk(remaining, alone=True)
             if chunk is None:
                 break
-            self._workers.append(_Worker(self._order, chunk, self._heard))
+            self._workers.append(_Worker(self._order, chunk, self._messages))
 
     def _has_room(self, worker: "_Worker") -> bool:
         """The first chunk goes alone, so that it compiles once; so does one that saw a death."""
@@ -152,9 +152,9 @@ class _Crew:
         while True:
             stop.check()
             with contextlib.suppress(Empty):
-                return self._heard.get(timeout=POLL_S)
+                return self._messages.get(timeout=POLL_S)
 
-    def _bury(self, worker: "_Worker", ended: _Ended) -> None:
+    def _bury(self, worker: "_Worker", end: _End) -> None:
         self._workers.remove(worker)
         worker.end()
         self._again.extend(sorted(worker.chunks))
@@ -162,36 +162,36 @@ class _Crew:
             self._false_starts += 1
             if self._false_starts == ATTEMPTS:
                 raise ClusterError(
-                    f"{ATTEMPTS} worker processes died before they could compute; {ended}"
+                    f"{ATTEMPTS} worker processes died before they could compute; {end}"
                 )
             return
         for chunk in worker.chunks:
             self._deaths[chunk] += 1
             if self._deaths[chunk] == ATTEMPTS:
-                raise ClusterError(f"{ATTEMPTS} worker processes died on chunk {chunk}; {ended}")
+                raise ClusterError(f"{ATTEMPTS} worker processes died on chunk {chunk}; {end}")
 
 
 class _Worker:
     """A worker process with the chunks that it was given, and a thread that hears its answers."""
 
-    def __init__(self, order: WorkerTask, chunk: int, heard: "SimpleQueue[tuple[_Worker, Any]]"):
+    def __init__(self, order: WorkerTask, chunk: int, messages: "SimpleQueue[tuple[_Worker, Any]]"):
         self.chunks = {chunk}
         self.ready = self.proven = False
         first = b"".join(pickle.dumps(part) for part in (sys.path, order, chunk))
         try:
-            self._process = _started()
+            self._process = _start_process()
         except OSError as error:
-            raise _cannot_start(error.strerror or error) from error
+            raise _start_error(error.strerror or error) from error
         self._to, self._from = cast(IO[bytes], self._process.stdin), self._process.stdout
         self._hearing = threading.Thread(
-            target=self._read_replies, args=(first, heard), daemon=True
+            target=self._read_replies, args=(first, messages), daemon=True
         )
         try:
             self._hearing.start()
         except RuntimeError as error:
             self._process.kill()
             self._process.communicate()
-            raise _cannot_start(error) from error
+            raise _start_error(error) from error
 
     def give(self, chunk: int) -> None:
         """One chunk more; one whose first chunk is done has read all before."""
@@ -212,25 +212,25 @@ class _Worker:
             with contextlib.suppress(OSError):  # what could not be sent
                 cast(IO[bytes], stream).close()
 
-    def _read_replies(self, first: bytes, heard: "SimpleQueue[tuple[_Worker, Any]]") -> None:
+    def _read_replies(self, first: bytes, messages: "SimpleQueue[tuple[_Worker, Any]]") -> None:
         try:
             self._to.write(first)
             self._to.flush()
             while True:
-                heard.put((self, pickle.load(cast(IO[bytes], self._from))))
+                messages.put((self, pickle.load(cast(IO[bytes], self._from))))
         except (EOFError, OSError, pickle.UnpicklingError):  # it ended, in the middle perhaps
             pass
         except Exception as error:  # an answer that this process has no use for
-            heard.put((self, Failed(error)))
+            messages.put((self, Failed(error)))
             return
-        heard.put((self, _Ended(self._process.wait())))
+        messages.put((self, _End(self._process.wait())))
 
 
-def _cannot_start(reason: object) -> ClusterError:
+def _start_error(reason: object) -> ClusterError:
     return ClusterError(f"no worker process can be started: {reason}")
 
 
-def _started() -> subprocess.Popen[bytes]:
+def _start_process() -> subprocess.Popen[bytes]:
     """A worker that Ctrl-C does not reach: who started it ends it, in good order."""
     command = [sys.executable, *_interpreter_flags(), "-c", PROGRAM]
     pipe = subprocess.PIPE

@@ -94,7 +94,7 @@ class FailureRecovery:
         dwell: float | None = None,
         names: tuple[str, ...] = (),
     ) -> "FailureRecovery | None":
-        """That of a loop and its start; None where nothing fails in flight.
+        """The recovery of a loop and its start; None where nothing fails in flight.
 
         `attitude` tells whether cases settle in attitude, or in rate alone, and `dwell` for how
         long (s) one is settled at the end at least, by default a tenth of the duration. Without a
@@ -115,7 +115,7 @@ class FailureRecovery:
         return failures_of(self.loop)
 
     @property
-    def _diagnosed(self) -> str:
+    def _diagnosed_kind(self) -> str:
         """The kind of actuator of which verdicts are, or `ALL_PARTS` for thrusters and wheels."""
         thrusters = _counts(self.loop).get("thruster", 0)
         if not thrusters:
@@ -131,11 +131,13 @@ class FailureRecovery:
         def of_failure(kind: str, unit: str, text: str, flags: tuple[str, ...] = ()) -> Column:
             return Column((count,), kind, unit, text, events, flags)
 
-        kept = {name: OF_RECORD[name]._replace(shape=shape) for name, shape in self.outputs.items()}
-        kind = self._diagnosed
+        columns = {
+            name: OF_RECORD[name]._replace(shape=shape) for name, shape in self.outputs.items()
+        }
+        kind = self._diagnosed_kind
         if kind != "thruster":
-            kept = {name: _of_others(column, kind) for name, column in kept.items()}
-        return kept | {
+            columns = {name: _of_others(column, kind) for name, column in columns.items()}
+        return columns | {
             "failure_time": of_failure("float64", "s", "when each failure strikes"),
             "failed_part": of_failure("uint8", "1", "what each failure strikes", self.names),
             "failure_kind": of_failure("uint8", "1", "kind of each failure", FAILURES),
@@ -151,21 +153,24 @@ class FailureRecovery:
         }
 
     def values(
-        self, columns: Mapping[str, np.ndarray], drawn: Mapping[str, np.ndarray]
+        self, columns: Mapping[str, np.ndarray], draws: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
-        """These columns of cases of which the other columns and what was drawn are known."""
-        struck = self._struck(drawn, len(columns["code"]))
-        left = torques_left(self.loop, self.momentum, struck, drawn.get("torque_gain"))
-        codes = {"torques_left": left, "recovery": self._recovery({**columns, **struck}, left)}
-        return {name: struck[name] for name in self.columns() if name in struck} | codes
+        """Columns of failures and recovery, by the other columns of cases and their draws."""
+        failures = self._failures(draws, len(columns["code"]))
+        remaining = torques_left(self.loop, self.momentum, failures, draws.get("torque_gain"))
+        codes = {
+            "torques_left": remaining,
+            "recovery": self._recovery({**columns, **failures}, remaining),
+        }
+        return {name: failures[name] for name in self.columns() if name in failures} | codes
 
-    def _struck(self, drawn: Mapping[str, np.ndarray], cases: int) -> dict[str, np.ndarray]:
+    def _failures(self, draws: Mapping[str, np.ndarray], cases: int) -> dict[str, np.ndarray]:
         """Time, part, kind and amount (cases, failures) of every failure."""
 
         def numbers(name: str, field: str, of: str | None = None) -> np.ndarray:
             parts = [getattr(one, field) for one in self._events if of in (None, one.part)]
-            if name in drawn:
-                return np.asarray(drawn[name]).reshape(cases, -1)
+            if name in draws:
+                return np.asarray(draws[name]).reshape(cases, -1)
             nominal = np.concatenate([np.asarray(part) for part in parts] or [np.zeros(0)])
             return np.tile(nominal, (cases, 1))
 
@@ -189,19 +194,19 @@ class FailureRecovery:
         }
 
     def _recovery(
-        self, columns: Mapping[str, np.ndarray], left: np.ndarray
+        self, columns: Mapping[str, np.ndarray], remaining: np.ndarray
     ) -> Int[np.ndarray, " cases"]:
         """The `Recovery` of every case."""
         wrong = UNRECOVERABLE if self.attitude else (TorquesLeft.UNOPPOSED_TORQUE,)
-        lost = columns["longest_stay"] >= self.dwell if "longest_stay" in columns else False
+        had_settled = columns["longest_stay"] >= self.dwell if "longest_stay" in columns else False
         reasons = {
             Recovery.RECOVERED: np.isfinite(columns["settling_time"]),
-            Recovery.UNRECOVERABLE: np.isin(left, wrong),
+            Recovery.UNRECOVERABLE: np.isin(remaining, wrong),
             Recovery.ENDED_EARLY: columns["code"] != int(Outcome.SUCCESS),
         }
         if "isolated_kind" in columns:
             reasons |= _errors(columns, self.names)
-        reasons[Recovery.SETTLED_THEN_LOST] = np.broadcast_to(lost, left.shape)
+        reasons[Recovery.SETTLED_THEN_LOST] = np.broadcast_to(had_settled, remaining.shape)
         return np.select(list(reasons.values()), list(map(int, reasons)), int(Recovery.TOO_SLOW))
 
 

@@ -109,8 +109,8 @@ def reason_words(reason: Recovery) -> str:
     return _REASONS[reason]
 
 
-def summarise_recovery(dataset: Mapping[Any, Any], done: np.ndarray) -> RecoverySummary | None:
-    """What the cases at the places `done` say; None for a study without failures in flight.
+def summarise_recovery(dataset: Mapping[Any, Any], places: np.ndarray) -> RecoverySummary | None:
+    """What the cases at these `places` say; None for a study without failures in flight.
 
     `dataset` is that of `open_study`, or columns by name. Parts of a vehicle are numbered where the
     columns are plain arrays, which lack their names.
@@ -118,45 +118,47 @@ def summarise_recovery(dataset: Mapping[Any, Any], done: np.ndarray) -> Recovery
     if "recovery" not in dataset:
         return None
     stored = [name for name in (*COLUMNS, *OF_DIAGNOSIS) if name in dataset]
-    columns = {name: np.asarray(dataset[name])[done] for name in stored}
+    columns = {name: np.asarray(dataset[name])[places] for name in stored}
     kinds = _kind_names(columns["failure_kind"])
-    names = flags_of(dataset["failed_part"]) or _numbered(columns)
+    names = flags_of(dataset["failed_part"]) or _part_numbers(columns)
     rows = [_of_kind(kind, _only(columns, kinds == kind), names) for kind in _in_order(kinds)]
     if len(rows) > 1:
         rows.append(_of_kind(ALL, columns, names))
     healthy = np.minimum(columns["failure_time"].min(axis=1), columns["ended_at"])
-    lost = np.flatnonzero(columns["recovery"] != Recovery.RECOVERED)
+    unrecovered = np.flatnonzero(columns["recovery"] != Recovery.RECOVERED)
     return RecoverySummary(
         rows,
         [
-            UnrecoveredCase(int(done[row]), Recovery(int(columns["recovery"][row])), text)
-            for row, text in zip(lost, explanations(_only(columns, lost), names), strict=True)
+            UnrecoveredCase(int(places[row]), Recovery(int(columns["recovery"][row])), text)
+            for row, text in zip(
+                unrecovered, explanations(_only(columns, unrecovered), names), strict=True
+            )
         ],
         int(columns["false_alarms"].sum()) if "false_alarms" in columns else None,
         float(healthy.sum()),
     )
 
 
-def _numbered(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:
-    isolated = columns.get("isolated_kind")
-    count = max(columns["failed_part"].max() + 1, 0 if isolated is None else isolated.shape[1])
+def _part_numbers(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:
+    verdicts = columns.get("isolated_kind")
+    count = max(columns["failed_part"].max() + 1, 0 if verdicts is None else verdicts.shape[1])
     return tuple(f"part {number + 1}" for number in range(count))
 
 
 def explanations(columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> Iterator[str]:
-    """Of each case in a line: the reason, what failed, what is left, how it was diagnosed."""
+    """A line for each case: the reason, what failed, what is left, how it was diagnosed."""
     for case in range(len(columns["recovery"])):
         row = {name: values[case] for name, values in columns.items()}
         parts = [
             _REASONS[Recovery(int(row["recovery"]))],
-            *_struck(row, names),
+            *_failure_texts(row, names),
             _LEFT[TorquesLeft(int(row["torques_left"]))],
-            *_diagnosed(row, names),
+            *_diagnosis_texts(row, names),
         ]
         yield "; ".join(parts)
 
 
-def _struck(row: Mapping[str, Any], names: tuple[str, ...]) -> Iterator[str]:
+def _failure_texts(row: Mapping[str, Any], names: tuple[str, ...]) -> Iterator[str]:
     for at, part, code, amount in zip(
         row["failure_time"],
         row["failed_part"],
@@ -171,7 +173,7 @@ def _struck(row: Mapping[str, Any], names: tuple[str, ...]) -> Iterator[str]:
         yield f"{names[part]} {kind}{much} at {at:.5g} s"
 
 
-def _diagnosed(row: Mapping[str, Any], names: tuple[str, ...]) -> Iterator[str]:
+def _diagnosis_texts(row: Mapping[str, Any], names: tuple[str, ...]) -> Iterator[str]:
     if "isolated_kind" not in row:
         return
     for at, detected, code in zip(
@@ -188,8 +190,8 @@ def _diagnosed(row: Mapping[str, Any], names: tuple[str, ...]) -> Iterator[str]:
     yield f"isolated: {', '.join(verdicts) or 'nothing'}"
 
 
-def _only(columns: Mapping[str, np.ndarray], kept: np.ndarray) -> dict[str, np.ndarray]:
-    return {name: values[kept] for name, values in columns.items()}
+def _only(columns: Mapping[str, np.ndarray], selection: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: values[selection] for name, values in columns.items()}
 
 
 def _kind_names(kinds: np.ndarray) -> np.ndarray:
@@ -201,7 +203,7 @@ def _kind_names(kinds: np.ndarray) -> np.ndarray:
 
 
 def _in_order(kinds: np.ndarray) -> list[str]:
-    """As `FAILURES` has them, no failure last."""
+    """The kinds in the order of `FAILURES`, no failure last."""
     there = sorted(set(kinds.tolist()))
 
     def place(kind: str) -> tuple:
@@ -239,7 +241,7 @@ def _diagnosis(columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> Kin
     delay = np.where(struck, alarm - at, np.nan)
     exactly = ((truth != NEVER) == (verdict != NEVER)).all(axis=1) & (truth != NEVER).any(axis=1)
     right = exactly & ~wrong_kind(columns, names).any(axis=1)
-    isolated = [
+    isolation_delays = [
         columns["isolation_time"][case, columns["failed_part"][case, event]] - alarm[case, event]
         for case, event in itertools.product(*map(range, struck.shape))
         if struck[case, event]
@@ -249,17 +251,17 @@ def _diagnosis(columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> Kin
         int(exactly.sum()),
         int(right.sum()),
         _percentiles(delay[np.isfinite(delay)]),
-        _percentiles(np.array([late for late in isolated if late >= 0])),
+        _percentiles(np.array([late for late in isolation_delays if late >= 0])),
     )
 
 
 def _settling_delays(columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Of recovered cases that had failures, from the last one until they had settled, s."""
-    struck = np.where(columns["failure_kind"] != NEVER, columns["failure_time"], -np.inf).max(
+    """The time (s) from the last failure until settled, of recovered cases with failures."""
+    last_failure = np.where(columns["failure_kind"] != NEVER, columns["failure_time"], -np.inf).max(
         axis=1
     )
-    delays = np.maximum(columns["settling_time"] - struck, 0)
-    return delays[np.isfinite(struck) & (columns["recovery"] == Recovery.RECOVERED)]
+    delays = np.maximum(columns["settling_time"] - last_failure, 0)
+    return delays[np.isfinite(last_failure) & (columns["recovery"] == Recovery.RECOVERED)]
 
 
 def _percentiles(

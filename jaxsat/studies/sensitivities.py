@@ -69,14 +69,14 @@ class Sensitivities:
         for label, column in numbers_of(name, values).items():
             order = np.argsort(column, kind="stable")
             for evidence, result in zip(self._evidence, self._results, strict=True):
-                kept = order[result.fine[order]]
-                evidence.append(_evidence(label, column[kept], result.place[kept], result))
+                cases = order[result.fine[order]]
+                evidence.append(_evidence(label, column[cases], result.place[cases], result))
 
     def ranked(self, level: float = LEVEL) -> list[list[Sensitivity]]:
-        """For every result all numbers, the largest index first, those that are not known last."""
+        """All numbers for every result, the largest index first, unknown ones last."""
         return [
             sorted(
-                (entry.judged((1 - level) / len(evidence)) for entry in evidence),
+                (entry.sensitivity((1 - level) / len(evidence)) for entry in evidence),
                 key=lambda entry: -np.nan_to_num(entry.first_order.value, nan=-2.0),
             )
             for evidence in self._evidence
@@ -112,8 +112,8 @@ class _Evidence(NamedTuple):
     correlation: float
     cases: int
 
-    def judged(self, tails: float) -> Sensitivity:
-        """With intervals that miss with a probability of `tails`."""
+    def sensitivity(self, tails: float) -> Sensitivity:
+        """The sensitivity, with intervals that miss with a probability of `tails`."""
         index = UNKNOWN if self.share is None else _index_interval(self.share, tails)
         return Sensitivity(
             self.name, index, _correlation_interval(self.correlation, self.cases, tails)
@@ -121,12 +121,12 @@ class _Evidence(NamedTuple):
 
 
 def _evidence(name: str, x: np.ndarray, places: np.ndarray, result: _Result) -> _Evidence:
-    """Of ascending numbers and their places in a result."""
+    """The evidence of ascending numbers `x` and their places in a result."""
     y = result.values[places]
     if not len(x) or not x[-1] > x[0] or not np.ptp(y) > 0:  # NaN comes last
         return _Evidence(name, None, float("nan"), len(x))
     correlation = _correlation(_ranks(x), result.ranks[places])
-    return _Evidence(name, _explained(y), correlation, len(x))
+    return _Evidence(name, _first_order_index(y), correlation, len(x))
 
 
 def _ranks(ascending: np.ndarray) -> np.ndarray:
@@ -137,14 +137,14 @@ def _ranks(ascending: np.ndarray) -> np.ndarray:
 
 
 def _correlation(x: np.ndarray, y: np.ndarray) -> float:
-    """Of numbers without mean; NaN for fewer than three."""
+    """The correlation of numbers without mean; NaN for fewer than three."""
     if len(x) < 3:
         return float("nan")
     return float(np.sum(x * y) / np.sqrt(np.sum(x**2) * np.sum(y**2)))
 
 
 def _correlation_interval(r: float, cases: int, tails: float) -> Interval:
-    """By Fisher's transformation: D. G. Bonett, T. A. Wright, Psychometrika 65, 2000."""
+    """The interval by Fisher's transformation: Bonett and Wright, Psychometrika 65, 2000."""
     if np.isnan(r):
         return UNKNOWN
     if cases < 4:
@@ -154,7 +154,7 @@ def _correlation_interval(r: float, cases: int, tails: float) -> Interval:
     return Interval(r, float(np.tanh(middle - half)), float(np.tanh(middle + half)))
 
 
-def _explained(y: np.ndarray) -> _Index | None:
+def _first_order_index(y: np.ndarray) -> _Index | None:
     """Var(E[y | x]) / Var(y) of results in the order of the numbers x, None where it is unknown.
 
     From bins of equal counts of x, less what chance alone gives. E. Plischke, Reliability

@@ -164,9 +164,9 @@ def fraction_text(interval: Interval) -> str:
     return f"{value} ({low} to {high})"
 
 
-def ends_text(interval: Interval, shown: Callable[[float], str] = number_text) -> str:
+def ends_text(interval: Interval, text_of: Callable[[float], str] = number_text) -> str:
     """The ends of an interval in words, "1 to 2"; "over 1" where the upper end is open."""
-    low, high = map(shown, interval[1:])
+    low, high = map(text_of, interval[1:])
     if np.isfinite(interval.high):
         return f"{low} to {high}" if np.isfinite(interval.low) else f"up to {high}"
     return f"over {low}" if np.isfinite(interval.low) else "no bound known"

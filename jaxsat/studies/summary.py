@@ -57,16 +57,16 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
 
     `dataset` is that of `open_study`, or columns by name.
     """
-    done = np.ones(dataset["code"].shape, bool)[:count]
+    is_done = np.ones(dataset["code"].shape, bool)[:count]
     if "status" in dataset:
-        done = np.asarray(dataset["status"])[:count] == DONE
-    if not done.any():
+        is_done = np.asarray(dataset["status"])[:count] == DONE
+    if not is_done.any():
         raise ValueError("A summary must have at least one case that is done, but got none.")
 
     def column(name: str) -> np.ndarray:
-        return np.asarray(dataset[name])[:count][done]
+        return np.asarray(dataset[name])[:count][is_done]
 
-    numbers = np.flatnonzero(done)
+    numbers = np.flatnonzero(is_done)
     columns = {name: column(name) for name in ("code", "settling_time", "effort", "cost")}
     settled = np.isfinite(columns["settling_time"])
     success = columns["code"] == int(Outcome.SUCCESS)
@@ -114,8 +114,8 @@ def largest_errors(columns: Mapping[Any, np.ndarray]) -> dict[str, float | None]
 
 def _largest(values: np.ndarray) -> float | None:
     """The largest of the numbers; None without any."""
-    known = values[~np.isnan(values)]
-    return float(known.max()) if known.size else None
+    numbers = values[~np.isnan(values)]
+    return float(numbers.max()) if numbers.size else None
 
 
 def _percentiles(values: np.ndarray) -> dict[float, Interval]:

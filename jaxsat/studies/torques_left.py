@@ -63,7 +63,7 @@ class _Reaches(NamedTuple):
 
     @staticmethod
     def of(reach: Reach, cases: int) -> "_Reaches":
-        """Of one that is the same in so many cases, or has an axis of them already."""
+        """The reach of a part that is the same in so many cases, or has an axis of them."""
 
         def each(x: Array, dims: int) -> np.ndarray:
             return np.broadcast_to(np.asarray(x), (cases, *x.shape[x.ndim - dims :]))
@@ -74,65 +74,68 @@ class _Reaches(NamedTuple):
 class _Exchanger(NamedTuple):
     """An effector that stores momentum, in one case or, with a leading axis, in all.
 
-    Its unit `columns` of reach, which devices are `kept`, as they do what they are asked, and which
-    run away.
+    Its unit `columns` of reach, which devices are `healthy`, as they do what they are asked, and
+    which run away.
     """
 
     effector: AbstractEffector
     columns: Float[np.ndarray, "*cases 3 k"]
-    kept: Bool[np.ndarray, "*cases k"]
+    healthy: Bool[np.ndarray, "*cases k"]
     runaway: Bool[np.ndarray, "*cases k"]
 
     @staticmethod
     def of(loop: AbstractLoop, effector: AbstractEffector, reach: _Reaches) -> "_Exchanger":
-        """By its reach in every case. A wheel that had failed before, as a law knows, is lost."""
-        before = _sound(effector)
+        """An effector by its reach in every case; a wheel that the law knows as failed is lost."""
+        before = _sound_reach(effector)
         size = np.linalg.norm(reach.columns, axis=1, keepdims=True)
-        kept = (reach.low < 0) & (reach.high >= LEAST_TORQUE * np.asarray(before.high))
-        kept = kept & (reach.high > 0) & (size[:, 0] > 0)
-        known = getattr(getattr(loop, "controller", None), "known", None)
-        if known is not None and isinstance(effector, Wheels):
-            kept[:, np.asarray(known)] = False
+        healthy = (reach.low < 0) & (reach.high >= LEAST_TORQUE * np.asarray(before.high))
+        healthy = healthy & (reach.high > 0) & (size[:, 0] > 0)
+        known_failures = getattr(getattr(loop, "controller", None), "known", None)
+        if known_failures is not None and isinstance(effector, Wheels):
+            healthy[:, np.asarray(known_failures)] = False
         runaway = (reach.low == reach.high) & (reach.high != 0)
-        return _Exchanger(effector, reach.columns / np.where(size > 0, size, 1.0), kept, runaway)
+        return _Exchanger(effector, reach.columns / np.where(size > 0, size, 1.0), healthy, runaway)
 
     def case(self, number: int) -> "_Exchanger":
-        """The same in one case."""
+        """The effector in one case."""
         return _Exchanger(
-            self.effector, self.columns[number], self.kept[number], self.runaway[number]
+            self.effector, self.columns[number], self.healthy[number], self.runaway[number]
         )
 
     @property
-    def rotors(self) -> Float[np.ndarray, " kept"]:
-        """The inertia of each rotor that is kept, about its column, kg m²."""
+    def rotors(self) -> Float[np.ndarray, " healthy"]:
+        """The inertia of each healthy rotor, about its column, kg m²."""
         one = self.effector
         inertia = one.rotor_inertia if isinstance(one, Wheels) else None
-        return (np.zeros(one.count) if inertia is None else np.asarray(inertia))[self.kept]
+        return (np.zeros(one.count) if inertia is None else np.asarray(inertia))[self.healthy]
 
 
 def torques_left(
     loop: AbstractLoop,
     momentum: Float[np.ndarray, "3"],
-    struck: Mapping[str, np.ndarray],
+    failures: Mapping[str, np.ndarray],
     gain: Float[np.ndarray, "cases m"] | None = None,
 ) -> Int[np.ndarray, " cases"]:
-    """The `TorquesLeft` of every case with the failures `struck`; cases alike are judged once.
+    """The `TorquesLeft` of every case with its `failures`, by column; cases alike are judged once.
 
     Where failed thrusters make a constant torque, it counts how strong each thruster of a case is:
     relative to the nominal one by 1 + `gain`. Otherwise the torques of the nominal loop decide:
     dispersed ones that are not quite parallel are no more of them. `momentum` (N m s) is that of
     body and effectors at the start.
     """
-    parts = list(zip(loop.plant.effectors, _reaches_left(loop, struck), strict=True))
-    none = _Reaches.of(Reach.none(), len(struck["failure_kind"])), Reach.none()
-    levels = [_levels(*none), *(_levels(each, _sound(one)) for one, each in parts if one.even)]
+    parts = list(zip(loop.plant.effectors, _reaches_left(loop, failures), strict=True))
+    none = _Reaches.of(Reach.none(), len(failures["failure_kind"])), Reach.none()
+    levels = [
+        _levels(*none),
+        *(_levels(each, _sound_reach(one)) for one, each in parts if one.even),
+    ]
     torques, low, high = (np.concatenate(each, axis=-1) for each in zip(*levels, strict=True))
     exchangers = [
         _Exchanger.of(loop, one, reach)
         for one, reach in parts
         if one.momentum(one.init()) is not None
     ]
-    judged: dict[bytes, int] = {}
+    codes_by_key: dict[bytes, int] = {}
     codes = np.zeros(len(low), int)
     for case in range(len(low)):
         steady = bool(np.any((low[case] > 0) | (high[case] < 0)))
@@ -144,33 +147,33 @@ def torques_left(
         here = [each.case(case) for each in exchangers]
         parts = [part for each in here for part in each[1:]]
         key = b"".join(part.tobytes() for part in (*one, *parts))
-        if key not in judged:
+        if key not in codes_by_key:
             held = all(_holds_momentum(loop, each) for each in here)
-            left = _judged(loop, momentum, *one, here)
-            judged[key] = left if held else int(TorquesLeft.UNHELD_MOMENTUM)
-        codes[case] = judged[key]
+            code = _judge(loop, momentum, *one, here)
+            codes_by_key[key] = code if held else int(TorquesLeft.UNHELD_MOMENTUM)
+        codes[case] = codes_by_key[key]
     return codes
 
 
-def _reaches_left(loop: AbstractLoop, struck: Mapping[str, np.ndarray]) -> list[_Reaches]:
+def _reaches_left(loop: AbstractLoop, failures: Mapping[str, np.ndarray]) -> list[_Reaches]:
     """What each effector can do at rest in every case, once all failures have struck.
 
     The failures of one are after those of another; the last may have more than its own number.
     """
-    reaches, before, cases = [], 0, len(struck["failure_kind"])
+    reaches, before, cases = [], 0, len(failures["failure_kind"])
     last = [one for one in loop.plant.effectors if one.failures is not None][-1:]
     for one in loop.plant.effectors:
-        reach = _sound(one)
+        reach = _sound_reach(one)
         if one.failures is not None:
             count = None if one is last[0] else one.failures.count
-            reach = _in_cases(one, before, {name: x[:, :count] for name, x in struck.items()})
-            struck = {name: x[:, count:] for name, x in struck.items()}
+            reach = _in_cases(one, before, {name: x[:, :count] for name, x in failures.items()})
+            failures = {name: x[:, count:] for name, x in failures.items()}
         reaches.append(_Reaches.of(reach, cases))
         before += one.count
     return reaches
 
 
-def _sound(one: AbstractEffector) -> Reach:
+def _sound_reach(one: AbstractEffector) -> Reach:
     """What an effector can do before anything fails."""
     count = 0 if one.failures is None else one.failures.count
     return _at_rest(one, jnp.zeros(count, bool))
@@ -181,21 +184,21 @@ def _at_rest(one: AbstractEffector, hit: Bool[Array, " f"]) -> Reach:
     return one.reach(zero, PlantState(level, jnp.zeros(3)), one.init(), hit, zero)
 
 
-def _in_cases(one: AbstractEffector, before: int, struck: Mapping[str, np.ndarray]) -> Reach:
+def _in_cases(one: AbstractEffector, before: int, failures: Mapping[str, np.ndarray]) -> Reach:
     """The reach of an effector in every case; its devices come after so many others.
 
-    In what is struck devices are counted over all effectors.
+    The `failures` count devices over all effectors.
     """
-    place = struck["failed_part"] - before
-    mine = (struck["failure_kind"] != NEVER) & (place >= 0) & (place < one.count)
-    kinds = np.where(mine, struck["failure_kind"] - first_code(one.failures.kinds), -1)
+    place = failures["failed_part"] - before
+    mine = (failures["failure_kind"] != NEVER) & (place >= 0) & (place < one.count)
+    kinds = np.where(mine, failures["failure_kind"] - first_code(one.failures.kinds), -1)
 
     def reach(number, at, kind, amount):
         events = dataclasses.replace(one.failures, number=number, at=at, kind=kind, amount=amount)
         return _at_rest(eqx.tree_at(lambda x: x.failures, one, events), kind >= 0)
 
-    at = np.where(mine, struck["failure_time"], np.inf)
-    numbers = (1.0 * place, at, 1.0 * kinds, np.nan_to_num(struck["failure_amount"]))
+    at = np.where(mine, failures["failure_time"], np.inf)
+    numbers = (1.0 * place, at, 1.0 * kinds, np.nan_to_num(failures["failure_amount"]))
     return jax.vmap(reach)(*map(jnp.asarray, numbers))
 
 
@@ -215,12 +218,12 @@ def _levels(
 
 
 def _holds_momentum(loop: AbstractLoop, here: _Exchanger) -> bool:
-    """Whether the wheels kept can hold what those that run away take up, and some in any direction.
+    """Whether healthy wheels can hold what runaway ones take up, and some in any direction.
 
     A runaway ends at its largest momentum, of either sign. What makes a torque from outside can
     take momentum out.
     """
-    kept, runaway = here.kept, here.runaway
+    healthy, runaway = here.healthy, here.runaway
     outside = any(one.momentum(one.init()) is None for one in loop.plant.effectors)
     if not runaway.any() or outside:
         return True
@@ -229,13 +232,13 @@ def _holds_momentum(loop: AbstractLoop, here: _Exchanger) -> bool:
         return False
     most = np.asarray(limit)
     most = np.minimum(most, 1e6 * most[runaway].max())
-    high = np.where(kept | runaway, most, 0.0)
+    high = np.where(healthy | runaway, most, 0.0)
     low = np.where(runaway, most, -high)
     reserve = torque_reserve(here.columns, low, high)
-    return bool(reserve > LEAST_HOLD * most[kept].max(initial=0.0))
+    return bool(reserve > LEAST_HOLD * most[healthy].max(initial=0.0))
 
 
-def _judged(
+def _judge(
     loop: AbstractLoop,
     momentum: np.ndarray,
     torques: np.ndarray,
@@ -244,7 +247,9 @@ def _judged(
     here: list[_Exchanger],
 ) -> int:
     inertia = np.asarray(loop.plant.spacecraft.inertia)
-    axes = np.concatenate([np.zeros((3, 0)), *(one.columns[:, one.kept] for one in here)], axis=1)
+    axes = np.concatenate(
+        [np.zeros((3, 0)), *(one.columns[:, one.healthy] for one in here)], axis=1
+    )
     rotors = np.concatenate([np.zeros(0), *(one.rotors for one in here)])
     actuators = actuator_set(torques, wheel_axes=axes, momentum=momentum, rotors=rotors)
     judgement = judge_ranges(inertia, actuators, low, high)

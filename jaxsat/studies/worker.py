@@ -68,8 +68,8 @@ def packed(work: Work) -> PickledWork:
 
 class _Pickler(cloudpickle.Pickler):
     def reducer_override(self, obj: Any) -> Any:
-        """As cloudpickle has it, but for what it cannot rebuild."""
-        if isinstance(obj, type) and issubclass(obj, eqx.Module) and not _is_found(obj):
+        """Reduce an object as cloudpickle does; refuse what could not be rebuilt."""
+        if isinstance(obj, type) and issubclass(obj, eqx.Module) and not _is_importable(obj):
             raise ClusterError(
                 "what worker processes compute must be defined in a module that they can import, "
                 f"got {obj.__qualname__} of {obj.__module__}; put it into a file of its own"
@@ -77,7 +77,7 @@ class _Pickler(cloudpickle.Pickler):
         return cloudpickle.Pickler.reducer_override(self, obj)
 
 
-def _is_found(kind: type) -> bool:
+def _is_importable(kind: type) -> bool:
     """Whether a worker finds a class where it says that it is."""
     if kind.__module__ == "__main__":
         return False
