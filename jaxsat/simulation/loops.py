@@ -62,7 +62,7 @@ class AbstractContinuousLoop(AbstractLoop):
     @property
     @abc.abstractmethod
     def torque_count(self) -> int:
-        """Torque beyond this many of its components is always zero."""
+        """How many components of the torque, from the first on, may differ from zero."""
 
     @abc.abstractmethod
     def plant_state(self, t: Float[Array, ""], state: PyTree) -> PlantState:
@@ -78,7 +78,7 @@ class AbstractContinuousLoop(AbstractLoop):
 
     @abc.abstractmethod
     def event_functions(self, t: Float[Array, ""], state: PyTree) -> Float[Array, " m"]:
-        """Event functions: the loop is smooth while none of them changes its sign."""
+        """The event functions; the loop is smooth while none of them changes its sign."""
 
     @abc.abstractmethod
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractContinuousLoop":

@@ -103,7 +103,7 @@ class AdaptiveStepper(AbstractStepper):
         require_dense_output(self.solver)
 
     def identity(self) -> dict[str, Any]:
-        """Solver and tolerance."""
+        """Solver and tolerance, as plain data."""
         numbers = [float(x) for x in jax.tree.leaves(self.tolerance)]
         tolerance = [*numbers, self.tolerance.max_steps]
         return {"solver": class_name(self.solver), "tolerance": tolerance}

@@ -56,7 +56,7 @@ class FixedStepper(AbstractStepper):
         require_counts(substeps=self.substeps)
 
     def identity(self):
-        """Solver and substeps."""
+        """The solver and its substeps, as plain data."""
         return {"solver": class_name(self.solver), "substeps": self.substeps}
 
     def begin(self, program, case):
@@ -105,7 +105,7 @@ class SampledStepper(AbstractStepper):
         require_explicit(self.solver)
 
     def identity(self):
-        """The solver."""
+        """The solver, as plain data."""
         return {"solver": class_name(self.solver)}
 
     def begin(self, program, case):

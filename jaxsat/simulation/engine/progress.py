@@ -93,7 +93,7 @@ class RunningCost(eqx.Module):
         relative_rate: Float[Array, "3"],
         torque: Float[Array, "3"],
     ) -> Float[Array, ""]:
-        """The cost a second."""
+        """The running cost a second."""
         cost = (
             self._of_attitude(w, z)
             + self.relative_rate * jnp.sum(relative_rate**2)
@@ -104,7 +104,7 @@ class RunningCost(eqx.Module):
         return cost if self.limit is None else cost / (1 + cost / self.limit)
 
     def _of_attitude(self, w: Float[Array, "2"], z: Float[Array, ""]) -> Float[Array, ""]:
-        """w A + z B."""
+        """The cost w A + z B a second."""
         square = jnp.sum(w**2)
         if self.attitude == "wz":
             return self.w * square + self.z * z**2

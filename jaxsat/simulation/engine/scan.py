@@ -42,7 +42,7 @@ class ScanEngine(AbstractBatchEngine):
         require_counts(batch_size=self.batch_size)
 
     def identity(self) -> dict[str, Any]:
-        """Steps and batch size."""
+        """Steps and batch size, as plain data."""
         return {"name": "scan", **self.stepper.identity(), "batch_size": self.batch_size}
 
     def run_batch(self, program: Program, cases: PyTree, gains: PyTree) -> Outputs:
@@ -86,7 +86,7 @@ def _to_host(signals: Signals) -> Signals:
 
 
 def _map_cases(method, stepper, program, cases, gains, *progress):
-    """A stepper's method over the cases of a batch."""
+    """What a stepper's method gives for the cases of a batch."""
 
     def one(case, *progress):
         case = program.case_factory(case, gains)

@@ -69,7 +69,7 @@ class Kernel:
 
     @property
     def text(self) -> str:
-        """The LLVM code."""
+        """The LLVM code of the kernel."""
         return self._module.text(target.host().attributes())
 
     @once_property
@@ -204,7 +204,7 @@ def module_of(trajectory: LoweredTrajectory, lanes: int, cpu: target.Host) -> Mo
 
 
 def _link(code: bytes, types: Mapping[str, Callable[[int], Any]]) -> dict[str, Any]:
-    """Machine code in memory."""
+    """The functions of machine code that is loaded into memory."""
     return in_own_thread(lambda stopped: target.loaded(code, types))
 
 

@@ -48,7 +48,7 @@ class AbstractPhases(abc.ABC):
 
     @abc.abstractmethod
     def going(self, fixed, moving, numbers, first, count) -> Bool[Array, ""]:
-        """Whether that end is still ahead."""
+        """Whether the end, `count` intervals after number `first`, is still ahead."""
 
     @abc.abstractmethod
     def finish(self, fixed, moving, numbers, first, count) -> PyTree:
@@ -78,7 +78,7 @@ class PrimalPhases(AbstractPhases):
         return arrays, stepper.begin(program, case)
 
     def advance(self, fixed, moving, numbers, first, count):
-        """The progress further on."""
+        """The progress after `count` intervals from number `first` on."""
         stepper, program, case = self._with(fixed, numbers)
         return stepper.advance(program, case, moving, first, count)
 
@@ -145,7 +145,7 @@ class ForwardModePhases(AbstractPhases):
         self._moved = [not is_zero for is_zero in zero]
 
     def advance(self, fixed, moving, numbers, first, count):
-        """Values and derivatives further on."""
+        """Values and derivatives after `count` intervals from number `first` on."""
 
         def values(both):
             return self._plain.advance(both[0], both[1], numbers, first, count)

@@ -208,7 +208,7 @@ def _later(name: str, jaxpr: Jaxpr, sources: list[_Source], outputs: list[Locati
 
 
 def _with_needed_results(onwards: EntryPoint, others: Iterable[EntryPoint]) -> EntryPoint:
-    """Without the results that in the end nothing but they themselves need.
+    """The entry point without the results that in the end nothing but they themselves need.
 
     The dense output of states that nobody observes is an example.
     """
