@@ -83,7 +83,7 @@ def scaled_inertia(inertia: Float[Array, "3 3"], change: Values) -> Float[Array,
 
 
 def set_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """Moments and products scaled by relative changes of J1, J2, J3."""
+    """The case with moments and products scaled by relative changes of J1, J2, J3."""
     return in_loop(
         perturbed,
         lambda loop: loop.plant.spacecraft.inertia,
@@ -92,7 +92,7 @@ def set_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
 
 
 def set_products(perturbed: PerturbedLoop, share: Values) -> PerturbedLoop:
-    """Products of inertia added, in parts of the least nominal moment."""
+    """The case with products of inertia added, in parts of the least nominal moment."""
     smallest = jnp.min(perturbed.nominal.plant.spacecraft.moments)
     xy, xz, yz = share * smallest
     zero = jnp.zeros_like(xy)
@@ -130,13 +130,13 @@ def follow_frequency(loop: AbstractLoop) -> AbstractLoop:
 
 
 def set_constant_torque(perturbed: PerturbedLoop, torque: Values) -> PerturbedLoop:
-    """A constant torque (N m) beside the disturbances that there are."""
+    """The case with a constant torque (N m) beside the disturbances that there are."""
     disturbance = SumOfDisturbances((perturbed.loop.plant.disturbance, ConstantTorque(torque)))
     return in_loop(perturbed, lambda loop: loop.plant.disturbance, disturbance)
 
 
 def set_model_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """Relative changes of the inertia that the controller believes, with the wheels locked."""
+    """The case with a relative change of the inertia, wheels locked, that the law believes."""
     rotors = rotors_of(perturbed.nominal)
 
     def changed(part):
@@ -149,7 +149,7 @@ def set_model_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop
 
 
 def set_model_orbit_rate(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """A relative change of the orbit rate that the controller believes."""
+    """The case with a relative change of the orbit rate that the controller believes."""
 
     def changed(part):
         is_orbit = isinstance(part, AbstractOrbit)
@@ -162,12 +162,12 @@ def set_model_orbit_rate(perturbed: PerturbedLoop, change: Values) -> PerturbedL
 
 
 def set_attitude(perturbed: PerturbedLoop, q: Values) -> PerturbedLoop:
-    """Another initial attitude, a unit quaternion."""
+    """The case with another initial attitude, a unit quaternion."""
     return _with_attitude(perturbed, Quaternion(q))
 
 
 def set_tilt_by(change: Callable[[WZ, Values], WZ]):
-    """A change of the initial (w, z) parameters."""
+    """Gives the function that changes the initial (w, z) parameters of a case."""
 
     def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
         return _with_attitude(perturbed, change(perturbed.start.attitude.as_wz(), values))
@@ -187,19 +187,19 @@ def redirected(wz: WZ, angle: Values) -> WZ:
 
 
 def set_attitude_error(perturbed: PerturbedLoop, rotation: Values) -> PerturbedLoop:
-    """The initial attitude turned by a rotation vector in body axes, rad."""
+    """The case with its initial attitude turned by a rotation vector in body axes, rad."""
     half = jnp.sqrt(jnp.sum(rotation**2)) / 2
     stretch = jnp.where(half > 0, jnp.tan(half) / jnp.where(half > 0, half, 1.0), 1.0)
     return _with_attitude(perturbed, turned_slightly(perturbed.start.attitude, stretch * rotation))
 
 
 def set_omega(perturbed: PerturbedLoop, omega: Values) -> PerturbedLoop:
-    """Another initial angular velocity, rad/s."""
+    """The case with another initial angular velocity, rad/s."""
     return perturbed._replace(start=dataclasses.replace(perturbed.start, omega=omega))
 
 
 def set_rate_error(perturbed: PerturbedLoop, error: Values) -> PerturbedLoop:
-    """Initial (ω1, ω2) off the reference of the nominal law, rad/s."""
+    """The case with its initial (ω1, ω2) off the reference of the nominal law, rad/s."""
     law = cast(AbstractBacksteppingLaw, controller_of(perturbed.nominal))
     reference = law.reference_rate(perturbed.start)
     omega = jnp.concatenate([reference + error, perturbed.start.omega[2:]])

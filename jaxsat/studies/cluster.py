@@ -155,7 +155,7 @@ class _Link:
         return outcome.result
 
     def _look(self) -> None:
-        """Ask from time to time who is there."""
+        """Ask from time to time how many threads the workers have."""
         now = time.monotonic()
         if now - self._last_look < LOOK_S:
             return
@@ -194,7 +194,7 @@ class _Link:
 
     @contextmanager
     def _lasting(self) -> Iterator[None]:
-        """Tell in words what goes wrong between here and the workers."""
+        """Raise `ClusterError`, in words, for what goes wrong between here and the workers."""
         try:
             yield
         except (ClusterError, KilledWorker, TimeoutError):

@@ -91,7 +91,7 @@ def histories_of(loop: AbstractLoop) -> dict[str, Column]:
 
 
 def history_of(signals: Signals, name: str) -> Array | np.ndarray:
-    """The values of one of them."""
+    """The values of the history of this name."""
     if name not in RANGES:
         return getattr(signals, name)
     return getattr(signals.torque_range, RANGES[name][0])

@@ -36,7 +36,7 @@ class Independent(AbstractDesign):
     seed: int = eqx.field(static=True)
 
     def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
-        """Uniform draws."""
+        """Points of uniform draws, the same for a case whatever the others are."""
         _require_numbers(numbers)
         key = np.asarray(noise.key_of_seed(self.seed))
         own = _fold(key, np.asarray(numbers).astype(np.uint32))

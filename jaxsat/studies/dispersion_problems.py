@@ -89,7 +89,7 @@ def _of_the_kind(
 
 
 def _singular(name: str, start: PlantState | None) -> DispersionProblem | None:
-    """Changes of (w, z) have a start from which they can be made."""
+    """What stands against a change of (w, z) that cannot be made from this start."""
     if start is None or name not in ("tilt", "tilt_direction", "turn"):
         return None
     w = concrete(start.attitude.as_wz().w)

@@ -57,7 +57,7 @@ class Uniform(AbstractDistribution):
         _require_order("low", self.low, "high", self.high)
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
-        """low + (high - low) u."""
+        """The values low + (high - low) u."""
         return self.low + (self.high - self.low) * u
 
     def ends(self) -> dict[str, Float[Array, "*n"]]:

@@ -38,7 +38,7 @@ def thruster_count(thrusters: Actuators | ThrusterSet) -> int:
 
 
 def set_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
-    """Torque axes turned; how the command is shared stays the nominal one."""
+    """The case with torque axes turned; the command is shared as in the nominal loop."""
 
     def turned(thrusters: Actuators | ThrusterSet) -> Actuators | ThrusterSet:
         pairs = angles.reshape(thruster_count(thrusters), 2)
@@ -50,7 +50,7 @@ def set_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
 
 
 def set_torque_gain(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """Torques made larger by relative changes."""
+    """The case with torques made larger by relative changes."""
 
     def stronger(thrusters: Actuators | ThrusterSet) -> Actuators | ThrusterSet:
         if isinstance(thrusters, ThrusterSet):
@@ -75,7 +75,7 @@ def _with_thrusters_changed(
 
 
 def set_field(part_of: Callable[[AbstractLoop], Any], quantity: DispersibleQuantity):
-    """Another number, or several, in a field of a part; the law believes the nominal ones."""
+    """Gives the function that sets a field of a part; the law believes the nominal numbers."""
 
     def where(loop: AbstractLoop) -> Any:
         return getattr(part_of(loop), quantity.field or "")
@@ -89,7 +89,7 @@ def set_field(part_of: Callable[[AbstractLoop], Any], quantity: DispersibleQuant
 
 
 def set_in_effector(kind: type[AbstractEffector], one: Dispersible):
-    """A change of an effector, or of its state at the start."""
+    """Gives the function that changes an effector, or its state at the start."""
 
     def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
         plant = perturbed.loop.plant
@@ -108,7 +108,7 @@ def set_in_effector(kind: type[AbstractEffector], one: Dispersible):
 
 
 def set_failure(field: str, part: str | None = None):
-    """Other numbers in one field of all failures, or of those of one kind of actuator."""
+    """Gives the function that sets a field of all failures, or of those of one kind of actuator."""
 
     def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
         def fields(loop: AbstractLoop) -> list:
@@ -126,8 +126,11 @@ def navigation_of(loop: AbstractLoop) -> Navigation:
 
 
 def set_tracker_samples(field: str, least: int):
-    """Another time (s) of the star tracker, in whole periods of the law and at least so many; the
-    estimator believes the nominal one."""
+    """Gives the function that sets a time (s) of the star tracker, not that of its estimator.
+
+    The estimator believes the nominal time. The new one is rounded to whole periods of the law, and
+    is at least `least` of them.
+    """
 
     def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
         samples = jnp.round(values[0] / cast(SampledLoop, perturbed.loop).controller.period)
@@ -141,5 +144,5 @@ def set_tracker_samples(field: str, least: int):
 
 
 def set_delay(perturbed: PerturbedLoop, delay: Values) -> PerturbedLoop:
-    """Another computing delay, s."""
+    """The case with another computing delay, s."""
     return in_loop(perturbed, lambda loop: loop.delay, delay[0])

@@ -120,7 +120,7 @@ class _Crew:
             worker.end()
 
     def _give_out(self, remaining: Iterator[int]) -> None:
-        """Chunks to all who have room. Workers without any are let go, and started as needed."""
+        """Give chunks to all who have room; let workers without any go, and start new ones."""
         for worker in list(self._workers):
             while self._has_room(worker):
                 chunk = self._next_chunk(remaining, alone=not worker.chunks)
@@ -137,7 +137,7 @@ class _Crew:
             self._workers.append(_Worker(self._order, chunk, self._messages))
 
     def _has_room(self, worker: "_Worker") -> bool:
-        """The first chunk goes alone, so that it compiles once; so does one that saw a death."""
+        """Whether a worker may have one more; a first chunk and one that saw a death go alone."""
         if not worker.chunks:
             return True
         suspect = any(self._deaths[chunk] for chunk in worker.chunks)
@@ -194,7 +194,7 @@ class _Worker:
             raise _start_error(error) from error
 
     def give(self, chunk: int) -> None:
-        """One chunk more; one whose first chunk is done has read all before."""
+        """Send one chunk more; a worker whose first chunk is done has read all before."""
         self.chunks.add(chunk)
         with contextlib.suppress(OSError):  # it died, which it is heard of
             self._to.write(pickle.dumps(chunk))
@@ -204,7 +204,7 @@ class _Worker:
         self._process.kill()
 
     def end(self) -> None:
-        """Have it gone, with nothing left open."""
+        """End the process, with nothing left open."""
         self._process.kill()
         self._process.wait()
         self._hearing.join()
