@@ -13,7 +13,7 @@ LEFT_BY_ROUNDING = 1e-12
 
 
 BASIS_TOLERANCE = 1e-9
-"""Of torques scaled to the largest: what is below counts as zero."""
+"""Where torques are scaled to the largest, a size below this counts as zero."""
 
 
 def unit_columns(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 m"]:
@@ -27,28 +27,27 @@ def unit_columns(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 
 def least_squares_map(
     axes: Float[np.ndarray, "3 m"], torques: int, limits: Float[np.ndarray, " m"] | None = None
 ) -> Float[np.ndarray, "m torques"]:
-    """What actuators along unit `axes` make of a command, where they cannot make all of it the
-    nearest.
+    """Torques of actuators along unit `axes` for a unit of each command, by least squares.
 
-    The squares are those of use over limit; without `limits` all are alike.
-
-    Two of them under two torques make these exactly, and about z what follows, as in equation (5).
+    Where they cannot make all of a command, they make what is nearest to it. The squares are those
+    of use over limit; without `limits` all actuators count alike. Two actuators under two torques
+    make these exactly, and about z what follows, as in equation (5).
     """
     if not axes.size:
         return np.zeros((axes.shape[1], torques))
-    known = np.ones(axes.shape[1]) if limits is None else finite_limits(limits)
-    scaled = axes * known
+    relative_limits = np.ones(axes.shape[1]) if limits is None else finite_limits(limits)
+    scaled = axes * relative_limits
     try:
-        return known[:, None] * allocation_matrix(scaled, torques)
+        return relative_limits[:, None] * allocation_matrix(scaled, torques)
     except ValueError:
-        return known[:, None] * np.linalg.pinv(scaled)[:, :torques]
+        return relative_limits[:, None] * np.linalg.pinv(scaled)[:, :torques]
 
 
 def finite_limits(limits: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-    """Over the largest finite one; infinite ones count as that, and all are 1 without any."""
-    known = np.where(np.isfinite(limits), limits, 0.0)
-    most = known.max(initial=0.0)
-    return np.where(np.isfinite(limits), known / most, 1.0) if most > 0 else np.ones_like(known)
+    """Limits over the largest finite one, as which infinite ones count; all 1 if none is finite."""
+    finite = np.where(np.isfinite(limits), limits, 0.0)
+    most = finite.max(initial=0.0)
+    return np.where(np.isfinite(limits), finite / most, 1.0) if most > 0 else np.ones_like(finite)
 
 
 def what_is_left(
@@ -56,8 +55,8 @@ def what_is_left(
 ) -> Float[np.ndarray, "torques torques"]:
     """The part of a command that actuators along unit `axes` with these shares do not make."""
     torques = shares.shape[1]
-    left = np.eye(torques) - (axes @ shares)[:torques]
-    return np.where(np.abs(left) < LEFT_BY_ROUNDING, 0.0, left)
+    remainder = np.eye(torques) - (axes @ shares)[:torques]
+    return np.where(np.abs(remainder) < LEFT_BY_ROUNDING, 0.0, remainder)
 
 
 def allocation_matrix(
@@ -108,14 +107,14 @@ def torque_directions(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray
     if np.linalg.matrix_rank(torque_axes, tol=NORMALISER_FLOOR) == 3:
         return np.eye(3)[:, :2]
     columns = torque_axes.T
-    crossed = np.array([np.cross(one, other) for one in columns for other in columns])
-    lengths = np.sqrt(np.sum(crossed**2, axis=-1))
+    normals = np.array([np.cross(one, other) for one in columns for other in columns])
+    lengths = np.sqrt(np.sum(normals**2, axis=-1))
     if not np.max(lengths, initial=0.0) > NORMALISER_FLOOR:
         raise ValueError(
             "The thrusters left must make torques about two independent axes, "
             f"but their torque axes are the columns of {torque_axes.round(6).tolist()}."
         )
-    normal = crossed[np.argmax(lengths)] / np.max(lengths)
+    normal = normals[np.argmax(lengths)] / np.max(lengths)
     nearest = np.argmax(np.abs(normal))
     normal = normal * np.sign(normal[nearest])
     first = np.eye(3)[(nearest + 1) % 3]
@@ -196,8 +195,8 @@ def two_sided_torques(torque: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 
     if not torque.shape[1]:
         return torque
     possible, _ = _bases(torque, np.ones(torque.shape[1]), -torque)
-    made = [np.min(duties, axis=0) >= -BASIS_TOLERANCE for duties in possible]
-    return torque[:, np.any(made, axis=0)]
+    feasible = [np.min(duties, axis=0) >= -BASIS_TOLERANCE for duties in possible]
+    return torque[:, np.any(feasible, axis=0)]
 
 
 def _bases(
@@ -207,7 +206,7 @@ def _bases(
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Duties a unit of command of all bases of the columns, and of those that may be optimal."""
     rows = _independent_rows(torque)
-    reduced, wanted = rows @ torque, rows @ command_map
+    reduced, commands = rows @ torque, rows @ command_map
     size = _size(torque)
     price = np.maximum(cost / np.max(cost), BASIS_TOLERANCE)
     possible, optimal = [], []
@@ -216,7 +215,7 @@ def _bases(
         if abs(np.linalg.det(square / size)) < BASIS_TOLERANCE:
             continue
         duties = np.zeros((torque.shape[1], command_map.shape[1]))
-        duties[basis] = np.linalg.solve(square, wanted)
+        duties[basis] = np.linalg.solve(square, commands)
         possible.append(duties)
         dual = np.linalg.solve(square.T, price[basis])
         if np.all(dual @ reduced <= price * (1 + BASIS_TOLERANCE) + BASIS_TOLERANCE):
@@ -225,14 +224,14 @@ def _bases(
 
 
 def _size(torque: Float[np.ndarray, "r m"]) -> float:
-    """Of the largest column, N m."""
+    """The length of the largest column, N m."""
     return float(np.sqrt(np.sum(torque**2, axis=0)).max())
 
 
 def _independent_rows(torque: np.ndarray) -> np.ndarray:
     """An orthonormal basis, as rows, of the space that the torques span."""
-    left, sizes, _ = np.linalg.svd(torque)
-    return left[:, : int(np.sum(sizes > BASIS_TOLERANCE * sizes[0]))].T
+    left_vectors, sizes, _ = np.linalg.svd(torque)
+    return left_vectors[:, : int(np.sum(sizes > BASIS_TOLERANCE * sizes[0]))].T
 
 
 def _require_all_ways(
@@ -247,8 +246,8 @@ def _require_all_ways(
     for number, axis in enumerate(command_map.T):
         inside = np.allclose(rows.T @ (rows @ axis), axis, rtol=0, atol=BASIS_TOLERANCE)
         for sign in (1.0, -1.0):
-            made = (np.min(sign * duties[:, number]) * size for duties in possible)
-            if inside and any(least >= -BASIS_TOLERANCE for least in made):
+            least_duties = (np.min(sign * duties[:, number]) * size for duties in possible)
+            if inside and any(least >= -BASIS_TOLERANCE for least in least_duties):
                 continue
             missing = (sign * axis / np.sqrt(axis @ axis) + 0.0).round(3).tolist()
             raise ValueError(
@@ -257,16 +256,16 @@ def _require_all_ways(
             )
 
 
-def _optimal_somewhere(found: list[np.ndarray]) -> list[np.ndarray]:
+def _optimal_somewhere(candidates: list[np.ndarray]) -> list[np.ndarray]:
     """The duties that have no negative entry for some range of commands, each once."""
-    kept: list[np.ndarray] = []
-    for duties in found:
+    distinct: list[np.ndarray] = []
+    for duties in candidates:
         rows = duties[np.any(np.abs(duties) > BASIS_TOLERANCE * np.abs(duties).max(), axis=1)]
         if not _has_interior(rows):
             continue
-        if not any(np.allclose(duties, other, rtol=1e-9, atol=0) for other in kept):
-            kept.append(duties)
-    return kept
+        if not any(np.allclose(duties, other, rtol=1e-9, atol=0) for other in distinct):
+            distinct.append(duties)
+    return distinct
 
 
 def _has_interior(rows: np.ndarray) -> bool:
@@ -293,13 +292,13 @@ def largest_torque(
     bounded by the support function of the normals of its facets, each across two of the columns.
     """
     rows = _independent_rows(torque)
-    columns, wanted = rows @ torque, rows @ command_map
-    corners = np.array(list(itertools.product((1.0, -1.0), repeat=wanted.shape[1])))
+    columns, commands = rows @ torque, rows @ command_map
+    corners = np.array(list(itertools.product((1.0, -1.0), repeat=commands.shape[1])))
     along = _facet_normals(columns)
-    made = along @ columns
-    reach = np.maximum(made * low, made * high).sum(axis=1)
-    speed = along @ wanted @ corners.T
-    ahead = speed > BASIS_TOLERANCE * np.abs(wanted).max()
+    components = along @ columns
+    reach = np.maximum(components * low, components * high).sum(axis=1)
+    speed = along @ commands @ corners.T
+    ahead = speed > BASIS_TOLERANCE * np.abs(commands).max()
     return float(np.min(np.where(ahead, reach[:, None] / np.where(ahead, speed, 1.0), np.inf)))
 
 
@@ -320,9 +319,10 @@ def _across(rows: np.ndarray) -> np.ndarray:
 
 
 def usable_share(torque_axes: Float[np.ndarray, "3 m"], frame: Float[np.ndarray, "2 3"]) -> float:
-    """Of each thruster's limit: torques up to it about both rows of `frame` saturate no thruster.
+    """The share of each thruster's limit that a torque may have without saturating any thruster.
 
-    The rows are orthonormal, in the plane of the torques.
+    It holds for torques about both rows of `frame` at once, which are orthonormal and in the plane
+    of the torques.
     """
     thrusts = np.linalg.pinv(torque_axes) @ frame.T
     return 1.0 / float(np.abs(thrusts).sum(axis=1).max())

@@ -12,27 +12,27 @@ from jaxsat.core.inertia import require_known_inertia
 from jaxsat.core.jax_internals import Tracer
 
 
-def as_array(known: np.ndarray) -> Array:
+def as_array(numbers: np.ndarray) -> Array:
     """A NumPy array as a JAX array of the default precision, without compiling a copy for it."""
-    known = known.astype(jax.dtypes.canonicalize_dtype(known.dtype))  # which is a copy
-    return jnp.asarray(known, known.dtype)  # with its type named, or XLA compiles the identity
+    numbers = numbers.astype(jax.dtypes.canonicalize_dtype(numbers.dtype))  # which is a copy
+    return jnp.asarray(numbers, numbers.dtype)  # with its type named, or XLA compiles the identity
 
 
 def as_float(value: ArrayLike | list | tuple) -> Inexact[Array, "..."]:
     """Turn numbers into a floating-point JAX array whose type no later operation weakens."""
     if not any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value)):
-        known = np.asarray(value)
-        if known.dtype.kind in "biu":
-            known = known.astype(float)
-        if known.dtype.kind in "fc":
-            return as_array(known)
+        numbers = np.asarray(value)
+        if numbers.dtype.kind in "biu":
+            numbers = numbers.astype(float)
+        if numbers.dtype.kind in "fc":
+            return as_array(numbers)
     array = jnp.asarray(value)
     inexact = jnp.issubdtype(array.dtype, jnp.inexact)
     return array.astype(array.dtype if inexact else float)
 
 
 def as_optional_float(value: ArrayLike | list | tuple | None) -> Inexact[Array, "..."] | None:
-    """The same, where None stands for something that is left out."""
+    """As `as_float`, where None stands for something that is left out."""
     return None if value is None else as_float(value)
 
 
@@ -44,28 +44,28 @@ def concrete(value: ArrayLike) -> np.ndarray | None:
 def numpy_if_known(*values: Array) -> tuple[Any, ...]:
     """`numpy` and the values as its arrays where all are known, else `jax.numpy` and the values.
 
-    For what is also made once, of known numbers: JAX would compile every operation of it.
+    Objects that are made once, of known numbers, use it: JAX would compile each operation.
     """
-    known = [concrete(value) for value in values]
-    return (jnp, *values) if any(one is None for one in known) else (np, *known)
+    arrays = [concrete(value) for value in values]
+    return (jnp, *values) if any(one is None for one in arrays) else (np, *arrays)
 
 
 def require_finite(name: str, value: ArrayLike) -> None:
     """Raise `ArgumentError` unless every entry is finite."""
-    known = concrete(value)
-    if known is not None and not np.all(np.isfinite(known)):
-        raise ArgumentError(name, "must be finite", known.tolist())
+    numbers = concrete(value)
+    if numbers is not None and not np.all(np.isfinite(numbers)):
+        raise ArgumentError(name, "must be finite", numbers.tolist())
 
 
 def require_positive(name: str, value: ArrayLike, *, zero_allowed: bool = False) -> None:
     """Raise `ArgumentError` unless every entry is positive (or zero, where that is allowed)."""
-    known = concrete(value)
-    if known is None:
+    numbers = concrete(value)
+    if numbers is None:
         return
-    good = known >= 0 if zero_allowed else known > 0
+    good = numbers >= 0 if zero_allowed else numbers > 0
     if not np.all(good):
         kind = "zero or positive" if zero_allowed else "positive"
-        raise ArgumentError(name, f"must be {kind}", known.tolist())
+        raise ArgumentError(name, f"must be {kind}", numbers.tolist())
 
 
 def require_counts(**counts: int | None) -> None:
@@ -81,19 +81,19 @@ def require_directions(name: str, columns: ArrayLike) -> None:
     if len(shape) != 2 or shape[0] != 3 or shape[1] < 1:
         raise ArgumentError(name, "must have shape (3, m) with at least one column", shape)
     require_finite(name, columns)
-    known = concrete(columns)
-    if known is not None and not np.all(np.any(known != 0, axis=0)):
-        raise ArgumentError(name, "must have no column of zeros", known.tolist())
+    numbers = concrete(columns)
+    if numbers is not None and not np.all(np.any(numbers != 0, axis=0)):
+        raise ArgumentError(name, "must have no column of zeros", numbers.tolist())
 
 
 def require_inertia(name: str, inertia: Float[Array | np.ndarray, "3 3"]) -> None:
     """Raise `ArgumentError` unless the matrix is symmetric and positive definite."""
-    known = concrete(inertia)
-    if known is not None:
-        require_known_inertia(name, known)
+    matrix = concrete(inertia)
+    if matrix is not None:
+        require_known_inertia(name, matrix)
 
 
 def all_positive(*values: ArrayLike) -> bool:
     """Whether all values are known and positive; a traced value counts as not known to be."""
-    known = [concrete(value) for value in values]
-    return all(value is not None and bool(np.all(value > 0)) for value in known)
+    arrays = [concrete(value) for value in values]
+    return all(value is not None and bool(np.all(value > 0)) for value in arrays)

@@ -46,9 +46,9 @@ class ArgumentError(JaxsatError, ValueError):
         super().__init__(argument, rule, self.got)
 
     def __str__(self) -> str:
-        """The text as above."""
-        found = "" if self.got is None else f", but got {self.got}"
-        return f"Argument `{self.argument}` {self.rule}{found}."
+        """The message: which argument breaks which rule, and what it got."""
+        ending = "" if self.got is None else f", but got {self.got}"
+        return f"Argument `{self.argument}` {self.rule}{ending}."
 
 
 class PrecisionError(JaxsatError, RuntimeError):

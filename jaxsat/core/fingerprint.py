@@ -24,51 +24,56 @@ from jaxsat.core.jaxprs import Equation, Jaxpr, Literal
 from jaxsat.core.once import once
 
 LIBRARIES = {"jax", "equinox"}
-"""Told by their versions: the machine code of their Python functions differs with Python's."""
+"""Libraries told by their versions: the byte code of their functions differs with Python's."""
 
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
 def fingerprint(traces: Mapping[str, Jaxpr]) -> str:
-    """A hash of traced programs; the same in every process and on every machine."""
-    known: dict[int, str] = {}
-    return _hash(*(f"{name} {_told(trace, known)}" for name, trace in sorted(traces.items())))
+    """A hash of traced programs: the same in every process and on every machine."""
+    hashes: dict[int, str] = {}
+    return _hash(*(f"{name} {_text_of(trace, hashes)}" for name, trace in sorted(traces.items())))
 
 
-def told_parameters(equation: Equation) -> str:
+def parameter_text(equation: Equation) -> str:
     """What an operation's parameters say of what is computed."""
-    return _told(_params(equation), {})
+    return _text_of(_params(equation), {})
 
 
 def _hash(*texts: str) -> str:
     return hashlib.sha256("\n".join(texts).encode()).hexdigest()
 
 
-def _of_jaxpr(jaxpr: Jaxpr, known: dict[int, str]) -> str:
+def _of_jaxpr(jaxpr: Jaxpr, hashes: dict[int, str]) -> str:
     """The hash of how the results come from the inputs."""
-    if id(jaxpr) not in known:
+    if id(jaxpr) not in hashes:
         inputs = [*(variable for variable, _ in jaxpr.constants), *jaxpr.inputs]
         kinds = [_kind(variable.aval) for variable in inputs]
-        found: dict[Any, str] = {variable: f"input {i}" for i, variable in enumerate(inputs)}
+        origins: dict[Any, str] = {variable: f"input {i}" for i, variable in enumerate(inputs)}
 
         def read(atom: Any) -> str:
-            return _of_array(atom.value, atom.aval) if isinstance(atom, Literal) else found[atom]
+            return _of_array(atom.value, atom.aval) if isinstance(atom, Literal) else origins[atom]
 
         for equation in jaxpr.equations:
-            taken = [read(atom) for atom in equation.inputs]
+            operands = [read(atom) for atom in equation.inputs]
             if equation.name == WISH:
-                found.update(zip(equation.outputs, taken, strict=True))
+                origins.update(zip(equation.outputs, operands, strict=True))
                 continue
-            made = _hash(equation.name, _told(_params(equation), known), *taken)
-            found.update((variable, f"{i} {made}") for i, variable in enumerate(equation.outputs))
-        known[id(jaxpr)] = _hash(*kinds, "->", *map(read, jaxpr.outputs))
-    return known[id(jaxpr)]
+            operation = _hash(equation.name, _text_of(_params(equation), hashes), *operands)
+            origins.update(
+                (variable, f"{i} {operation}") for i, variable in enumerate(equation.outputs)
+            )
+        hashes[id(jaxpr)] = _hash(*kinds, "->", *map(read, jaxpr.outputs))
+    return hashes[id(jaxpr)]
 
 
 def _params(equation: Equation) -> dict[str, Any]:
-    """All but a function's name, and what is not given: another version may not have it."""
-    told = equation.parameters.items()
-    return {key: value for key, value in told if key != "name" and value is not None}
+    """An operation's parameters without a function's name and those that are None.
+
+    Another version may not have the latter.
+    """
+    parameters = equation.parameters.items()
+    return {key: value for key, value in parameters if key != "name" and value is not None}
 
 
 def _kind(aval: Any) -> str:
@@ -84,16 +89,16 @@ def _of_array(value: Any, aval: Any = None) -> str:
         value, aval = jax.random.key_data(value), None
     array = np.asarray(value, None if aval is None else aval.dtype)
     data = array.tobytes()
-    shown = data.hex() if len(data) <= 64 else hashlib.sha256(data).hexdigest()
-    return f"{_name(array.dtype)}{list(array.shape)}{shown}"
+    digits = data.hex() if len(data) <= 64 else hashlib.sha256(data).hexdigest()
+    return f"{_name(array.dtype)}{list(array.shape)}{digits}"
 
 
-def _told(value: Any, known: dict[int, str]) -> str:
+def _text_of(value: Any, hashes: dict[int, str]) -> str:
     """A parameter of an operation as text that depends on nothing but what it says."""
     match value:
         case Jaxpr():
             constants = [_of_array(constant) for _, constant in value.constants]
-            return " ".join([_of_jaxpr(value, known), *constants])
+            return " ".join([_of_jaxpr(value, hashes), *constants])
         case None | bool() | str() | bytes() | float() | complex() | np.dtype():
             return repr(value)
         case enum.Enum():
@@ -103,24 +108,26 @@ def _told(value: Any, known: dict[int, str]) -> str:
         case np.ndarray() | np.generic() | jax.Array():
             return _of_array(value)
         case Mapping():
-            told = sorted(f"{_told(key, known)}:{_told(value[key], known)}" for key in value)
-            return f"{{{','.join(told)}}}"
+            entries = sorted(
+                f"{_text_of(key, hashes)}:{_text_of(value[key], hashes)}" for key in value
+            )
+            return f"{{{','.join(entries)}}}"
         case set() | frozenset():
-            return f"{{{','.join(sorted(_told(item, known) for item in value))}}}"
+            return f"{{{','.join(sorted(_text_of(item, hashes) for item in value))}}}"
         case tuple() | list():
-            return f"({','.join(_told(item, known) for item in value)})"
+            return f"({','.join(_text_of(item, hashes) for item in value)})"
         case CodeType():
-            return _told((value.co_code, value.co_names, value.co_consts), known)
+            return _text_of((value.co_code, value.co_names, value.co_consts), hashes)
     if inspect.isfunction(value):
-        return _of_function(value, known)
+        return _of_function(value, hashes)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
-        return f"{type(value).__qualname__}{_told(fields, known)}"
+        return f"{type(value).__qualname__}{_text_of(fields, hashes)}"
     return _ADDRESS.sub("", repr(value))
 
 
-def _of_function(function: Callable, known: dict[int, str]) -> str:
+def _of_function(function: Callable, hashes: dict[int, str]) -> str:
     """A function that is called back; what it closes over is not followed."""
-    told = f"{function.__module__}.{function.__qualname__}"
+    name = f"{function.__module__}.{function.__qualname__}"
     inside = function.__module__.split(".")[0] in LIBRARIES
-    return told if inside else f"{told}{_told(function.__code__, known)}"
+    return name if inside else f"{name}{_text_of(function.__code__, hashes)}"

@@ -15,8 +15,8 @@ def require_known_inertia(name: str, inertia: Float[np.ndarray, "3 3"]) -> None:
         raise ArgumentError(name, "must be symmetric", inertia.tolist())
     smallest = np.linalg.eigvalsh(inertia)[0]
     if not smallest > 0:
-        found = f"one where its smallest principal moment is {smallest:.6g} kg m²"
-        raise ArgumentError(name, "must be positive definite", found)
+        description = f"one where its smallest principal moment is {smallest:.6g} kg m²"
+        raise ArgumentError(name, "must be positive definite", description)
 
 
 def normal_axes(

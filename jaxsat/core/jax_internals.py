@@ -87,7 +87,7 @@ _ONLY_ROUNDING = {
     *("unique_indices", "indices_are_sorted", "num_consts", "prevent_cse", "differentiated"),
     *("policy", "conjugate_a", "impl", "memory_space", "xla_metadata", "ad_metadata"),
 }
-"""Parameters of which no result depends, but for its last bits, in operations on real numbers."""
+"""Parameters on which results of operations on real numbers depend in their last bits at most."""
 
 
 class OpenJaxpr(NamedTuple):
@@ -127,21 +127,21 @@ class Place(NamedTuple):
 def layout_of(equation: JaxprEqn) -> EquationLayout:
     """What an equation computes."""
     name, params = equation.primitive.name, equation.params
-    known = _CALLS.get(name) or LAYOUTS.get(name)
-    if not params and known is None:
+    layout = _CALLS.get(name) or LAYOUTS.get(name)
+    if not params and layout is None:
         return EquationLayout(name, params, "")
     rest = dict(params)
     try:
-        taken = {} if known is None else known(rest)
+        parameters = {} if layout is None else layout(rest)
     except Exception:  # whatever an object that has changed raises
-        taken, strange = {}, sorted(params)
+        parameters, strange = {}, sorted(params)
         rest = dict(params)
     else:
         ignored = _NO_RESULT | _ONLY_ROUNDING
         strange = [key for key in rest if key not in ignored and rest[key] is not None]
-    kept = {key: value for key, value in rest.items() if key not in _NO_RESULT}
+    others = {key: value for key, value in rest.items() if key not in _NO_RESULT}
     unknown = f"the parameters {', '.join(strange)} of `{name}`" if strange else ""
-    return EquationLayout(CALL if name in _CALLS else name, taken | kept, unknown)
+    return EquationLayout(CALL if name in _CALLS else name, parameters | others, unknown)
 
 
 def _same(*names: str) -> Callable[[dict], dict]:
@@ -171,13 +171,13 @@ def _while(rest: dict) -> dict:
 
 def _scan(rest: dict) -> dict:
     """Operands: `n_consts` constants, `n_carry` carries, and arrays of `length` rows."""
-    found = {"body": rest.pop("jaxpr")} | _same("length", "reverse")(rest)
+    parameters = {"body": rest.pop("jaxpr")} | _same("length", "reverse")(rest)
     if "ft_in" in rest:  # from JAX 0.11 on: trees of constants, carries and rows
         n_consts, n_carry, _ = (len(list(part)) for part in rest.pop("ft_in").unpack())
         rest.pop("ft_out")
     else:
         n_consts, n_carry = rest.pop("num_consts"), rest.pop("num_carry")
-    return found | {"n_consts": n_consts, "n_carry": n_carry}
+    return parameters | {"n_consts": n_consts, "n_carry": n_carry}
 
 
 def _linear_solve(rest: dict) -> dict:

@@ -102,7 +102,7 @@ def jaxpr_of(function: Callable, *examples: PyTree) -> Jaxpr:
 
 
 def jaxpr_and_shapes(function: Callable, *examples: PyTree) -> tuple[Jaxpr, PyTree]:
-    """The same, and the shapes and types of its results as a tree."""
+    """The program of such a function, and the shapes and types of its results as a tree."""
     closed, shapes = jax.make_jaxpr(function, return_shape=True)(*examples)
     return _Reader().program(closed, closed.consts), shapes
 
@@ -116,8 +116,8 @@ class _Reader:
     def program(self, jaxpr: Any, consts: Any, caller: Any = None) -> Jaxpr:
         """A program; all its equations come from where the `caller` comes from, if there is one."""
         inner = jaxpr.jaxpr if isinstance(jaxpr, ClosedJaxpr) else jaxpr
-        given = [*inner.constvars, *inner.invars]
-        variables = {one: Variable(one.aval) for one in given}
+        arguments = [*inner.constvars, *inner.invars]
+        variables = {one: Variable(one.aval) for one in arguments}
 
         def atom(one: Any) -> Atom:
             if isinstance(one, jax_internals.Literal):
@@ -128,19 +128,19 @@ class _Reader:
         for equation in inner.eqns:
             name, parameters, unknown = jax_internals.layout_of(equation)
             source = equation.source_info if caller is None else caller
-            taken = tuple([atom(one) for one in equation.invars])
-            made = tuple([Variable(x.aval, isinstance(x, DropVar)) for x in equation.outvars])
-            variables.update(zip(equation.outvars, made, strict=True))
+            operands = tuple([atom(one) for one in equation.invars])
+            results = tuple([Variable(x.aval, isinstance(x, DropVar)) for x in equation.outvars])
+            variables.update(zip(equation.outvars, results, strict=True))
             parameters = {
                 key: self._value(value, source, caller) for key, value in parameters.items()
             }
-            equations.append(Equation(name, taken, made, parameters, source, unknown))
-        read, count = [variables[one] for one in given], len(consts)
+            equations.append(Equation(name, operands, results, parameters, source, unknown))
+        inputs, count = [variables[one] for one in arguments], len(consts)
         return Jaxpr(
-            tuple(read[count:]),
+            tuple(inputs[count:]),
             tuple([atom(one) for one in inner.outvars]),
             tuple(equations),
-            tuple(zip(read[:count], consts, strict=True)),
+            tuple(zip(inputs[:count], consts, strict=True)),
         )
 
     def _value(self, value: Any, source: Any, caller: Any) -> Any:
@@ -149,8 +149,8 @@ class _Reader:
             case ClosedJaxpr() | jax_internals.Jaxpr():
                 key = (id(value), id(caller))
                 if key not in self._known:
-                    found = self.program(value, getattr(value, "consts", ()), caller)
-                    self._known[key] = (value, found)  # which keeps the identity
+                    program = self.program(value, getattr(value, "consts", ()), caller)
+                    self._known[key] = (value, program)  # which keeps the identity
                 return self._known[key][1]
             case OpenJaxpr():
                 return self.program(*value, caller)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import SupportsFloat
 
 MOST_DIGITS = 17
-"""A double has no more."""
+"""A double has no more significant digits."""
 
 ROUNDING = 1e-14
 """Of the size of a quantity: what is smaller is rounding alone."""
@@ -32,8 +32,8 @@ def number_text(value: SupportsFloat, digits: int = 4, *, scale: float = 0.0) ->
     number = float(value)
     if math.isnan(number):
         return NOTHING
-    shown = 0.0 if abs(number) <= ROUNDING * scale else number + 0.0
-    return f"{shown:.{max(digits, _LEAST.get())}g}"
+    number = 0.0 if abs(number) <= ROUNDING * scale else number + 0.0
+    return f"{number:.{max(digits, _LEAST.get())}g}"
 
 
 def fixed_text(value: SupportsFloat, places: int) -> str:

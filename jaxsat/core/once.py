@@ -30,16 +30,16 @@ def latest(most: int | None) -> Callable[[Callable[P, T]], Callable[P, T]]:
 
     def guarded(function: Callable[P, T]) -> Callable[P, T]:
         lock = threading.RLock()
-        made = functools.lru_cache(most)(function)  # noqa: TID251
+        memo = functools.lru_cache(most)(function)  # noqa: TID251
 
         @functools.lru_cache(most)  # noqa: TID251
         def found(*args: Any, **keywords: Any) -> T:
             with lock:
-                return made(*args, **keywords)
+                return memo(*args, **keywords)
 
         def forget(clear: Callable[[], None] = found.cache_clear) -> None:
             with lock:
-                made.cache_clear()
+                memo.cache_clear()
                 clear()
 
         found.cache_clear = forget
@@ -112,8 +112,8 @@ class once_property(Generic[T]):
         """The value; Python looks here only as long as there is none in `__dict__`."""
         if instance is None:
             return self
-        kept = vars(instance)
+        attributes = vars(instance)
         with _locks((id(instance), self._name)):  # who asks keeps the object, so its id is its own
-            if self._name not in kept:
-                kept[self._name] = self._function(instance)
-            return kept[self._name]
+            if self._name not in attributes:
+                attributes[self._name] = self._function(instance)
+            return attributes[self._name]

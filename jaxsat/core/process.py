@@ -18,13 +18,13 @@ _share: ContextVar[int | None] = ContextVar("share", default=None)
 
 
 def processors() -> int:
-    """How many may be used by what is called here: all, or inside `share_of` that share."""
+    """How many processors may be used here: all, or inside `share_of` that share."""
     share = _share.get()
     return all_processors() if share is None else share
 
 
 def all_processors() -> int:
-    """How many this process may use, at least one.
+    """How many processors this process may use, at least one.
 
     Those of the machine, fewer where the process is bound to some of them (by a batch system or
     `taskset`) or is in a container with a quota.
@@ -60,7 +60,10 @@ _switching = threading.Lock()
 
 @contextmanager
 def no_collection() -> Iterator[None]:
-    """Without the search, which goes through all objects again and again while many are made."""
+    """While inside, no garbage is collected.
+
+    The search would go through all objects again and again while many are made.
+    """
     with _switching:
         active = gc.isenabled()
         gc.disable()

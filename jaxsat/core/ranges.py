@@ -30,29 +30,29 @@ WHEEL_MOMENTUM = Range(1e-9, 1e9)
 """What a wheel takes at most, N m s."""
 
 FRICTION = Range(0.0, 1e6)
-"""Of a wheel, N m or N m s."""
+"""Friction of a wheel, N m or N m s."""
 
 WHEEL_NOISE = Range(0.0, 1e6)
-"""Of a tachometer, N m s."""
+"""Noise of a wheel's tachometer, N m s."""
 
 FREQUENCY = Range(-1e6, 1e6)
-"""Of a periodic torque, rad/s; of either sign as it is printed."""
+"""Frequency of a periodic torque, rad/s; of either sign as it is printed."""
 
 KNOWN_FREQUENCY = Range(1e-9, 1e6)
-"""Of an internal model, rad/s."""
+"""Frequency of an internal model, rad/s."""
 
 ANGLE = Range(-1e6, 1e6)
 """Phases and directions, rad."""
 
 ORBIT_RATE = Range(0.0, 1.0)
-"""ω0, rad/s; a thousand times that of any orbit around the Earth."""
+"""Orbit rate ω0, rad/s; a thousand times that of any orbit around the Earth."""
 
 DIPOLE = Range(-1e6, 1e6)
 DIPOLE_LIMIT = Range(1e-9, 1e6)
 """Residual magnetic dipoles, A m²."""
 
 LENGTH = Range(-1e3, 1e3)
-"""From the centre of mass, m."""
+"""Coordinates from the centre of mass, m."""
 
 TURN = Range(-6.283185307179587, 6.283185307179587)
 """Angles of an orbit, rad."""
@@ -67,7 +67,7 @@ TRACKER_NOISE = Range(1e-9, 1.0)
 """Standard deviation of a star tracker, rad; a filter divides by its square."""
 
 GYRO_BIAS = Range(-1e3, 1e3)
-"""Of a rate gyro, rad/s."""
+"""Bias of a rate gyro, rad/s."""
 
 SCALE_FACTOR = Range(-0.5, 0.5)
 """Relative error of a rate gyro."""

@@ -24,8 +24,8 @@ def as_width(value: ArrayLike | None) -> Width:
     """A width as an array, and None where it is known to be zero."""
     if value is None:
         return None
-    known = concrete(value)
-    return None if known is not None and not np.any(known) else as_float(value)
+    number = concrete(value)
+    return None if number is not None and not np.any(number) else as_float(value)
 
 
 def sat(

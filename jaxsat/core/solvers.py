@@ -26,7 +26,7 @@ SOLVERS = {
 
 
 HIGH_ORDER = ("tsit5", "dopri5", "dopri8")
-"""Those that suit tight tolerances; they have a dense output of their own."""
+"""Solvers that suit tight tolerances; they have a dense output of their own."""
 
 
 class NamedSolver(eqx.Module):
@@ -41,7 +41,7 @@ class NamedSolver(eqx.Module):
             )
 
     def made(self) -> AbstractSolver:
-        """The solver itself."""
+        """The solver of diffrax that has this name."""
         import diffrax  # takes its time
 
         return getattr(diffrax, SOLVERS[self.name])()
@@ -52,7 +52,7 @@ Solver = NamedSolver | AbstractSolver
 
 
 def solver_of(solver: Solver) -> AbstractSolver:
-    """The solver itself, also of a name."""
+    """The solver of diffrax, also where only its name is given."""
     return solver.made() if isinstance(solver, NamedSolver) else solver
 
 

@@ -22,12 +22,12 @@ def clean(text: str, longest: int | None = None) -> str:
 
 
 def markdown(text: str) -> str:
-    """The same for a page: what Markdown, HTML or mathematics would take for a mark is escaped."""
+    """Clean text for a page: what Markdown, HTML or mathematics takes for a mark is escaped."""
     return clean(text).translate(_MARKDOWN | _MARKUP)
 
 
 def capitalised(text: str) -> str:
-    """With a capital first letter; the others stay, as those of names must."""
+    """The text with a capital first letter; the others stay, as those of names must."""
     return text[:1].upper() + text[1:]
 
 

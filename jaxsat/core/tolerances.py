@@ -34,12 +34,15 @@ class Tolerances(eqx.Module):
         rate_rad_s: float = SETTLED_RATE,
         dwell_s: float | None = None,
     ) -> "Tolerances":
-        """Those of the keys of a scenario's `[settled]`."""
+        """The tolerances that the keys of a scenario's `[settled]` give."""
         w = SETTLED_W if tilt_rad is None else math.tan(tilt_rad / 2)
         return Tolerances(w, turn_rad, rate_rad_s, dwell_s)
 
     def of_rate(self, orbit_rate: float | Float[Array, ""]) -> "Tolerances":
-        """Those of a law without an attitude to go to: of the rate alone, at rest the orbit's."""
+        """The tolerances of a law without an attitude to go to: of the rate alone.
+
+        At rest the rate is the orbit's.
+        """
         return Tolerances(math.inf, math.inf, self.relative_rate + orbit_rate, self.dwell)
 
     def text(self, attitude: bool = True) -> str:
@@ -50,7 +53,7 @@ class Tolerances(eqx.Module):
         return self.limits_text(attitude) + end
 
     def limits_text(self, attitude: bool = True) -> str:
-        """Within what a spacecraft is, in a line, for however long."""
+        """The limits within which a spacecraft counts as settled, in a line, for however long."""
         w, z, rate = (float(limit) for limit in (self.w, self.z, self.relative_rate))
         if not attitude:
             return f"|ω| < {rate:g} rad/s"

@@ -67,10 +67,10 @@ def restored(tree: PyTree) -> PyTree:
 @once
 def _places(size: int) -> Int[np.ndarray, "n n"]:
     """Where in a half each element of the matrix is."""
-    found = np.zeros((size, size), int)
+    places = np.zeros((size, size), int)
     rows, columns = np.triu_indices(size)
-    found[rows, columns] = found[columns, rows] = np.arange(rows.size)
-    return found
+    places[rows, columns] = places[columns, rows] = np.arange(rows.size)
+    return places
 
 
 try:

@@ -15,7 +15,7 @@ import numpy as np
 from jaxsat.compiler.passes.call_tree import Node, call_tree, nodes_of, place_of
 from jaxsat.compiler.passes.sharing import Values, without_repeated_calls
 from jaxsat.compiler.trace import Frame
-from jaxsat.core.fingerprint import told_parameters
+from jaxsat.core.fingerprint import parameter_text
 from jaxsat.core.jax_internals import CALL
 from jaxsat.core.jaxprs import Equation, Jaxpr, Literal, Variable
 
@@ -130,7 +130,7 @@ def _shape(node: Node) -> tuple:
             inside = numbers.get(atom) if isinstance(atom, Variable) else None
             read.append(inside or str(atom.aval))
         function = _function_of(eqn)
-        params = told_parameters(eqn) if function is None else f"{MARK}{id(function)}"
+        params = parameter_text(eqn) if function is None else f"{MARK}{id(function)}"
         told.append((eqn.name, params, *read))
         numbers |= {var: (number, i) for i, var in enumerate(eqn.outputs)}
     return (node.name, node.file, *told)

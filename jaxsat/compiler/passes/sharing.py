@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.core.fingerprint import told_parameters
+from jaxsat.core.fingerprint import parameter_text
 from jaxsat.core.jaxprs import Equation, Jaxpr, Literal, Variable
 
 
@@ -23,7 +23,7 @@ class Values:
         self.uses: dict[Any, list[int]] = {}
         made: dict[Any, int] = {}
         for place, eqn in enumerate(eqns):
-            key = (eqn.name, told_parameters(eqn), *map(self.identity, eqn.inputs))
+            key = (eqn.name, parameter_text(eqn), *map(self.identity, eqn.inputs))
             number = made.setdefault(key, len(made))
             for i, var in enumerate(eqn.outputs):
                 self._numbers[var] = found = (number, i)

@@ -11,51 +11,51 @@ from jaxsat.core.declaration.wheels import WHEEL
 from jaxsat.core.errors import FOREIGN
 
 OWN: tuple[ActuatorDeclaration, ...] = (THRUSTER, WHEEL, MAGNETORQUER, GIMBAL)
-"""Those that come with jaxsat."""
+"""The actuators that come with jaxsat."""
 
 GROUP = "jaxsat.effectors"
-"""Entry points of packages, each an `ActuatorDeclaration` of another one."""
+"""Entry points of other packages, each an `ActuatorDeclaration` of a further actuator."""
 
 
 def _installed() -> tuple[ActuatorDeclaration, ...]:
-    """Those of installed packages; of one that cannot be used a warning says why."""
-    found: dict[str, ActuatorDeclaration] = {}
+    """The actuators of installed packages; of one that cannot be used a warning says why."""
+    declarations: dict[str, ActuatorDeclaration] = {}
     for entry in sorted(entry_points(group=GROUP), key=lambda one: one.name):
         try:
             one = entry.load()
-            _require_usable(one, (*OWN, *found.values()))
+            _require_usable(one, (*OWN, *declarations.values()))
         except FOREIGN as error:
             reason = f"{type(error).__name__}: {error}"
             text = f"Entry point {entry.name} of {GROUP}, {entry.value}, is left out: {reason}"
             warnings.warn(text, stacklevel=2)
         else:
-            found[one.name] = one
-    return tuple(found.values())
+            declarations[one.name] = one
+    return tuple(declarations.values())
 
 
 def _require_usable(one: object, others: tuple[ActuatorDeclaration, ...]) -> None:
     """Raise `ValueError` for what is no declaration of an effector with names of its own."""
     if not isinstance(one, ActuatorDeclaration) or one.maker is None or one.steering is None:
         raise ValueError("must be an ActuatorDeclaration with a `maker` and a `steering`")
-    taken = {signal.name for other in others for signal in other.signals}
-    taken |= {quantity.name for other in others for quantity in other.dispersible}
-    twice = {two.name for two in (*one.signals, *one.dispersible)} & taken
-    twice |= {one.name} & {other.name for other in others}
-    if twice:
-        raise ValueError(f"must have names of its own, got {', '.join(sorted(twice))} again")
+    other_names = {signal.name for other in others for signal in other.signals}
+    other_names |= {quantity.name for other in others for quantity in other.dispersible}
+    clashes = {two.name for two in (*one.signals, *one.dispersible)} & other_names
+    clashes |= {one.name} & {other.name for other in others}
+    if clashes:
+        raise ValueError(f"must have names of its own, got {', '.join(sorted(clashes))} again")
 
 
 ACTUATORS: tuple[ActuatorDeclaration, ...] = (*OWN, *_installed())
-"""In the order in which the body has them."""
+"""All actuators, in the order in which the body has them."""
 
 EFFECTORS = tuple(one for one in ACTUATORS if one.maker is not None)
-"""Those that are effectors of the body."""
+"""The actuators that are effectors of the body."""
 
 SIGNALS = {signal.name: signal for one in ACTUATORS for signal in one.signals}
-"""What results have of the devices of all of them, by name."""
+"""The signals that results have of the devices of all actuators, by name."""
 
 STUDIED = {one.column: (one, kind) for kind in ACTUATORS for one in kind.signals if one.column}
-"""Those of which a study has a column, by its name, with their actuator."""
+"""The signals of which a study has a column, by its name, with their actuators."""
 
 STEERED = tuple(one.name for one in ACTUATORS if one.steering)
-"""The names of those that have a steering of their own."""
+"""The names of the actuators that have a steering of their own."""

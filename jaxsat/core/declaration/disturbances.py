@@ -14,7 +14,7 @@ from jaxsat.core.declaration.keys import (
 from jaxsat.core.ranges import ANGLE, DIPOLE, FREQUENCY, LENGTH, TORQUE, Range
 
 RATE_AT_GROUND = 0.00124
-"""rad/s; of a circular orbit at the Earth's surface."""
+"""Rate of a circular orbit at the Earth's surface, rad/s."""
 
 
 def needs_orbit(key: str, what: str) -> Rule:

@@ -83,7 +83,7 @@ class Sweep:
         return low, high
 
     def beyond(self, value: float) -> tuple[float, float] | None:
-        """Of the values measured on that side outside the range the nearest, and its fraction."""
+        """The nearest value measured outside the range on this side, and its fraction."""
         low, high = self.verified
         outside = [one for one in self.settled if (one[0] < low if value < low else one[0] > high)]
         return min(outside, key=lambda one: abs(one[0] - value), default=None)
@@ -95,7 +95,7 @@ _SWEEPS = tomllib.loads(
 
 
 def sweeps_of(law: str) -> tuple[Sweep, ...]:
-    """Those that were measured of one of jaxsat's laws, in the order of the data file."""
+    """The sweeps measured of one of jaxsat's laws, in the order of the data file."""
     return tuple(
         Sweep(number, row["reference"], tuple(map(tuple, row["settled"])))
         for number, row in _SWEEPS[law].items()

@@ -42,7 +42,7 @@ class AbstractFailureKind(enum.IntEnum):
     amounts: tuple[Key, ...]
 
     def __new__(cls, number: int, text: str, meaning: str, *amounts: Key) -> "AbstractFailureKind":
-        """A member, declared as a tuple of these."""
+        """Make a member, which is declared as a tuple of these arguments."""
         member = int.__new__(cls, number)
         member._value_ = number
         member.text, member.meaning, member.amounts = text, meaning, amounts
@@ -50,12 +50,12 @@ class AbstractFailureKind(enum.IntEnum):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The names of the keys of its amount."""
+        """The names of the keys of the kind's amount."""
         return tuple(one.name for one in self.amounts)
 
     @property
     def word(self) -> str:
-        """Its name in words."""
+        """The kind's name in words."""
         return self.name.lower().replace("_", " ")
 
     @property

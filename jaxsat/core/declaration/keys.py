@@ -225,8 +225,8 @@ class PartDeclaration:
     @property
     def quantities(self) -> tuple[DispersibleQuantity, ...]:
         """All that a study can draw, drawn keys first."""
-        drawn = {key.drawn: _quantity_of(key) for key in self.keys if key.drawn is not None}
-        return tuple((drawn | {one.name: one for one in self.dispersible}).values())
+        drawn_keys = {key.drawn: _quantity_of(key) for key in self.keys if key.drawn is not None}
+        return tuple((drawn_keys | {one.name: one for one in self.dispersible}).values())
 
 
 def _quantity_of(key: Key) -> DispersibleQuantity:

@@ -91,4 +91,4 @@ LAWS: Mapping[str, Law] = MappingProxyType(
         )
     }
 )
-"""Those that come with jaxsat."""
+"""The laws that come with jaxsat, by name."""

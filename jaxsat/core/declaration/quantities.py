@@ -106,7 +106,7 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
         )
     }
 )
-"""By name, in the order in which they are applied."""
+"""All dispersible quantities by name, in the order in which they are applied."""
 
 EXCLUSIVE = tuple((one.name, other) for one in DISPERSIBLE.values() for other in one.excludes)
 """Pairs of quantities that are not dispersed together."""

@@ -61,7 +61,7 @@ WHITE_NOISE = PartDeclaration(
         ),
     ),
 )
-"""Of `[sampling]`."""
+"""The declaration of the white noise in `[sampling]`."""
 
 DELAY = number(
     "delay_s",
@@ -228,7 +228,7 @@ STAR_TRACKER = SensorDeclaration(
 )
 
 SENSORS: tuple[SensorDeclaration, ...] = (GYRO, STAR_TRACKER)
-"""Those with a table of their own, in the order of a scenario."""
+"""The sensors with a table of their own, in the order of a scenario."""
 
 SENSED = {"sensors": WHITE_NOISE} | {one.place: one for one in SENSORS}
-"""Declarations of all by the attribute of a sampled loop where the sensor is."""
+"""Declarations of all sensors by the attribute of a sampled loop where each one is."""

@@ -6,13 +6,13 @@ from jaxsat.core.declaration.keys import DispersibleQuantity, direction, number,
 from jaxsat.core.ranges import FROM_ZERO, LENGTH, TORQUE_LIMIT, Range
 
 FORCE = Range(1e-9, 1e9)
-"""Of a thruster, N."""
+"""Forces of a thruster, N."""
 
 SPECIFIC_IMPULSE = Range(1.0, 1e5)
-"""s; cold gas has 60, an ion engine some thousands."""
+"""Specific impulses, s; cold gas has 60, an ion engine some thousands."""
 
 PRICE = Range(1e-3, 1e3)
-"""Of the use of a thruster, as a factor."""
+"""Prices of the use of a thruster, as factors."""
 
 _KINDS = tuple(kind for kind in FailureKind if kind is not FailureKind.REVERSED)
 

@@ -66,7 +66,7 @@ class Scaling(NamedTuple):
 
     @staticmethod
     def of(moment: float, torque_limit: float | int, period: float) -> "Scaling":
-        """Of a moment of inertia J0 (kg m²), a torque limit (N m) and a control period (s).
+        """The scaling of a moment of inertia J0 (kg m²), a torque limit (N m) and a period (s).
 
         Raises `ValueError` for a torque limit that is not positive and finite.
         """
@@ -181,13 +181,13 @@ _TABLES = tomllib.loads(
 )
 
 MORIN_SAMSON = _rows("morin_samson", FineGains, demand=MorinSamsonGains)
-"""Of the oscillatory law, by the period over τ."""
+"""Gains of the oscillatory law, by the period over τ."""
 
 TWO_CHANNEL = _rows("two_channel", FineGains, demand=TwoChannelGains)
-"""Of the fine stage of the three slews, by the period over τ."""
+"""Gains of the fine stage of the three slews, by the period over τ."""
 
 APPROACH = _rows("approach", ApproachGains, rate_law=RateLawGains, slews=SlewGains)
-"""Of the three slews, by the period over τ."""
+"""Gains of the three slews before their fine stage, by the period over τ."""
 
 
 def tuned_frequency(table: Mapping[float, FineGains], scaling: Scaling) -> float:
