@@ -34,7 +34,7 @@ class Builder:
     """Appends to one block; `mask` (a varying bool or None) tells which lanes really need it."""
 
     def __init__(self, like: "Builder | None" = None):
-        """One of its own, or one for a function that a program like another one's calls."""
+        """Begin a program, or a function that the program of the builder `like` calls."""
         self.block = Block()
         self.compact = like is not None and like.compact  # functions are called, never written out
         self.trace: Trace | None = None if like is None else like.trace
@@ -42,12 +42,12 @@ class Builder:
         self.functions: dict[tuple, Function] = {}
         self.repeated: dict[int, Any] = {}
         self.outlined: dict[int, Any] = {}  # jaxprs of Python functions, by identity
-        self.made: dict[tuple, Any] = {}  # of those
+        self.variants: dict[tuple, Any] = {}  # functions made of these, and loops, by their kinds
         self.cutter: Callable | None = None
-        self.kept: list[Any] = []  # that identities belong to
+        self.kept: list[Any] = []  # the objects that these identities belong to
         if like is not None:
             self.functions, self.repeated = like.functions, like.repeated
-            self.outlined, self.made, self.kept = like.outlined, like.made, like.kept
+            self.outlined, self.variants, self.kept = like.outlined, like.variants, like.kept
             self.cutter = like.cutter
         self.sine_and_cosine: set[Any] = set()  # variables of jaxprs
         self._negated: dict[int, Scalar] = {}  # what a value is the negative of
@@ -61,11 +61,11 @@ class Builder:
         if dtype is None:
             compares = name == "any" or (name in OPERATIONS and OPERATIONS[name].compares)
             dtype = BOOL if compares else args[-1].dtype
-        known = uniform = True
+        constant = uniform = True
         for arg in args:
             if isinstance(arg, Value):
-                known, uniform = False, uniform and arg.uniform
-        if known:
+                constant, uniform = False, uniform and arg.uniform
+        if constant:
             return dtype.type(np.asarray(evaluate(name, args, dtype)).astype(dtype)[()])
         simple = simplified(name, args, dtype)
         if simple is None:
@@ -116,7 +116,7 @@ class Builder:
         return self.operation("select", predicate, yes, no)
 
     def convert(self, x: Scalar, dtype: np.dtype) -> Scalar:
-        """`x` as another type."""
+        """`x` as a number of another type."""
         return x if x.dtype == dtype else self.operation("convert", x, dtype=dtype)
 
     def any(self, predicate: Scalar) -> Scalar:
@@ -124,7 +124,7 @@ class Builder:
         return predicate if is_uniform(predicate) else self.operation("any", predicate)
 
     def negation(self, predicate: Scalar) -> Scalar:
-        """Not."""
+        """The opposite of a predicate."""
         return self.operation("xor", predicate, np.True_)
 
     def load(self, memory: Memory, index: Scalar) -> Scalar:
@@ -215,9 +215,9 @@ class Builder:
         block = Block(self.block)
         with self.inside(block, predicate):
             result = self.select(predicate, cold(), hot)
-        needed = self.convert(self.any(predicate), INT)
+        branch = self.convert(self.any(predicate), INT)
         blocks = [Block(self.block), block]
-        return self._switch(needed, blocks, [[hot], [result]], cold=True)[0]
+        return self._switch(branch, blocks, [[hot], [result]], cold=True)[0]
 
     def loop(
         self,
@@ -230,19 +230,19 @@ class Builder:
         """A call of an operation on arrays that is written as a loop (see `Source`)."""
         shape, dtype = out
         key = (kind, *shapes, shape, args[0].dtype.char, dtype.char, axes)
-        if key not in self.made:
+        if key not in self.variants:
             params = [Value(arg.dtype, True) for arg in args]
             results: list[Scalar] = [Value(dtype, True) for _ in range(int(np.prod(shape)))]
             source = Source(kind, "", shapes, [shape], kind, axes)
-            label = f"{kind}.{len(self.made)}"
-            self.made[key] = Function(label, params, Block(), results, source=source)
-        found = self.call(self.made[key], args)
+            label = f"{kind}.{len(self.variants)}"
+            self.variants[key] = Function(label, params, Block(), results, source=source)
+        outs = self.call(self.variants[key], args)
         if kind in ("argmin", "argmax"):
-            self.ranges.note(found[0], 0, len(args) - 1)  # pyright: ignore
-        return found
+            self.ranges.note(outs[0], 0, len(args) - 1)  # pyright: ignore
+        return outs
 
     def call(self, function: Function, args: Sequence[Scalar]) -> list[Scalar]:
-        """The results of a function."""
+        """The results of a function for these arguments."""
         key = ("call", function.name, *map(identity, args))
         cached = self.block.find(key)
         if cached is not None:
@@ -253,16 +253,16 @@ class Builder:
         self.block.known[key] = outs  # pyright: ignore[reportArgumentType]
         return list(outs)
 
-    def cut(self, closed: Any) -> Any:
+    def cut(self, jaxpr: Any) -> Any:
         """A program as it is to be lowered: cut into functions where these are called."""
         if self.cutter is None:
-            return closed
-        cut, outline = self.cutter(closed)
+            return jaxpr
+        program, outline = self.cutter(jaxpr)
         self.outlined |= outline.functions
         assert self.trace is not None
         self.trace.calls |= outline.frames
-        self.kept += [cut, outline]
-        return cut
+        self.kept += [program, outline]
+        return program
 
     def _note(self, *values: Value) -> None:
         if self.trace is not None:
@@ -298,7 +298,7 @@ class Builder:
                 chosen = [result.dtype.type(0) for result in results]
             with self.inside(block, mask):
                 merged = [self.select(mask, a, b) for a, b in zip(results, chosen, strict=True)]
-            needed = self.convert(self.any(mask), INT)
-            chosen = self._switch(needed, [Block(self.block), block], [chosen, merged])
+            branch = self.convert(self.any(mask), INT)
+            chosen = self._switch(branch, [Block(self.block), block], [chosen, merged])
         assert chosen is not None
         return chosen

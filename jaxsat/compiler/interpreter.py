@@ -29,19 +29,21 @@ def interpret(function: Function, args: Sequence[np.ndarray | np.generic]) -> li
     lanes = max((np.size(arg) for arg in args), default=1)
     run = _Run(lanes)
     for param, arg in zip(function.params, args, strict=True):
-        run.known[param.number] = np.asarray(arg, param.dtype)
+        run.values[param.number] = np.asarray(arg, param.dtype)
     run.block(function.block)
     return [np.asarray(run.value(result)) for result in function.results]
 
 
 class _Run:
+    """One run of a function: the values and memories that are known so far, by their numbers."""
+
     def __init__(self, lanes: int):
         self.lanes = lanes
-        self.known: dict[int, np.ndarray] = {}
+        self.values: dict[int, np.ndarray] = {}
         self.memories: dict[int, np.ndarray] = {}
 
     def value(self, x) -> Any:
-        return self.known[x.number] if isinstance(x, Value) else x
+        return self.values[x.number] if isinstance(x, Value) else x
 
     def memory(self, memory: Memory) -> np.ndarray:
         if memory.number not in self.memories:
@@ -57,14 +59,14 @@ class _Run:
             match step:
                 case Operation():
                     args = tuple(self.value(arg) for arg in step.args)
-                    found = np.asarray(evaluate(step.name, args, step.out.dtype))
-                    self.known[step.out.number] = found.astype(step.out.dtype)
+                    array = np.asarray(evaluate(step.name, args, step.out.dtype))
+                    self.values[step.out.number] = array.astype(step.out.dtype)
                 case Load():
                     cells, index = self.memory(step.memory), self.value(step.index)
                     if not is_uniform(step.index) and not step.memory.uniform:
-                        self.known[step.out.number] = cells[index, np.arange(self.lanes)]
+                        self.values[step.out.number] = cells[index, np.arange(self.lanes)]
                     else:
-                        self.known[step.out.number] = cells[index].copy()
+                        self.values[step.out.number] = cells[index].copy()
                 case Store():
                     self.memory(step.memory)[self.value(step.index)] = self.value(step.value)
                 case Loop():
@@ -84,7 +86,7 @@ class _Run:
 
     def _set(self, target: Value, value) -> None:
         value = np.asarray(value, target.dtype)
-        self.known[target.number] = (
+        self.values[target.number] = (
             value if target.uniform else np.broadcast_to(value, (self.lanes,))
         )
 

@@ -81,27 +81,27 @@ def lowers(*names: str) -> Callable[[Rule], Rule]:
 
 def lower(b: Builder, jaxpr: Jaxpr, arrays: Sequence[Elements]) -> list[Elements]:
     """The outputs of a jaxpr for these inputs."""
-    known = {variable: as_elements(value) for variable, value in jaxpr.constants}
-    known.update(zip(jaxpr.inputs, arrays, strict=True))
+    environment = {variable: as_elements(value) for variable, value in jaxpr.constants}
+    environment.update(zip(jaxpr.inputs, arrays, strict=True))
 
     def read(atom: Any):
         if isinstance(atom, Literal):
             return as_elements(atom.value, atom.aval.dtype)
-        return known[atom]
+        return environment[atom]
 
     note_repeated(b, jaxpr)
     note_pairs(b, jaxpr)
     for eqn in jaxpr.equations:
         outputs = _apply(b, eqn, [read(atom) for atom in eqn.inputs])
-        known.update(zip(eqn.outputs, outputs, strict=True))
+        environment.update(zip(eqn.outputs, outputs, strict=True))
     return [read(atom) for atom in jaxpr.outputs]
 
 
 def note_repeated(b: Builder, jaxpr: Jaxpr) -> None:
     """Tell the builder which long functions are called several times."""
-    called = [eqn.parameters["body"] for eqn in jaxpr.equations if eqn.is_call]
-    for inner, times in Counter(map(id, called)).items():
-        body = next(one for one in called if id(one) == inner)
+    bodies = [eqn.parameters["body"] for eqn in jaxpr.equations if eqn.is_call]
+    for inner, times in Counter(map(id, bodies)).items():
+        body = next(one for one in bodies if id(one) == inner)
         if times >= REPEATED and equations(body) >= LONG:
             b.repeated[inner] = body
 
@@ -207,8 +207,8 @@ def numbers_in(array: Any, dtype: Any = None) -> np.ndarray:
         words = np.asarray(jax.random.key_data(array)).astype(KEYS)
         return np.asarray(words[..., 0] << KEYS.type(32) | words[..., 1])
     array = np.asarray(array, dtype)
-    wanted = number_type(array.dtype)
-    return array if array.dtype == wanted else np.zeros(array.shape, wanted)
+    kind = number_type(array.dtype)
+    return array if array.dtype == kind else np.zeros(array.shape, kind)
 
 
 def as_elements(array, dtype=None) -> Elements:

@@ -53,6 +53,6 @@ def scalar_program(name: str, function: Callable, examples: Sequence[PyTree]) ->
     b.compact, b.trace, b.cutter = True, Trace(), outlined
     results = scalars_of(lower(b, b.cut(jaxpr), arrays))
     with bugs_in("optimisation"):
-        made = without_dead_code(Function(name, params, b.block, results))
-        with_branches(made)
-    return ScalarProgram(jaxpr, made, b.trace, outputs)
+        scalar_function = without_dead_code(Function(name, params, b.block, results))
+        with_branches(scalar_function)
+    return ScalarProgram(jaxpr, scalar_function, b.trace, outputs)

@@ -25,7 +25,7 @@ class Arrays:
         self._unit, self._body = unit, body
         self._memories: dict[int, str] = {}
         self._gathered: dict[tuple[int, str], str] = {}
-        self._constant = {one.text.split("[")[0] for one in body.known.values()}
+        self._constant = {one.text.split("[")[0] for one in body.expressions.values()}
 
     def memory(self, memory: Memory) -> str:
         """The name of an array that is indexed."""
@@ -56,9 +56,9 @@ class Arrays:
         if not any(isinstance(x, Value) for x in array):
             return Expression(self._unit.table(array, shape, "constant"))  # pyright: ignore
         self._complete(array, shape)
-        known = self._body.known
+        expressions = self._body.expressions
         texts = [
-            known[x.number].text if isinstance(x, Value) and x.number in known else None
+            expressions[x.number].text if isinstance(x, Value) and x.number in expressions else None
             for x in array
         ]
         base = base_of(texts, shape)
@@ -77,7 +77,7 @@ class Arrays:
         body = self._body
         if not shape:
             return Expression(f"&{body.place(array[0])}".replace("&*", ""))
-        texts = [body.kept.get(out.number) for out in array]
+        texts = [body.places.get(out.number) for out in array]
         base = base_of(texts, shape)
         if base is None or not has_rows(base, shape, body.shapes):
             base = body.names.new(name_of(body.trace, array[0], "result"))
@@ -85,10 +85,10 @@ class Arrays:
             body.shapes[base] = shape
         for index, out, text in zip(np.ndindex(shape), array, texts, strict=True):
             place = base + "".join(f"[{i}]" for i in index)
-            body.known[out.number] = Expression(place)
+            body.expressions[out.number] = Expression(place)
             if text is not None and text != place:
                 after.append((text, place))
-                body.known[out.number] = Expression(text)
+                body.expressions[out.number] = Expression(text)
         return Expression(base)
 
     def _gather(self, array: Sequence[Scalar], shape: tuple[int, ...]) -> str:
@@ -110,8 +110,8 @@ class Arrays:
         if first is None:
             return
         row = first.index[: len(first.index) - len(shape)]
-        wanted = [(first.array, (*row, *index)) for index in np.ndindex(shape)]
-        if wanted != [e and (e.array, e.index) for e in elements]:
+        row_elements = [(first.array, (*row, *index)) for index in np.ndindex(shape)]
+        if row_elements != [e and (e.array, e.index) for e in elements]:
             return
         if first.shape[len(row) :] != shape:
             return

@@ -48,11 +48,11 @@ class Uses:
         return self._count[value.number] == 1 and value.number not in self._elsewhere
 
     def _block(self, block: Block, results: Iterable[Scalar]) -> None:
-        made: set[int] = set()
+        local_values: set[int] = set()
         for step in block.steps:
             if isinstance(step, Operation):
                 self.makers[step.out.number] = step
-            self._read(_read_by(step), made)
+            self._read(_read_by(step), local_values)
             match step:
                 case BlockSwitch():
                     for inside, yields in zip(step.blocks, step.yields, strict=True):
@@ -62,14 +62,14 @@ class Uses:
                     self._block(step.body, step.after)
                 case _:
                     pass
-            made.update(out.number for out in definitions(step))
-        self._read(results, made)
+            local_values.update(out.number for out in definitions(step))
+        self._read(results, local_values)
 
-    def _read(self, scalars: Iterable[Scalar], made: set[int]) -> None:
+    def _read(self, scalars: Iterable[Scalar], local_values: set[int]) -> None:
         for scalar in scalars:
             if isinstance(scalar, Value):
                 self._count[scalar.number] += 1
-                if scalar.number not in made:
+                if scalar.number not in local_values:
                     self._elsewhere.add(scalar.number)
 
 
@@ -91,8 +91,8 @@ def _read_by(step: Step) -> Sequence[Scalar]:
 class Body:
     """The lines of one C function while they are written.
 
-    `known` are expressions for values, at first of those from outside, and `kept` the places
-    (lvalues) of those that others read later. `scope` is the number of the block that is written,
+    `expressions` are those of values, at first of those from outside, and `places` (lvalues) those
+    of values that others read later. `scope` is the number of the block that is written,
     `shapes` are those of all arrays by name, at first of those from outside.
     """
 
@@ -101,35 +101,35 @@ class Body:
         trace: Trace,
         uses: Uses,
         names: Names,
-        known: Mapping[int, Expression],
-        kept: Mapping[int, str] | None = None,
-        told: str | None = None,
+        expressions: Mapping[int, Expression],
+        places: Mapping[int, str] | None = None,
+        function_name: str | None = None,
         shapes: Mapping[str, tuple[int, ...]] | None = None,
     ):
         self.trace, self.uses, self.names = trace, uses, names
-        self.known = dict(known)
-        self.kept = kept or {}
+        self.expressions = dict(expressions)
+        self.places = places or {}
         self.lines: list[str] = []
         self.scope = 0
         self.shapes = dict(shapes or {})
         self._scopes = 0
         self._depth = 1
         self._pending: dict[int, tuple[Expression, Value, int]] = {}
-        self._told = self._own_name = told
+        self._section = self._own_name = function_name
         self._arrays: dict[tuple[int, int], str] = {}
         self._parts: dict[str, list[str]] = {}
         self._kinds: dict[str, str] = {}
 
     def line(self, text: str) -> None:
-        """One more line."""
+        """Add a line."""
         self.lines.append("  " * self._depth + text)
 
     def wrapped(self, text: str) -> None:
-        """A statement, in as many lines as it needs."""
+        """Add a statement, in as many lines as it needs."""
         self.lines += in_lines(text, "  " * self._depth)
 
     def assign(self, place: str, expression: Expression) -> None:
-        """A place is set to an expression."""
+        """Add a statement that sets a place to an expression."""
         text = f"{place} = {expression.text};"
         if len(text) + 2 * self._depth <= LINE:
             self.line(text)
@@ -139,21 +139,21 @@ class Body:
 
     @contextmanager
     def inside(self) -> Iterator[None]:
-        """The lines of a block inside."""
-        outer = self.scope, self._told
+        """While inside, lines belong to a block in the one before."""
+        outer = self.scope, self._section
         self._depth += 1
         self._scopes += 1
-        self.scope, self._told = self._scopes, None
+        self.scope, self._section = self._scopes, None
         yield
-        self.scope, self._told = outer
+        self.scope, self._section = outer
         self._depth -= 1
 
     def tell(self, out: Value) -> None:
-        """A comment where another function of the source begins."""
+        """Add a comment where another function of the source begins."""
         frames = self.trace.places.get(out.number, ())
-        if frames and frames[-1].function != self._told:
-            self._told = frames[-1].function
-            for line in comment(self._told):
+        if frames and frames[-1].function != self._section:
+            self._section = frames[-1].function
+            for line in comment(self._section):
                 self.line(line)
 
     def text(self) -> list[str]:
@@ -171,10 +171,10 @@ class Body:
             return literal(x)
         if x.number in self._pending:
             return self._pending.pop(x.number)[0]
-        return self.known[x.number]
+        return self.expressions[x.number]
 
     def operands(self, scalars: Sequence[Scalar]) -> list[Expression]:
-        """Several; the longest are given names where they would not fit a line together."""
+        """Values or constants as expressions; the longest get names if all do not fit one line."""
         waiting = {x.number: x for x in scalars if isinstance(x, Value)}
         while True:
             there = [n for n in waiting if n in self._pending]
@@ -197,7 +197,7 @@ class Body:
             self._pending.pop(x.number, None)
 
     def name_pending(self, is_wanted: Callable[[Value], bool]) -> None:
-        """Give names to those that wait in this block and are wanted."""
+        """Give names to the values that wait in this block and are wanted."""
         waiting = [value for _, value, scope in self._pending.values() if scope == self.scope]
         for value in waiting:
             if is_wanted(value):
@@ -206,25 +206,25 @@ class Body:
     def keep(self, out: Value, expression: Expression) -> None:
         """Keep an expression for the one who needs it, or give it a name."""
         fits = len(expression.text) <= WIDTH
-        if fits and self.uses.is_once(out) and out.number not in self.kept:
+        if fits and self.uses.is_once(out) and out.number not in self.places:
             self._pending[out.number] = (expression, out, self.scope)
         else:
             self.name(out, expression)
 
     def name(self, out: Value, expression: Expression) -> None:
-        """A name for a value: a local constant, or its place if others read it later."""
+        """Give a value a name: a local constant, or its place if others read it later."""
         self.tell(out)
-        place = self.kept.get(out.number)
+        place = self.places.get(out.number)
         if place is None:
             place, begin = self._local(out)
             self.assign(f"const {TYPES[out.dtype]} {place}" if begin else place, expression)
         else:
             self.assign(place, expression)
-        self.known[out.number] = Expression(place)
+        self.expressions[out.number] = Expression(place)
 
     def place(self, out: Value, first: str | None = None) -> str:
-        """A variable for a value that is assigned further on."""
-        place, undeclared = self.kept.get(out.number), False
+        """The variable for a value that is assigned further on."""
+        place, undeclared = self.places.get(out.number), False
         if place is None:
             place, undeclared = self._local(out)
             if not undeclared and first is None:
@@ -233,7 +233,7 @@ class Body:
             self.line(f"{TYPES[out.dtype]} {place}{'' if first is None else f' = {first}'};")
         elif first is not None:
             self.line(f"{place} = {first};")
-        self.known[out.number] = Expression(place)
+        self.expressions[out.number] = Expression(place)
         return place
 
     def _local(self, out: Value) -> tuple[str, bool]:

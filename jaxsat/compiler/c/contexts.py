@@ -16,7 +16,7 @@ from jaxsat.compiler.ir import Call, Function, Scalar, Value
 from jaxsat.compiler.trace import Trace
 
 READ = ("p->", "at->", "in->", "now->", "seen->", "attitude[")
-"""Begin of what is read where it is."""
+"""What texts of fields begin with that functions read where they are."""
 
 
 @dataclass
@@ -37,12 +37,12 @@ class Context:
 
 
 def contexts(begin: Context, trace: Trace) -> dict[int, Context]:
-    """Those of all functions made of Python functions, callers first, by identity.
+    """The contexts of all functions made of Python functions, callers first, by identity.
 
-    `begin` is the first one's.
+    `begin` is the context of the first one.
     """
     root = begin.function
-    found = {id(root): begin}
+    by_identity = {id(root): begin}
     sites: dict[int, list[tuple[Function, Call]]] = {}
     functions = _callers_first(root, sites)
     for function in functions[::-1]:
@@ -50,8 +50,8 @@ def contexts(begin: Context, trace: Trace) -> dict[int, Context]:
             _name_results(call, trace)
     for function in functions:
         if function is not root:
-            found[id(function)] = _context(function, sites[id(function)], found, trace)
-    return found
+            by_identity[id(function)] = _context(function, sites[id(function)], by_identity, trace)
+    return by_identity
 
 
 def _name_results(call: Call, trace: Trace) -> None:
@@ -59,8 +59,8 @@ def _name_results(call: Call, trace: Trace) -> None:
     source = call.function.source
     if source is None or source.loop or len(source.results) < 2:
         return
-    made = arrays_in(call.function.results, source.results)
-    for array, outs in zip(made, arrays_in(call.outs, source.results), strict=True):
+    results = arrays_in(call.function.results, source.results)
+    for array, outs in zip(results, arrays_in(call.outs, source.results), strict=True):
         name = name_of(trace, array[0], "result")
         trace.names.update((out.number, name) for out in outs)  # pyright: ignore
 
@@ -69,7 +69,7 @@ _T = TypeVar("_T")
 
 
 def arrays_in(scalars: Sequence[_T], shapes: Sequence[tuple[int, ...]]) -> list[list[_T]]:
-    """Scalars in lists, one an array."""
+    """Scalars as lists, one for each array."""
     arrays, begin = [], 0
     for shape in shapes:
         size = int(np.prod(shape))
@@ -91,28 +91,28 @@ def base_of(texts: Sequence[str | None], shape: tuple[int, ...]) -> str | None:
     base = texts[0].removesuffix(first)
     if base == texts[0] or not re.fullmatch(r"[\w>.\-]+(\[\d+\])*", base):
         return None
-    wanted = [base + "".join(f"[{i}]" for i in index) for index in np.ndindex(shape)]
-    return base if list(texts) == wanted else None
+    elements = [base + "".join(f"[{i}]" for i in index) for index in np.ndindex(shape)]
+    return base if list(texts) == elements else None
 
 
 def has_rows(base: str, shape: tuple[int, ...], shapes: Mapping[str, tuple[int, ...]]) -> bool:
     """Whether the rows of an array, one of `shapes` by name, are known to be no longer than those
     of this shape, which begin at its start."""
     name, *indices = base.split("[")
-    known = shapes.get(name)
-    return known is not None and known[len(indices) + 1 :] == shape[1:]
+    full_shape = shapes.get(name)
+    return full_shape is not None and full_shape[len(indices) + 1 :] == shape[1:]
 
 
 def _callers_first(root: Function, sites: dict[int, list[tuple[Function, Call]]]) -> list[Function]:
     order: list[Function] = []
-    done: set[int] = set()
+    visited: set[int] = set()
 
     def visit(function: Function) -> None:
-        done.add(id(function))
+        visited.add(id(function))
         for call in function.block.calls():
             if call.function.source is not None:
                 sites.setdefault(id(call.function), []).append((function, call))
-                if id(call.function) not in done:
+                if id(call.function) not in visited:
                     visit(call.function)
         order.append(function)
 
@@ -123,7 +123,7 @@ def _callers_first(root: Function, sites: dict[int, list[tuple[Function, Call]]]
 def _context(
     function: Function,
     sites: list[tuple[Function, Call]],
-    found: Mapping[int, Context],
+    by_identity: Mapping[int, Context],
     trace: Trace,
 ) -> Context:
     source = function.source
@@ -132,16 +132,16 @@ def _context(
     if source.loop:
         return context
     params = arrays_in(function.params, source.params)
-    given = [arrays_in(call.args, source.params) for _, call in sites]
+    arguments = [arrays_in(call.args, source.params) for _, call in sites]
     for number, array in enumerate(params):
         texts = {
-            tuple(_text(x, found[id(caller)].known) for x in args[number])
-            for (caller, _), args in zip(sites, given, strict=True)
+            tuple(_text(x, by_identity[id(caller)].known) for x in args[number])
+            for (caller, _), args in zip(sites, arguments, strict=True)
         }
         one = texts.pop()
         if not texts and all(text is not None and text.startswith(READ) for text in one):
             context.known.update((x.number, text) for x, text in zip(array, one, strict=True))  # pyright: ignore
-    context.wishes = [_wish(args[0], trace, found[id(sites[0][0])]) for args in given[0]]
+    context.wishes = [_wish(args[0], trace, by_identity[id(sites[0][0])]) for args in arguments[0]]
     for array, wish in zip(params, context.wishes, strict=True):
         trace.names.update((x.number, wish) for x in array)  # pyright: ignore
     results = arrays_in(function.results, source.results)
@@ -150,21 +150,23 @@ def _context(
         outs = arrays_in(call.outs, source.results)
         every = zip(outs, results, source.results, strict=True)
         context.results = [
-            _keep(context, found[id(caller)].kept, out, made, squeezed(shape))
-            for out, made, shape in every
+            _keep(context, by_identity[id(caller)].kept, out, result, squeezed(shape))
+            for out, result, shape in every
         ]
     return context
 
 
-def _keep(context: Context, kept: Mapping[int, str], outs, made, shape: tuple[int, ...]) -> bool:
+def _keep(
+    context: Context, places: Mapping[int, str], outs, results, shape: tuple[int, ...]
+) -> bool:
     """Write an array of results where the caller keeps it, if it does so."""
-    texts = [kept.get(out.number) for out in outs]
+    texts = [places.get(out.number) for out in outs]
     if any(text is None for text in texts) or (shape and base_of(texts, shape) is None):
         return False
-    given = {param.number for param in context.function.params}
-    for x, text in zip(made, texts, strict=True):
+    parameters = {param.number for param in context.function.params}
+    for x, text in zip(results, texts, strict=True):
         assert text is not None
-        if isinstance(x, Value) and x.number not in context.kept and x.number not in given:
+        if isinstance(x, Value) and x.number not in context.kept and x.number not in parameters:
             context.kept[x.number] = text
         else:
             context.left.append((text, x))
@@ -179,5 +181,5 @@ def _wish(x: Scalar, trace: Trace, caller: Context) -> str:
     return name_of(trace, x, "given")
 
 
-def _text(x: Scalar, known: Mapping[int, str]) -> str | None:
-    return known.get(x.number) if isinstance(x, Value) else None
+def _text(x: Scalar, texts: Mapping[int, str]) -> str | None:
+    return texts.get(x.number) if isinstance(x, Value) else None

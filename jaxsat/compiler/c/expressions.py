@@ -68,12 +68,12 @@ def literal(x: Any) -> Expression:
 
 
 def called(name: str, *args: Expression) -> Expression:
-    """A call."""
+    """A call of a function of C."""
     return Expression(f"{name}({', '.join(arg.text for arg in args)})")
 
 
 def infix(sign: str, level: int, x: Expression, y: Expression) -> Expression:
-    """Two operands; operators of one level go from the left to the right."""
+    """An operator between two operands; those of one level go from the left to the right."""
     mixed = level in (BOTH, EITHER)
     left = x.inside(level) if not mixed or x.level in (PRIMARY, UNARY, level) else f"({x.text})"
     if level in (RELATION, EQUALITY):

@@ -104,9 +104,9 @@ class Unit(AbstractUnit):
 
     def prepare(self, begin: Context, trace: Trace) -> None:
         """Print all that a function calls, and what that calls, before it."""
-        found = contexts(begin, trace)
-        self.contexts |= found
-        functions = [context.function for context in found.values() if context is not begin]
+        by_identity = contexts(begin, trace)
+        self.contexts |= by_identity
+        functions = [context.function for context in by_identity.values() if context is not begin]
         for function in functions:
             if function.source is None or function.source.loop:
                 continue
@@ -150,9 +150,9 @@ class Unit(AbstractUnit):
         if name is None:
             name = self._alike[text] = self._name(identifier(word))
             about = docstring(source.file, source.name)
-            told = f"{word}: {about}" if about else word
+            heading = f"{word}: {about}" if about else word
             body[0] = body[0].replace(" @(", f" {name}(")
-            self.functions.append([*comment(told), *in_lines(body[0], ""), *body[1:]])
+            self.functions.append([*comment(heading), *in_lines(body[0], ""), *body[1:]])
         return CallSignature(name, printed.passed, printed.results, printed.pointers)
 
 
@@ -170,15 +170,15 @@ def _elementary_text(unit: Unit, name: str, function: Function, trace: Trace) ->
     printer = Printer(unit, trace, function, names, params)
     printer.block(function.block)
     body = printer.body
-    given = [f"{TYPES[p.dtype]} {params[p.number].text}" for p in function.params]
+    parameters = [f"{TYPES[p.dtype]} {params[p.number].text}" for p in function.params]
     if len(function.results) == 1:
         body.line(f"return {body.operand(function.results[0]).text};")
-        head = f"static {TYPES[function.results[0].dtype]} {name}({', '.join(given)})"
+        head = f"static {TYPES[function.results[0].dtype]} {name}({', '.join(parameters)})"
     else:
         for i, result in enumerate(function.results):
-            given.append(f"{TYPES[result.dtype]} *out_{i + 1}")
+            parameters.append(f"{TYPES[result.dtype]} *out_{i + 1}")
             body.line(f"*out_{i + 1} = {body.operand(result).text};")
-        head = f"static void {name}({', '.join(given)})"
+        head = f"static void {name}({', '.join(parameters)})"
     return [head, "{", *body.text(), "}"]
 
 
@@ -189,17 +189,17 @@ def python_function(
     source = function.source
     shapes = ((), ()) if source is None else (source.params, source.results)
     names = unit.scope()
-    known = {number: Expression(text) for number, text in context.known.items()}
-    kept = dict(context.kept)
+    expressions = {number: Expression(text) for number, text in context.known.items()}
+    places = dict(context.kept)
     array_shapes = dict(unit.shapes)
-    given, passed = _parameters(function, context, names, known, array_shapes)
+    declarations, passed = _parameters(function, context, names, expressions, array_shapes)
     results: list[str] = []
-    left: list[tuple[str, Scalar]] = []
+    assignments: list[tuple[str, Scalar]] = []
     values = []
-    made = arrays_in(function.results, shapes[1])
-    fields = context.results or [False] * len(made)
+    arrays = arrays_in(function.results, shapes[1])
+    fields = context.results or [False] * len(arrays)
     alone = fields.count(False) == 1
-    for array, shape, is_field in zip(made, shapes[1], fields, strict=True):
+    for array, shape, is_field in zip(arrays, shapes[1], fields, strict=True):
         if is_field:
             results.append("field")
             continue
@@ -212,53 +212,55 @@ def python_function(
         out = names.new(name_of(trace, array[0], "result"))
         array_shapes[out] = small
         kind = TYPES[array[0].dtype]
-        given.append(f"{kind} {out}{dimensions(small)}" if small else f"{kind} *{out}")
+        declarations.append(f"{kind} {out}{dimensions(small)}" if small else f"{kind} *{out}")
         for index, x in zip(np.ndindex(small), array, strict=True):
             place = out + "".join(f"[{i}]" for i in index) if small else f"*{out}"
-            if isinstance(x, Value) and x.number not in kept and x.number not in known:
-                kept[x.number] = place
+            if isinstance(x, Value) and x.number not in places and x.number not in expressions:
+                places[x.number] = place
             else:
-                left.append((place, x))
-    told = None if source is None else source.name.split(".<locals>")[0]
-    printer = Printer(unit, trace, function, names, known, kept, told, array_shapes)
+                assignments.append((place, x))
+    function_name = None if source is None else source.name.split(".<locals>")[0]
+    printer = Printer(
+        unit, trace, function, names, expressions, places, function_name, array_shapes
+    )
     body = printer.body
-    left += context.left
-    body.lines += fills(left, kept.values())
+    assignments += context.left
+    body.lines += fills(assignments, places.values())
     printer.block(function.block)
-    zeroed = {place.split("[")[0] for place in _many_zeros(left)}
-    for place, x in left:
+    zeroed = {place.split("[")[0] for place in _many_zeros(assignments)}
+    for place, x in assignments:
         if not (_is_zero(x) and place.split("[")[0] in zeroed):
             body.line(f"{place} = {body.operand(x).text};")
     for x in values:
         body.line(f"return {body.operand(x).text};")
     lines = body.text()
     pointers = [one for one in POINTERS if one in unit.types and one in printer.pointers(lines)]
-    params = [unit.types[one] for one in pointers] + given
+    params = [unit.types[one] for one in pointers] + declarations
     kind = TYPES[values[0].dtype] if values else "void"
     head = f"static {kind} {name}({', '.join(params) or 'void'})"
     return [head, "{", *lines, "}"], CallSignature(name, passed, results, pointers)
 
 
 FEW = 5
-"""Elements of an array that are zero and are set one by one."""
+"""At most so many elements of an array that are zero are set one by one."""
 
 
 def _is_zero(x: Scalar) -> bool:
     return not isinstance(x, Value) and bool(x == 0) and not (x.dtype.kind == "f" and np.signbit(x))
 
 
-def _many_zeros(left: Sequence[tuple[str, Scalar]]) -> dict[str, Scalar]:
-    """Arrays with many zeros, and the zero."""
-    places = [(place.split("[")[0], x) for place, x in left if "[" in place and _is_zero(x)]
+def _many_zeros(assignments: Sequence[tuple[str, Scalar]]) -> dict[str, Scalar]:
+    """The arrays that many zeros are assigned to, and the zero."""
+    places = [(place.split("[")[0], x) for place, x in assignments if "[" in place and _is_zero(x)]
     count = Counter(place for place, _ in places)
     return {place: x for place, x in places if count[place] > FEW}
 
 
-def fills(left: Sequence[tuple[str, Scalar]], kept: Iterable[str]) -> list[str]:
+def fills(assignments: Sequence[tuple[str, Scalar]], places: Iterable[str]) -> list[str]:
     """Loops that set arrays to zero of which other elements are computed later."""
-    every = [*(place for place, _ in left), *kept]
+    every = [*(place for place, _ in assignments), *places]
     lines = []
-    for array, zero in _many_zeros(left).items():
+    for array, zero in _many_zeros(assignments).items():
         indices = [
             [int(i) for i in re.findall(r"\[(\d+)\]", place)]
             for place in every
@@ -276,14 +278,16 @@ def fills(left: Sequence[tuple[str, Scalar]], kept: Iterable[str]) -> list[str]:
     return lines
 
 
-def _parameters(function, context, names, known, array_shapes) -> tuple[list[str], list[bool]]:
+def _parameters(
+    function, context, names, expressions, array_shapes
+) -> tuple[list[str], list[bool]]:
     """The declarations of array parameters, and which there are.
 
-    Their elements go into `known`, their shapes into `array_shapes`.
+    Their elements go into `expressions`, their shapes into `array_shapes`.
     """
-    given, passed = [], []
+    declarations, passed = [], []
     if function.source is None:
-        return given, passed
+        return declarations, passed
     shapes = function.source.params
     for array, shape, wish in zip(
         arrays_in(function.params, shapes), shapes, context.wishes, strict=True
@@ -294,7 +298,9 @@ def _parameters(function, context, names, known, array_shapes) -> tuple[list[str
         name = names.new(wish)
         small, kind = squeezed(shape), TYPES[array[0].dtype]
         array_shapes[name] = small
-        given.append(f"const {kind} {name}{dimensions(small)}" if small else f"{kind} {name}")
+        declarations.append(
+            f"const {kind} {name}{dimensions(small)}" if small else f"{kind} {name}"
+        )
         for index, x in zip(np.ndindex(small), array, strict=True):
-            known[x.number] = Expression(name + "".join(f"[{i}]" for i in index))
-    return given, passed
+            expressions[x.number] = Expression(name + "".join(f"[{i}]" for i in index))
+    return declarations, passed

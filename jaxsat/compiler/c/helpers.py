@@ -109,7 +109,7 @@ def _one_line(result: str, name: str, params: str, body: str) -> str:
 
 
 def _extremum(name: str, full: str, c: str) -> str:
-    """NaN where either is, and -0.0 below 0.0."""
+    """The larger or smaller of two floats: NaN where either is, and -0.0 below 0.0."""
     sign, other = (">", "<") if name == "maximum" else ("<", ">")
     last = "(x + y)" if name == "maximum" else "-((-x) - y)"
     lines = [
@@ -140,7 +140,7 @@ def _copied(name: str, before: str, after: str) -> str:
 
 
 def _saturated(name: str, dtype: np.dtype, other: np.dtype) -> str:
-    """Towards zero; beyond the range its end, zero for NaN."""
+    """A float as a whole number, cut towards zero: beyond the range its end, zero for NaN."""
     c, whole, info = TYPES[dtype], TYPES[other], np.iinfo(other)
     top, bottom = (repr(float(end)) + ("F" if c == "float" else "") for end in (info.max, info.min))
     word = f"{'U' * (other.kind == 'u')}INT{info.bits}"
@@ -238,9 +238,11 @@ def _product_text(function: Function, source: Source) -> tuple[str, list[str]]:
     x_axis, y_axis = source.axes
     x_free = "".join("i" if axis != x_axis else "k" for axis in range(len(x)))
     y_free = "".join("j" if axis != y_axis else "k" for axis in range(len(y)))
-    given = [f"const {kind} {name}{_dimensions(shape)}" for name, shape in (("x", x), ("y", y))]
+    parameters = [
+        f"const {kind} {name}{_dimensions(shape)}" for name, shape in (("x", x), ("y", y))
+    ]
     name = _name(x, y, x_free, y_free)
-    head = f"static void {name}({', '.join(given)}, {kind} product{_dimensions(out)})"
+    head = f"static void {name}({', '.join(parameters)}, {kind} product{_dimensions(out)})"
     loops = [(letter, size) for letter, size in zip(x_free, x, strict=True) if letter == "i"]
     loops += [(letter, size) for letter, size in zip(y_free, y, strict=True) if letter == "j"]
     lines, indent = ["{"], "  "

@@ -60,10 +60,10 @@ class Struct:
     def declaration(self) -> list[str]:
         """The type as C text: what each class says stands before its fields."""
         lines = [*comment(self.about), "typedef struct {"]
-        told = None
+        owner = None
         for field in self.fields:
-            if field.owner != told:
-                told = field.owner
+            if field.owner != owner:
+                owner = field.owner
                 if field.about:
                     lines += comment(f"{field.owner}: {field.about}", "  ")
             lines.append(f"  {field.declaration}; {comment(field.path)[0]}")
@@ -109,17 +109,17 @@ def parameter_fields(
     An array that several parts share has the name that their paths end with alike.
     """
     paths: dict[int, list[tuple]] = {}
-    kept: list[Any] = []
+    arrays: list[Any] = []
     place: dict[int, int] = {}
     order = []
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
         if id(leaf) not in place:
-            place[id(leaf)] = len(kept)
-            kept.append(leaf)
+            place[id(leaf)] = len(arrays)
+            arrays.append(leaf)
         paths.setdefault(place[id(leaf)], []).append(path)
         order.append(place[id(leaf)])
     names, fields = Names(fields=True), []
-    for number, leaf in enumerate(kept):
+    for number, leaf in enumerate(arrays):
         words = [[_word(key) for key in path] for path in paths[number]]
         common = _common_end(words)
         owner, about = _owner(tree, paths[number][0])
@@ -128,7 +128,7 @@ def parameter_fields(
         fields.append(
             Field(name, number_type(leaf.dtype), tuple(leaf.shape), text, owner, about, number)
         )
-    return kept, tuple(fields), order
+    return arrays, tuple(fields), order
 
 
 def _common_end(words: Sequence[Sequence[str]]) -> Sequence[str]:

@@ -66,17 +66,17 @@ class Names:
     """Identifiers that are in use in a scope, no two alike; `outer` is the file's scope."""
 
     def __init__(
-        self, taken: Iterable[str] = (), *, fields: bool = False, outer: "Names | None" = None
+        self, identifiers: Iterable[str] = (), *, fields: bool = False, outer: "Names | None" = None
     ):
-        self.taken, self._fields = set(taken), fields
+        self.identifiers, self._fields = set(identifiers), fields
         self.outer, self.inside = outer, set[str]()
         self._last: dict[str, int] = {}
 
     def _is_taken(self, name: str) -> bool:
         """Whether it stands for something here, or would hide or be hidden by something."""
-        beyond = self.outer is not None and name in self.outer.taken
+        beyond = self.outer is not None and name in self.outer.identifiers
         means = name in WORDS if self._fields else is_reserved(name)
-        return means or name in self.taken or name in self.inside or beyond
+        return means or name in self.identifiers or name in self.inside or beyond
 
     def new(self, wish: str) -> str:
         """An identifier that is this one, or this one with a number."""
@@ -86,7 +86,7 @@ class Names:
         while self._is_taken(name):
             self._last[wish] = self._last.get(wish, 1) + 1
             name = f"{wish}_{self._last[wish]}"
-        self.taken.add(name)
+        self.identifiers.add(name)
         if self.outer is not None:
             self.outer.inside.add(name)
         return name
@@ -226,7 +226,7 @@ LIBRARY = frozenset(
     wprintf wscanf y0 y1 yn
     """.split()  # noqa: SIM905
 )
-"""Of the standard libraries of C99 to C23, and what compilers know beyond: those for doubles."""
+"""Names of the standard libraries of C99 to C23 and further ones of compilers: for doubles."""
 
 _OTHERS = re.compile(
     r"u?_?u?int\w*_t|(atomic|pthread|thrd|mtx|cnd|tss)_\w+"

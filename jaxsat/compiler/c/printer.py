@@ -34,7 +34,7 @@ from jaxsat.compiler.trace import Trace
 class Printer:
     """Statements of one C function, written into `body`.
 
-    `known` are expressions for values from outside, and `kept` the places (lvalues) of those that
+    `expressions` are those of values from outside, and `places` (lvalues) those of values that
     others read later; `shapes` are those of the arrays of both, by name.
     """
 
@@ -44,14 +44,14 @@ class Printer:
         trace: Trace,
         function: Function,
         names: Names,
-        known: Mapping[int, Expression],
-        kept: Mapping[int, str] | None = None,
-        told: str | None = None,
+        expressions: Mapping[int, Expression],
+        places: Mapping[int, str] | None = None,
+        function_name: str | None = None,
         shapes: Mapping[str, tuple[int, ...]] | None = None,
     ):
         self._unit, self._trace = unit, trace
         self._uses = Uses(function.block, function.results)
-        self.body = Body(trace, self._uses, names, known, kept, told, shapes)
+        self.body = Body(trace, self._uses, names, expressions, places, function_name, shapes)
         self._arrays = Arrays(unit, self.body)
         self._pointers: set[str] = set()
 
@@ -118,7 +118,7 @@ class Printer:
                 args.append(self._arrays.receiver(array, squeezed(shape), after))
             else:
                 for out in array:
-                    self.body.known[out.number] = Expression(self.body.kept[out.number])
+                    self.body.expressions[out.number] = Expression(self.body.places[out.number])
         call = called(printed.name, *args)
         if returned is not None and "field" not in printed.results:
             self.body.keep(returned, call)
@@ -165,7 +165,7 @@ class Printer:
 
     def _condition(self, index: Scalar) -> str | None:
         """The bool that a branch of two is chosen by, behind the steps that make a number of it."""
-        known = self.body.known
+        expressions = self.body.expressions
         while isinstance(index, Value) and index.number in self._uses.makers:
             maker = self._uses.makers[index.number]
             values = [x for x in maker.args if isinstance(x, Value)]
@@ -175,7 +175,7 @@ class Printer:
             within = {"max": lambda x: x <= 0, "min": lambda x: x >= 1}.get(maker.name)
             if within is None or len(others) != 1 or not within(int(others[0])):
                 return None
-            if self.body.is_pending(index) and values[0].number not in known:
+            if self.body.is_pending(index) and values[0].number not in expressions:
                 return None
             index = values[0]
         return None
@@ -185,8 +185,8 @@ class Printer:
         if not self.body.is_pending(number):
             return None
         text = self.body.operand(number).text
-        if flag.number in self.body.known:
-            return self.body.known[flag.number].text
+        if flag.number in self.body.expressions:
+            return self.body.expressions[flag.number].text
         if not text.endswith(" ? 1 : 0"):
             return None
         text = text.removesuffix(" ? 1 : 0")
@@ -238,7 +238,7 @@ class Printer:
             else:
                 moves.append((param, body.operand(after).text))
         for param, text in moves:
-            body.line(f"{body.known[param.number].text} = {text};")
+            body.line(f"{body.expressions[param.number].text} = {text};")
 
 
 def _is_enclosed(text: str) -> bool:
@@ -252,8 +252,8 @@ def _is_enclosed(text: str) -> bool:
 
 
 class CountedLoop(NamedTuple):
-    """Of a loop that counts up: which param counts, where it ends (exclusive), and whether that is
-    the loop's whole condition."""
+    """A loop that counts up: which param counts, where it ends (exclusive), and whether that is the
+    loop's whole condition."""
 
     counter: int
     end: int

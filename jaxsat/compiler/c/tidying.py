@@ -18,7 +18,7 @@ WIDEST = 100
 
 
 def wrapped(text: str) -> list[str]:
-    """Words in lines."""
+    """The words of a text in lines."""
     lines, line = [], " "
     for word in text.split(" "):
         if len(line) + len(word) > WIDTH:
@@ -50,7 +50,7 @@ def dimensions(shape: tuple[int, ...]) -> str:
 
 
 def braced(texts: Sequence[str], shape: tuple[int, ...]) -> str:
-    """An initialiser."""
+    """The initialiser of an array of this shape."""
     if len(shape) <= 1:
         return f"{{{', '.join(texts)}}}"
     size = len(texts) // shape[0]
@@ -113,7 +113,7 @@ _DECLARED = re.compile(r"( *(?:double|float|bool|u?int\d+_t)) (\w+(?:, \w+)*);")
 
 _INDEX = re.compile(r"\[(\d+)\]")
 VARIABLES = "ijkmn"
-"""Of loops, from the innermost."""
+"""Variables of loops, from the innermost."""
 
 
 @dataclass

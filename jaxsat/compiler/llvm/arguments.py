@@ -43,18 +43,18 @@ class Argument:
 
     def _require_shape(self, shape: tuple[int, ...]) -> None:
         if shape[self.per_case :] != self.shape or (self.per_case and not shape):
-            wanted = ", ".join(["cases"] * self.per_case + [str(n) for n in self.shape])
+            axes = ", ".join(["cases"] * self.per_case + [str(n) for n in self.shape])
             raise ValueError(
-                f"Argument `{self.name}` must have the shape ({wanted}), but got {shape}."
+                f"Argument `{self.name}` must have the shape ({axes}), but got {shape}."
             )
 
     def _copied(self, x: Any) -> np.ndarray:
-        given, dtype = getattr(x, "dtype", None), number_type(self.dtype)
-        if given is dtype and dtype == self.dtype:  # as it mostly is, and quick
+        source_type, dtype = getattr(x, "dtype", None), number_type(self.dtype)
+        if source_type is dtype and dtype == self.dtype:  # as it mostly is, and quick
             return np.array(x, dtype, order="C")
         if dtype != self.dtype:  # typed random keys, and derivatives that are none
-            if given != self.dtype:
-                raise self._wrong_type(given or type(x).__name__)
+            if source_type != self.dtype:
+                raise self._wrong_type(source_type or type(x).__name__)
             return np.array(numbers_in(x), dtype, order="C")
         weak = type(x) in (bool, int, float)
         array = x if weak else as_numbers(self.name, x)
@@ -83,7 +83,7 @@ class Arguments:
 
     @staticmethod
     def of(examples: Mapping[str, PyTree], avals: Sequence[Any], per_case: str) -> "Arguments":
-        """For trees like the examples, which were traced as `avals`."""
+        """The arguments of a program of trees like the examples, traced as `avals`."""
         names = [
             (tree, tree + jax.tree_util.keystr(path))
             for tree, example in examples.items()
@@ -103,23 +103,23 @@ class Arguments:
         another structure, numbers of cases that differ and no array of cases.
         """
         leaves: list[Any] = []
-        for name, wanted in self.structures.items():
+        for name, structure in self.structures.items():
             got = jax.tree.structure(trees[name])
-            if got != wanted:
+            if got != structure:
                 raise ValueError(
-                    f"Argument `{name}` must be a tree of the structure {wanted}, but got {got}."
+                    f"Argument `{name}` must be a tree of the structure {structure}, but got {got}."
                 )
             leaves += jax.tree.leaves(trees[name])
         arrays = [argument.taken(x) for argument, x in zip(self.leaves, leaves, strict=True)]
-        counted = [
+        counts = [
             (argument.name, len(array))
             for argument, array in zip(self.leaves, arrays, strict=True)
             if argument.per_case
         ]
-        if not counted:
+        if not counts:
             raise ValueError("There must be at least one array of cases, but there is none.")
-        first, count = counted[0]
-        for name, number in counted:
+        first, count = counts[0]
+        for name, number in counts:
             if number != count:
                 raise ValueError(
                     f"Argument `{name}` must have {count} cases, as `{first}` has, "

@@ -27,13 +27,13 @@ from pathlib import Path
 from jaxsat.compiler.llvm import target
 
 MOST_BYTES = 2**30
-"""Of all entries; the ones unused for longest go."""
+"""Bytes of all entries together; those unused for longest are removed."""
 
 KINDS = (".o", ".kernel", ".measured")
 """How the names of entries end: machine code, kernels (`kept`), and what flight code takes."""
 
 _BYTES = 32
-"""Of the hash before an entry's content."""
+"""Bytes of the hash before an entry's content."""
 
 _told = threading.Event()
 _threads = threading.Lock()

@@ -147,9 +147,9 @@ def history(lanes: int) -> str:
     each to the next. What is seen of a case goes to its place, `stride` further each time.
     """
     spread = f"<{lanes} x i64> poison, <{lanes} x i32> zeroinitializer"
-    given = "ptr %places, ptr %instants, ptr %advance"
+    parameters = "ptr %places, ptr %instants, ptr %advance"
     return f"""
-define void @history({_WHERE}, ptr %wanted, {given}, i64 %count, i64 %stride) #0 {{
+define void @history({_WHERE}, ptr %wanted, {parameters}, i64 %count, i64 %stride) #0 {{
 entry:
   %one = insertelement <{lanes} x i64> poison, i64 %stride, i64 0
   %further = shufflevector <{lanes} x i64> %one, {spread}

@@ -196,9 +196,9 @@ class AbstractEmitter(abc.ABC):
 
     def once_in_block(self, key: tuple[str, int], reader: Callable[[str], None]) -> str:
         """The name of what `reader` gives a name to, here or in a block around this one."""
-        for known in reversed(self.spread):
-            if key in known:
-                return known[key]
+        for names in reversed(self.spread):
+            if key in names:
+                return names[key]
         out = self.fresh("r")
         reader(out)
         self.spread[-1][key] = out
@@ -212,9 +212,9 @@ class AbstractEmitter(abc.ABC):
             return f"splat ({scalar_type(x.dtype)} {constant(x)})"
         if not varying or not x.uniform:
             return self.name(x)
-        for known in reversed(self.spread):
-            if x.number in known:
-                return known[x.number]
+        for names in reversed(self.spread):
+            if x.number in names:
+                return names[x.number]
         wide = vector_type(x.dtype, self.module.lanes)
         one, all_ = self.fresh(), self.fresh()
         kind = scalar_type(x.dtype)

@@ -203,10 +203,10 @@ class _EntryPointEmitter(FunctionEmitter):
         cells, name = f"<{lanes} x {kind}>", f"@gather.{kind}"
         index, base = self._indices(location), array_pointer(self, location.array)
         self.module.functions.setdefault(name, gather_text(name, kind, lanes))
-        found = out if dtype.kind != "b" else self.fresh()
-        self.line(f"{found} = call {cells} {name}(ptr {base}, <{lanes} x i64> {index})")
+        cell = out if dtype.kind != "b" else self.fresh()
+        self.line(f"{cell} = call {cells} {name}(ptr {base}, <{lanes} x i64> {index})")
         if dtype.kind == "b":
-            self.line(f"{out} = icmp ne {cells} {found}, zeroinitializer")
+            self.line(f"{out} = icmp ne {cells} {cell}, zeroinitializer")
 
     def copy(self, kind: str, source: PerCase, slot: Slot, count: int) -> None:
         """Copy elements of an array of cases that follow each other, for the wanted lanes."""

@@ -51,16 +51,16 @@ def internal(module: Module, function: Function, known: Known) -> tuple[str, boo
 
     It is printed if it was not. Parameters whose places are `known` it reads itself.
     """
-    found = module.printed.get(id(function))
-    if found is None:
+    entry = module.printed.get(id(function))
+    if entry is None:
         name, number = f'@"{function.name}"', 0
         text, in_arena = _printed(module, name, function, known)
         while module.functions.setdefault(name, text) != text:
             number += 1  # another function has the name
             name = f'@"{function.name}.{number}"'
             text, in_arena = _printed(module, name, function, known)
-        found = module.printed[id(function)] = (name, function, in_arena)
-    return found[0], found[2]
+        entry = module.printed[id(function)] = (name, function, in_arena)
+    return entry[0], entry[2]
 
 
 def _printed(module: Module, name: str, function: Function, known: Known) -> tuple[str, bool]:
@@ -243,8 +243,8 @@ class FunctionEmitter(AbstractEmitter):
         ]
         self.begin(out)
 
-    def _operands(self, given: Sequence[Scalar], to: Sequence[Value]) -> list[str]:
-        return [self.operand(x, not out.uniform) for x, out in zip(given, to, strict=True)]
+    def _operands(self, scalars: Sequence[Scalar], to: Sequence[Value]) -> list[str]:
+        return [self.operand(x, not out.uniform) for x, out in zip(scalars, to, strict=True)]
 
     def _switch(self, step: BlockSwitch) -> None:
         number = self.fresh("")[1:]
@@ -259,13 +259,13 @@ class FunctionEmitter(AbstractEmitter):
             self.begin(label)
             self.spread.append({})
             self.steps(block)
-            found = self._operands(results, step.outs)
+            operands = self._operands(results, step.outs)
             self.spread.pop()
-            sources.append((found, self.label))
+            sources.append((operands, self.label))
             self.line(f"br label %{out}")
         self.begin(out)
         for i, value in enumerate(step.outs):
-            pairs = ", ".join(f"[ {found[i]}, %{label} ]" for found, label in sources)
+            pairs = ", ".join(f"[ {operands[i]}, %{label} ]" for operands, label in sources)
             self.line(f"{self.name(value)} = phi {type_of(value, self.module.lanes)} {pairs}")
 
     def _store(self, step: Store) -> None:

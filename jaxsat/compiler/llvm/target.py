@@ -65,11 +65,11 @@ def host() -> Host:
     """The processor that runs this."""
     import llvmlite.binding as llvm
 
-    found = llvm.get_host_cpu_features()
-    register = (  # SSE2 and NEON, which every 64-bit x86 and ARM has, and longer ones of x86
-        64 if found.get("avx512f") and found.get("avx512dq") else 32 if found.get("avx") else 16
-    )
-    return Host(llvm.get_host_cpu_name(), found.flatten(), register, llvm.get_default_triple())
+    features = llvm.get_host_cpu_features()
+    longest = features.get("avx512f") and features.get("avx512dq")
+    # 16 bytes: SSE2 and NEON, which every 64-bit x86 and ARM has; longer ones are those of x86
+    register = 64 if longest else 32 if features.get("avx") else 16
+    return Host(llvm.get_host_cpu_name(), features.flatten(), register, llvm.get_default_triple())
 
 
 _NAMED = {

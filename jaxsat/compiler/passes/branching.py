@@ -56,13 +56,13 @@ def with_branches(function: Function) -> None:
     _with_branches(function, set())
 
 
-def _with_branches(function: Function, done: set[int]) -> None:
-    done.add(id(function))
+def _with_branches(function: Function, visited: set[int]) -> None:
+    visited.add(id(function))
     _branched(function.block, function.results)
     for call in function.block.calls():
         source = call.function.source
-        if source is not None and not source.loop and id(call.function) not in done:
-            _with_branches(call.function, done)
+        if source is not None and not source.loop and id(call.function) not in visited:
+            _with_branches(call.function, visited)
 
 
 def _branched(block: Block, results: Sequence[Scalar]) -> None:
@@ -82,7 +82,7 @@ def _branched(block: Block, results: Sequence[Scalar]) -> None:
 
 
 def _choices(block: Block, results: Sequence[Scalar]) -> Iterable[_Choice]:
-    """All of a block."""
+    """All choices in a block."""
     readers: dict[int, set[int]] = {}  # of values, by the numbers of steps; results are read last
     for number, step in enumerate(block.steps):
         for value in uses(step):
@@ -132,10 +132,12 @@ def _choice(block: Block, group: dict[int, Operation], readers: dict[int, set[in
             ):
                 alone.add(number)
         sides.append(alone)
-    made = {out.number for i in sides[0] | sides[1] for out in definitions(block.steps[i])}
-    needed = {number: one for number, one in group.items() if made & set(numbers_of(one.args))}
+    side_values = {out.number for i in sides[0] | sides[1] for out in definitions(block.steps[i])}
+    selections = {
+        number: one for number, one in group.items() if side_values & set(numbers_of(one.args))
+    }
     cost = _total(block.steps[number] for number in sides[0] | sides[1])
-    return _Choice(needed, (sides[0], sides[1]), cost)
+    return _Choice(selections, (sides[0], sides[1]), cost)
 
 
 def _reads_on(selection: Operation, value: int, side: int) -> bool:
@@ -167,19 +169,19 @@ def _put_in(block: Block, choice: _Choice) -> None:
 
 
 def _in_order(steps: Sequence[Step]) -> list[Step]:
-    """The steps after what they need, else as they were."""
+    """The steps, each after what it needs, else in their order."""
     makers = {out.number: i for i, step in enumerate(steps) for out in definitions(step)}
     order: list[Step] = []
-    done: set[int] = set()
+    visited: set[int] = set()
     for number in range(len(steps)):
         waiting = [number]
         while waiting:
             here = waiting[-1]
-            needs = {makers[value] for value in uses(steps[here]) if value in makers} - done
-            if here in done or not needs:
+            needs = {makers[value] for value in uses(steps[here]) if value in makers} - visited
+            if here in visited or not needs:
                 waiting.pop()
-                if here not in done:
-                    done.add(here)
+                if here not in visited:
+                    visited.add(here)
                     order.append(steps[here])
             else:
                 waiting += sorted(needs, reverse=True)

@@ -32,7 +32,7 @@ class Node:
 
     @property
     def height(self) -> int:
-        """Of the tree of calls below."""
+        """The height of the tree of calls below."""
         return max((1 + x.height for x in self.items if isinstance(x, Node)), default=0)
 
 

@@ -74,9 +74,9 @@ class DeadCodeElimination:
 
     def _clean(self, block: Block) -> None:
         """Remove the dead code of a block and of those inside."""
-        block.steps = [step for step in block.steps if self._kept(step)]
+        block.steps = [step for step in block.steps if self._keep(step)]
 
-    def _kept(self, step: Step) -> bool:
+    def _keep(self, step: Step) -> bool:
         """Whether a step is wanted, which then is without its own dead parts."""
         match step:
             case Operation(out=out) | Load(out=out):
@@ -84,28 +84,28 @@ class DeadCodeElimination:
             case Store(memory=memory):
                 return memory.number in self.live
             case Call(outs=outs):
-                used = self._used(outs)
-                if step.function.parts and sum(used) == 1:
-                    step.function = step.function.parts[used.index(True)]
-                    step.outs = list(compress(outs, used))
-                return any(used)
+                live = self._liveness(outs)
+                if step.function.parts and sum(live) == 1:
+                    step.function = step.function.parts[live.index(True)]
+                    step.outs = list(compress(outs, live))
+                return any(live)
             case BlockSwitch():
-                used = self._used(step.outs)
-                step.outs = list(compress(step.outs, used))
-                step.yields = [list(compress(results, used)) for results in step.yields]
+                live = self._liveness(step.outs)
+                step.outs = list(compress(step.outs, live))
+                step.yields = [list(compress(results, live)) for results in step.yields]
                 for inside in step.blocks:
                     self._clean(inside)
                 return bool(step.outs) or any(map(_stores, step.blocks))
             case Loop():
-                used = self._used(step.params)
-                step.params = list(compress(step.params, used))
-                step.before = list(compress(step.before, used))
-                step.after = list(compress(step.after, used))
+                live = self._liveness(step.params)
+                step.params = list(compress(step.params, live))
+                step.before = list(compress(step.before, live))
+                step.after = list(compress(step.after, live))
                 self._clean(step.condition)
                 self._clean(step.body)
                 return bool(step.params) or _stores(step.body)
 
-    def _used(self, outs: Sequence[Value]) -> list[bool]:
+    def _liveness(self, outs: Sequence[Value]) -> list[bool]:
         return [out.number in self.live for out in outs]
 
 
@@ -146,7 +146,7 @@ def _bits(number: int) -> Iterator[int]:
 class _DataFlow:
     """What values and memories need, by their numbers; bit i stands for parameter i."""
 
-    known: dict[int, int]
+    values: dict[int, int]
     memories: dict[int, int] = field(default_factory=dict)
 
     def of(self, scalars: Iterable[Scalar]) -> int:
@@ -154,7 +154,7 @@ class _DataFlow:
         needs = 0
         for x in scalars:
             if isinstance(x, Value):
-                needs |= self.known.get(x.number, 0)
+                needs |= self.values.get(x.number, 0)
         return needs
 
     def block(self, block: Block, control: int) -> None:
@@ -165,7 +165,7 @@ class _DataFlow:
     def _step(self, step: Step, control: int) -> None:
         match step:
             case Operation(args=args, out=out):
-                self.known[out.number] = self.of(args)
+                self.values[out.number] = self.of(args)
             case Load(memory=memory, index=index, out=out):
                 self._note([out], [self.of([index, *memory.elements]) | self._in(memory)])
             case Store(memory=memory, index=index, value=value):
@@ -183,9 +183,10 @@ class _DataFlow:
                 self._loop(step, control)
 
     def _loop(self, loop: Loop, control: int) -> None:
-        """Until nothing changes: what a parameter needs, others may need in the next turn.
+        """Go through a loop until nothing changes.
 
-        What was found in the turn before of a loop around this one is needed for certain.
+        What a parameter needs, others may need in the next turn. What was found in the turn before
+        of a loop around this one is needed for certain.
         """
         after = [self.of([x, y]) for x, y in zip(loop.before, loop.params, strict=True)]
         memories = dict(self.memories)
@@ -194,14 +195,14 @@ class _DataFlow:
             self.block(loop.condition, control)
             test = control | self.of([loop.active])
             self.block(loop.body, test)
-            before, seen = after, memories
+            before, memories_before = after, memories
             after = [self.of([x, y]) | test for x, y in zip(loop.params, loop.after, strict=True)]
             memories = dict(self.memories)
-            if (after, memories) == (before, seen):
+            if (after, memories) == (before, memories_before):
                 return
 
     def _note(self, values: Sequence[Value], needs: Sequence[int]) -> None:
-        self.known.update((x.number, need) for x, need in zip(values, needs, strict=True))
+        self.values.update((x.number, need) for x, need in zip(values, needs, strict=True))
 
     def _in(self, memory: Memory) -> int:
         return self.memories.get(memory.number, 0)

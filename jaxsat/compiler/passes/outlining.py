@@ -53,11 +53,11 @@ class Outline:
 
     def changed(self, eqn: Equation, **parts: Any) -> Equation:
         """An equation with other parts, and the same frames."""
-        made = replace(eqn, **parts)
+        replacement = replace(eqn, **parts)
         if id(eqn) in self.frames:
-            self.frames[id(made)] = self.frames[id(eqn)]
-            self.kept.append(made)
-        return made
+            self.frames[id(replacement)] = self.frames[id(eqn)]
+            self.kept.append(replacement)
+        return replacement
 
 
 def outlined(jaxpr: Jaxpr) -> tuple[Jaxpr, Outline]:
@@ -67,7 +67,7 @@ def outlined(jaxpr: Jaxpr) -> tuple[Jaxpr, Outline]:
 
 
 def _outlined(outline: Outline, jaxpr: Jaxpr, inside: int | None) -> Jaxpr:
-    """The same of a branch or a loop's body, `inside` so many functions."""
+    """A program, or a branch or loop's body `inside` so many functions, with calls in it."""
     eqns = [_with_inner(outline, eqn) for eqn in jaxpr.equations]
     root = call_tree(eqns, inside)
     values = Values(jaxpr, eqns)
@@ -121,19 +121,19 @@ def _function_of(eqn: Equation) -> Jaxpr | None:
 
 
 def _shape(node: Node) -> tuple:
-    """What is alike for calls of one function: all but the variables that come from outside."""
+    """A key alike for calls of one function: all but the variables that come from outside."""
     numbers: dict[Any, tuple[int, int]] = {}
-    told = []
+    operations = []
     for number, eqn in enumerate(node.eqns):
-        read = []
+        operands = []
         for atom in eqn.inputs:
             inside = numbers.get(atom) if isinstance(atom, Variable) else None
-            read.append(inside or str(atom.aval))
+            operands.append(inside or str(atom.aval))
         function = _function_of(eqn)
         params = parameter_text(eqn) if function is None else f"{MARK}{id(function)}"
-        told.append((eqn.name, params, *read))
+        operations.append((eqn.name, params, *operands))
         numbers |= {var: (number, i) for i, var in enumerate(eqn.outputs)}
-    return (node.name, node.file, *told)
+    return (node.name, node.file, *operations)
 
 
 def _make(outline: Outline, group: list[Node], values: Values) -> None:
@@ -159,9 +159,9 @@ def _make(outline: Outline, group: list[Node], values: Values) -> None:
         param = Variable(atoms[0].aval)
         params.append(param)
         for number, place in wheres:
-            read = list(eqns[number].inputs)
-            read[place] = param
-            eqns[number] = outline.changed(eqns[number], inputs=tuple(read))
+            inputs = list(eqns[number].inputs)
+            inputs[place] = param
+            eqns[number] = outline.changed(eqns[number], inputs=tuple(inputs))
         for arg, atom in zip(args, atoms, strict=True):
             arg.append(atom)
     results = [
@@ -176,13 +176,13 @@ def _make(outline: Outline, group: list[Node], values: Values) -> None:
     if not results:
         return
     outs = [eqns[number].outputs[i] for number, i in results]
-    made = Jaxpr(tuple(params), tuple(outs), tuple(eqns))
-    outline.functions[id(made)] = (made, one.name, one.file, len(group))
+    program = Jaxpr(tuple(params), tuple(outs), tuple(eqns))
+    outline.functions[id(program)] = (program, one.name, one.file, len(group))
 
-    for node, given in zip(group, args, strict=True):
-        taken = tuple([node.eqns[number].outputs[i] for number, i in results])
-        parameters = {"body": made, "name": f"{MARK}{one.name}"}
-        node.call = Equation(CALL, tuple(given), taken, parameters, one.eqns[0].source)
+    for node, arguments in zip(group, args, strict=True):
+        outputs = tuple([node.eqns[number].outputs[i] for number, i in results])
+        parameters = {"body": program, "name": f"{MARK}{one.name}"}
+        node.call = Equation(CALL, tuple(arguments), outputs, parameters, one.eqns[0].source)
         frames = tuple(
             Frame(name.split(".<locals>")[0], file, line) for name, file, line, _ in node.caller
         )
@@ -197,7 +197,7 @@ def _put_before(group: Sequence[Node], values: Values) -> None:
     needs: dict[int, set[int]] = {}  # of what can be before: which equations it needs
     moved: set[int] = set()
     for number in counts:
-        makers = {maker for made in sources for maker in made[number]}
+        makers = {maker for by_equation in sources for maker in by_equation[number]}
         shared = all(_is_shared(node, number, values) for node in group)
         move = group[0].eqns[number].name in MOVES
         if makers <= needs.keys() and (shared or move):
@@ -211,8 +211,8 @@ def _put_before(group: Sequence[Node], values: Values) -> None:
 
 def _makers(node: Node) -> list[set[int]]:
     """For each equation of a function, which of them make what it reads."""
-    made = {id(var): i for i, eqn in enumerate(node.eqns) for var in eqn.outputs}
-    return [{made[id(x)] for x in eqn.inputs if id(x) in made} for eqn in node.eqns]
+    makers = {id(var): i for i, eqn in enumerate(node.eqns) for var in eqn.outputs}
+    return [{makers[id(x)] for x in eqn.inputs if id(x) in makers} for eqn in node.eqns]
 
 
 def _is_shared(node: Node, number: int, values: Values) -> bool:
@@ -228,15 +228,15 @@ def _is_dear(eqn: Equation) -> bool:
 
 def _from_outside(group: Sequence[Node]) -> dict[tuple[int, int], list[Any]]:
     """What calls read that they do not make: by equation and place in it, for every call."""
-    found: dict[tuple[int, int], list[Any]] = {}
+    reads: dict[tuple[int, int], list[Any]] = {}
     for node in group:
-        made: set[Any] = set()
+        own_variables: set[Any] = set()
         for number, eqn in enumerate(node.eqns):
             for i, atom in enumerate(eqn.inputs):
-                if isinstance(atom, Literal) or atom not in made:
-                    found.setdefault((number, i), []).append(atom)
-            made.update(eqn.outputs)
-    return found
+                if isinstance(atom, Literal) or atom not in own_variables:
+                    reads.setdefault((number, i), []).append(atom)
+            own_variables.update(eqn.outputs)
+    return reads
 
 
 def _cost(eqn: Equation) -> float:

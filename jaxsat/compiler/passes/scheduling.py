@@ -66,8 +66,8 @@ def _moved_out(loop: Loop) -> list[Step]:
     return [step for number, step in alike.items() if number in hoisted]
 
 
-def _is_in(step: Step, wanted: set[int]) -> bool:
-    return isinstance(step, Operation) and step.out.number in wanted
+def _is_in(step: Step, numbers: set[int]) -> bool:
+    return isinstance(step, Operation) and step.out.number in numbers
 
 
 def _blocks(block: Block) -> Iterator[Block]:
@@ -141,8 +141,8 @@ def schedule(block: Block, results: Iterable[Scalar]) -> None:
                     schedule(inside, yields)
             case _:
                 pass
-    kept = set(numbers_of(results))
-    block.steps = _list_scheduled(_nodes(block.steps, kept))
+    outputs = set(numbers_of(results))
+    block.steps = _list_scheduled(_nodes(block.steps, outputs))
 
 
 class _Node:
@@ -188,12 +188,12 @@ def _list_scheduled(nodes: list[_Node]) -> list[Step]:
     return order
 
 
-def _nodes(steps: Sequence[Step], kept: set[int]) -> list[_Node]:
+def _nodes(steps: Sequence[Step], outputs: set[int]) -> list[_Node]:
     reads = [set(uses(step)) for step in steps]
     nodes: list[_Node] = []
     maker: dict[int, int] = {}
     touched: dict[int, int] = {}  # the last node by memory
-    fused = _fused(steps, reads, kept)
+    fused = _fused(steps, reads, outputs)
     products = {id(product) for product in fused.values()}
     for i, (step, needs) in enumerate(zip(steps, reads, strict=True)):
         if id(step) in products:
@@ -214,7 +214,7 @@ def _nodes(steps: Sequence[Step], kept: set[int]) -> list[_Node]:
 
 
 def _fused(
-    steps: Sequence[Step], reads: Sequence[set[int]], kept: set[int]
+    steps: Sequence[Step], reads: Sequence[set[int]], outputs: set[int]
 ) -> dict[int, Operation]:
     """Products that are used once, by the place of the sum with which they become one operation."""
     uses: dict[int, int] = defaultdict(int)
@@ -226,7 +226,7 @@ def _fused(
     for i, step in enumerate(steps):
         match step:
             case Operation(name="mul", out=out) if out.dtype.kind == "f" and not out.uniform:
-                if uses[out.number] == 1 and out.number not in kept:
+                if uses[out.number] == 1 and out.number not in outputs:
                     products[out.number] = step
             case Operation(name="add" | "sub", args=args):
                 for arg in args:

@@ -21,13 +21,13 @@ class Values:
         self._places: dict[tuple[int, int], list[int]] = {}
         self._same: dict[Any, Any] = {}
         self.uses: dict[Any, list[int]] = {}
-        made: dict[Any, int] = {}
+        numbers: dict[Any, int] = {}
         for place, eqn in enumerate(eqns):
             key = (eqn.name, parameter_text(eqn), *map(self.identity, eqn.inputs))
-            number = made.setdefault(key, len(made))
+            number = numbers.setdefault(key, len(numbers))
             for i, var in enumerate(eqn.outputs):
-                self._numbers[var] = found = (number, i)
-                self._places.setdefault(found, []).append(place)
+                self._numbers[var] = value = (number, i)
+                self._places.setdefault(value, []).append(place)
             for atom in eqn.inputs:
                 self._read(atom, place)
         for atom in jaxpr.outputs:
@@ -38,7 +38,7 @@ class Values:
             self.uses.setdefault(atom, []).append(place)
 
     def identity(self, atom: Any) -> Any:
-        """What is alike for equal values alone."""
+        """A key that is alike for equal values alone."""
         if isinstance(atom, Literal):
             value = np.asarray(atom.value)
             return (str(atom.aval), value.dtype.char, value.tobytes())

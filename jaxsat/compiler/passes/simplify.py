@@ -10,7 +10,7 @@ from jaxsat.compiler.operations import BOOL
 
 
 def identity(x: Scalar):
-    """What is the same for the same value or constant."""
+    """A key that is the same for the same value or constant."""
     return x.number if isinstance(x, Value) else (x.dtype.char, x.tobytes())
 
 
@@ -87,12 +87,12 @@ class Ranges:
 
     def note_converted(self, x: Scalar, out: Value) -> None:
         """A value as another type, in which it fits, keeps its range."""
-        found = self._of(x)
-        if found is None or out.dtype.kind not in "iu":
+        bounds = self._of(x)
+        if bounds is None or out.dtype.kind not in "iu":
             return
         limits = np.iinfo(out.dtype)
-        if limits.min <= found[0] and found[1] <= limits.max:
-            self._known[out.number] = found
+        if limits.min <= bounds[0] and bounds[1] <= limits.max:
+            self._known[out.number] = bounds
 
     def simplified(self, name: str, args: Sequence[Scalar]) -> Scalar | None:
         """What an operation gives, or None where that is not known before."""

@@ -22,21 +22,21 @@ from jaxsat.core.jax_internals import CALL
 def _call(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     inner = eqn.parameters["body"]
     if id(inner) in b.outlined:
-        return _outlined(b, inner, arrays)
+        return _outlined_call(b, inner, arrays)
     if id(inner) in b.repeated:
-        return _shared(b, eqn, inner, arrays)
+        return _shared_call(b, eqn, inner, arrays)
     return lower(b, inner, arrays)
 
 
-def _shared(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Elements]:
+def _shared_call(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Elements]:
     """A call of one function for all that is called several times, known arguments folded in."""
     args = scalars_of(arrays)
-    known = tuple(
+    signature = tuple(
         (x.dtype.char, x.uniform) if isinstance(x, Value) else (x.dtype.char, x.tobytes())
         for x in args
     )
     arguments = [x for x in args if isinstance(x, Value)]
-    key = (id(inner), known)
+    key = (id(inner), signature)
     if key not in b.functions:
         params = [Value(x.dtype, x.uniform) for x in arguments]
         rest = iter(params)
@@ -46,11 +46,11 @@ def _shared(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Elements
         results = scalars_of(lower(body, inner, arrays_of(inside, shapes)))
         label = f"{eqn.parameters['name']}.{len(b.functions)}"
         b.functions[key] = without_dead_code(Function(label, params, body.block, results))
-    found = b.call(b.functions[key], arguments)
-    return arrays_of(found, [var.aval.shape for var in eqn.outputs])
+    outs = b.call(b.functions[key], arguments)
+    return arrays_of(outs, [var.aval.shape for var in eqn.outputs])
 
 
-def _outlined(b: Builder, inner, arrays: Sequence[Elements]) -> list[Elements]:
+def _outlined_call(b: Builder, inner, arrays: Sequence[Elements]) -> list[Elements]:
     """A call of a Python function, which is made once for all that may be the same.
 
     Known numbers are handed over like others, but for whole numbers, which mostly are indices, and
@@ -63,35 +63,35 @@ def _outlined(b: Builder, inner, arrays: Sequence[Elements]) -> list[Elements]:
         all(not isinstance(x, Value) and (once or x.dtype.kind != "f") for x in array.flat)
         for array in arrays
     ]
-    known = [
+    constants = [
         tuple((x.dtype.char, x.tobytes()) for x in array.flat) if fold else None
         for array, fold in zip(arrays, folded, strict=True)
     ]
     kinds = [array.flat[0].dtype.char if array.size else "" for array in arrays]
-    key = (id(inner), *known, *kinds)
-    if key not in b.made:
-        b.made[key] = _made(b, inner, arrays, folded)
-    function, wanted, plan = b.made[key]
+    key = (id(inner), *constants, *kinds)
+    if key not in b.variants:
+        b.variants[key] = _python_function(b, inner, arrays, folded)
+    function, needs, plan = b.variants[key]
     if function.source is not None and function.source.results:
-        given = scalars_of([array for array, want in zip(arrays, wanted, strict=True) if want])
-        parts = iter(arrays_of(b.call(function, given), function.source.results))
+        args = scalars_of([array for array, want in zip(arrays, needs, strict=True) if want])
+        parts = iter(arrays_of(b.call(function, args), function.source.results))
     else:
         parts = iter(())
     every = scalars_of(arrays)
-    return [next(parts) if one is None else _handed_on(one, every) for one in plan]
+    return [next(parts) if one is None else _array_of(one, every) for one in plan]
 
 
-def _handed_on(plan: Elements, given: Sequence[Scalar]) -> Elements:
+def _array_of(plan: Elements, scalars: Sequence[Scalar]) -> Elements:
     """An array of what a function was given (numbers of scalars) and of constants."""
     out = np.empty(plan.shape, object)
     for index in np.ndindex(plan.shape):
         one = plan[index]
-        out[index] = given[one] if isinstance(one, int) else one
+        out[index] = scalars[one] if isinstance(one, int) else one
     return out
 
 
-def _made(b: Builder, inner, arrays: Sequence[Elements], folded: Sequence[bool]):
-    """The function, which arrays it needs, and where results come from that it does not make."""
+def _python_function(b: Builder, inner, arrays: Sequence[Elements], folded: Sequence[bool]):
+    """A Python function, which arrays it needs, and the origin of results that it does not make."""
     _, name, file, _ = b.outlined[id(inner)]
     inside = []
     for array, fold in zip(arrays, folded, strict=True):
@@ -104,20 +104,20 @@ def _made(b: Builder, inner, arrays: Sequence[Elements], folded: Sequence[bool])
         results = lower(body, inner, inside)
     places = {x.number: i for i, x in enumerate(scalars_of(inside)) if isinstance(x, Value)}
     plan = [_plan(result, places) for result in results]
-    made = [result for result, one in zip(results, plan, strict=True) if one is None]
-    label = f"{name}.{len(b.made)}"
-    function = without_dead_code(Function(label, [], body.block, scalars_of(made)))
-    read = {number for step in function.block.steps for number in uses(step)}
-    read |= {x.number for x in function.results if isinstance(x, Value)}
-    wanted = [
-        not fold and any(x.number in read for x in array.flat)
+    own_results = [result for result, one in zip(results, plan, strict=True) if one is None]
+    label = f"{name}.{len(b.variants)}"
+    function = without_dead_code(Function(label, [], body.block, scalars_of(own_results)))
+    reads = {number for step in function.block.steps for number in uses(step)}
+    reads |= {x.number for x in function.results if isinstance(x, Value)}
+    needs = [
+        not fold and any(x.number in reads for x in array.flat)
         for array, fold in zip(inside, folded, strict=True)
     ]
-    needed = [array for array, want in zip(inside, wanted, strict=True) if want]
-    function.params = scalars_of(needed)  # pyright: ignore[reportAttributeAccessIssue]
-    shapes = [array.shape for array in needed], [array.shape for array in made]
+    inputs = [array for array, want in zip(inside, needs, strict=True) if want]
+    function.params = scalars_of(inputs)  # pyright: ignore[reportAttributeAccessIssue]
+    shapes = [array.shape for array in inputs], [array.shape for array in own_results]
     function.source = Source(name, file, *shapes)
-    return function, wanted, plan
+    return function, needs, plan
 
 
 def _plan(result: Elements, places: dict[int, int]) -> Elements | None:
@@ -182,11 +182,11 @@ def _reduce_precision(x: Array, exponent_bits: int, mantissa_bits: int) -> Array
     """The nearest float of fewer bits, ties to even; what is subnormal there becomes zero."""
     info = jnp.finfo(x.dtype)
     word = np.dtype(f"u{x.dtype.itemsize}")
-    bits, lost = lax.bitcast_convert_type(x, word), info.nmant - mantissa_bits
-    if lost > 0:
-        odd = (bits >> word.type(lost)) & word.type(1)
-        bits = bits + odd + word.type(2 ** (lost - 1) - 1)
-        bits = bits & np.invert(word.type(2**lost - 1))
+    bits, surplus = lax.bitcast_convert_type(x, word), info.nmant - mantissa_bits
+    if surplus > 0:
+        odd = (bits >> word.type(surplus)) & word.type(1)
+        bits = bits + odd + word.type(2 ** (surplus - 1) - 1)
+        bits = bits & np.invert(word.type(2**surplus - 1))
     if exponent_bits < info.nexp:
         bias, reduced = 2 ** (info.nexp - 1) - 1, 2 ** (exponent_bits - 1) - 1
         top, bottom = (word.type((bias + end) << info.nmant) for end in (reduced, -reduced))

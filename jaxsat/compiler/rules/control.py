@@ -160,14 +160,14 @@ def _cond(b: Builder, eqn, which: Elements, *arrays: Elements) -> list[Elements]
 
 def varying_outputs(jaxpr: Jaxpr, varying: Sequence[bool]) -> list[bool]:
     """Which outputs vary where these inputs do."""
-    known = dict(zip(jaxpr.inputs, varying, strict=True))
+    varies = dict(zip(jaxpr.inputs, varying, strict=True))
 
     def read(atom) -> bool:
-        return False if isinstance(atom, Literal) else known.get(atom, False)
+        return False if isinstance(atom, Literal) else varies.get(atom, False)
 
     for eqn in jaxpr.equations:
         outputs = _outputs(eqn, [read(atom) for atom in eqn.inputs])
-        known.update(zip(eqn.outputs, outputs, strict=True))
+        varies.update(zip(eqn.outputs, outputs, strict=True))
     return [read(atom) for atom in jaxpr.outputs]
 
 

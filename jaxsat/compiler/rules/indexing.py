@@ -30,7 +30,7 @@ LARGEST = 1 << 20
 def memory_of(
     dtype: np.dtype, size: int, uniform: bool, initial: np.ndarray | None = None
 ) -> Memory:
-    """A memory. Raises `CannotLower` where it would be too large."""
+    """A memory of `size` numbers. Raises `CannotLower` where it would be too large."""
     if size > LARGEST:
         raise CannotLower(f"An array of {size} numbers is larger than {LARGEST}")
     return Memory(dtype, size, uniform, initial)
@@ -49,7 +49,7 @@ def stored(b: Builder, elements: np.ndarray) -> Memory:
 
 
 def element(b: Builder, elements: Sequence[Scalar], index: Scalar) -> Scalar:
-    """Element `index`, which is in range."""
+    """The element with the number `index`, which is in range."""
     if not isinstance(index, Value):
         return elements[int(index)]
     if b.compact and any(isinstance(x, Value) for x in elements):

@@ -49,8 +49,8 @@ def _by_short_way(b: Builder, eqn, *arrays: Elements) -> Elements:
         if b.compact or not any(isinstance(x, Value) for x in scalars):
             return _called(b, name, scalars)[0]
         closed = program(f"near_{name}", *(x.dtype for x in scalars))
-        found, far = (result[()] for result in lower(b, closed, [filled((), x) for x in scalars]))
-        return b.cold_branch(far, lambda: _called(b, name, scalars)[0], found)
+        near, far = (result[()] for result in lower(b, closed, [filled((), x) for x in scalars]))
+        return b.cold_branch(far, lambda: _called(b, name, scalars)[0], near)
 
     return each(one, *arrays)
 
@@ -72,14 +72,14 @@ def _sine_or_cosine(b: Builder, eqn, x: Elements) -> Elements:
 
         if not isinstance(y, Value):
             return long_way()
-        found = [result[()] for result in lower(b, closed, [filled((), y)])]
-        return b.cold_branch(found[-1], long_way, found[place])
+        results = [result[()] for result in lower(b, closed, [filled((), y)])]
+        return b.cold_branch(results[-1], long_way, results[place])
 
     return each(one, x)
 
 
 def _compact(b: Builder, part: str, y: Scalar) -> Scalar:
-    """The same as a call of one function, the way that is taken seldom inside it."""
+    """Sine or cosine as a call of one function, which has the way seldom taken inside it."""
     if not isinstance(y, Value):
         return _called(b, "sincos", [y])[PARTS.index(part)]
     key = (part, y.dtype.char, y.uniform)

@@ -53,8 +53,8 @@ def _reduce(b: Builder, eqn, x: Elements) -> Elements:
     aval = eqn.outputs[0].aval
     if not x.size:
         return filled(aval.shape, empty_value(name, aval.dtype))
-    kept = [axis for axis in range(x.ndim) if axis not in axes]
-    rows = x.transpose([*kept, *axes]).reshape(int(np.prod(aval.shape)), -1)
+    other_axes = [axis for axis in range(x.ndim) if axis not in axes]
+    rows = x.transpose([*other_axes, *axes]).reshape(int(np.prod(aval.shape)), -1)
     out = np.empty(len(rows), object)
     for i, row in enumerate(rows):
         if name == "sum" and _is_loop(b, row, LONG_SUM) and row[0].dtype.kind == "f":

@@ -36,7 +36,7 @@ def _pad(eqn, x: Elements, padding: Elements) -> Elements:
 
 
 def _padded(x: Elements, scalar: Scalar, low: int, high: int, between: int) -> Elements:
-    """Padded along the first axis; what is negative is cut off."""
+    """An array padded along the first axis; a negative width cuts off."""
     size, rest = len(x), x.shape[1:]
     spread = filled((size + max(size - 1, 0) * between, *rest), scalar)
     spread[:: between + 1] = x

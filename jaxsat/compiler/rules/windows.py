@@ -23,7 +23,7 @@ def _by_program(b: Builder, eqn) -> Callable[[Sequence[Scalar], Sequence[Scalar]
 
     def join(left: Sequence[Scalar], right: Sequence[Scalar]) -> list[Scalar]:
         arrays = [filled((), x) for x in (*left, *right)]
-        return [found[()] for found in lower(b, eqn.parameters["body"], arrays)]
+        return [array[()] for array in lower(b, eqn.parameters["body"], arrays)]
 
     return join
 
@@ -33,14 +33,14 @@ def _reduce(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     half = len(arrays) // 2
     xs, first = arrays[:half], [x[()] for x in arrays[half:]]
     axes = tuple(eqn.parameters["dimensions"])
-    kept = [axis for axis in range(xs[0].ndim) if axis not in axes]
+    other_axes = [axis for axis in range(xs[0].ndim) if axis not in axes]
     shape = eqn.outputs[0].aval.shape
     length = int(np.prod([xs[0].shape[axis] for axis in axes]))
-    several = [x.transpose([*kept, *axes]).reshape(*shape, length) for x in xs]
+    several = [x.transpose([*other_axes, *axes]).reshape(*shape, length) for x in xs]
     outs = [np.empty(shape, object) for _ in xs]
     for index in np.ndindex(*shape):
-        found = reduce(_by_program(b, eqn), zip(*(x[index] for x in several), strict=True), first)
-        for out, scalar in zip(outs, found, strict=True):
+        totals = reduce(_by_program(b, eqn), zip(*(x[index] for x in several), strict=True), first)
+        for out, scalar in zip(outs, totals, strict=True):
             out[index] = scalar
     return outs
 
@@ -80,8 +80,10 @@ def _windows(eqn, xs: Sequence[Elements]) -> Callable[[tuple[int, ...]], list]:
     dilations = params["base_dilation"], params["window_dilation"]
 
     def inside(place: tuple[int, ...]) -> list[tuple[Scalar, ...]]:
-        met = [_met(xs[0].shape, place, index, *steps, *dilations) for index in np.ndindex(*size)]
-        return [tuple(x[at] for x in xs) for at in met if at is not None]
+        positions = [
+            _position(xs[0].shape, place, index, *steps, *dilations) for index in np.ndindex(*size)
+        ]
+        return [tuple(x[at] for x in xs) for at in positions if at is not None]
 
     return inside
 
@@ -103,7 +105,7 @@ def _convolution(b: Builder, eqn, x: Elements, weights: Elements) -> Elements:
         first = feature // outputs * inputs
         pairs: tuple[list[Scalar], list[Scalar]] = ([], [])
         for index in np.ndindex(weights.shape[2:]):
-            at = _met(x.shape[2:], place, index, *steps, *dilations)
+            at = _position(x.shape[2:], place, index, *steps, *dilations)
             if at is not None:
                 pairs[0].extend(x[(batch, slice(first, first + inputs), *at)])
                 pairs[1].extend(weights[(feature, slice(None), *index)])
@@ -112,7 +114,7 @@ def _convolution(b: Builder, eqn, x: Elements, weights: Elements) -> Elements:
     return out.transpose(np.argsort(numbers.out_spec))
 
 
-def _met(sizes, place, index, strides, padding, spreads, dilations) -> tuple[int, ...] | None:
+def _position(sizes, place, index, strides, padding, spreads, dilations) -> tuple[int, ...] | None:
     """Where element `index` of the window of the result at `place` lies, if not in the padding."""
     at = []
     for axis, size in enumerate(sizes):
