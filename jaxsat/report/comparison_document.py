@@ -29,11 +29,11 @@ def comparison_document(record: Record) -> Document:
     Raises `KeyError` or `TypeError` for a record of another form.
     """
     rows = record["rows"]
-    sentences = [f"{place_of(one)}: {_taken(one)}" for one in record["verdicts"]]
+    sentences = [f"{place_of(one)}: {_recommendation(one)}" for one in record["verdicts"]]
     verdict = Verdict(None, sentences[0] if sentences else "Nothing was compared.", sentences[1:])
     blocks = [
         _laws(rows, record.get("median_least_times", ())),
-        *_recovered(rows),
+        *_recovery_tables(rows),
         *_bounds(record.get("bounds_from_papers_start", ())),
     ]
     return Document("Comparison of laws", verdict, blocks)
@@ -59,7 +59,7 @@ def law_cells(row: Record) -> list[Cell]:
     ]
 
 
-def _taken(verdict: Record) -> str:
+def _recommendation(verdict: Record) -> str:
     law = verdict["law"]
     advice = f"the recommended law is {law}" if law else "no law is recommended"
     return f"{advice}. {capitalised(verdict['reason'])}."
@@ -94,8 +94,8 @@ def _least_time(record: Record) -> str:
     )
 
 
-def _recovered(rows: Sequence[Record]) -> Iterator[Table]:
-    """Of failures in flight: a row for every kind, a column for every law."""
+def _recovery_tables(rows: Sequence[Record]) -> Iterator[Table]:
+    """Recovery from failures in flight: a row for every kind, a column for every law."""
     by_law = {row["law"]: row["recovered"] for row in rows if "recovered" in row}
     if not by_law:
         return

@@ -27,27 +27,27 @@ def settling_comparison(
     limits = list(dict.fromkeys(limit for _, limit in panels))
     plots = {}
     for (level, limit), laws in panels.items():
-        told = level if limit is None else f"{level}, {limit:g} N m"
-        plots[level, limit] = settled_by_law(told, laws, horizons[level, limit])
+        panel_title = level if limit is None else f"{level}, {limit:g} N m"
+        plots[level, limit] = settled_by_law(panel_title, laws, horizons[level, limit])
     return paint_grid([[plots.get((one, limit)) for one in levels] for limit in limits], title)
 
 
-def recovery_comparison(found: Mapping[str, Mapping[str, Any]], title: str) -> Figure:
+def recovery_comparison(recovery: Mapping[str, Mapping[str, Any]], title: str) -> Figure:
     """The recovered fraction of each kind of failure under each law, with 95 % intervals.
 
-    `found` has by law and kind `cases` and `fraction`, a mapping of `value`, `low` and `high`.
+    `recovery` has by law and kind `cases` and `fraction`, a mapping of `value`, `low` and `high`.
     """
-    kinds = {kind: one["cases"] for of_law in found.values() for kind, one in of_law.items()}
+    kinds = {kind: one["cases"] for of_law in recovery.values() for kind, one in of_law.items()}
     names = list(kinds)
     with rc_context(dict[Any, Any](SETTINGS)):
         figure = Figure(figsize=(max(6.5, 1.1 * len(kinds) + 1), 3.2), layout="constrained")
         axis = figure.subplots()
         set_title(figure, title)
-    for place, (law, of_law) in enumerate(found.items()):
+    for place, (law, of_law) in enumerate(recovery.items()):
         shares = [one["fraction"] for one in of_law.values()]
         value, low, high = (np.array([one[k] for one in shares]) for k in ("value", "low", "high"))
         at = np.array([names.index(kind) for kind in of_law]) + 0.5 * (
-            (place + 0.5) / len(found) - 0.5
+            (place + 0.5) / len(recovery) - 0.5
         )
         style: dict[str, Any] = line_of(place) | {"linestyle": "none"}
         ends = np.maximum([value - low, high - value], 0.0)
@@ -55,5 +55,5 @@ def recovery_comparison(found: Mapping[str, Mapping[str, Any]], title: str) -> F
     axis.set_xticks(range(len(kinds)), [f"{kind}\n({n} cases)" for kind, n in kinds.items()])
     axis.set_ylim(-0.03, 1.03)
     axis.set_ylabel("fraction recovered")
-    figure.legend(loc="outside lower center", ncols=min(5, len(found)))
+    figure.legend(loc="outside lower center", ncols=min(5, len(recovery)))
     return figure

@@ -38,7 +38,7 @@ COLUMNS = {
     "torques": "attainable torques",
     "lost": "lost",
 }
-"""What is told of a failure, by its name in the records."""
+"""Headings of what is told of a failure, by its name in the records."""
 
 COUNT_WORDS = ("single", "double", "triple")
 ERRORS = ("roll 1°", "pitch 1°", "yaw 1°", "ω1 1 mrad/s", "ω2 1 mrad/s", "ω3 1 mrad/s")
@@ -56,12 +56,12 @@ def controllability_document(
     `records` are those of `failure_records`, or rows of failures.csv; with `failures` those of so
     many actuators are listed alone.
     """
-    listed = [one for one in records if failures in (None, count_failed(one))]
+    selection = [one for one in records if failures in (None, count_failed(one))]
     later = any(one["once_stopped"] != one["verdict"] for one in records)
-    mixed = len({one.get("both_signs_by", "") for one in records} - {""}) > 1
-    columns = COLUMNS | ({"both_signs_by": "of both signs by"} if mixed else {})
+    names_makers = len({one.get("both_signs_by", "") for one in records} - {""}) > 1
+    columns = COLUMNS | ({"both_signs_by": "of both signs by"} if names_makers else {})
     columns |= {"once_stopped": "once stopped"} if later else {}
-    rows = [[_cell(name, one) for name in columns] for one in listed]
+    rows = [[_cell(name, one) for name in columns] for one in selection]
     note = (
         "The margin compares directions. The turn time is the time to turn by one radian about the "
         "axis that is hardest to reach."

@@ -52,9 +52,9 @@ def inertia_map(
     figure = Figure(figsize=(7.0, 5.6), layout="constrained")
     axes = figure.add_subplot()
     mesh = mtri.Triangulation(points[:, 0], points[:, 1])
-    shown = np.maximum(margins, _FLOOR)
+    levels = np.maximum(margins, _FLOOR)
     image = axes.tripcolor(
-        mesh, shown, shading="gouraud", cmap="cividis", norm=_norm(shown), rasterized=True
+        mesh, levels, shading="gouraud", cmap="cividis", norm=_norm(levels), rasterized=True
     )
     zero = margins <= 1e-9
     if np.any(zero):
@@ -123,9 +123,9 @@ def angle_map(
     `uncontrollable`: curves or points (azimuth, elevation) in rad known to be uncontrollable,
     drawn over the map.
     """
-    shown = np.maximum(margins, _FLOOR)
-    look = {"cmap": "cividis", "norm": _norm(shown)}
-    figure, axes, image = _direction_map(azimuths, elevations, shown, "torque axis", title, **look)
+    levels = np.maximum(margins, _FLOOR)
+    look = {"cmap": "cividis", "norm": _norm(levels)}
+    figure, axes, image = _direction_map(azimuths, elevations, levels, "torque axis", title, **look)
     for k, curve in enumerate(uncontrollable):
         degrees = np.degrees(curve).T
         style = {"ls": "none", "marker": "o", "mfc": "none", "ms": 7} if len(curve) == 1 else {}
@@ -146,12 +146,14 @@ def failure_chart(records: Sequence[dict]) -> Figure:
 
     Hatching tells the verdicts apart, a cross marks uncontrollable cases, so no colour is needed.
     """
-    shown, count = records[:_MOST_ROWS], len(records)
-    texts = [textwrap.fill(f"rank {one['rank']}: lost {one['lost']}", 72) for one in shown]
+    first_records, count = records[:_MOST_ROWS], len(records)
+    texts = [textwrap.fill(f"rank {one['rank']}: lost {one['lost']}", 72) for one in first_records]
     wide = any("\n" in text for text in texts)
-    figure = Figure(figsize=(10 if wide else 7.5, 1.2 + 0.32 * len(shown)), layout="constrained")
+    figure = Figure(
+        figsize=(10 if wide else 7.5, 1.2 + 0.32 * len(first_records)), layout="constrained"
+    )
     axes = figure.add_subplot()
-    rows = np.arange(len(shown))
+    rows = np.arange(len(first_records))
     looks = {
         "controllable": ("#0072b2", ""),
         "by drift": ("#56b4e9", "..."),
@@ -161,13 +163,13 @@ def failure_chart(records: Sequence[dict]) -> Figure:
         "uncontrollable": ("none", ""),
     }
     for verdict, (colour, hatch) in looks.items():
-        chosen = [k for k, record in enumerate(shown) if record["verdict"] == verdict]
-        widths = [float(shown[k]["margin"]) for k in chosen]
-        if chosen and verdict != "uncontrollable":
-            axes.barh(chosen, widths, color=colour, hatch=hatch, edgecolor="k", label=verdict)
-        elif chosen:
-            axes.plot(np.zeros(len(chosen)), chosen, "x", color=_MARK, ms=8, mew=2, label=verdict)
-    for row, record, text in zip(rows, shown, texts, strict=True):
+        places = [k for k, record in enumerate(first_records) if record["verdict"] == verdict]
+        widths = [float(first_records[k]["margin"]) for k in places]
+        if places and verdict != "uncontrollable":
+            axes.barh(places, widths, color=colour, hatch=hatch, edgecolor="k", label=verdict)
+        elif places:
+            axes.plot(np.zeros(len(places)), places, "x", color=_MARK, ms=8, mew=2, label=verdict)
+    for row, record, text in zip(rows, first_records, texts, strict=True):
         bar = 0.0 if record["verdict"] == "uncontrollable" else float(record["margin"])
         axes.annotate(
             text,
@@ -177,11 +179,11 @@ def failure_chart(records: Sequence[dict]) -> Figure:
             va="center",
             fontsize=8,
         )
-    axes.set_yticks(rows, [f"failed: {record['failed']}" for record in shown])
+    axes.set_yticks(rows, [f"failed: {record['failed']}" for record in first_records])
     axes.invert_yaxis()
     axes.set_xlim(-0.03, 3.0 if wide else 2.0)
-    if count > len(shown):
-        axes.set_title(f"The first {len(shown)} of {count} cases")
+    if count > len(first_records):
+        axes.set_title(f"The first {len(first_records)} of {count} cases")
     axes.set_xticks(np.arange(0.0, 1.3, 0.25))
     axes.set_xlabel("controllability margin (smallest singular value)")
     axes.legend(loc="lower right", frameon=False)
@@ -215,10 +217,10 @@ def torque_map(cone: TorqueCone, actuators: ActuatorSet) -> Figure:
         (wheels, "s", "wheel"),
         (worst, "X", "farthest from all torques"),
     ):
-        shown = np.concatenate([np.zeros((3, 0)), *columns], axis=1)
-        shown = shown[:, np.any(shown != 0, axis=0)]
-        if shown.shape[1]:
-            x, y, z = shown / np.linalg.norm(shown, axis=0)
+        vectors = np.concatenate([np.zeros((3, 0)), *columns], axis=1)
+        vectors = vectors[:, np.any(vectors != 0, axis=0)]
+        if vectors.shape[1]:
+            x, y, z = vectors / np.linalg.norm(vectors, axis=0)
             places = np.degrees([np.arctan2(y, x), np.arcsin(np.clip(z, -1, 1))])
             axes.plot(*places, marker, ls="none", mfc="w", mec=_MARK, mew=1.5, ms=8, label=label)
     axes.legend(loc="upper right", framealpha=0.9)

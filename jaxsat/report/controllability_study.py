@@ -143,8 +143,8 @@ def controllability_study(
         lines.append(f"Disturbances not included: {names}.")
     if drift:
         report("following the drift")
-    followed = _follow_drift(scenario) if drift else ([], {})
-    return ControllabilityStudy(scenario, judgement, cases, lines, *followed)
+    drift_results = _follow_drift(scenario) if drift else ([], {})
+    return ControllabilityStudy(scenario, judgement, cases, lines, *drift_results)
 
 
 def _analyse(
@@ -153,17 +153,17 @@ def _analyse(
     """What the working actuators can do, the rank of their torques, and every failure."""
     inertia = scenario.spacecraft.inertia_kg_m2
     actuators, working = all_actuators(scenario)
-    left = actuators.only(working)
-    judgement, analysis = judge(inertia, left, tolerance=tolerance), None
+    healthy = actuators.only(working)
+    judgement, analysis = judge(inertia, healthy, tolerance=tolerance), None
     disturbance = scenario.disturbance.amplitude_N_m
     if judgement.decision is not None and not judgement.coasting:
         analysis = analyse(
-            judgement.inertia if left.free_rotors.any() else inertia,
-            left.columns,
+            judgement.inertia if healthy.free_rotors.any() else inertia,
+            healthy.columns,
             disturbance=disturbance if any(disturbance) else None,
             orbit_rate=orbit_rate(scenario),
             tolerance=tolerance,
-            labels=left.names,
+            labels=healthy.names,
         )
     most = None if len(actuators.names) <= MAX_ACTUATORS else 2
     cases = failure_table(inertia, actuators, tolerance=tolerance, most_failed=most)
@@ -171,7 +171,7 @@ def _analyse(
 
 
 def _magnetic_authority(scenario: Scenario) -> MagneticAuthority | None:
-    """That of the magnetorquers that work; None without any.
+    """The authority of the magnetorquers that work; None without any.
 
     None, too, where rest in the orbit frame is no equilibrium.
     """
@@ -199,9 +199,9 @@ def _magnetic_lines(scenario: Scenario) -> list[str]:
             "linearises about rest in the orbit frame, which is no equilibrium of this body"
         ]
     actuators, others = all_actuators(scenario)
-    left = actuators.only(others)
-    sizes = np.linalg.norm(left.torques, axis=0) if scenario.thruster else np.zeros(0)
-    words = magnetic_words(authority, sizes.max(initial=0.0), bool(left.wheels))
+    healthy = actuators.only(others)
+    sizes = np.linalg.norm(healthy.torques, axis=0) if scenario.thruster else np.zeros(0)
+    words = magnetic_words(authority, sizes.max(initial=0.0), bool(healthy.wheels))
     return [*words, *_magnetic_law(scenario)]
 
 
@@ -258,24 +258,28 @@ def _follow_drift(scenario: Scenario) -> tuple[list[str], dict[str, tuple[Any, .
     if jnp.any(amplitude * frequency != 0):
         motion = energy_counterexample(inertia, amplitude, frequency)
         axis = int(np.argmax(np.abs(motion.omega)))
-        passed = motion.times[np.argmax(motion.energies > motion.claimed)]
+        crossing_time = motion.times[np.argmax(motion.energies > motion.claimed)]
         lines.append(
             f"Claim (18), that the energy stays within C + Σa_i: from a spin of "
             f"{motion.omega[axis]:g} rad/s about {'xyz'[axis]}, all phases zero, the energy has "
             f"grown by {motion.gain:.3g} J after {motion.times[-1]:.3g} s, where the claim allows "
             f"{motion.claimed - motion.energies[0]:.3g} J"
-            + (f"; refuted (passed at {passed:.3g} s)" if motion.excess > 0 else "; not refuted")
+            + (
+                f"; refuted (passed at {crossing_time:.3g} s)"
+                if motion.excess > 0
+                else "; not refuted"
+            )
         )
         bound = energy_bound(inertia, motion.energies[0], amplitude, jnp.asarray(motion.times))
         charts["energy"] = (motion.times, motion.energies, motion.claimed, np.asarray(bound))
     return lines, charts
 
 
-def _drift_figures(drawn: Mapping[str, tuple[Any, ...]]) -> "dict[str, Figure]":
+def _drift_figures(chart_data: Mapping[str, tuple[Any, ...]]) -> "dict[str, Figure]":
     from jaxsat.report.controllability_figures import energy_chart, recurrence_chart
 
     charts = {"recurrence": recurrence_chart, "energy": energy_chart}
-    return {name: charts[name](*data) for name, data in drawn.items()}
+    return {name: charts[name](*data) for name, data in chart_data.items()}
 
 
 def _figures(judgement: Judgement, cases: Sequence[FailureCase]) -> "dict[str, Figure]":

@@ -29,9 +29,9 @@ def design_document(record: Record) -> Document:
 
     Raises `KeyError` or `TypeError` for a record of another form.
     """
-    missed = record["controllability"]["misses_attitude"]
+    remark = record["controllability"]["misses_attitude"]
     verdict = Verdict(
-        record["outcome"] == "reached", record["headline"], [missed] if missed else []
+        record["outcome"] == "reached", record["headline"], [remark] if remark else []
     )
     blocks: list[Block] = [Lines("Remaining control authority", record["controllability"]["lines"])]
     blocks += [Lines(title, record[name]) for name, title in LINES.items() if record[name]]
@@ -90,14 +90,14 @@ def _verification(record: Record, verification: Record) -> Iterator[Block]:
     more = len(failing) - SHOWN_CASES
     rest = f" and {more:,} more, all of them in design.json" if more > 0 else ""
     command = f"jaxsat montecarlo {DESIGNED} --seed {seed} --case {failing[0]}"
-    listed = ", ".join(map(str, failing[:SHOWN_CASES]))
-    sentences = [f"{listed}{rest}.", f"To rerun one of them, with figures: `{command}`."]
+    numbers = ", ".join(map(str, failing[:SHOWN_CASES]))
+    sentences = [f"{numbers}{rest}.", f"To rerun one of them, with figures: `{command}`."]
     yield Lines("Cases that do not settle", sentences)
     if record["outcome"] != "reached":
-        yield from _explained(verification)
+        yield from _common_features(verification)
 
 
-def _explained(verification: Record) -> Iterator[Block]:
+def _common_features(verification: Record) -> Iterator[Block]:
     """What the failing cases have in common, and what would help."""
     title = "Common features of the failing cases"
     if verification["separations"]:
@@ -112,15 +112,15 @@ def _explained(verification: Record) -> Iterator[Block]:
         yield Lines(title, [message])
     if verification["limit"] is not None:
         limit = verification["limit"]
-        helped = f"With {limit['change']} {limit['settled']} of {limit['flown']} settle."
-        yield Lines("Limiting factor", [helped, *([limit["cause"]] if limit["cause"] else [])])
+        sentence = f"With {limit['change']} {limit['settled']} of {limit['flown']} settle."
+        yield Lines("Limiting factor", [sentence, *([limit["cause"]] if limit["cause"] else [])])
     if verification["remedies"]:
-        rows = [[one["change"], _helped(one)] for one in verification["remedies"]]
+        rows = [[one["change"], _share_cell(one)] for one in verification["remedies"]]
         note = "The failing cases simulated again, each time with one change."
         yield Table("Possible remedies", ["change", "cases that then settle"], rows, note)
 
 
-def _helped(one: Record) -> Shown:
+def _share_cell(one: Record) -> Shown:
     share = one["settled"] / one["flown"]
     return Shown(f"{one['settled']} of {one['flown']} ({share:.0%})", share)
 

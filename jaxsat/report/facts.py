@@ -30,8 +30,10 @@ def settles_in_attitude(scenario: Mapping[str, Any]) -> bool:
 
 
 def settled_meaning(scenario: Mapping[str, Any], of_study: bool = False) -> str:
-    """Within what a run of a scenario's tables counts as settled, or a case of a study, which under
-    a law that only stops a rotation may turn as fast as the orbit besides."""
+    """The tolerances within which a run of a scenario's tables, or a case of a study, is settled.
+
+    Under a law that only stops a rotation a case of a study may turn as fast as the orbit besides.
+    """
     keys = ("tilt_rad", "turn_rad", "rate_rad_s", "dwell_s")
     table = scenario.get("settled", {})
     values = {key: table[key] for key in keys if isinstance(table.get(key), int | float)}
@@ -119,7 +121,7 @@ def record_provenance(record: Mapping[str, Any], **more: str) -> Facts:
 
 
 def step_error(rate: float | None, attitude: float | None) -> str:
-    """What equal steps leave, rad/s and rad; nothing without estimates."""
+    """The errors (rad/s, rad) that equal steps leave, in words; empty without estimates."""
     if rate is None or attitude is None:
         return ""
     sizes = f"{number_text(rate, 2)} rad/s and {number_text(attitude, 2)} rad"

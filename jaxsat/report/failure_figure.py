@@ -20,13 +20,13 @@ from jaxsat.report.timeline import (
 )
 
 GREYS = ("1.0", "0.72", "0.86", "0.94")
-"""Of the phases, light ones beside dark ones."""
+"""Greys of the phases, light ones beside dark ones."""
 
 IN_SERVICE = ("degraded", "friction up")
 """Failures of wheels that are used further."""
 
 ROWS = 4
-"""Of names of what happened, one below the other."""
+"""Rows of the names of what happened, one below the other."""
 
 NARROW = 0.07
 """A phase below this part of the time has its name above, a second one to the right."""
@@ -39,17 +39,17 @@ def failure_figure(dataset: xr.Dataset, *, title: str = "") -> Figure | None:
 
     None where nothing fails, or the law does not diagnose its actuators.
     """
-    struck = _failures(dataset)
-    if not struck or "detection_statistic" not in dataset:
+    failures = _failures(dataset)
+    if not failures or "detection_statistic" not in dataset:
         return None
     time, size = dataset["time"].values, dataset["pointing_error_total"].values
     axis = Axis("Pointing error", "°", limits=(0.0, 1.45 * float(np.nanmax(size))))
     plots = [Plot("Pointing error", "", TIME, axis, [Line(time, size)]), _tests(dataset)]
     if diagnosed_part(dataset) != "thruster":
         plots += signal_plots(dataset, "wheel_momentum")
-    events = [*struck[:1], *verdicts(dataset)][:3]
-    if len(struck) > 1:  # failures and what was isolated, without the alarms
-        events = sorted([*struck, *(one for one in verdicts(dataset) if one[1] != "alarm")])
+    events = [*failures[:1], *verdicts(dataset)][:3]
+    if len(failures) > 1:  # failures and what was isolated, without the alarms
+        events = sorted([*failures, *(one for one in verdicts(dataset) if one[1] != "alarm")])
     timeline = Timeline(time, [(at, "") for at, _ in events])
     heading = title or subject_title(dataset, "failure, diagnosis, recovery")
     figure = paint(plots, heading, 1.7, timeline)
@@ -76,28 +76,30 @@ def _failures(dataset: xr.Dataset) -> list[tuple[float, str]]:
 def phases(dataset: xr.Dataset) -> list[tuple[float, float, str]]:
     """Begin and end (s) of the phases of a run in which something fails, and their names."""
     start, end = float(dataset["time"][0]), float(dataset["time"][-1])
-    struck = [at for at, _ in _failures(dataset)]
+    strikes = [at for at, _ in _failures(dataset)]
     settled = float(dataset["settled_from"]) if "settled_from" in dataset else np.inf
     instants = [(start, "healthy: three axes")]
-    for failed, following in zip(struck, [*struck[1:], np.inf], strict=True):
-        instants.append((failed, "failed,\nnot known"))
-        isolations = [at for at, name in verdicts(dataset) if at >= failed and "isolated" in name]
+    for strike, following in zip(strikes, [*strikes[1:], np.inf], strict=True):
+        instants.append((strike, "failed,\nnot known"))
+        isolations = [at for at, name in verdicts(dataset) if at >= strike and "isolated" in name]
         if isolations and isolations[0] < following:
             what = "settling" if following == np.inf else "flying"
-            instants.append((isolations[0], f"{what} by\n{_left(dataset, isolations[0])}"))
+            instants.append(
+                (isolations[0], f"{what} by\n{_remaining_wheels(dataset, isolations[0])}")
+            )
     if np.isfinite(settled) and settled > instants[-1][0]:
         instants.append((settled, "settled"))
     ends = [at for at, _ in instants[1:]] + [end]
     return [(at, to, name) for (at, name), to in zip(instants, ends, strict=True)]
 
 
-def _left(dataset: xr.Dataset, at: float) -> str:
+def _remaining_wheels(dataset: xr.Dataset, at: float) -> str:
     """What is left at a time (s): how many wheels, where these are diagnosed."""
     if diagnosed_part(dataset) != "wheel":
         return "what is left"
     kinds = dataset["diagnosed_kind"].sel(time=at).values
-    lost = [kind >= 0 and DIAGNOSED[int(kind)] not in IN_SERVICE for kind in kinds]
-    return f"{len(kinds) - sum(lost)} wheels"
+    out_of_service = [kind >= 0 and DIAGNOSED[int(kind)] not in IN_SERVICE for kind in kinds]
+    return f"{len(kinds) - sum(out_of_service)} wheels"
 
 
 def _draw_phases(dataset: xr.Dataset, axes: Axes) -> None:

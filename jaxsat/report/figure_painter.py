@@ -87,11 +87,11 @@ def paint(
     shades = [*timeline.shades] if timeline is not None else []
     legends = [_entries(plot) + (shades if not place else []) for place, plot in enumerate(plots)]
     heads = [_head(plot, legend) for plot, legend in zip(plots, legends, strict=True)]
-    shared = [one.x == other.x for one, other in itertools.pairwise(plots)] + [False]
-    labelled = [one.x.label != other.x.label for one, other in itertools.pairwise(plots)] + [True]
+    same_axes = [one.x == other.x for one, other in itertools.pairwise(plots)] + [False]
+    new_labels = [one.x.label != other.x.label for one, other in itertools.pairwise(plots)] + [True]
     below = [
         0.0 if same else BOTTOM if label else TICKS
-        for same, label in zip(shared, labelled, strict=True)
+        for same, label in zip(same_axes, new_labels, strict=True)
     ]
     right = RIGHT + (BAR if any(plot.strips is not None for plot in plots) else 0)
     whole = TOP + sum(heads) + height * len(plots) + sum(below)
@@ -110,9 +110,9 @@ def paint(
             if timeline is not None:
                 _show_timeline(panel, timeline, named=not number)
             if len(legends[number]) > 1:
-                _place_legend(panel, legends[number], above=not plot.told)
-            panel.tick_params(labelbottom=not shared[number])
-            if labelled[number]:
+                _place_legend(panel, legends[number], above=not plot.sentence)
+            panel.tick_params(labelbottom=not same_axes[number])
+            if new_labels[number]:
                 panel.set_xlabel(escape_mathematics(plot.x.text))
     return figure
 
@@ -152,13 +152,13 @@ def paint_grid(rows: Sequence[Sequence[Plot | None]], title: str) -> Figure:
 
 def _head(plot: Plot, legend: Sequence[str]) -> float:
     """Inches above a panel, for a sentence or a legend."""
-    if plot.told:
+    if plot.sentence:
         return GAP + ROW * len(_sentences(plot).split("\n"))
     return GAP + ROW * (-(-len(legend) // _columns(legend)) if len(legend) > 1 else 0)
 
 
 def _sentences(plot: Plot) -> str:
-    return textwrap.fill(clean(f"{plot.title}. {plot.told}", MAX_TITLE_LENGTH), TITLE_WIDTH)
+    return textwrap.fill(clean(f"{plot.title}. {plot.sentence}", MAX_TITLE_LENGTH), TITLE_WIDTH)
 
 
 def _entries(plot: Plot) -> list[str]:
@@ -173,12 +173,12 @@ def _columns(legend: Sequence[str]) -> int:
 
 
 def _place_legend(panel: Axes, legend: Sequence[str], *, above: bool) -> None:
-    """In the panel, or above it at the right."""
+    """Put the legend in the panel, or above it at the right."""
     place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1}
     handles = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
-    shown = {label: handles[label] for label in legend if label in handles}
+    entries = {label: handles[label] for label in legend if label in handles}
     place |= {"ncols": _columns(legend)}
-    panel.legend([*shown.values()], [*shown], fontsize=8, **(place if above else {}))
+    panel.legend([*entries.values()], [*entries], fontsize=8, **(place if above else {}))
 
 
 def _paint(figure: Figure, panel: Axes, plot: Plot) -> None:
@@ -196,7 +196,7 @@ def _paint(figure: Figure, panel: Axes, plot: Plot) -> None:
     panel.yaxis.set_label_coords(0, 0.5, panel.transAxes + inches)
     if plot.strips is not None:
         _paint_strips(figure, panel, plot, plot.strips)
-    if plot.told:
+    if plot.sentence:
         panel.set_title(_sentences(plot), fontsize=8, loc="left", parse_math=False, y=1.0)
 
 
@@ -233,17 +233,17 @@ def _paint_line(panel: Axes, line: Line, number: int, log: bool, shade: float) -
     look = dict(FAINT if line.faint else STYLES[number % len(STYLES)])
     band = line.band
     columns = [line.y] if band is None else [line.y, band.low, band.high]
-    kept = kept_samples(np.stack(columns, axis=1))
-    x = line.x[kept]
+    samples = kept_samples(np.stack(columns, axis=1))
+    x = line.x[samples]
     if band is not None:
         label = escape_mathematics(band.label)
-        shown = label not in panel.get_legend_handles_labels()[1]
+        is_new = label not in panel.get_legend_handles_labels()[1]
         panel.fill_between(
             x,
-            band.low[kept],
-            band.high[kept],
+            band.low[samples],
+            band.high[samples],
             step="post" if line.steps else None,
-            label=label if label and shown else "_",
+            label=label if label and is_new else "_",
             color=look["color"],
             alpha=shade,
             linewidth=0.4,
@@ -251,7 +251,7 @@ def _paint_line(panel: Axes, line: Line, number: int, log: bool, shade: float) -
     look |= {"drawstyle": "steps-post"} if line.steps else {}
     look |= {"marker": "o", "markersize": 3.5} if line.points else {}
     y = np.where(line.y > 0, line.y, np.nan) if log else line.y
-    panel.plot(x, y[kept], label=escape_mathematics(line.label), **look)
+    panel.plot(x, y[samples], label=escape_mathematics(line.label), **look)
 
 
 def _paint_strips(figure: Figure, panel: Axes, plot: Plot, strips: Strips) -> None:
@@ -261,7 +261,7 @@ def _paint_strips(figure: Figure, panel: Axes, plot: Plot, strips: Strips) -> No
     """
     begins, largest = largest_of_parts(strips.values, STRIP_PARTS)
     count = len(strips.labels)
-    drawn = panel.pcolormesh(
+    mesh = panel.pcolormesh(
         np.append(strips.x[begins], strips.x[-1]),
         np.arange(count + 1) + 0.5,
         largest.T,
@@ -273,7 +273,7 @@ def _paint_strips(figure: Figure, panel: Axes, plot: Plot, strips: Strips) -> No
     panel.grid(visible=False)
     left, bottom, width, height = panel.get_position().bounds
     place = (left + width + 0.1 / WIDTH, bottom, 0.12 / WIDTH, height)
-    bar = figure.colorbar(drawn, cax=figure.add_axes(place))
+    bar = figure.colorbar(mesh, cax=figure.add_axes(place))
     bar.ax.tick_params(labelsize=7)
 
 

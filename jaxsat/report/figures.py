@@ -92,7 +92,7 @@ def rates_figure(
     With `linear_to` (rad/s) the upper axis is logarithmic beyond that rate.
     """
     (whole,) = signal_plots(dataset, "omega")
-    plots = [_compressed(whole, linear_to), enlarged(whole, zoom or _last_fifth(dataset))]
+    plots = [_compress(whole, linear_to), enlarged(whole, zoom or _last_fifth(dataset))]
     return _figure(dataset, plots, "angular velocity", title)
 
 
@@ -111,7 +111,7 @@ def torque_figure(
     """
     together = Plot("Torque T", "", TIME, Axis("Torque T", "N m"), torque_lines(dataset))
     plots = [
-        *(_compressed(plot, linear_to) for plot in torque_plots(dataset)),
+        *(_compress(plot, linear_to) for plot in torque_plots(dataset)),
         *signal_plots(dataset, "constraint_torque"),
         enlarged(together, zoom or _last_fifth(dataset)),
     ]
@@ -127,9 +127,11 @@ def steering_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:
     time, (first, second, third) = dataset["time"].values, dataset["omega"].values.T
     product = first * second
     steps = np.diff(time) * (product[1:] + product[:-1]) / 2
-    steered = third[0] + _gyroscopic_ratio(dataset) * np.concatenate([[0], np.cumsum(steps)])
+    gyroscopic_rate = third[0] + _gyroscopic_ratio(dataset) * np.concatenate(
+        [[0], np.cumsum(steps)]
+    )
     driven = [Line(time, first, "ω1"), Line(time, second, "ω2")]
-    results = [Line(time, third, "ω3"), Line(time, steered, "made by ω1 ω2")]
+    results = [Line(time, third, "ω3"), Line(time, gyroscopic_rate, "made by ω1 ω2")]
     rate, small = Axis("Rate", "rad/s", linear_to=1e-3), Axis("ω3", "rad/s", linear_to=1e-5)
     area = Axis("ω1 ω2", "rad²/s²", linear_to=1e-5)
     plots = [
@@ -152,9 +154,9 @@ def comparison_figure(
 
     def lines(name: str) -> list[Line]:
         values = (one[name].values.reshape(len(one["time"]), -1) for one in datasets)
-        shown = (one[:, 0] if name == "z" else np.linalg.norm(one, axis=1) for one in values)
+        signals = (one[:, 0] if name == "z" else np.linalg.norm(one, axis=1) for one in values)
         times = (one["time"].values for one in datasets)
-        return [Line(*line) for line in zip(times, shown, labels, strict=True)]
+        return [Line(*line) for line in zip(times, signals, labels, strict=True)]
 
     plots = [
         Plot("Tilt", "", TIME, Axis("|w|", "1", log=True), lines("w")),
@@ -164,7 +166,7 @@ def comparison_figure(
     return _figure(datasets[0], plots, "", title)
 
 
-def _compressed(plot: Plot, linear_to: float | None) -> Plot:
+def _compress(plot: Plot, linear_to: float | None) -> Plot:
     return dataclasses.replace(plot, y=dataclasses.replace(plot.y, linear_to=linear_to))
 
 

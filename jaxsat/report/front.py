@@ -31,13 +31,13 @@ def bound_document(title: str, record: Mapping[str, Any]) -> Document:
     elif record["end"] == "settled":
         tilt, turn, rate = (number_text(flight[one], 3) for one in ("tilt", "turn", "rate"))
         where = f"at {tilt} rad of tilt, {turn} rad of turn and {rate} rad/s"
-    listed = ", ".join(map(number_text, record["local_optima"]))
+    optima = ", ".join(map(number_text, record["local_optima"]))
     facts = {
         "duration": f"{number_text(record['duration_s'])} s",
         "effort": f"{number_text(flight['effort'])} N m s",
         "end": record["end_meaning"],
         "independent verification": f"ends {where}",
-        "local optima": f"{listed} {unit}, of {record['starts']} starts",
+        "local optima": f"{optima} {unit}, of {record['starts']} starts",
     }
     text = f"Least {record['objective']}: {value} {unit}, not certified."
     return Document(title, Verdict(None, text), [Facts("Best found", facts)])
@@ -140,7 +140,7 @@ def _draw(axis: "Axes", front: dict[str, Any], names: Sequence[str]) -> None:
         axis.set_xlim(first, last)
         axis.set_ylim(0, 1.08 * max(all_efforts))
         ticks = [base * 10**power for power in range(-2, 7) for base in TIME_TICKS]
-        shown = [tick for tick in ticks if first <= tick <= last]
-        axis.set_xticks(shown, [f"{tick:g}" for tick in shown])
+        visible_ticks = [tick for tick in ticks if first <= tick <= last]
+        axis.set_xticks(visible_ticks, [f"{tick:g}" for tick in visible_ticks])
         axis.minorticks_off()
         axis.axvspan(first, min(times, default=first), color="#dddddd", linewidth=0)

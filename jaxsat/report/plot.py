@@ -90,7 +90,7 @@ class Plot:
     """
 
     title: str
-    told: str
+    sentence: str
     x: Axis
     y: Axis
     lines: Sequence[Line] = ()
@@ -110,7 +110,7 @@ class Timeline:
     shades: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def unshaded(self) -> "Timeline":
-        """Without the spans."""
+        """The timeline without its spans."""
         return replace(self, shades={})
 
 
@@ -130,20 +130,20 @@ def kept_samples(signals: np.ndarray, most: int = MOST) -> np.ndarray:
         return np.arange(count)
     parts = max(1, most // (2 * columns + 1))
     begins = np.linspace(0, count, parts, endpoint=False).astype(int)
-    kept = [begins, [count - 1]]
+    numbers = [begins, [count - 1]]
     for column in signals.T:
         there = np.isfinite(column)
-        kept += [
+        numbers += [
             np.flatnonzero(there[1:] != there[:-1]),
             1 + np.flatnonzero(there[1:] != there[:-1]),
         ]
         for sign in (1, -1):
-            kept.append(_places_of_largest(np.where(there, sign * column, -np.inf), begins))
-    return np.unique(np.concatenate(kept))
+            numbers.append(_places_of_largest(np.where(there, sign * column, -np.inf), begins))
+    return np.unique(np.concatenate(numbers))
 
 
 def _places_of_largest(values: np.ndarray, begins: np.ndarray) -> np.ndarray:
-    """Where in each part the largest value is."""
+    """The place of the largest value of each part."""
     ends = [*begins[1:], len(values)]
     return np.array(
         [begin + np.argmax(values[begin:end]) for begin, end in zip(begins, ends, strict=True)]
@@ -151,7 +151,7 @@ def _places_of_largest(values: np.ndarray, begins: np.ndarray) -> np.ndarray:
 
 
 def largest_of_parts(values: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:
-    """Where each of about `parts` parts of the samples (n, m) begins, and its largest values."""
+    """The begin of each of about `parts` parts of the samples (n, m), and its largest values."""
     begins = np.unique(
         np.linspace(0, len(values), min(parts, len(values)), endpoint=False, dtype=int)
     )

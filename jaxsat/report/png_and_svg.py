@@ -17,10 +17,10 @@ from matplotlib.image import imsave
 from matplotlib.transforms import Affine2D, IdentityTransform, TransformedBbox, TransformedPath
 
 PNG_OPTIONS = {"compress_level": 2}
-"""Of Pillow: PNG files a tenth larger than with all effort, in a third of the time."""
+"""Options of Pillow: PNG files a tenth larger than with all effort, in a third of the time."""
 
 NO_SOFTWARE: Any = {"Software": None}
-"""Without the version of matplotlib in a PNG file."""
+"""Metadata that keep the version of matplotlib out of a PNG file."""
 
 POINTS_PER_INCH = 72
 """The unit of an SVG file; pixels are the unit of all that a figure gives to a renderer."""
@@ -79,13 +79,13 @@ class _PngAndSvgRenderer(RendererBase):
         box, (path, transform) = gc.get_clip_rectangle(), clip
         if box is None and path is None:
             return gc
-        scaled: Any = self.svg.new_gc()
-        scaled.copy_properties(gc)
+        context: Any = self.svg.new_gc()
+        context.copy_properties(gc)
         if box is not None:
-            scaled.set_clip_rectangle(TransformedBbox(box, self._points))
+            context.set_clip_rectangle(TransformedBbox(box, self._points))
         if path is not None:
-            scaled.set_clip_path(TransformedPath(path, transform + self._points))
-        return scaled
+            context.set_clip_path(TransformedPath(path, transform + self._points))
+        return context
 
     def draw_path(self, gc, path, transform, rgbFace=None) -> None:
         """Draw a path."""

@@ -41,13 +41,13 @@ def terminal_text(document: Document) -> str:
     console = Console(markup=False, highlight=False, soft_wrap=True)
     width = console.width if console.is_terminal else WIDEST
     console.file = io.StringIO()  # what is captured is flushed to it, and may find a closed pipe
-    with console.capture() as caught:
+    with console.capture() as capture:
         for part in _parts(document):
             if isinstance(part, Table):
                 _print_table(console, part, width)
             else:
                 console.print(part, soft_wrap=not isinstance(part, Grid))
-    return "".join(line.rstrip() + "\n" for line in caught.get().splitlines())
+    return "".join(line.rstrip() + "\n" for line in capture.get().splitlines())
 
 
 def _parts(document: Document) -> Iterator[Any]:
@@ -149,5 +149,5 @@ def _markdown_items(lines: Iterable[str]) -> str:
 
 def _prose(text: str) -> str:
     return "".join(
-        f"`{clean(piece)}`" if typed else markdown(piece) for typed, piece in prose(text)
+        f"`{clean(piece)}`" if is_code else markdown(piece) for is_code, piece in prose(text)
     )

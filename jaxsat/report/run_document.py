@@ -18,10 +18,10 @@ from jaxsat.report.timeline import failures_of
 from jaxsat.store.dataset import errors_of, time_at_rest, time_to_settle
 
 AT_LIMIT = 1 - 1e-6
-"""Of a limit: from here on a device counts as being there."""
+"""The part of a limit from which on a device counts as being at it."""
 
 UNMADE = 1e-9
-"""Of the largest torque: what is below counts as made."""
+"""The part of the largest torque below which unmet torque counts as none."""
 
 
 def run_document(dataset: xr.Dataset, name: str = "") -> Document:
@@ -43,7 +43,7 @@ def _title(dataset: xr.Dataset, name: str) -> str:
 
 
 def until_end(dataset: xr.Dataset) -> xr.Dataset:
-    """Without the times that a failed run did not reach; with one at least."""
+    """The dataset without the times that a failed run did not reach; it keeps one at least."""
     good = np.flatnonzero(np.isfinite(dataset["quaternion"].values).all(axis=1))
     last = int(good[-1]) if len(good) else 0
     return dataset.isel(time=slice(0, last + 1))
@@ -90,10 +90,10 @@ def _final_state(dataset: xr.Dataset) -> dict[str, str]:
 def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, str]:
     """Torque, effort, what each device did and, told apart, the ideal torque that holds the third
     rate; the steps."""
-    ranged = "torque_max" in dataset
-    torques = ("torque_min", "torque_max") if ranged else ("torque",)
+    has_range = "torque_max" in dataset
+    torques = ("torque_min", "torque_max") if has_range else ("torque",)
     peak = np.nanmax(np.abs(np.concatenate([dataset[one].values for one in torques])), axis=0)
-    rows = {"torque": f"at most {_numbers(peak)} N m{'' if ranged else ' at the saved times'}"}
+    rows = {"torque": f"at most {_numbers(peak)} N m{'' if has_range else ' at the saved times'}"}
     if "torque_unmade" in dataset:
         unmade = np.linalg.norm(dataset["torque_unmade"].values, axis=1)
         lacking = unmade > UNMADE * np.max(peak, initial=0.0)
@@ -116,8 +116,8 @@ def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, st
         spans = np.diff(dataset["time"].values)
         open_for = spans @ dataset["thrust_level"].values[:-1]
         rows["thrusters"] = f"at full thrust for {_numbers(open_for)} s"
-    if "propellant" in dataset and (used := float(dataset["propellant"].max())) > 0:
-        rows["propellant"] = f"{number_text(used, 3)} kg"
+    if "propellant" in dataset and (propellant := float(dataset["propellant"].max())) > 0:
+        rows["propellant"] = f"{number_text(propellant, 3)} kg"
     if "constraint_effort" in dataset:
         peak = float(abs(dataset["constraint_torque"]).max())
         effort = number_text(dataset["constraint_effort"].values)

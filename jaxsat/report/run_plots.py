@@ -27,7 +27,7 @@ TITLES = {
     "lyapunov": "Lyapunov function V",
     "mode": "Phase of the control law",
 }
-"""Others go by their long name."""
+"""Titles of signals; others go by their long name."""
 
 OWN = frozenset(
     {
@@ -43,7 +43,7 @@ OWN = frozenset(
 """The signals that every trajectory has, or that have a figure made for them."""
 
 SYMBOLS = {"omega": "ω", "torque": "T"}
-"""Of vectors whose components are numbered; those of others are called as in the dataset."""
+"""Symbols of vectors whose components are numbered; others are called as in the dataset."""
 
 LOGARITHMIC = frozenset({"pointing_error_total", "lyapunov"})
 STEPS = frozenset(
@@ -70,8 +70,8 @@ BOUND = "_3sigma"
 
 def shown_unit(unit: str) -> str:
     """A unit of the CF conventions as a person writes it."""
-    shown = {"degree": "°", "1": ""}.get(unit, unit)
-    return shown.replace(" s-1", "/s").replace("s-1", "1/s").replace("m2", "m²")
+    symbol = {"degree": "°", "1": ""}.get(unit, unit)
+    return symbol.replace(" s-1", "/s").replace("s-1", "1/s").replace("m2", "m²")
 
 
 def has_effectors(dataset: xr.Dataset) -> bool:
@@ -116,7 +116,7 @@ def signal_plots(dataset: xr.Dataset, name: str) -> list[Plot]:
     if len(parts) > MOST_LINES:
         return [Plot(title, "", TIME, Axis(title, unit), strips=Strips(time, values, parts))]
     if name in WRAPPED:
-        values = _broken_at_wraps(values)
+        values = _break_at_wraps(values)
     bound, bands, limits = name.removesuffix("_error") + BOUND, [None] * len(parts), (None, None)
     if bound in dataset:
         sizes = dataset[bound].values.reshape(values.shape)
@@ -157,9 +157,9 @@ def torque_plots(dataset: xr.Dataset) -> list[Plot]:
         return [dataclasses.replace(one, lines=one.lines[: torque_axes(dataset)]) for one in plots]
     title = "Torque {}: mean and range until the next saved time"
     return [
-        Plot(title.format(line.label), "", TIME, Axis(f"Torque {line.label}", "N m"), [ranged])
+        Plot(title.format(line.label), "", TIME, Axis(f"Torque {line.label}", "N m"), [mean_line])
         for line in torque_lines(dataset)
-        if (ranged := dataclasses.replace(line, label="mean"))
+        if (mean_line := dataclasses.replace(line, label="mean"))
     ]
 
 
@@ -190,7 +190,7 @@ def enlarged(plot: Plot, span: Span) -> Plot:
 
 
 def torque_axes(dataset: xr.Dataset) -> int:
-    """Three where actuators turn about the third axis, else two."""
+    """The number of axes with torque: three where actuators turn about the third axis, else two."""
     names = {"torque", "torque_min", "torque_max"} & set(dataset)
     return 3 if any((np.abs(dataset[name][:, 2]) > 0).any() for name in names) else 2
 
@@ -215,7 +215,7 @@ def _limits_once_settled(
     return (-largest, largest) if largest > 0 else (None, None)
 
 
-def _broken_at_wraps(angles: np.ndarray) -> np.ndarray:
+def _break_at_wraps(angles: np.ndarray) -> np.ndarray:
     """Angles (times, n) in degrees that a line through them does not join where they jump."""
     jumps = np.abs(np.diff(angles, axis=0, prepend=angles[:1])) > 180
     return np.where(jumps, np.nan, angles)

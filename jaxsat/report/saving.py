@@ -41,7 +41,7 @@ def save_figures(figures: Figures | Callable[[], Figures], write: Callable[[str,
         with rc_context(style), no_collection():
             by_name = figures() if callable(figures) else figures
             for name, figure in by_name.items():
-                files |= _drawn(name, figure)
+                files |= _draw(name, figure)
     except Exception as error:
         _tell("figures", error)
     for number, (name, content) in enumerate(files.items()):
@@ -55,7 +55,7 @@ def save_figures(figures: Figures | Callable[[], Figures], write: Callable[[str,
             return
 
 
-def _drawn(name: str, figure: "Figure | Callable[[], Figure]") -> dict[str, bytes]:
+def _draw(name: str, figure: "Figure | Callable[[], Figure]") -> dict[str, bytes]:
     """A figure's files; none where it cannot be drawn."""
     from jaxsat.report.png_and_svg import png_and_svg
 

@@ -11,7 +11,7 @@ from matplotlib.axis import Axis, Tick, XAxis, XTick, YAxis
 from matplotlib.text import Text
 
 ROUNDING = 1e-10
-"""By what part of an axis a tick may be beyond its end."""
+"""Part of an axis by which a tick may be beyond its end."""
 
 
 class _Place:
@@ -27,14 +27,14 @@ class _Place:
     @property
     def label1(self) -> Any:
         """The number on the usual side."""
-        return self._moved(self._tick.label1)
+        return self._move(self._tick.label1)
 
     @property
     def label2(self) -> Any:
         """The number on the other side."""
-        return self._moved(self._tick.label2)
+        return self._move(self._tick.label2)
 
-    def _moved(self, label: Text) -> Text:
+    def _move(self, label: Text) -> Text:
         if label.get_visible():
             (label.set_x if isinstance(self._tick, XTick) else label.set_y)(self._at)
             label.set_text(self._text)
@@ -71,16 +71,16 @@ class _SharedTicks(Axis):
             (self.get_majorticklocs(), self.major.formatter, lambda: self.majorTicks),
             (self.get_minorticklocs(), self.minor.formatter, lambda: self.minorTicks),
         )
-        for given, formatter, ticks in kinds:
-            locations = np.asarray(given, float)
+        for tick_locations, formatter, ticks in kinds:
+            locations = np.asarray(tick_locations, float)
             if not len(locations):
                 continue
             texts, tick = formatter.format_ticks(locations), ticks()[0]
             there = self.get_transform().transform(locations)
-            shown = np.flatnonzero((there >= first - room) & (there <= last + room))
+            visible = np.flatnonzero((there >= first - room) & (there <= last + room))
             places += [
-                _Place(tick, locations[one], texts[one], locations[shown] if not number else None)
-                for number, one in enumerate(shown)
+                _Place(tick, locations[one], texts[one], locations[visible] if not number else None)
+                for number, one in enumerate(visible)
             ]
         return places
 
@@ -90,7 +90,7 @@ class _SharedTicks(Axis):
         return super().get_majorticklabels()
 
     def get_minorticklabels(self) -> list[Any]:
-        """Those at the small ticks."""
+        """The numbers at the small ticks, an object each."""
         Axis._update_ticks(self)  # pyright: ignore[reportAttributeAccessIssue]
         return super().get_minorticklabels()
 

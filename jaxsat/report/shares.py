@@ -75,9 +75,9 @@ def momentum_budget(dataset: xr.Dataset) -> str:
     texts = []
     for name, torque in parts:
         impulse = np.trapezoid(_in_inertial(dataset, torque), dataset["time"].values, axis=0)
-        given = np.linalg.norm(impulse)
-        if given > 0:
-            texts.append(f"{number_text(given / max(orbits, 1), 3)} N m s by {name}")
+        momentum = np.linalg.norm(impulse)
+        if momentum > 0:
+            texts.append(f"{number_text(momentum / max(orbits, 1), 3)} N m s by {name}")
     return f"{', '.join(texts)}, {'in an orbit' if orbits else 'in all'}" if texts else ""
 
 
@@ -93,5 +93,5 @@ def _in_inertial(
     to_orbit = Rotation.from_quat(np.roll(dataset["quaternion"].values, -1, axis=1))
     frame_rate = (dataset["omega"] - dataset["relative_rate"]).values[0]
     time = dataset["time"].values - float(dataset["time"][0])
-    turned = Rotation.from_rotvec(np.outer(time, to_orbit[0].apply(np.array(frame_rate))))
-    return (turned * to_orbit).apply(np.array(vectors))
+    frame_turns = Rotation.from_rotvec(np.outer(time, to_orbit[0].apply(np.array(frame_rate))))
+    return (frame_turns * to_orbit).apply(np.array(vectors))

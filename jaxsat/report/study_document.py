@@ -36,24 +36,25 @@ PERCENTILES = {
 """What is told in percentiles, by its name in the summary."""
 
 MUTE = {*UNMADE, *(name for name, (one, _) in STUDIED.items() if one.mute)}
-"""Of these, what is not told where it is nothing."""
+"""Names of these that are left out where all their numbers are zero."""
 
 INTERVALS = "Intervals are of 95 %."
 
 
 def study_document(summary: Summary, scenario: Mapping[str, Any], again: str = "") -> Document:
-    """The settled fraction, percentiles, recovery and sensitivities; of a scenario's tables.
+    """The settled fraction, percentiles, recovery and sensitivities of a study.
 
-    `again` says how one of the worst cases is flown again.
+    `scenario` has the tables of its scenario, and `again` says how one of the worst cases is flown
+    again.
     """
     law = scenario.get("control", {}).get("law", "unknown")
     title = f"{summary.cases:,} cases under the law {law}"
-    used = {
-        name: found
-        for name, found in summary.actuators.items()
-        if name not in MUTE or any(one.value > 0 for one in found.values() if one)
+    percentiles = {"settling_time": summary.settling_time, "effort": summary.effort}
+    percentiles |= {
+        name: estimates
+        for name, estimates in summary.actuators.items()
+        if name not in MUTE or any(one.value > 0 for one in estimates.values() if one)
     }
-    percentiles = {"settling_time": summary.settling_time, "effort": summary.effort} | used
     blocks = [
         *percentile_table(percentiles, "Percentiles"),
         *recovery_tables(summary.recovery),
@@ -74,8 +75,8 @@ def study_verdict(summary: Summary, scenario: Mapping[str, Any], again: str = ""
     if summary.recovery is not None:
         more.append(recovery_line(summary.recovery))
     more += _steps(summary, scenario)
-    listed = ", ".join(map(str, summary.worst[:SHOWN]))
-    more.append(f"Worst cases: {listed}. {again}".rstrip())
+    numbers = ", ".join(map(str, summary.worst[:SHOWN]))
+    more.append(f"Worst cases: {numbers}. {again}".rstrip())
     return Verdict(None, text, more)
 
 
@@ -86,10 +87,10 @@ def _steps(summary: Summary, scenario: Mapping[str, Any]) -> list[str]:
     if not text:
         return []
     solver = scenario.get("simulation", {}).get("solver", {})
-    allowed = [solver.get(key, np.inf) for key in ("rate_error_rad_s", "attitude_error_rad")]
-    if all(error <= most for error, most in zip(errors, allowed, strict=True) if error is not None):
+    limits = [solver.get(key, np.inf) for key in ("rate_error_rad_s", "attitude_error_rad")]
+    if all(error <= most for error, most in zip(errors, limits, strict=True) if error is not None):
         return [f"Integration errors are {text}."]
-    most = f"{number_text(allowed[0], 2)} rad/s and {number_text(allowed[1], 2)} rad"
+    most = f"{number_text(limits[0], 2)} rad/s and {number_text(limits[1], 2)} rad"
     return [f"Integration errors are {text}: more than the scenario allows, {most}."]
 
 
@@ -109,7 +110,7 @@ def percentile_table(
 
 
 def rankings(summary: Summary) -> Iterator[Table | Lines]:
-    """On which dispersed numbers settling and the cost depend; nothing where they do not vary."""
+    """Tables of the dispersed numbers on which settling and the cost depend, where they vary."""
     sensitivities = {"settling": summary.settling_sensitivity, "the cost": summary.cost_sensitivity}
     for result, ranking in sensitivities.items():
         finite = [one for one in ranking if np.isfinite(one.first_order.value)]
@@ -157,7 +158,7 @@ def recovery_line(recovery: RecoverySummary) -> str:
 
 
 def recovery_tables(recovery: RecoverySummary | None) -> list[Table]:
-    """By kind of failure: what recovered and why the others did not, and the diagnosis."""
+    """Tables by kind of failure: what recovered, why the others did not, and the diagnosis."""
     if recovery is None:
         return []
     columns = ["failure", "cases", "recovered", "fraction", "recoverable", "fraction of these"]
@@ -166,11 +167,11 @@ def recovery_tables(recovery: RecoverySummary | None) -> list[Table]:
     rows = [_of_kind(row) for row in recovery.by_kind]
     note = f"Settled: the time from the last failure, of the recovered cases. {INTERVALS}"
     tables = [Table("Recovery by kind of failure", columns, rows, note)]
-    diagnosed = [row for row in recovery.by_kind if row.diagnosis is not None]
-    if diagnosed:
-        tables.append(_diagnosis(diagnosed))
+    diagnosed_rows = [row for row in recovery.by_kind if row.diagnosis is not None]
+    if diagnosed_rows:
+        tables.append(_diagnosis(diagnosed_rows))
     if recovery.unrecovered:
-        tables.append(_explained(recovery))
+        tables.append(_explanation_table(recovery))
     return tables
 
 
@@ -190,11 +191,11 @@ def _of_kind(row: KindRecovery) -> list[Cell]:
     ]
 
 
-def _diagnosis(diagnosed: list[KindRecovery]) -> Table:
+def _diagnosis(kinds: list[KindRecovery]) -> Table:
     columns = ["failure", "cases", "detected", "correctly isolated", "with the correct kind"]
     columns += [f"{what} {percent} % (s)" for what in ("alarm", "verdict") for percent in (50, 90)]
     rows: list[list[Cell]] = []
-    for row in diagnosed:
+    for row in kinds:
         one = row.diagnosis
         assert one is not None
         delays = [
@@ -207,7 +208,7 @@ def _diagnosis(diagnosed: list[KindRecovery]) -> Table:
     return Table("Diagnosis by kind of failure", columns, rows, note)
 
 
-def _explained(recovery: RecoverySummary) -> Table:
+def _explanation_table(recovery: RecoverySummary) -> Table:
     rows = [
         [entry.case, reason_words(entry.reason), entry.text.partition("; ")[2]]
         for entry in recovery.unrecovered[:EXPLAINED]
@@ -216,9 +217,6 @@ def _explained(recovery: RecoverySummary) -> Table:
     note = f"And {more:,} more in the store." if more else ""
     columns = ["case", "reason", "explanation"]
     return Table("Cases that did not recover", columns, rows, note, SHOWN)
-
-
-"""Numbers of a sensitivity ranking that text shows."""
 
 
 def fraction_cell(interval: Interval) -> Shown:

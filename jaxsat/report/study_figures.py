@@ -27,7 +27,7 @@ BANDS = ((1.0, 99.0), (10.0, 90.0), (25.0, 75.0))
 """Percentiles between which the shades of a fan chart lie."""
 
 SHADES = ("#dbeefa", "#a9d6f3", "#6fbbe8")
-"""Of the bands from the widest to the narrowest."""
+"""Shades of the bands from the widest to the narrowest."""
 
 RARE = 3.0
 """How many times as much as the second band the widest may span before it is cut."""
@@ -123,9 +123,9 @@ def fan_figures(times: np.ndarray, signals: Signals, title: str) -> dict[str, Fi
 def settling_distribution(settling_time: np.ndarray, title: str) -> Figure:
     """How many cases settle within a time: the fraction settled by then, and a histogram."""
     plots = [study_plots.settled_by(settling_time), study_plots.settling_times(settling_time)]
-    drawn = [plot for plot in plots if plot is not None]
-    if drawn:
-        return paint(drawn, title)
+    available_plots = [plot for plot in plots if plot is not None]
+    if available_plots:
+        return paint(available_plots, title)
     figure, (panel,) = panels(1, title, height=1.2)
     text = f"none of {len(settling_time)} cases settled"
     panel.text(0.5, 0.5, text, ha="center", va="center", transform=panel.transAxes)
@@ -147,7 +147,7 @@ class DrawnNumber(NamedTuple):
 
 
 def axis_label(name: str, number: DrawnNumber) -> str:
-    """What an axis of it says: name, unit, and in a second line what it means."""
+    """The label of an axis of a dispersed number: name, unit, and in a second line its meaning."""
     unit = "" if number.unit == "1" else f" ({number.unit})"
     base, _, component = name.removesuffix("]").partition("[")
     symbol = SYMBOLS.get(base)
@@ -183,10 +183,10 @@ def success_map(
 def _mark_cases(panel: Axes, x: np.ndarray, y: np.ndarray, settled: np.ndarray) -> None:
     """Every case in its place; dots and crosses have white edges, to be seen on any colour."""
     edge = [patheffects.withStroke(linewidth=2.2, foreground="white")]
-    for chosen, marker, name in ((settled, ".", "settled"), (~settled, "x", "not settled")):
+    for members, marker, name in ((settled, ".", "settled"), (~settled, "x", "not settled")):
         panel.plot(
-            x[chosen],
-            y[chosen],
+            x[members],
+            y[members],
             marker,
             color="black",
             markersize=4,
@@ -205,7 +205,7 @@ def _mark_cases(panel: Axes, x: np.ndarray, y: np.ndarray, settled: np.ndarray) 
 
 
 FAN_INSTANTS, FAN_CASES = 500, 64
-"""About as many as a figure can show, and the cases that are computed again for the fans."""
+"""Instants that a figure can show, about, and cases that are computed again for the fans."""
 
 
 def write_study_figures(
@@ -217,11 +217,11 @@ def write_study_figures(
     """
     dataset, count = open_study(store), summary.cases
     columns = {"settling_time": np.asarray(dataset["settling_time"][:count])}
-    ranked = [entry.name for entry in summary.ranking if entry.matters][:2]
+    names = [entry.name for entry in summary.ranking if entry.matters][:2]
     every = max(1, study.program.intervals // FAN_INSTANTS)
     signals = _histories(study, np.arange(min(count, FAN_CASES)), every)
     times = study.program.instants(every) * float(study.program.interval)
-    numbers = {label: _drawn_number(dataset, label, count) for label in ranked}
+    numbers = {label: _drawn_number(dataset, label, count) for label in names}
     save_figures(
         lambda: study_figures(columns, numbers, title) | fan_figures(times, signals, title), write
     )
@@ -252,18 +252,18 @@ def _drawn_number(dataset: xr.Dataset, label: str, count: int) -> DrawnNumber:
 
 
 def study_figures(
-    columns: Mapping[str, np.ndarray], drawn: Mapping[str, DrawnNumber], title: str
+    columns: Mapping[str, np.ndarray], numbers: Mapping[str, DrawnNumber], title: str
 ) -> dict[str, Figure]:
-    """The figures of a study's columns; with two numbers in `drawn`, also a map over these."""
+    """The figures of a study's columns; with two dispersed `numbers`, also a map over these."""
     settling_time = np.asarray(columns["settling_time"])
     settled = np.isfinite(settling_time)
     figures = {
         "settling": settling_distribution(settling_time, f"{title}: settling time"),
         "convergence": convergence(settled, f"{title}: estimate"),
     }
-    if len(drawn) == 2:
-        x, y = (np.asarray(number.values) for number in drawn.values())
-        first, second = (axis_label(name, number) for name, number in drawn.items())
+    if len(numbers) == 2:
+        x, y = (np.asarray(number.values) for number in numbers.values())
+        first, second = (axis_label(name, number) for name, number in numbers.items())
         where = f"{title}: where it settles"
         figures["success"] = success_map(x, y, settled, (first, second), where)
     return figures

@@ -41,7 +41,7 @@ def settled_by(times: np.ndarray) -> Plot | None:
     middle = f", half of all cases by {half:.4g} s" if np.isfinite(half) else ""
     sentence = f"{percent_texts(fractions[-1])[0]} of the cases settle{middle}."
     title = f"Fraction settled by a time, {INTERVAL}"
-    return _banded(title, sentence, at, np.array(fractions), _until(good), SETTLED, steps=True)
+    return _band_plot(title, sentence, at, np.array(fractions), _until(good), SETTLED, steps=True)
 
 
 def settling_times(times: np.ndarray) -> Plot | None:
@@ -70,15 +70,15 @@ def convergence(settled: np.ndarray) -> Plot:
     at = np.unique(np.geomspace(1, len(settled), POINTS).astype(int))
     fractions = [wilson(int(counts[n - 1]), int(n)) for n in at]
     _, low, high = np.array(fractions).T
-    seen = at >= min(SETTLED_VIEW, len(settled) / 2)
-    room = 0.05 * (high[seen].max() - low[seen].min())
-    bottom, top = low[seen].min() - room, high[seen].max() + room
+    in_view = at >= min(SETTLED_VIEW, len(settled) / 2)
+    room = 0.05 * (high[in_view].max() - low[in_view].min())
+    bottom, top = low[in_view].min() - room, high[in_view].max() + room
     limits = (max(-0.02, float(bottom)), min(1.02, float(top)))
     sentence = f"After {len(settled):,} cases {fraction_text(fractions[-1])}."
     title = f"Fraction settled over the number of cases, {INTERVAL}"
     x = Axis("cases", log=True, limits=(1.0, float(max(2, len(settled)))))
     y = Axis("fraction settled", limits=limits)
-    return _banded(title, sentence, at, np.array(fractions), x, y)
+    return _band_plot(title, sentence, at, np.array(fractions), x, y)
 
 
 def success_over(label: str, values: np.ndarray, settled: np.ndarray, unit: str) -> Plot | None:
@@ -90,13 +90,11 @@ def success_over(label: str, values: np.ndarray, settled: np.ndarray, unit: str)
     middles = np.array([np.median(values[one]) for one in parts])
     low, high = fractions[:, 0].argmin(), fractions[:, 0].argmax()
     ends = {"Least": low, "most": high}
-    parts_told = [
-        f"{k} {fractions[n, 0]:.1%} near {middles[n]:.3g} {unit}" for k, n in ends.items()
-    ]
-    sentence = f"{', '.join(parts_told)}."
+    clauses = [f"{k} {fractions[n, 0]:.1%} near {middles[n]:.3g} {unit}" for k, n in ends.items()]
+    sentence = f"{', '.join(clauses)}."
     title = f"Fraction settled over {label}, {INTERVAL}"
     y = Axis("fraction settled")
-    return _banded(title, sentence, middles, fractions, Axis(label, unit), y, points=True)
+    return _band_plot(title, sentence, middles, fractions, Axis(label, unit), y, points=True)
 
 
 def settling_over(label: str, values: np.ndarray, times: np.ndarray, unit: str) -> Plot | None:
@@ -111,7 +109,7 @@ def settling_over(label: str, values: np.ndarray, times: np.ndarray, unit: str) 
     sentence = f"Medians from {points[:, 0].min():.4g} to {points[:, 0].max():.4g} s."
     title = f"Settling time over {label}: median, 10 % and 90 % points of settled cases"
     y = Axis("settling time", "s")
-    return _banded(title, sentence, middles, points, Axis(label, unit), y, points=True)
+    return _band_plot(title, sentence, middles, points, Axis(label, unit), y, points=True)
 
 
 def settled_by_law(
@@ -160,7 +158,7 @@ def _bins(values: np.ndarray) -> list[np.ndarray]:
     return [part for part in parts if len(part) >= LEAST]
 
 
-def _banded(
+def _band_plot(
     title: str,
     sentence: str,
     at: np.ndarray,

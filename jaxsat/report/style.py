@@ -33,7 +33,7 @@ FURTHER_LINES: tuple[Mapping[str, Any], ...] = tuple(
         ("#777777", (0, (3, 1, 1, 1, 1, 1)), 1.0),
     )
 )
-"""For the fourth line of a panel and the fifth."""
+"""Styles of the fourth line of a panel and the fifth."""
 
 STYLES = (*LINES, *FURTHER_LINES)
 MOST_LINES = len(STYLES)

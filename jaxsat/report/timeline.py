@@ -76,7 +76,7 @@ def diagnosed_names(dataset: xr.Dataset) -> list[str]:
 
 
 def mode_names(dataset: xr.Dataset) -> dict[int, str]:
-    """What the numbers of `mode` mean, those that occur."""
+    """The meanings of the numbers of `mode` that occur in a run."""
     attributes, modes = dataset["mode"].attrs, dataset["mode"].values
     meanings = str(attributes.get("flag_meanings", "")).split()
     values = np.atleast_1d(attributes.get("flag_values", [])).astype(int).tolist()

@@ -68,9 +68,9 @@ def _warnings(verdict: Record, receipt: Record) -> Iterator[str]:
             f"were left out: {receipt['first_masked']}."
         )
     if verdict["at_bounds"]:
-        listed = ", ".join(f"{label} at {at:g}" for label, at in verdict["at_bounds"].items())
+        bounds = ", ".join(f"{label} at {at:g}" for label, at in verdict["at_bounds"].items())
         yield (
-            f"Gains are at their bounds: {listed}. What is best may lie beyond them; see "
+            f"Gains are at their bounds: {bounds}. What is best may lie beyond them; see "
             "`[tuning.parameters]`."
         )
     singular = verdict["singular"]
@@ -131,11 +131,11 @@ def _evaluations(verdict: Record) -> Table:
 def _baselines(results: Sequence[Record], absent: Sequence[str]) -> Table:
     rows: list[list[Cell]] = []
     for entry in results:
-        evaluation, reached = entry["evaluation"], " (target reached)" if entry["reached"] else ""
+        evaluation, remark = entry["evaluation"], " (target reached)" if entry["reached"] else ""
         rows.append(
             [
                 entry["method"],
-                Shown(f"{entry['trajectories']:.0f}{reached}", entry["trajectories"]),
+                Shown(f"{entry['trajectories']:.0f}{remark}", entry["trajectories"]),
                 entry["loss"],
                 evaluation["loss"],
                 _cell(evaluation["cost"]),
@@ -145,13 +145,13 @@ def _baselines(results: Sequence[Record], absent: Sequence[str]) -> Table:
     columns = ["method", "trajectories", "objective on validation", "objective held out",
                "mean cost over completed cases", "settled", "failed",
                "failed or above the alarm"]  # fmt: skip
-    left = f"Left out, as their packages are not installed: {', '.join(absent)}." if absent else ""
-    return Table("Other methods, with the same number of trajectories", columns, rows, left)
+    note = f"Left out, as their packages are not installed: {', '.join(absent)}." if absent else ""
+    return Table("Other methods, with the same number of trajectories", columns, rows, note)
 
 
 def _derivatives(receipt: Record) -> Table:
     rows: list[list[Cell]] = [
-        row for name, place in PLACES.items() for row in _compared(place, receipt, receipt[name])
+        row for name, place in PLACES.items() for row in _check_rows(place, receipt, receipt[name])
     ]
     note = (
         "Derivatives of the mean cost as the run takes them, and the central difference that "
@@ -163,7 +163,7 @@ def _derivatives(receipt: Record) -> Table:
     return Table("Receipt: can the gradients be trusted?", columns, rows, note)
 
 
-def _compared(place: str, receipt: Record, entry: Record) -> Iterator[list[Cell]]:
+def _check_rows(place: str, receipt: Record, entry: Record) -> Iterator[list[Cell]]:
     left_out = f" ({entry['left_out']} left out)" if entry["left_out"] else ""
     columns = (entry[name] for name in ("automatic", "difference", "step", "error"))
     for label, *values in zip(receipt["labels"], *columns, strict=True):

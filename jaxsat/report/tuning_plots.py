@@ -40,8 +40,8 @@ def gain_plots(history: xr.Dataset) -> list[Plot]:
         best = one["best_gain"].values
         axis = Axis(label, str(unit), log=scale == "log")
         lines = [Line(checks, best, "best so far", steps=True), *_starts(one, "gain")]
-        told = f"The best so far ends at {best[-1]:.4g}."
-        plots.append(Plot(label, told, STEP, axis, lines))
+        sentence = f"The best so far ends at {best[-1]:.4g}."
+        plots.append(Plot(label, sentence, STEP, axis, lines))
     return plots
 
 
@@ -66,16 +66,16 @@ def before_after_plots(
         lines = []
         for columns, who in ((after, "after"), (before, "before")):
             values = columns[name]
-            known = np.sort(values[np.isfinite(values)])
-            shares = np.arange(1, len(known) + 1) / len(values)
-            lines.append(Line(known, shares, f"{who}, {len(values)} cases", steps=True))
+            finite_values = np.sort(values[np.isfinite(values)])
+            shares = np.arange(1, len(finite_values) + 1) / len(values)
+            lines.append(Line(finite_values, shares, f"{who}, {len(values)} cases", steps=True))
         plots.append(Plot(axis.label, "", axis, share, lines))
     return plots
 
 
 def methods_plot(traces: Mapping[str, np.ndarray]) -> Plot:
     """Validation loss of the best point so far over trajectories spent, a line each method."""
-    spent = Axis("trajectories computed (a gradient of n gains: n + 1)", linear_to=100.0)
+    axis = Axis("trajectories computed (a gradient of n gains: n + 1)", linear_to=100.0)
     loss = Axis("validation loss, exact law", log=True)
     lines = [Line(one[:, 0], one[:, 1], name, steps=True) for name, one in traces.items()]
-    return Plot("the best point so far of each method", "", spent, loss, lines)
+    return Plot("the best point so far of each method", "", axis, loss, lines)

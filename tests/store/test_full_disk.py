@@ -47,7 +47,7 @@ def test_single_files_and_output_folders(small_disk):
 
 def test_results_stay_where_there_is_no_room_for_figures(small_disk, monkeypatch):
     sizes = {"a": 2**18, "b": 2**21, "c": 2**8}
-    monkeypatch.setattr(saving, "_drawn", lambda name, _: {f"{name}.png": noise(sizes[name])})
+    monkeypatch.setattr(saving, "_draw", lambda name, _: {f"{name}.png": noise(sizes[name])})
     with OutputFolder(small_disk / "out") as folder:
         folder.write("result", b"x")
         with pytest.warns(RuntimeWarning, match=r"^b.png, c.png: not written, No space left on"):

@@ -73,13 +73,13 @@ def tuning_section(folder: Path) -> Document:
     title = str(history.attrs.get("title", "")) or folder.name
     with form_explained(folder):
         document = tuning_document(title, verdict, receipt, baselines)
-    tuned = read_lines(folder / "tuned.toml")
+    tuned_scenario = read_lines(folder / "tuned.toml")
     blocks = [
         *document.blocks,
         Charts("On the way", [*map(chart_of, [*loss_plots(history), *gain_plots(history)])]),
         Facts("Scenario before", scenario_facts(scenario_tables(history))),
         provenance_facts(history.attrs),
-        Listing("Tuned scenario", tuned, "tuned.toml"),
+        Listing("Tuned scenario", tuned_scenario, "tuned.toml"),
     ]
     return dataclasses.replace(document, blocks=blocks, kind=f"Tuning in {folder.name}")
 

@@ -14,7 +14,7 @@ PACKAGES = ("bokeh", "jinja2")
 """What the extra `report` installs."""
 
 SCRIPTS = ("vectors.js", "painter.js", "craft.js", "replay.js", "page.js")
-"""Put together into one module, in the order in which they build on each other."""
+"""Scripts that the page puts into one module, in the order in which they build on each other."""
 
 
 class MissingPackages(JaxsatError, ImportError):
@@ -77,7 +77,7 @@ def render(sections: Sequence[Document], title: str) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"prose": _prose, "cell_text": cell_text, "sorted_by": _sorted_by}
+    environment.filters |= {"prose": _prose, "cell_text": cell_text, "sorted_by": _sort_key}
     environment.tests["quantity"] = is_number
     library = Resources(mode="inline", minified=True, components=["bokeh"]).js_raw if charts else []
     page = environment.get_template("page.html")
@@ -99,11 +99,13 @@ def _prose(text: str) -> str:
     """Prose with what a reader types as code."""
     from markupsafe import Markup, escape
 
-    parts = ((typed, escape(piece)) for typed, piece in prose(text))
-    return Markup("".join(f"<code>{piece}</code>" if typed else piece for typed, piece in parts))
+    parts = ((is_code, escape(piece)) for is_code, piece in prose(text))
+    return Markup(
+        "".join(f"<code>{piece}</code>" if is_code else piece for is_code, piece in parts)
+    )
 
 
-def _sorted_by(cell: Shown | float | int) -> Any:
+def _sort_key(cell: Shown | float | int) -> Any:
     return cell.value if isinstance(cell, Shown) else cell
 
 

@@ -61,11 +61,11 @@ class TimeWindow:
         self._hair = Span(dimension="height", line_dash="dotted", line_width=1, tags=[INK])
         self._marks = [at for at, _ in timeline.marks]
 
-    def joined_by(self, plot: Any) -> None:
+    def join(self, plot: Any) -> None:
         """Give a Bokeh figure the marks, the cursor, and a line that follows the pointer."""
         for instant in self._marks:
-            dashed = {"dimension": "height", "line_dash": "dashed", "tags": [INK]}
-            plot.add_layout(Span(location=instant, **dashed))
+            look = {"dimension": "height", "line_dash": "dashed", "tags": [INK]}
+            plot.add_layout(Span(location=instant, **look))
         plot.add_layout(self.cursor)
         plot.tools = [*plot.tools, CrosshairTool(overlay=self._hair, dimensions="height")]
 
@@ -83,11 +83,11 @@ def chart_of(plot: Plot, window: TimeWindow | None = None) -> Chart:
     if plot.strips is not None:
         options |= {"y_range": list(map(plain, plot.strips.labels)), "y_label": ""}
     drawing = _figure(**options)
-    shown = {"y": drawing.y_range} | ({"x": drawing.x_range} if window is None else {})
+    ranges = {"y": drawing.y_range} | ({"x": drawing.x_range} if window is None else {})
     for name, axis in axes:
         ends = zip(("start", "end"), axis.limits, strict=True)
-        if name in shown:
-            shown[name].update(**{end: value for end, value in ends if value is not None})
+        if name in ranges:
+            ranges[name].update(**{end: value for end, value in ends if value is not None})
     if plot.y.names:
         drawing.yaxis.ticker = [*plot.y.names]
         drawing.yaxis.major_label_overrides = dict(plot.y.names)
@@ -98,8 +98,10 @@ def chart_of(plot: Plot, window: TimeWindow | None = None) -> Chart:
         title = f"{title}, {_strips(drawing, plot, plot.strips)}".rstrip()
     _lines(drawing, plot)
     if window is not None:
-        window.joined_by(drawing)
-    return Chart(drawing, title, f"{plot.title}. {plot.told or _described(plot)}", _keys(plot))
+        window.join(drawing)
+    return Chart(
+        drawing, title, f"{plot.title}. {plot.sentence or _description(plot)}", _keys(plot)
+    )
 
 
 def overview_of(plot: Plot, window: TimeWindow) -> Chart:
@@ -116,8 +118,8 @@ def overview_of(plot: Plot, window: TimeWindow) -> Chart:
     drawing.tools = [tool]
     drawing.add_layout(window.cursor)
     title = f"{plot.title} over the whole run; drag in here to choose the window"
-    described = f"{plot.title} over the whole time, in which a window of time can be chosen."
-    return Chart(drawing, title, described)
+    description = f"{plot.title} over the whole time, in which a window of time can be chosen."
+    return Chart(drawing, title, description)
 
 
 def stroke_of(number: int) -> dict[str, Any]:
@@ -286,7 +288,7 @@ def _strips(drawing: Any, plot: Plot, strips: Strips) -> str:
 
 
 def _drawable(values: np.ndarray, axis: Axis) -> np.ndarray:
-    """Without what a logarithmic axis cannot show."""
+    """The values without what a logarithmic axis cannot show."""
     return np.where(values > 0, values, np.nan) if axis.log else np.asarray(values)
 
 
@@ -301,13 +303,13 @@ def _hover(drawing: Any, renderer: Any, rows: Sequence[tuple[str, str]], mode: A
     columns = {
         word.partition("{")[0] for _, text in tooltips for word in text.split() if "{" in word
     }
-    printed: Any = dict.fromkeys(columns, "printf")
-    hover = HoverTool(renderers=[renderer], mode=mode, tooltips=tooltips, formatters=printed)
+    formats: Any = dict.fromkeys(columns, "printf")
+    hover = HoverTool(renderers=[renderer], mode=mode, tooltips=tooltips, formatters=formats)
     drawing.tools = [*drawing.tools, hover]
 
 
-def _described(plot: Plot) -> str:
-    """In words what lines or strips show, for who cannot see them."""
+def _description(plot: Plot) -> str:
+    """What lines or strips show, in words, for who cannot see them."""
     columns = [(line.label, line.y) for line in plot.lines if not line.faint]
     if plot.strips is not None:
         columns = [*zip(plot.strips.labels, plot.strips.values.T, strict=True)]

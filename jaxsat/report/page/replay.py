@@ -15,31 +15,33 @@ from jaxsat.report.timeline import mode_names
 from jaxsat.scenario.control import known_law
 
 MOST_SAMPLES = 20_000
-"""Of the attitude; of longer runs every second one is kept, or every third, and so on."""
+"""Samples of the attitude; of longer runs every second is kept, or every third, and so on."""
 
 THINNEST = 0.12
-"""Of a side of the body, in parts of the longest one."""
+"""The least side of the body, as a part of the longest one."""
 
 
 def craft(dataset: xr.Dataset, scenario: Mapping[str, Any], title: str) -> dict[str, Any]:
     """One spacecraft and its motion; arrays are base64 of little-endian floats."""
     every = -(-len(dataset["time"]) // MOST_SAMPLES)
-    kept = np.unique(np.append(np.arange(0, len(dataset["time"]), every), len(dataset["time"]) - 1))
-    data = dataset.isel(time=kept)
+    samples = np.unique(
+        np.append(np.arange(0, len(dataset["time"]), every), len(dataset["time"]) - 1)
+    )
+    data = dataset.isel(time=samples)
     axes, half = body_box(scenario)
     thrusters, columns = _thrusters(scenario, data)
     half = _around(half, axes, thrusters)
     law = known_law(scenario.get("control", {}).get("law"))
     return {
         "title": title,
-        "time": _encoded(data["time"].values, "<f8"),
-        "quaternion": _encoded(data["quaternion"].values, "<f8"),
-        "error": _encoded(data["pointing_error_total"].values, "<f4"),
-        "torque": _encoded(_scaled(data["torque"].values), "<f4"),
+        "time": _encode(data["time"].values, "<f8"),
+        "quaternion": _encode(data["quaternion"].values, "<f8"),
+        "error": _encode(data["pointing_error_total"].values, "<f4"),
+        "torque": _encode(_scale(data["torque"].values), "<f4"),
         "half": half.tolist(),
         "axes": axes.tolist(),
         "thrusters": thrusters,
-        "levels": None if columns is None else _encoded(np.nan_to_num(columns), "<f4"),
+        "levels": None if columns is None else _encode(np.nan_to_num(columns), "<f4"),
         "devices": [
             _along_axes(scenario, data, actuator.name, signal)
             for actuator in ACTUATORS
@@ -90,20 +92,20 @@ def phases_of(dataset: xr.Dataset) -> list[dict[str, Any]]:
 def _failures_of_part(
     scenario: Mapping[str, Any], kind: str, name: str, gone: bool, way: int = 1
 ) -> list[dict[str, Any]]:
-    """From when on (s) a part has failed and how, in order of time; each replaces the one before.
+    """The failures of a part: from when on (s), and how, in order of time; a later one replaces.
 
     It may be `gone` before the start. What is stuck or leaks leaves the way -1 of a two-sided
     thruster as it is.
     """
     if gone:
         return [{"at": 0.0, "kind": "failed"}]
-    found = [
+    failures = [
         {"at": float(table.get("at_s", 0.0)), "kind": str(table.get("kind", ""))}
         for table in scenario.get("failure", ())
         if str(table.get("of", "")) == f"{kind} {name}"
         and (way > 0 or table.get("kind") not in [kind.text for kind in ONE_WAY])
     ]
-    return sorted(found, key=lambda one: one["at"])
+    return sorted(failures, key=lambda one: one["at"])
 
 
 def _thrusters(
@@ -115,37 +117,39 @@ def _thrusters(
         return _ideal_thrusters(scenario), None
     level = data["thrust_level"].values if "thrust_level" in data else None
     working = sum(1 + bool(one.get("two_sided")) for one in tables if not one.get("failed"))
-    known = level is not None and level.shape[1] == working
-    drawn, column = [], 0
+    has_levels = level is not None and level.shape[1] == working
+    thrusters, column = [], 0
     for place, table in enumerate(tables, 1):
         name = str(table.get("name", place))
         gone = bool(table.get("failed"))
         for sign in (1, -1)[: 1 + bool(table.get("two_sided"))]:
             force = _unit(table.get("direction"), sign)
-            drawn.append(
+            thrusters.append(
                 {
                     "name": name,
                     "position": table.get("position_m"),
                     "force": force,
                     "axis": _torque_axis(table, sign),
                     "failures": _failures_of_part(scenario, "thruster", name, gone, sign),
-                    "column": column if known and not gone else None,
+                    "column": column if has_levels and not gone else None,
                 }
             )
             column += not gone
-    return drawn, level if known else None
+    return thrusters, level if has_levels else None
 
 
 def _ideal_thrusters(scenario: Mapping[str, Any]) -> list[dict[str, Any]]:
     spacecraft = scenario.get("spacecraft", {})
-    failed = spacecraft.get("failed_thrusters", ())
+    failed_numbers = spacecraft.get("failed_thrusters", ())
     return [
         {
             "name": str(place),
             "position": None,
             "force": None,
             "axis": _unit(axis, 1),
-            "failures": _failures_of_part(scenario, "thruster", str(place), place in failed),
+            "failures": _failures_of_part(
+                scenario, "thruster", str(place), place in failed_numbers
+            ),
             "column": None,
         }
         for place, axis in enumerate(spacecraft.get("thruster_torque_axes") or (), 1)
@@ -176,7 +180,7 @@ def _along_axes(
         values = data[signal.name].values
         largest = np.nanmax(np.abs(values), initial=0.0) or 1.0
         limits = np.array([float(table.get(signal.limit) or largest) for table in tables])
-        levels = _encoded(np.nan_to_num(values / limits), "<f4")
+        levels = _encode(np.nan_to_num(values / limits), "<f4")
     return {"kind": kind, "shape": signal.shape, "parts": parts, "levels": levels}
 
 
@@ -192,8 +196,8 @@ def _around(
     return half * scale if scale > 0 else half
 
 
-def _scaled(values: np.ndarray) -> np.ndarray:
-    """In parts of what is seldom exceeded, -1 to 1."""
+def _scale(values: np.ndarray) -> np.ndarray:
+    """The values as parts of what is seldom exceeded, -1 to 1."""
     sizes = np.abs(values[np.isfinite(values)])
     usual = float(np.percentile(sizes, 99)) if len(sizes) else 0.0
     usual = usual or (float(sizes.max()) if len(sizes) else 0.0) or 1.0
@@ -207,5 +211,5 @@ def _unit(vector: Any, sign: int) -> list[float] | None:
     return (sign * np.asarray(vector, float) / length).tolist() if length > 0 else None
 
 
-def _encoded(values: np.ndarray, kind: str) -> str:
+def _encode(values: np.ndarray, kind: str) -> str:
     return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")

@@ -31,7 +31,7 @@ QUANTITIES = 6
 """Dispersed quantities over which success is drawn, those that matter most."""
 
 FEWEST_QUANTITIES = 2
-"""Drawn even where none of them can be told from chance."""
+"""Quantities that are drawn even where none of them can be told from chance."""
 
 FILE = "study.toml"
 
@@ -44,8 +44,8 @@ def study_section(path: Path) -> Document:
         summary = summarise(columns, worst=WORST)
     except ValueError:
         raise OutputError(f"{path} has no finished case.") from None
-    done = np.flatnonzero(np.asarray(columns["status"]) == 1)
-    times = np.asarray(columns["settling_time"])[done]
+    finished_cases = np.flatnonzero(np.asarray(columns["status"]) == 1)
+    times = np.asarray(columns["settling_time"])[finished_cases]
     scenario = {
         name: _without_absent(table) for name, table in identity["scenario"].items() if table
     }
@@ -54,7 +54,7 @@ def study_section(path: Path) -> Document:
     blocks: list[Any] = [
         Facts("Scenario", scenario_facts(scenario)),
         Charts("Settling", list(map(chart_of, settling_plots(times)))),
-        *_quantities(columns, done, times, summary),
+        *_quantities(columns, finished_cases, times, summary),
         *document.blocks,
         _worst(study, summary, identity, text is not None),
         _provenance(identity, runs, path),
@@ -82,24 +82,24 @@ def _without_absent(value: Any) -> Any:
 
 
 def _quantities(
-    columns: Mapping[str, Any], done: np.ndarray, times: np.ndarray, summary: Summary
+    columns: Mapping[str, Any], finished_cases: np.ndarray, times: np.ndarray, summary: Summary
 ) -> list[Charts]:
     """Success and settling time over the dispersed numbers that matter most."""
     settled = np.isfinite(times)
     plots = []
-    for label in _ranked(summary)[:QUANTITIES]:
+    for label in _ranking(summary)[:QUANTITIES]:
         name = label.partition("[")[0]
         column = columns[f"drawn_{name}"]
-        values = numbers_of(name, np.asarray(column)[done])[label]
+        values = numbers_of(name, np.asarray(column)[finished_cases])[label]
         unit = "rad" if label == "attitude[angle]" else column.column.units
         if 0 < settled.mean() < 1:
             plots.append(success_over(label, values, settled, unit))
         plots.append(settling_over(label, values, times, unit))
-    shown = [chart_of(plot) for plot in plots if plot is not None]
-    return [Charts("Over dispersed quantities", shown)] if shown else []
+    charts = [chart_of(plot) for plot in plots if plot is not None]
+    return [Charts("Over dispersed quantities", charts)] if charts else []
 
 
-def _ranked(summary: Summary) -> list[str]:
+def _ranking(summary: Summary) -> list[str]:
     """The dispersed numbers on which settling depends, or the cost, by how much they matter."""
 
     def weight(entry: Sensitivity) -> float:
@@ -112,21 +112,23 @@ def _ranked(summary: Summary) -> list[str]:
     return names[: max(FEWEST_QUANTITIES, sum(one.matters for one in entries))]
 
 
-def _worst(study: Any, summary: Summary, identity: Mapping[str, Any], known: bool) -> Table:
+def _worst(study: Any, summary: Summary, identity: Mapping[str, Any], has_file: bool) -> Table:
     """The worst cases with what was drawn, and the command that computes the first again."""
     table = case_table(study.isel(case=summary.worst))
-    drawn = [name for name in table if str(name).startswith("drawn_")]
-    others = [name for name in table if str(name) not in drawn]
-    shown = [name for name in others if not str(name).startswith(("quaternion", "w1", "w2", "z_"))]
-    shown.sort(key=lambda name: name not in ("outcome", "settling_time_s"))
-    columns = ["case", *map(str, shown), *map(str, drawn)]
+    draw_names = [name for name in table if str(name).startswith("drawn_")]
+    others = [name for name in table if str(name) not in draw_names]
+    result_names = [
+        name for name in others if not str(name).startswith(("quaternion", "w1", "w2", "z_"))
+    ]
+    result_names.sort(key=lambda name: name not in ("outcome", "settling_time_s"))
+    columns = ["case", *map(str, result_names), *map(str, draw_names)]
     rows = []
     for case, row in table.iterrows():
-        values = [row[name] for name in (*shown, *drawn)]
+        values = [row[name] for name in (*result_names, *draw_names)]
         cells = [value if isinstance(value, str) else _cell(value) for value in values]
         rows.append([int(str(case)), *cells])
     note = "Failed cases first, then unsettled cases, then the slowest."
-    if not known:
+    if not has_file:
         return Table("Worst cases", columns, rows, note)
     command = case_command(identity, summary.worst[0], summary.cases)
     note += (

@@ -36,7 +36,7 @@ SMALL_ACCELERATION = 1e-5
 
 
 def third_rate_converges(datasets: Datasets) -> Claim:
-    """dω3/dt, of which the note speaks, not ω3."""
+    """Judge whether dω3/dt, of which the note speaks, converges to zero; not ω3."""
     changes = {
         name: np.abs(_third_rate_change(datasets[name]))
         for name in ("three-axis", "free", "free-without-d3")
@@ -123,7 +123,7 @@ def third_rate_decays(datasets: Datasets) -> Claim:
     dataset = datasets["rate-without-d3"]
     scenario = scenario_of(dataset)
     j1, j2, j3 = scenario["spacecraft"]["inertia_kg_m2"]
-    predicted = scenario["control"]["k1"] * abs(j1 - j2) / j3
+    prediction = scenario["control"]["k1"] * abs(j1 - j2) / j3
     part = dataset.sel(time=slice(1.0, 5.0))
     slope = np.polyfit(part["time"], np.log(np.abs(part["omega"][:, 2])), 1)[0]
     small = np.abs(datasets["rate"]["omega"][:, 2].values) < SMALL_RATE
@@ -131,9 +131,9 @@ def third_rate_decays(datasets: Datasets) -> Claim:
     return Claim(
         "(38), Fig. 3",
         "The reference (38) makes ω3 decay",
-        f"without d3 decay at {-slope:.4f} 1/s where (38) predicts {predicted:.4f}; with d3 "
+        f"without d3 decay at {-slope:.4f} 1/s where (38) predicts {prediction:.4f}; with d3 "
         f"|ω3| is first below {SMALL_RATE:g} rad/s at {first:.1f} s",
-        ClaimVerdict.HOLDS if abs(-slope / predicted - 1) < 1e-2 else ClaimVerdict.FAILS,
+        ClaimVerdict.HOLDS if abs(-slope / prediction - 1) < 1e-2 else ClaimVerdict.FAILS,
     )
 
 

@@ -159,7 +159,7 @@ def disturbance_is_cancelled(datasets: Datasets) -> Claim:
             "strong-no-internal-model",
         )
     )
-    printed, raised = (
+    printed_gain, raised_gain = (
         scenario_of(datasets[name])["control"]["k4"] for name in ("three-axis", "strong")
     )
     end = duration(datasets["three-axis"])
@@ -167,11 +167,12 @@ def disturbance_is_cancelled(datasets: Datasets) -> Claim:
         "(42), section 5",
         "The internal model eliminates the effect of the disturbance",
         f"third rate held, largest |ω_ri| over the last 100 s of {end:g} s with it and without: "
-        f"{with_it:.1e} and {without:.1e} rad/s for k4 = {printed:g} N m s as printed, "
-        f"{strong_with:.1e} and {strong_without:.1e} for k4 = {raised:g}",
+        f"{with_it:.1e} and {without:.1e} rad/s for k4 = {printed_gain:g} N m s as printed, "
+        f"{strong_with:.1e} and {strong_without:.1e} for k4 = {raised_gain:g}",
         *decide(
             with_it < without / 10,
             strong_with < strong_without / 10,
-            f"k4 is raised, here to {raised:g} N m s; the printed gain is too slow for {end:g} s",
+            f"k4 is raised, here to {raised_gain:g} N m s; the printed gain is too slow for "
+            f"{end:g} s",
         ),
     )
