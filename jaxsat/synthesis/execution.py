@@ -72,7 +72,7 @@ def run_columns(
     if study.remark is not None:
         listener.remark(study.remark)
     listener.progress(what, None)
-    counted = run_study(
+    count = run_study(
         study,
         store,
         executor=execution.executor,
@@ -82,11 +82,11 @@ def run_columns(
         elsewhere=execution.elsewhere,
     )
     columns = study_columns(store)
-    errors = largest_errors({name: columns[name][:counted] for name in ERRORS if name in columns})
+    errors = largest_errors({name: columns[name][:count] for name in ERRORS if name in columns})
     excess = excessive_error((errors["rate_error"], errors["attitude_error"]), scenario)
     if excess:
         listener.warn(f"{what}: {excess}")
-    return {name: np.asarray(columns[name][:counted]) for name in names or columns}
+    return {name: np.asarray(columns[name][:count]) for name in names or columns}
 
 
 @contextmanager

@@ -68,7 +68,7 @@ class Manoeuvre:
 
     @property
     def ends_at_rest(self) -> bool:
-        """Whether it ends exactly there."""
+        """Whether the manoeuvre ends exactly at rest."""
         return not any(self.end)
 
     def disturbance(self, t: float) -> Vector:
@@ -143,8 +143,8 @@ def _torques(
     constant = [term for term in terms if isinstance(term, ConstantTorque)]
     gradients = [term for term in terms if isinstance(term, GravityGradient)]
     none = sum(isinstance(term, NoDisturbance) for term in terms)
-    known = len(periodic) + len(constant) + len(gradients) + none
-    if known < len(terms) or max(len(periodic), len(gradients)) > 1:
+    supported_terms = len(periodic) + len(constant) + len(gradients) + none
+    if supported_terms < len(terms) or max(len(periodic), len(gradients)) > 1:
         raise ValueError(
             "Bounds need a disturbance of at most one periodic torque, one gravity gradient and "
             "constant torques, but got " + ", ".join(type(term).__name__ for term in terms) + "."

@@ -65,7 +65,7 @@ def bound(
         raise UnsuitableScenario(
             f"simulation.duration_s: must be at least {MIN_DURATION_S:g} s, got {longest:g}"
         )
-    return searched(
+    return search_bound(
         None if rates_only else build_uncontrolled(scenario),
         manoeuvre,
         BoundObjective(objective),
@@ -77,8 +77,8 @@ def bound(
     )
 
 
-def searched(
-    planned: tuple[AbstractLoop, PlantState] | None,
+def search_bound(
+    problem: tuple[AbstractLoop, PlantState] | None,
     manoeuvre: Manoeuvre,
     objective: BoundObjective,
     tolerances: Tolerances | None,
@@ -88,21 +88,26 @@ def searched(
     seed: int,
     report: Report,
 ) -> Bound | None:
-    """The best of several starts, and of the planner's plans for `planned`, a loop and its start.
+    """The best of several starts, and of the plans for the `problem`, a loop and its start.
 
     Raises `UnsolvedBound`.
     """
     what = f"least {objective.value}"
     report(f"{what}: planning")
-    plans = plans_of(*planned, objective, longest, tolerances) if planned else []
+    plans = plans_of(*problem, objective, longest, tolerances) if problem else []
     count = len(plans) + starts
     report(f"{what}: start 1 of {count}")
 
-    def told(done: int, best: float) -> None:
-        known = f", {best:.4g} so far" if math.isfinite(best) else ""
-        report(f"{what}: {done} of {count} starts{known}")
+    def report_starts(start_count: int, best: float) -> None:
+        least_so_far = f", {best:.4g} so far" if math.isfinite(best) else ""
+        report(f"{what}: {start_count} of {count} starts{least_so_far}")
 
-    keys: dict[str, Any] = {"longest": longest, "seed": seed, "plans": plans, "report": told}
+    keys: dict[str, Any] = {
+        "longest": longest,
+        "seed": seed,
+        "plans": plans,
+        "report": report_starts,
+    }
     try:
         return best_of_starts(manoeuvre, objective, starts, **keys)
     except RuntimeError as error:  # CasADi's own
@@ -125,8 +130,8 @@ def required_manoeuvre(
 def require_ideal_thrusters(scenario: Scenario, what: str) -> None:
     """Raise `UnsuitableScenario` without the limited thrusters of any torque that `what` needs."""
     names = [one.name for one in ACTUATORS]
-    refused = {kind: len(getattr(scenario, kind)) for kind in names}
-    for kind, count in refused.items():
+    counts = {kind: len(getattr(scenario, kind)) for kind in names}
+    for kind, count in counts.items():
         if count:
             raise UnsuitableScenario(
                 f"{kind}: must be left out for {what}, which supports only thrusters that make a "
@@ -146,7 +151,7 @@ def require_ideal_thrusters(scenario: Scenario, what: str) -> None:
 
 
 def tolerances_at(scenario: Scenario, end: End) -> Tolerances | None:
-    """Those of the scenario, or None for an end exactly at rest."""
+    """The tolerances of the scenario, or None for an end exactly at rest."""
     return build_tolerances(scenario) if end == "settled" else None
 
 
@@ -158,5 +163,5 @@ def end_text(tolerances: Tolerances | None, attitude: bool = True) -> str:
 
 
 def end_data(end: End, tolerances: Tolerances | None) -> dict[str, Any]:
-    """The same as plain data."""
+    """The end of a manoeuvre, and what it means, as plain data."""
     return {"end": end, "end_meaning": end_text(tolerances)}

@@ -27,7 +27,7 @@ MAX_ANGLE, MAX_RATE = 1e-4, 1e-5
 """A flight arrives at rest if it ends so near it (rad, rad/s)."""
 
 MAX_EXCESS = 0.01
-"""And within what is allowed of tilt, turn and rate if it exceeds it by no more of itself."""
+"""A flight arrives within tolerances if it exceeds none of them by more than this part."""
 
 
 class EndError(NamedTuple):
@@ -46,7 +46,7 @@ class EndError(NamedTuple):
     turn: float
 
     def arrives(self, manoeuvre: Manoeuvre) -> bool:
-        """Whether it ends where the manoeuvre does."""
+        """Whether the flight ends where the manoeuvre does."""
         if manoeuvre.ends_at_rest:
             angles, ends = (self.angle,), (MAX_ANGLE, MAX_RATE)
         else:
@@ -67,8 +67,8 @@ def propagate(manoeuvre: Manoeuvre, solution: Solution) -> EndError:
         gradient = 3 * manoeuvre.gradient_rate**2 * np.cross(nadir, manoeuvre.inertia @ nadir)
         turning = np.cross(omega, manoeuvre.inertia @ omega)
         total = torque + manoeuvre.disturbance(t) + gradient - turning
-        turned = -np.cross(relative_rate(cosines, omega), cosines, axisb=0, axisc=0)
-        return np.concatenate([turned.ravel(), acceleration(total)])
+        cosines_rate = -np.cross(relative_rate(cosines, omega), cosines, axisb=0, axisc=0)
+        return np.concatenate([cosines_rate.ravel(), acceleration(total)])
 
     def acceleration(total):
         if not manoeuvre.third_rate_held:
@@ -85,8 +85,8 @@ def propagate(manoeuvre: Manoeuvre, solution: Solution) -> EndError:
     for number, thrust in enumerate(solution.thrust):
         span = (number * length, (number + 1) * length)
         torque = manoeuvre.torque_axes @ thrust
-        flown = solve_ivp(rate, span, y, "DOP853", args=(torque,), rtol=TOLERANCE, atol=TOLERANCE)
-        y = flown.y[:, -1]
+        arc = solve_ivp(rate, span, y, "DOP853", args=(torque,), rtol=TOLERANCE, atol=TOLERANCE)
+        y = arc.y[:, -1]
     cosines, omega = y[:9].reshape(3, 3), y[9:]
     sine = np.array([cosines[1, 2] - cosines[2, 1], cosines[2, 0] - cosines[0, 2]])
     sine = np.append(sine, cosines[0, 1] - cosines[1, 0]) / 2
@@ -114,7 +114,7 @@ INTERVALS = 96
 """Twice those of a plan, so that each plan is among the solutions."""
 
 ROUNDING = 1e-6
-"""Of the longest duration, relative; IPOPT exceeds bounds by less."""
+"""Relative excess over the longest duration that is allowed; IPOPT exceeds bounds by less."""
 
 
 class Bound(NamedTuple):
@@ -130,7 +130,7 @@ class Bound(NamedTuple):
     values: list[float]
 
     def as_data(self) -> dict[str, Any]:
-        """As plain data."""
+        """The bound and its flight as plain data."""
         return {
             "objective": self.objective.value,
             "value": self.solution.value,

@@ -108,13 +108,13 @@ class BoundTranscription:
 
     def solve(self, solver: Any, seed: int) -> Solution | None:
         """The local optimum from a random guess; None where IPOPT finds none."""
-        return self._solved(solver, self._guess(np.random.default_rng(seed)))
+        return self._solve(solver, self._guess(np.random.default_rng(seed)))
 
-    def solve_near(self, solver: Any, known: Solution) -> Solution | None:
-        """The local optimum from what is known to arrive; None where IPOPT finds none."""
-        return self._solved(solver, self._near(known))
+    def solve_near(self, solver: Any, guess: Solution) -> Solution | None:
+        """The local optimum near a solution that arrives; None where IPOPT finds none."""
+        return self._solve(solver, self._near(guess))
 
-    def _solved(self, solver: Any, guess: Float[np.ndarray, " n"]) -> Solution | None:
+    def _solve(self, solver: Any, guess: Float[np.ndarray, " n"]) -> Solution | None:
         lower, upper = self._bounds()
         ties, arrivals, sizes = STATES * self.intervals, self._arrivals, 2 * 3 * self.intervals
         below = 0.0 if self.manoeuvre.ends_at_rest else -np.inf
@@ -170,9 +170,9 @@ class BoundTranscription:
         return -self.manoeuvre.orbit_rate * axis
 
     def _arrival(self, casadi, end) -> list[Any]:
-        """Zero in the orbit frame and at rest there; q and -q are the same attitude. Or ω = 0.
+        """What is zero in the orbit frame and at rest there, with q and -q alike, or where ω = 0.
 
-        Or no more than zero within what is allowed of tilt, turn and rate.
+        With tolerances: what is at most zero within what is allowed of tilt, turn and rate.
         """
         q0, q, rate = end[0], end[1:4], end[4 : 4 + self._rates]
         if not self.manoeuvre.rates_only:
@@ -233,17 +233,17 @@ class BoundTranscription:
         sizes = np.abs(thrust @ man.torque_axes.T)
         return np.concatenate([states.ravel(), thrust.ravel(), sizes.ravel(), [duration]])
 
-    def _near(self, known: Solution) -> Float[np.ndarray, " n"]:
-        """What is known, on this program's intervals."""
+    def _near(self, guess: Solution) -> Float[np.ndarray, " n"]:
+        """The guess as variables of this program, on its own intervals."""
         ends, middles = np.arange(self.intervals + 1), np.arange(self.intervals) + 0.5
-        count = len(known.thrust)
-        held = (middles / self.intervals * count).astype(int)
-        thrust = known.thrust[held]
+        count = len(guess.thrust)
+        sources = (middles / self.intervals * count).astype(int)
+        thrust = guess.thrust[sources]
         places = ends / self.intervals * count
-        states = [np.interp(places, np.arange(count + 1), column) for column in known.states.T]
+        states = [np.interp(places, np.arange(count + 1), column) for column in guess.states.T]
         sizes = np.abs(thrust @ self.manoeuvre.torque_axes.T)
         columns = np.stack(states, axis=1)
-        return np.concatenate([columns.ravel(), thrust.ravel(), sizes.ravel(), [known.duration]])
+        return np.concatenate([columns.ravel(), thrust.ravel(), sizes.ravel(), [guess.duration]])
 
     def _solution(self, unknowns: np.ndarray, value: float) -> Solution:
         n, m = self.intervals, self.manoeuvre.torque_axes.shape[1]
@@ -264,7 +264,7 @@ def _second_column(casadi, q0, q):
 
 
 def _third_column(casadi, q0, q) -> Any:
-    """Of the direction cosines from the orbit to the body frame: where the Earth's centre is."""
+    """C (0, 0, 1)ᵀ of a quaternion from the orbit to the body frame: towards the Earth's centre."""
     return casadi.vertcat(
         2 * (q[0] * q[2] - q0 * q[1]),
         2 * (q[1] * q[2] + q0 * q[0]),

@@ -23,7 +23,7 @@ from jaxsat.scenario.overrides import override
 from jaxsat.studies.ensemble import Study
 
 LEVELS = ("nominal", "mc", "hard")
-"""Of dispersions, each a scenario `acceptance-LEVEL`."""
+"""Levels of dispersions, each a scenario `acceptance-LEVEL`."""
 
 LAWS: Mapping[str, str] = MappingProxyType(
     {
@@ -69,9 +69,9 @@ def horizon(torque_limit: float) -> float:
     In between straight lines in logarithms, rounded to 10 s; below 1 N m in proportion to the
     duration of a slew, 1/√Tm.
     """
-    known = sorted(_HORIZONS)
+    limits = sorted(_HORIZONS)
     seconds = np.exp(
-        np.interp(np.log(torque_limit), np.log(known), np.log([_HORIZONS[one] for one in known]))
+        np.interp(np.log(torque_limit), np.log(limits), np.log([_HORIZONS[one] for one in limits]))
     )
     return float(round(seconds * max(1.0, torque_limit**-0.5), -1))
 
@@ -90,10 +90,10 @@ def comparison_scenario(setting: ComparisonSetting) -> Scenario:
     if setting.level not in LEVELS:
         levels = ", ".join(LEVELS)
         raise ValueError(f"Argument `level` must be one of {levels}, but got {setting.level}.")
-    known = (*LAWS, *MORE_LAWS)
-    if not (setting.law in known or is_plugin(setting.law) or setting.law.endswith(FILE)):
+    law_names = (*LAWS, *MORE_LAWS)
+    if not (setting.law in law_names or is_plugin(setting.law) or setting.law.endswith(FILE)):
         raise ValueError(
-            f"Argument `law` must be one of {', '.join(known)}, an installed law, a law of the "
+            f"Argument `law` must be one of {', '.join(law_names)}, an installed law, a law of the "
             f'form "module:Class" or the name of a {FILE} file, but got {setting.law}.'
         )
     base = load(
@@ -124,14 +124,14 @@ def validated(data: Mapping[str, Any], source: str) -> Scenario:
 
 def _require_sampled(name: str, law: str) -> None:
     """Raise `ValueError` for a law that cannot fly with two thrusters on samples."""
-    declared = known_law(law)
-    if declared is not None and not (
-        declared.declaration.sampled and declared.declaration.torques == 2
+    definition = known_law(law)
+    if definition is not None and not (
+        definition.declaration.sampled and definition.declaration.torques == 2
     ):
-        kind = "sampled" if declared.declaration.sampled else "continuous"
+        kind = "sampled" if definition.declaration.sampled else "continuous"
         raise ValueError(
             f"Argument `law` must be a sampled law for two torques on the acceptance set, but got "
-            f"{name}, which is {kind} and commands {declared.declaration.torques} torques."
+            f"{name}, which is {kind} and commands {definition.declaration.torques} torques."
         )
 
 
@@ -144,13 +144,13 @@ def _control(law: str) -> dict[str, Any]:
         return {"law": law}
     if law in ("three-slew", "oscillatory", *MORE_LAWS):
         return {"law": law, "period_s": PERIOD}
-    tuned = load("switching").control.model_dump(exclude_none=True)
+    tuned_control = load("switching").control.model_dump(exclude_none=True)
     if law == "switching":
-        return tuned
-    printed = load("free-third-rate").control.model_dump(exclude_none=True)
-    printed |= load("paper-rate").control.model_dump(exclude_none=True)
+        return tuned_control
+    printed_control = load("free-third-rate").control.model_dump(exclude_none=True)
+    printed_control |= load("paper-rate").control.model_dump(exclude_none=True)
     threshold = _NEVER if law == "three-axis" else _ALWAYS
-    return printed | {
+    return printed_control | {
         "law": "switching",
         "period_s": PERIOD,
         "upper_threshold_rad_s": threshold,

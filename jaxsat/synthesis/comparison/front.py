@@ -58,8 +58,8 @@ class Front(NamedTuple):
     end: End = "settled"
 
     def as_data(self) -> dict[str, Any]:
-        """As plain data; None for what is not finite."""
-        flown = [
+        """The front and the laws as plain data; None for what is not finite."""
+        laws = [
             {
                 "law": one.law,
                 "settled_from_s": one.settled_from,
@@ -74,7 +74,7 @@ class Front(NamedTuple):
                 {"duration_s": one.duration, "effort_N_m_s": one.effort} for one in self.points
             ],
             "failed_durations_s": self.failed,
-            "laws": flown,
+            "laws": laws,
         }
         return plain_data(record)
 
@@ -97,7 +97,7 @@ def front(
     start; one that settles before every plan ends is itself the first point. Raises as
     `manoeuvre_of` and `scenario_under` do.
     """
-    runs = {law: build(_finely_saved(scenario_under(scenario, law))) for law in laws}
+    runs = {law: build(_save_every_sample(scenario_under(scenario, law))) for law in laws}
     loop, start = build_uncontrolled(scenario)
     tolerances = build_tolerances(scenario) if end == "settled" else None
     manoeuvre = manoeuvre_of(loop, start, tolerances=tolerances)
@@ -111,21 +111,21 @@ def front(
         return Front(float(thrusters.limit), [], [float(candidates[0].duration)], [], end)
     quickest = min(filter(arriving, candidates), key=lambda plan: float(plan.duration))
     plans = _cheapest(planner, start, quickest, arriving, report)
-    failed = [float(duration) for duration, plan in plans if plan is None]
+    failed_durations = [float(duration) for duration, plan in plans if plan is None]
     points = [FrontPoint(float(quickest.duration), float(quickest.effort))]
     points += [FrontPoint(*map(float, (one.duration, one.effort))) for _, one in plans if one]
-    flown = []
+    flights = []
     for law, run in runs.items():
         report(f"flying {law}")
-        flown.append(_flown(law, run))
+        flights.append(_fly(law, run))
     if end == "settled":
-        settled = [FrontPoint(one.settled_from, one.effort) for one in flown]
+        settled = [FrontPoint(one.settled_from, one.effort) for one in flights]
         points += [one for one in settled if math.isfinite(one.duration)]
-    return Front(float(thrusters.limit), _falling(points), failed, flown, end)
+    return Front(float(thrusters.limit), _falling(points), failed_durations, flights, end)
 
 
 def _falling(points: Iterable[FrontPoint]) -> list[FrontPoint]:
-    """Those that no other one beats, the quickest first."""
+    """The points that no other one beats, the quickest first."""
     front: list[FrontPoint] = []
     for point in sorted(points):
         if not front or point.effort < front[-1].effort:
@@ -134,12 +134,12 @@ def _falling(points: Iterable[FrontPoint]) -> list[FrontPoint]:
 
 
 @eqx.filter_jit
-def _guessed(planner: Planner, start: PlantState, duration) -> Plan:
+def _plan_from_guesses(planner: Planner, start: PlantState, duration) -> Plan:
     return planner.cheapest(jnp.zeros(()), start, duration)
 
 
 @eqx.filter_jit
-def _near(planner: Planner, start: PlantState, duration, plan: Plan) -> Plan:
+def _plan_near(planner: Planner, start: PlantState, duration, plan: Plan) -> Plan:
     return planner.cheapest(jnp.zeros(()), start, duration, plan)
 
 
@@ -150,20 +150,23 @@ def _cheapest(
     arriving: Callable[[Plan], bool],
     report: Callable[[str], None],
 ) -> list[tuple[Float[np.ndarray, ""], Plan | None]]:
-    """For each duration the best plan that arrives, if there is one."""
+    """The best plan of each duration that arrives, if there is one."""
     durations = [jnp.asarray(stretch) * quickest.duration for stretch in STRETCHES]
     arriving_plans: list[list[Plan]] = []
     near = quickest
     for number, duration in enumerate(durations):
         report(f"least effort: {number} of {2 * len(durations)}")
-        plans = [_guessed(planner, start, duration), _near(planner, start, duration, near)]
+        plans = [
+            _plan_from_guesses(planner, start, duration),
+            _plan_near(planner, start, duration, near),
+        ]
         arriving_plans.append([plan for plan in plans if arriving(plan)])
         near = min(arriving_plans[-1], key=_effort, default=near)
     longer = None
     for number, duration in reversed(list(enumerate(durations))):
         report(f"least effort: {2 * len(durations) - number} of {2 * len(durations)}")
         if longer is not None:
-            plan = _near(planner, start, duration, longer)
+            plan = _plan_near(planner, start, duration, longer)
             arriving_plans[number] += [plan] if arriving(plan) else []
         longer = min(arriving_plans[number], key=_effort, default=longer)
     best = [min(plans, key=_effort, default=None) for plans in arriving_plans]
@@ -181,7 +184,7 @@ def arrives(manoeuvre: Manoeuvre, plan: Plan) -> bool:
     return propagate(manoeuvre, solution_of(plan)).arrives(manoeuvre)
 
 
-def _flown(law: str, run: Run) -> FlownPoint:
+def _fly(law: str, run: Run) -> FlownPoint:
     """A law from the scenario's start; its torque is taken at the instants that are saved."""
     run_result = run.simulate()
     settled = float(run_result.assessment.settled_from)
@@ -197,8 +200,8 @@ def _flown(law: str, run: Run) -> FlownPoint:
     return FlownPoint(law, settled, float(np.interp(settled, times, sums)))
 
 
-def _finely_saved(scenario: Scenario) -> Scenario:
-    """Saved at every sample of a sampled law, whose torque changes at no other time."""
+def _save_every_sample(scenario: Scenario) -> Scenario:
+    """The scenario saved at every sample of its law, whose torque changes at no other time."""
     period = getattr(scenario.control, "period_s", None)
     if period is None:
         return scenario

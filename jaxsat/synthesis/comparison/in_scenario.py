@@ -78,10 +78,10 @@ def scenario_under(scenario: Scenario, law: str) -> Scenario:
             f'one of {", ".join(law_names())}, a law of the form "module:Class" or the name of a '
             f"{FILE} file",
         ).declaration
-        shared = {key.name for key in of_law.keys}
-        shared |= {"model"} if of_law.has_model else set()
-        shared |= {"measured_disturbance"} if of_law.measures_disturbance else set()
-        shared_values = {key: value for key, value in data["control"].items() if key in shared}
+        shared_keys = {key.name for key in of_law.keys}
+        shared_keys |= {"model"} if of_law.has_model else set()
+        shared_keys |= {"measured_disturbance"} if of_law.measures_disturbance else set()
+        shared_values = {key: value for key, value in data["control"].items() if key in shared_keys}
         data["control"] = shared_values | {"law": law}
     return validated(data, f"{scenario.title}: {law}")
 
@@ -111,7 +111,7 @@ def compare_in_scenario(
     listener.approve([study_work(study, None) for _, study in studies.values()])
     with folder_of_call(out, KIND) as folder:
         run = ComparisonRun(count, seed, folder.path, execution, listener)
-        comparison = _compared(scenario, studies, run)
+        comparison = _compare(scenario, studies, run)
         if out is not None:
             _write(folder, scenario, comparison, seed)
         return comparison
@@ -128,10 +128,10 @@ def _study(
         raise kind(str(error)) from error
 
 
-def _compared(
+def _compare(
     scenario: Scenario, studies: Mapping[str, tuple[Scenario, Study]], run: ComparisonRun
 ) -> ScenarioComparison:
-    """What the studies find, or what their stores lack of them."""
+    """Run what the stores of the studies lack, and compare their laws."""
     rows, recoveries = [], []
     for law, (under, study) in studies.items():
         store = named_store(run.folder, law)
@@ -145,10 +145,10 @@ def _write(
     folder: ResumableFolder, scenario: Scenario, comparison: ScenarioComparison, seed: int
 ) -> None:
     data = {"seed": seed, **comparison.as_data()}
-    recovered = {row["law"]: row["recovered"] for row in data["rows"] if "recovered" in row}
+    recoveries = {row["law"]: row["recovered"] for row in data["rows"] if "recovered" in row}
     title, duration = scenario.title, scenario.simulation.duration_s
     write_record(
-        folder, data, lambda: scenario_figures(title, duration, comparison.rows, recovered)
+        folder, data, lambda: scenario_figures(title, duration, comparison.rows, recoveries)
     )
 
 

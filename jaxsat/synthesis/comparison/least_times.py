@@ -18,7 +18,7 @@ from jaxsat.scenario.build.run import build
 from jaxsat.store.files import parse_json
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.synthesis.bounds.manoeuvre import End, manoeuvre_of
-from jaxsat.synthesis.bounds.run import end_data, searched, tolerances_at
+from jaxsat.synthesis.bounds.run import end_data, search_bound, tolerances_at
 from jaxsat.synthesis.bounds.transcription import BoundObjective
 from jaxsat.synthesis.comparison.acceptance import (
     ComparisonSetting,
@@ -42,7 +42,7 @@ class LeastTime(NamedTuple):
 def median_least_time(
     seed: int, torque_limit: float, count: int, end: End = "settled"
 ) -> float | None:
-    """Of the first `count` random starts of a seed, s; None where they are not stored."""
+    """The median least time (s) of the first `count` random starts of a seed; None if unknown."""
     for table in json.loads((resources.files("jaxsat.synthesis.comparison") / STORED).read_text()):
         times = [np.inf if one is None else one for one in table["least_times_s"]]
         of_table = (table["seed"], table["torque_limit_N_m"], table["end"])
@@ -52,7 +52,7 @@ def median_least_time(
 
 
 def least_times(rows: Sequence[ComparisonRow], seed: int, end: End = "settled") -> list[LeastTime]:
-    """One for every torque limit of which the least times of the rows' starts are stored."""
+    """The median least time under every torque limit for which those of the starts are stored."""
     medians = []
     for limit in dict.fromkeys(row.setting.torque_limit for row in rows):
         cases = next(row.cases for row in rows if row.setting.torque_limit == limit)
@@ -63,7 +63,7 @@ def least_times(rows: Sequence[ComparisonRow], seed: int, end: End = "settled") 
 
 
 BOUNDS = "bounds"
-"""Folder of what was found."""
+"""Folder of the bounds that were found."""
 
 
 def least_bounds(
@@ -82,12 +82,12 @@ def least_bounds(
     request = {"torque_limit": limit, "starts": starts, "seed": seed, "manoeuvre": numbers}
     request |= end_data(end, tolerances)
     name = f"{BOUNDS}/{limit:g}-{end}.json"
-    stored = _kept(folder.read(name), request)
-    if stored is not None:
-        return stored
+    earlier = _matching_record(folder.read(name), request)
+    if earlier is not None:
+        return earlier
     record: dict[str, Any] = dict(request)
     for objective in BoundObjective:
-        best = searched(
+        best = search_bound(
             (run.loop, run.start),
             manoeuvre,
             objective,
@@ -102,8 +102,8 @@ def least_bounds(
     return record
 
 
-def _kept(content: bytes | None, request: dict[str, Any]) -> dict[str, Any] | None:
-    """What was found before, if it is what is wanted now."""
+def _matching_record(content: bytes | None, request: dict[str, Any]) -> dict[str, Any] | None:
+    """The record of an earlier search, if it answers the same request."""
     record = parse_json(content)
     objectives = [one.value for one in BoundObjective]
     if not isinstance(record, dict) or set(record) != {*request, *objectives}:

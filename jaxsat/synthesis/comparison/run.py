@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 KIND = "comparison"
-"""Of the output folder."""
+"""The kind of the output folder."""
 
 COLUMNS = ("settling_time", "effort", "peak_rate", "code")
 
@@ -167,12 +167,12 @@ def require_suitable(settings: Iterable[ComparisonSetting]) -> None:
 
 
 def _tell_of_untuned(limits: Sequence[float], listener: Listener) -> None:
-    tuned = ", ".join(f"{one:g}" for one in TUNED_LIMITS)
+    tuned_limits = ", ".join(f"{one:g}" for one in TUNED_LIMITS)
     for limit in limits:
         if limit not in TUNED_LIMITS:
             inside = min(TUNED_LIMITS) < limit < max(TUNED_LIMITS)
             how = "interpolated" if inside else "those of the nearest"
-            listener.warn(f"gains are tuned for {tuned} N m, for {limit:g} N m {how}")
+            listener.warn(f"gains are tuned for {tuned_limits} N m, for {limit:g} N m {how}")
 
 
 def _work(setting: ComparisonSetting, count: int) -> Work:
@@ -264,7 +264,7 @@ def acceptance_figures(rows: Sequence[ComparisonRow]) -> "dict[str, Figure]":
 
 
 def scenario_figures(
-    title: str, duration: float, rows: Sequence[ComparisonRow], recovered: Mapping[str, Any]
+    title: str, duration: float, rows: Sequence[ComparisonRow], recoveries: Mapping[str, Any]
 ) -> "dict[str, Figure]":
     """Settling times in a scenario that lasts `duration` s, and what recovered under each law."""
     from jaxsat.report.comparison_figures import recovery_comparison, settling_comparison
@@ -272,6 +272,6 @@ def scenario_figures(
     panel: Panel = ("the same cases under every law", None)
     times = {row.setting.law: row.settling_times for row in rows}
     figures = {"comparison": settling_comparison({panel: times}, {panel: duration}, title)}
-    if recovered:
-        figures["recovered"] = recovery_comparison(recovered, title)
+    if recoveries:
+        figures["recovered"] = recovery_comparison(recoveries, title)
     return figures

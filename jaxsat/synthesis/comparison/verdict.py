@@ -147,8 +147,8 @@ def _reason(
         clauses[-1] += _quicker(best, row)
     beaten = [row for row in rows if all(row is not one for one in sure)]
     if beaten:
-        listed = ", ".join(f"{row.setting.law} ({row.settled.value:.1%})" for row in beaten)
-        clauses.append(f"significantly fewer cases settle with {listed}")
+        names = ", ".join(f"{row.setting.law} ({row.settled.value:.1%})" for row in beaten)
+        clauses.append(f"significantly fewer cases settle with {names}")
     return "; ".join(clauses)
 
 
@@ -169,7 +169,7 @@ def _as_quick(row: ComparisonRow, quickest: ComparisonRow) -> bool:
 
 
 def _ahead(one: ComparisonRow, other: ComparisonRow) -> tuple[int, int]:
-    """In how many of the same cases one law is quicker, and in how many the other."""
+    """The numbers of the same cases in which one law is quicker, and in which the other."""
     return (
         int((one.settling_times < other.settling_times).sum()),
         int((one.settling_times > other.settling_times).sum()),
@@ -182,7 +182,7 @@ def _differ(ahead: int, behind: int) -> bool:
 
 
 def _quicker(best: ComparisonRow, row: ComparisonRow) -> str:
-    """In how many of the cases that differ which law is quicker, and what the other one spends."""
+    """A clause on how many cases which law is quicker in, and on what the other one spends."""
     ahead, behind = _ahead(best, row)
     if not _differ(ahead, behind):
         clause = " (difference in time not significant)"

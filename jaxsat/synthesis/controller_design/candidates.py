@@ -70,7 +70,7 @@ SLOW_LAWS: Mapping[str, str] = {
 """Laws that are designed only on request, and why."""
 
 RATE_SHARE, TILT_SHARE = 0.85, 0.5
-"""Of the tolerances of settling: what a large end game takes of the rate's and of the tilt's."""
+"""The parts of the rate's and of the tilt's tolerance of settling that a large end game takes."""
 
 POWERS = {"s": -1, "rad/s": 1, "1/s": 1, "N m s": 1, "N m": 2}
 """By unit of a gain: the power of √T with which it goes when the torque does, for the same motion
@@ -86,7 +86,7 @@ class Candidate:
 
     @property
     def tunable(self) -> dict[str, str]:
-        """Its keys that can be tuned, and their places in the law."""
+        """The keys of the law that can be tuned, and their places in it."""
         return self.scenario.law.declaration.tunable
 
 
@@ -111,7 +111,7 @@ def fitting_candidates(
     slow = [name for name in names if law == QUICK and name in SLOW_LAWS]
     candidates, left_out = [], []
     for name, table in _tables(scenario, [one for one in names if one not in slow], law):
-        under_law = _made(scenario, table, complete)
+        under_law = _scenario_or_reason(scenario, table, complete)
         if isinstance(under_law, str):
             left_out.append(f"{name}: {under_law}")
         else:
@@ -161,12 +161,12 @@ def with_larger_end_game(candidate: Candidate) -> Candidate | None:
     settles = isinstance(law, OscillatorySettling | ThreeSlewSettling)
     if not settles or getattr(control, HOLDING_AMPLITUDE) is not None:
         return None
-    held = law.fine.end_game
+    end_game = law.fine.end_game
     limits = build_tolerances(candidate.scenario)
     # Two rates of this amplitude in phase; |w| of the tilt is half the angle.
-    rate, tilt = limits.relative_rate / math.sqrt(2), limits.w * math.sqrt(2) * held.frequency
+    rate, tilt = limits.relative_rate / math.sqrt(2), limits.w * math.sqrt(2) * end_game.frequency
     amplitude = float(f"{min(RATE_SHARE * float(rate), TILT_SHARE * float(tilt)):.3g}")
-    if amplitude <= held.largest_amplitude:
+    if amplitude <= end_game.largest_amplitude:
         return None
     control = control.model_copy(update={HOLDING_AMPLITUDE: amplitude})
     scenario = candidate.scenario.model_copy(update={"control": control})
@@ -193,15 +193,15 @@ def _tables(scenario: Scenario, names: list[str], law: str) -> Iterator[tuple[st
     """Names of candidates of these laws, and what makes the `[control]` table of each."""
     own = scenario.control.model_dump(exclude_none=True)
     for name in names:
-        given = name == own["law"] == law
-        default = given and _is_default(own, name)
-        if given:
+        is_own = name == own["law"] == law
+        default = is_own and _is_default(own, name)
+        if is_own:
             yield name if default else f"{name}, as given", lambda scale: own
         if default:
             continue
         for variant, gains in GAINS.get(name, {}).items():
             yield name + variant, _maker(name, gains, own)
-        if not given and name not in GAINS:
+        if not is_own and name not in GAINS:
             yield name, lambda scale, name=name: {"law": name}
 
 
@@ -212,34 +212,34 @@ def _is_default(own: Mapping[str, Any], name: str) -> bool:
 
 
 def _maker(name: str, gains: Gains, own: Mapping[str, Any]) -> Maker:
-    """What makes the table of one of jaxsat's own laws, period and model as they are given."""
+    """A maker of the table of one of jaxsat's own laws, with the period and model of `own`."""
     law = known_law(name)
     assert law is not None
     rates, numbers = gains
-    kept = {key: own[key] for key in ("model",) if key in own and law.declaration.has_model}
+    own_settings = {key: own[key] for key in ("model",) if key in own and law.declaration.has_model}
     if law.declaration.sampled:
-        kept["period_s"] = own.get("period_s", PERIOD)
+        own_settings["period_s"] = own.get("period_s", PERIOD)
 
     def table(scale: Scale) -> dict[str, Any]:
         units = {"k4": scale.moment / scale.time, "attitude_weight_N_m": scale.torque}
-        scaled = {
+        scaled_gains = {
             key: float(f"{value * units.get(key, 1 / scale.time):.4g}")
             for key, value in rates.items()
         }
-        return {"law": name, **numbers, **kept, **scaled}
+        return {"law": name, **numbers, **own_settings, **scaled_gains}
 
     return table
 
 
-def _made(
+def _scenario_or_reason(
     scenario: Scenario, table: Maker, complete: Callable[[Scenario, Scale], Scenario]
 ) -> Scenario | str:
     """The scenario under a law, completed; or why the law does not fit."""
     try:
         scale = scale_of(_with_control(scenario, table(UNIT), UNIT))
-        completed = complete(_with_control(scenario, table(scale), scale), scale)
-        build(completed)
-        return completed
+        complete_scenario = complete(_with_control(scenario, table(scale), scale), scale)
+        build(complete_scenario)
+        return complete_scenario
     except ValidationError as error:
         issues = [details["ctx"]["issue"] for details in error.errors()]  # pyright: ignore
         messages = (f"{key_of(issue.location)} {issue.message}" for issue in issues)

@@ -26,7 +26,7 @@ ATTITUDE_NOISE = 1e-4
 """Noise of the attitude sensors, rad."""
 
 WHEEL_SHARE = 0.3
-"""Of the least momentum limit of the wheels, the largest initial momentum about each axis."""
+"""Largest initial momentum about each axis, as a part of the wheels' least momentum limit."""
 
 SMALL_TURN = 1.0
 """Rotation about each axis (rad) from which two wheels alone start; they have no momentum left."""
@@ -36,7 +36,7 @@ REFERENCE_COUPLING, LEAST_COUPLING = 0.4, 0.02
 """c from which on a case gets what the acceptance set gives; and below which it gets no more."""
 
 
-class Completed(NamedTuple):
+class Completion(NamedTuple):
     """A scenario that has all a study needs, and what was assumed, a sentence each."""
 
     scenario: Scenario
@@ -59,39 +59,39 @@ def default_duration(scenario: Scenario, verdict: VehicleVerdict, scale: Scale) 
 
 def completed(
     scenario: Scenario, verdict: VehicleVerdict, scale: Scale, timed: bool = True
-) -> Completed:
+) -> Completion:
     """The scenario with dispersions, sensors and a duration where it has none.
 
     A duration that is given is kept, unless dispersions are filled in, which take longer than one
     start. Of the level "hard" of the acceptance set, scaled by τ; quantities that the loop does not
     have are left out.
     """
-    data, assumed = scenario.model_dump(exclude_none=True), []
-    dispersed = scenario.dispersion is not None
+    data, assumptions = scenario.model_dump(exclude_none=True), []
+    has_dispersions = scenario.dispersion is not None
     default = default_duration(scenario, verdict, scale)
-    if not timed or (not dispersed and scenario.simulation.duration_s < default):
+    if not timed or (not has_dispersions and scenario.simulation.duration_s < default):
         table = data["simulation"]
         table["duration_s"] = math.ceil(default / table["save_every_s"]) * table["save_every_s"]
-        assumed.append(f"duration of a case {table['duration_s']:g} s")
+        assumptions.append(f"duration of a case {table['duration_s']:g} s")
     sensors = scenario.sampling or scenario.gyro or scenario.star_tracker
     if not sensors and "period_s" in data["control"]:
         noise = float(f"{RATE_NOISE / scale.time:.2g}")
         table = SamplingTable(rate_noise_rad_s=noise, attitude_noise_rad=ATTITUDE_NOISE)  # pyright: ignore[reportCallIssue]
         data["sampling"] = table.model_dump()
-        assumed.append(f"sensor noise of {noise:g} rad/s and {ATTITUDE_NOISE:g} rad per sample")
-    filled = Scenario.model_validate(data)
-    if dispersed:
-        return Completed(filled, tuple(assumed))
-    tables = _that_fit(filled, _distributions(filled, verdict, scale))
+        assumptions.append(f"sensor noise of {noise:g} rad/s and {ATTITUDE_NOISE:g} rad per sample")
+    full_scenario = Scenario.model_validate(data)
+    if has_dispersions:
+        return Completion(full_scenario, tuple(assumptions))
+    tables = _fitting_distributions(full_scenario, _distributions(full_scenario, verdict, scale))
     data["dispersion"] = tables
-    assumed.append("dispersions at the level hard: " + "; ".join(_told(tables)))
-    return Completed(Scenario.model_validate(data), tuple(assumed))
+    assumptions.append("dispersions at the level hard: " + "; ".join(_dispersion_words(tables)))
+    return Completion(Scenario.model_validate(data), tuple(assumptions))
 
 
 def _distributions(
     scenario: Scenario, verdict: VehicleVerdict, scale: Scale
 ) -> dict[str, dict[str, Any]]:
-    """Those of the level hard by key, times in τ."""
+    """The dispersions of the level hard by key, times in τ."""
     alone = bool(scenario.wheel) and (
         not verdict.judgement.actuators.torques.any()
         or wheels_make_all(scenario.wheel, scenario.law.declaration.torques)
@@ -99,8 +99,8 @@ def _distributions(
     rate, start = RATE / scale.time, {"attitude": {"distribution": "random-attitude"}}
     if alone:
         limits = [one.momentum_limit_N_m_s for one in scenario.wheel if not one.failed]
-        known = [limit for limit in limits if limit is not None]
-        rate = min([rate, *(WHEEL_SHARE * limit / scale.moment for limit in known)])
+        finite_limits = [limit for limit in limits if limit is not None]
+        rate = min([rate, *(WHEEL_SHARE * limit / scale.moment for limit in finite_limits)])
         if verdict.judgement.laws == "two torques":
             rate, start = 0.0, {"attitude_error_rad": _uniform(SMALL_TURN)}
     tables = dict(start)
@@ -125,22 +125,24 @@ def _uniform(half: float) -> dict[str, Any]:
     return {"distribution": "uniform", "low": -half, "high": half}
 
 
-def _that_fit(scenario: Scenario, tables: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Those that the loop has and can begin with."""
+def _fitting_distributions(
+    scenario: Scenario, tables: dict[str, dict[str, Any]]
+) -> dict[str, dict[str, Any]]:
+    """The dispersions that the loop has and can begin with."""
     run = build(scenario)
-    kept = dict(tables)
-    while kept:
-        table = DispersionTable.model_validate(kept)
+    fitting_tables = dict(tables)
+    while fitting_tables:
+        table = DispersionTable.model_validate(fitting_tables)
         trial = scenario.model_copy(update={"dispersion": table})
         issues = dispersion_issues(trial, run, all_fit=True)
-        refused = {str(issue.location[1]) for issue in issues if issue.location[0] == "dispersion"}
-        if not refused & kept.keys():
+        misfits = {str(issue.location[1]) for issue in issues if issue.location[0] == "dispersion"}
+        if not misfits & fitting_tables.keys():
             break
-        kept = {key: value for key, value in kept.items() if key not in refused}
-    return kept
+        fitting_tables = {key: value for key, value in fitting_tables.items() if key not in misfits}
+    return fitting_tables
 
 
-def _told(tables: dict[str, dict[str, Any]]) -> list[str]:
+def _dispersion_words(tables: dict[str, dict[str, Any]]) -> list[str]:
     """Every dispersion in a few words."""
     texts = []
     for one in DISPERSIBLE.values():

@@ -57,13 +57,13 @@ def separations(
 ) -> tuple[Separation, ...]:
     """The numbers that tell whether a case settles, surely more than chance, the first first."""
     settled = np.isfinite(columns["settling_time"])
-    drawn = drawn_numbers(scenario, columns, two_torques)
+    numbers = drawn_numbers(scenario, columns, two_torques)
     measure = Sensitivities([settled])
-    for name, values in drawn.items():
+    for name, values in numbers.items():
         measure.add(name, values)
     (ranking,) = measure.ranked()
     return tuple(
-        _separation(entry, drawn[entry.name], settled) for entry in ranking if entry.matters
+        _separation(entry, numbers[entry.name], settled) for entry in ranking if entry.matters
     )[:MOST_NAMED]
 
 
@@ -100,10 +100,10 @@ def remedies(
     for name, key in (("inertia", "inertia"), ("thrust", "torque_gain"), ("axes", "misalignment")):
         table = getattr(scenario.dispersion, _key(key), None)
         if table is not None and table.distribution == "uniform":
-            yield f"half the error of the {name}", lambda key=key: _narrowed(scenario, _key(key))
+            yield f"half the error of the {name}", lambda key=key: _narrow(scenario, _key(key))
             yield (
                 f"{TENTH} error of the {name}",
-                lambda key=key: _narrowed(scenario, _key(key), 0.1),
+                lambda key=key: _narrow(scenario, _key(key), 0.1),
             )
     if verdict.turn is not None and not verdict.holds:
         yield "the nearest attitude that can be held", lambda: turned(scenario, verdict.turn or ())
@@ -157,7 +157,7 @@ def _key(name: str) -> str:
     return "misalignment_rad" if name == "misalignment" else name
 
 
-def _narrowed(scenario: Scenario, key: str, share: float = 0.5) -> Scenario:
+def _narrow(scenario: Scenario, key: str, share: float = 0.5) -> Scenario:
     """A share of the width of a uniform distribution about its middle; draws keep their places."""
 
     def ends(low: Any, high: Any) -> tuple[Any, Any]:
@@ -172,8 +172,8 @@ def _narrowed(scenario: Scenario, key: str, share: float = 0.5) -> Scenario:
 
 
 def _separation(entry: Sensitivity, values: np.ndarray, settled: np.ndarray) -> Separation:
-    def percentiles(chosen: np.ndarray) -> tuple[float, float, float]:
-        low, middle, high = np.percentile(chosen, (10, 50, 90)).tolist()
+    def percentiles(sample: np.ndarray) -> tuple[float, float, float]:
+        low, middle, high = np.percentile(sample, (10, 50, 90)).tolist()
         return low, middle, high
 
     return Separation(

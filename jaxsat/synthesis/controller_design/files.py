@@ -21,76 +21,76 @@ if TYPE_CHECKING:
 PAGE, RECORD = "design.md", "design.json"
 
 
-def design_record(designed: ControllerDesign) -> dict[str, Any]:
+def design_record(design: ControllerDesign) -> dict[str, Any]:
     """The record of a design, of which its document is made."""
-    return {"title": designed.original.title, "headline": designed.headline, **designed.as_data()}
+    return {"title": design.original.title, "headline": design.headline, **design.as_data()}
 
 
-def design_comment(designed: ControllerDesign, version: str) -> str:
+def design_comment(design: ControllerDesign, version: str) -> str:
     """Lines for the head of the designed scenario: where it comes from and what it is proven on."""
-    verification = designed.verification
+    verification = design.verification
     assert verification is not None
     lines = [
-        f"Designed by jaxsat {version} for: {designed.original.title}",
-        *[f"  {line}" for line in designed.verdict.lines()],
-        designed.headline,
-        f"Verification: seed {designed.settings.seeds.verification}, by "
-        f"`jaxsat montecarlo {DESIGNED} --seed {designed.settings.seeds.verification} "
-        f"-n {designed.settings.cases}`.",
+        f"Designed by jaxsat {version} for: {design.original.title}",
+        *[f"  {line}" for line in design.verdict.lines()],
+        design.headline,
+        f"Verification: seed {design.settings.seeds.verification}, by "
+        f"`jaxsat montecarlo {DESIGNED} --seed {design.settings.seeds.verification} "
+        f"-n {design.settings.cases}`.",
     ]
-    if designed.assumed:
+    if design.assumed:
         lines += [f"{LINES['assumed']}:"]
-        lines += [f"  {line}" for line in designed.assumed]
-    if designed.misses_attitude is not None:
-        lines.append(designed.misses_attitude)
-    elif designed.settings.attitude == "nearest" and not designed.verdict.holds:
+        lines += [f"  {line}" for line in design.assumed]
+    if design.misses_attitude is not None:
+        lines.append(design.misses_attitude)
+    elif design.settings.attitude == "nearest" and not design.verdict.holds:
         lines.append(
             "Body axes are turned so that the nearest attitude that can be held is the target."
         )
-    if not designed.gains:
+    if not design.gains:
         lines.append("The gains are functions of inertia, torque limit and control period.")
     return "".join(f"# {line}\n" for line in lines)
 
 
-def write_files(designed: ControllerDesign, folder: ResumableFolder) -> None:
+def write_files(design: ControllerDesign, folder: ResumableFolder) -> None:
     """The page, the designed scenario, the record as JSON, and figures."""
-    folder.write(PAGE, markdown_page(design_document(design_record(designed))))
-    if designed.scenario is not None:
-        comment = design_comment(designed, jaxsat.__version__)
-        folder.write(DESIGNED, comment + dump(designed.scenario))
-    record = design_record(designed) | provenance()
+    folder.write(PAGE, markdown_page(design_document(design_record(design))))
+    if design.scenario is not None:
+        comment = design_comment(design, jaxsat.__version__)
+        folder.write(DESIGNED, comment + dump(design.scenario))
+    record = design_record(design) | provenance()
     folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
-    if designed.verification is not None:
+    if design.verification is not None:
         from jaxsat.report.saving import save_figures
 
-        save_figures(lambda: _figures(designed), folder.write)
+        save_figures(lambda: _figures(design), folder.write)
 
 
-def _figures(designed: ControllerDesign) -> "dict[str, Figure]":
+def _figures(design: ControllerDesign) -> "dict[str, Figure]":
     from jaxsat.report.figure_painter import paint
     from jaxsat.report.study_figures import study_figures
     from jaxsat.report.tuning_plots import gain_plots, loss_plots
     from jaxsat.synthesis.tuning.history import history_dataset
 
-    assert designed.verification is not None
-    assert designed.scenario is not None
-    columns, title = designed.verification.columns, designed.scenario.title
-    figures = study_figures(columns, _mapped(designed), title)
-    figures["laws"] = _laws_figure(designed)
-    if designed.tuned is not None:
-        plan, state = designed.tuned.plan, designed.tuned.state
-        history = history_dataset(plan, state, title, dump(designed.scenario))
+    assert design.verification is not None
+    assert design.scenario is not None
+    columns, title = design.verification.columns, design.scenario.title
+    figures = study_figures(columns, _map_axes(design), title)
+    figures["laws"] = _laws_figure(design)
+    if design.tuned is not None:
+        plan, state = design.tuned.plan, design.tuned.state
+        history = history_dataset(plan, state, title, dump(design.scenario))
         figures["loss"] = paint(loss_plots(history), f"{title}: loss of tuning")
         figures["gains"] = paint(gain_plots(history), f"{title}: gains in tuning", 1.9)
     return figures
 
 
-def _laws_figure(designed: ControllerDesign) -> "Figure":
+def _laws_figure(design: ControllerDesign) -> "Figure":
     from jaxsat.report.comparison_figures import settling_comparison
 
     steps: dict[str, Step | None] = {
-        "screening": designed.screening,
-        "validation": designed.validation,
+        "screening": design.screening,
+        "validation": design.validation,
     }
     panels, horizons = {}, {}
     for name, step in steps.items():
@@ -98,32 +98,32 @@ def _laws_figure(designed: ControllerDesign) -> "Figure":
             continue
         key = (name, step.rows[0].setting.torque_limit)
         panels[key] = {row.setting.law: row.settling_times for row in step.rows}
-        assert designed.scenario is not None
-        horizons[key] = designed.scenario.simulation.duration_s
+        assert design.scenario is not None
+        horizons[key] = design.scenario.simulation.duration_s
     return settling_comparison(
-        panels, horizons, f"{designed.original.title}: screening and validation"
+        panels, horizons, f"{design.original.title}: screening and validation"
     )
 
 
-def _mapped(designed: ControllerDesign) -> "dict[str, DrawnNumber]":
+def _map_axes(design: ControllerDesign) -> "dict[str, DrawnNumber]":
     """The two numbers on which settling depends most, or the cost where all cases settle."""
     from jaxsat.report.study_figures import DrawnNumber
 
-    verification = designed.verification
+    verification = design.verification
     assert verification is not None
-    assert designed.scenario is not None
-    drawn = drawn_numbers(
-        designed.scenario, verification.columns, designed.verdict.judgement.laws == "two torques"
+    assert design.scenario is not None
+    numbers = drawn_numbers(
+        design.scenario, verification.columns, design.verdict.judgement.laws == "two torques"
     )
     names = [one.name for one in verification.separations] + [
         entry.name for entry in verification.summary.ranking if entry.matters
     ]
-    mapped = {}
+    axes = {}
     for label in list(dict.fromkeys(names))[:2]:
         quantity = DISPERSIBLE.get(label.partition("[")[0])
         unit, meaning = (quantity.unit, quantity.meaning) if quantity else _DERIVED[label]
-        mapped[label] = DrawnNumber(drawn[label], unit, meaning)
-    return mapped
+        axes[label] = DrawnNumber(numbers[label], unit, meaning)
+    return axes
 
 
 _DERIVED = {

@@ -62,14 +62,14 @@ def read_vehicle(
     duration. A body in orbit without `[disturbance]` and without wheels gets gravity gradient.
     Raises `ScenarioError` and tells `caution` as `jaxsat.load` does.
     """
-    given = list(overrides)
-    present = given_keys(name_or_path, given)
+    user_overrides = list(overrides)
+    present = given_keys(name_or_path, user_overrides)
     lacking = [key for key, (spellings, _) in _DEFAULTS.items() if not present & {*spellings}]
     name = clean(Path(name_or_path).stem) or "vehicle"
-    added = [override(key, name if key == "title" else _DEFAULTS[key][1]) for key in lacking]
+    defaults = [override(key, name if key == "title" else _DEFAULTS[key][1]) for key in lacking]
     if _has_unsaid_torques(present, in_orbit="orbit.rate_rad_s" not in lacking):
-        added.append(override("disturbance.gravity_gradient", True))
-    scenario = load(name_or_path, [*added, *given], purpose="motion", caution=caution)
+        defaults.append(override("disturbance.gravity_gradient", True))
+    scenario = load(name_or_path, [*defaults, *user_overrides], purpose="motion", caution=caution)
     law = scenario.control.law
     quick = "control.law" in lacking or law == "coast"
     return Vehicle(scenario, QUICK if quick else law, "simulation.duration_s" not in lacking)
@@ -84,14 +84,14 @@ def _has_unsaid_torques(present: set[str], in_orbit: bool) -> bool:
 SCREENING_CASES, VALIDATION_CASES, SURE_CASES = 500, 1000, 2000
 
 MAX_SEED = 2**63 - 4
-"""So that three more follow which a scenario can have."""
+"""The largest seed that leaves room for the three that follow it."""
 
 Attitude = Literal["wanted", "nearest"]
 Goal = Literal["quickest", "settled"]
 
 
 class Seeds(NamedTuple):
-    """One for every step, so that no step sees the cases of another."""
+    """A seed for every step, so that no step sees the cases of another."""
 
     screening: int
     tuning: int
@@ -138,7 +138,7 @@ class DesignSettings:
 
     @property
     def seeds(self) -> Seeds:
-        """Consecutive ones from `seed` on."""
+        """The seeds of the steps: consecutive ones from `seed` on."""
         return Seeds(*range(self.seed, self.seed + 4))
 
     @property

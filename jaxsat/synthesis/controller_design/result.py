@@ -31,7 +31,7 @@ class Step(NamedTuple):
     verdict: ComparisonVerdict
 
     def as_data(self) -> dict[str, Any]:
-        """Plain data."""
+        """The rows and the verdict as plain data."""
         rows = [row.as_data() for row in self.rows]
         return {"rows": rows, "taken": self.verdict.law, "reason": self.verdict.reason}
 
@@ -98,7 +98,7 @@ class ControllerDesign:
 
     @property
     def misses_attitude(self) -> str | None:
-        """That the design is for an attitude that cannot be held, and what to do about it."""
+        """A sentence where the attitude of the design cannot be held, and what to do about it."""
         if self.verdict.holds:
             return None
         if self.verdict.turn is None:
@@ -114,7 +114,7 @@ class ControllerDesign:
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Where the vehicle lies beyond what the laws are verified on."""
+        """Sentences on where the vehicle lies beyond what the laws are verified on."""
         beyond = (
             f"{'.'.join(map(str, issue.location))} {issue.message}"
             for one in self.candidates
@@ -149,8 +149,8 @@ class ControllerDesign:
         """Whether the required fraction settles."""
         if self.verification is None:
             return "nothing to design"
-        reached = self.verification.settled.value >= self.settings.settled
-        return "reached" if reached else "not reached"
+        enough = self.verification.settled.value >= self.settings.settled
+        return "reached" if enough else "not reached"
 
     @property
     def proven(self) -> bool:
@@ -161,7 +161,7 @@ class ControllerDesign:
     @property
     def headline(self) -> str:
         """The verdict in one sentence or two."""
-        verification, required = self.verification, f"{100 * self.settings.settled:.8g}"
+        verification, requirement = self.verification, f"{100 * self.settings.settled:.8g}"
         if verification is None or self.chosen is None:
             why = "No law of jaxsat fits the remaining actuators."
             if self.settings.law not in (ALL, QUICK):
@@ -170,7 +170,7 @@ class ControllerDesign:
         fraction = verification.settled
         first = (
             f"{self.chosen.name} settles {fraction_text(fraction)} of "
-            f"{verification.summary.cases} unseen cases; {required} % were required"
+            f"{verification.summary.cases} unseen cases; {requirement} % were required"
         )
         if self.proven:
             return f"Reached: {first}. The whole 95 % interval is above the requirement."
@@ -179,8 +179,8 @@ class ControllerDesign:
                 f"Reached: {first}. This number of cases does not prove it: the 95 % interval "
                 "begins below the requirement."
             )
-        excluded = fraction.high < self.settings.settled
-        unsure = "" if excluded else ", which the 95 % interval does not exclude"
+        is_excluded = fraction.high < self.settings.settled
+        unsure = "" if is_excluded else ", which the 95 % interval does not exclude"
         return f"Not reached: {first}{unsure}."
 
     @property

@@ -26,7 +26,7 @@ from jaxsat.synthesis.controller_design.tuning import TUNED_CASES
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
 
 KIND = "design"
-"""Of the output folder."""
+"""The kind of the output folder."""
 
 
 CASE = 400
@@ -88,11 +88,11 @@ def design(
     with folder_of_call(out, KIND, identity) as folder:
         executor = execution.executor or (Threads(processors()) if processors() > 1 else Serial())
         studies = Studies(folder, replace(execution, executor=executor), listener)
-        designed = DesignRun(scenario, settings, studies, timed).run()
+        controller_design = DesignRun(scenario, settings, studies, timed).run()
         if out is not None:
             listener.progress("figures and files", None)
-            write_files(designed, folder)
-        return designed
+            write_files(controller_design, folder)
+        return controller_design
 
 
 def _work(vehicle: Vehicle, settings: DesignSettings) -> Work:

@@ -33,7 +33,7 @@ from jaxsat.synthesis.controller_design.vehicle import (
     vehicle_verdict,
 )
 
-Flown = tuple[Candidate, Columns]
+Flight = tuple[Candidate, Columns]
 
 
 class Screening(NamedTuple):
@@ -58,21 +58,21 @@ class DesignRun:
         self.studies.listener.progress("verdict on the actuators left", None)
         verdict = vehicle_verdict(self.original)
         self.studies.listener.remark(verdict.lines()[0])
-        scenario = self._aimed(verdict)
-        fitting, assumed = self._candidates(scenario, verdict)
-        designed = ControllerDesign(
-            self.original, self.settings, verdict, assumed, fitting.candidates, fitting.left_out
+        scenario = self._target_scenario(verdict)
+        fitting, assumptions = self._candidates(scenario, verdict)
+        design = ControllerDesign(
+            self.original, self.settings, verdict, assumptions, fitting.candidates, fitting.left_out
         )
-        for caution in filter(None, (designed.misses_attitude, *designed.cautions)):
+        for caution in filter(None, (design.misses_attitude, *design.cautions)):
             self.studies.listener.warn(caution)
         if not fitting.candidates:
-            return designed
+            return design
         screening, candidates, enough = self._screening(fitting.candidates)
         names = {one.name: one for one in candidates}
         best = enough or names[screening.verdict.law or candidates[0].name]
         tuned, not_tuned, contenders = None, None, (best,)
         if enough is None:
-            tuned, not_tuned = self._tuned(screening, best)
+            tuned, not_tuned = self._tune(screening, best)
             contenders = _contenders(candidates, screening, tuned)
         else:
             not_tuned = f"{best.name} meets the requirement with 95 % confidence"
@@ -85,7 +85,7 @@ class DesignRun:
         others = tuple(one for name, one in names.items() if name != chosen.name)
         verification = self._verification(chosen, others, verdict)
         return replace(
-            designed,
+            design,
             chosen=chosen,
             screening=screening,
             tuned=tuned,
@@ -94,7 +94,7 @@ class DesignRun:
             verification=verification,
         )
 
-    def _aimed(self, verdict: VehicleVerdict) -> Scenario:
+    def _target_scenario(self, verdict: VehicleVerdict) -> Scenario:
         """The scenario with the attitude that is designed for."""
         if self.settings.attitude == "wanted" or verdict.holds or verdict.turn is None:
             return self.original
@@ -104,15 +104,15 @@ class DesignRun:
         self, scenario: Scenario, verdict: VehicleVerdict
     ) -> tuple[Fitting, tuple[str, ...]]:
         """The laws that fit, and what was assumed of the first that does."""
-        assumed: list[tuple[str, ...]] = []
+        assumptions: list[tuple[str, ...]] = []
 
         def complete(under_law: Scenario, scale: Scale) -> Scenario:
             completion = completed(under_law, verdict, scale, self.timed)
-            assumed.append(completion.assumed)
+            assumptions.append(completion.assumed)
             return completion.scenario
 
         fitting = fitting_candidates(scenario, verdict, self.settings.law, complete)
-        return fitting, assumed[0] if assumed else ()
+        return fitting, assumptions[0] if assumptions else ()
 
     def _screening(self, fitting: tuple[Candidate, ...]) -> Screening:
         """The candidates on the same cases, and the first that is enough where one is asked for.
@@ -121,18 +121,18 @@ class DesignRun:
         with a larger end game.
         """
         if self.settings.goal == "quickest":
-            flown = list(self._announced(self._flown("screening", 2, fitting)))
-            return Screening(self._compared("screening", flown), fitting, None)
+            flights = list(self._announce_first(self._fly("screening", 2, fitting)))
+            return Screening(self._compare("screening", flights), fitting, None)
         rule = WhenDecided(self.settings.settled, 2 * len(fitting))
-        flights = self._announced(self._flown("screening", 2, fitting, rule))
-        candidates, (flown, enough) = fitting, _up_to_enough(flights, rule)
+        stream = self._announce_first(self._fly("screening", 2, fitting, rule))
+        candidates, (flights, enough) = fitting, _up_to_enough(stream, rule)
         if not enough:
             larger = tuple(filter(None, map(with_larger_end_game, fitting)))
-            more, enough = _up_to_enough(self._flown("screening", 2, larger, rule), rule)
-            candidates, flown = (*fitting, *larger), flown + more
-        return Screening(self._compared("screening", flown), candidates, enough)
+            more, enough = _up_to_enough(self._fly("screening", 2, larger, rule), rule)
+            candidates, flights = (*fitting, *larger), flights + more
+        return Screening(self._compare("screening", flights), candidates, enough)
 
-    def _announced(self, flights: Iterator[Flown]) -> Iterator[Flown]:
+    def _announce_first(self, flights: Iterator[Flight]) -> Iterator[Flight]:
         """The flights as they are; the first one is told as a first answer."""
         for number, (candidate, columns) in enumerate(flights):
             if number == 0:
@@ -145,39 +145,39 @@ class DesignRun:
         Where none surely settles the wanted fraction, each flies once more with a larger end game,
         as in the screening where settling is the goal.
         """
-        flown = list(self._flown("validation", 4, contenders))
+        flights = list(self._fly("validation", 4, contenders))
         level = 1 - (1 - LEVEL) / len(contenders)
-        low = max(wilson(*_settled_of(columns), level).low for _, columns in flown)
+        low = max(wilson(*_settled_of(columns), level).low for _, columns in flights)
         if self.settings.goal == "quickest" and low < self.settings.settled:
             larger = tuple(filter(None, map(with_larger_end_game, contenders)))
-            flown += self._flown("validation", 4, larger)
+            flights += self._fly("validation", 4, larger)
             contenders = (*contenders, *larger)
-        return self._compared("validation", flown), contenders
+        return self._compare("validation", flights), contenders
 
-    def _compared(self, step: str, flown: list[Flown]) -> Step:
+    def _compare(self, step: str, flights: list[Flight]) -> Step:
         """The candidates on the cases that all of them flew, under one torque limit.
 
         The quickest is taken of those that settle the wanted fraction; the surest where none does,
         or where settling is the goal.
         """
-        torque = scale_of(flown[0][0].scenario).torque
-        count = min(len(columns["settling_time"]) for _, columns in flown)
+        torque = scale_of(flights[0][0].scenario).torque
+        count = min(len(columns["settling_time"]) for _, columns in flights)
         rows = tuple(
             row_of(step, torque, one.name, {key: values[:count] for key, values in columns.items()})
-            for one, columns in flown
+            for one, columns in flights
         )
-        wanted = max(row.settled.value for row in rows)
+        least_fraction = max(row.settled.value for row in rows)
         if self.settings.goal == "quickest":
-            wanted = min(self.settings.settled, wanted)
-        return Step(rows, choose_law([row for row in rows if row.settled.value >= wanted]))
+            least_fraction = min(self.settings.settled, least_fraction)
+        return Step(rows, choose_law([row for row in rows if row.settled.value >= least_fraction]))
 
-    def _flown(
+    def _fly(
         self,
         step: str,
         number: int,
         candidates: tuple[Candidate, ...],
         rule: WhenDecided | None = None,
-    ) -> Iterator[Flown]:
+    ) -> Iterator[Flight]:
         """Every candidate with its columns, flown when asked for."""
         count = getattr(self.settings, f"{step}_cases")
         seed = getattr(self.settings.seeds, step)
@@ -186,7 +186,7 @@ class DesignRun:
             what, name = f"step {number} of 5, {law}", f"{step}-{one.name}"
             yield one, self.studies.columns(what, name, one.scenario, count, seed, rule)
 
-    def _tuned(self, screening: Step, best: Candidate) -> tuple[Tuned | None, str | None]:
+    def _tune(self, screening: Step, best: Candidate) -> tuple[Tuned | None, str | None]:
         """The best candidate with tuned gains, or why it has none."""
         if not self.settings.steps:
             return None, "no steps were requested"
@@ -248,29 +248,31 @@ class DesignRun:
         """How many of the failing cases settle with one thing changed, each flown again."""
         failing = np.flatnonzero(~np.isfinite(columns["settling_time"]))[:MOST_FLOWN]
         count, seed = self.settings.cases, self.settings.seeds.verification
-        measured = []
-        aimed = verdict if self.settings.attitude == "wanted" else replace(verdict, turn=(0, 0, 0))
-        changes = list(remedies(chosen, others, aimed))
+        measurements = []
+        target_verdict = (
+            verdict if self.settings.attitude == "wanted" else replace(verdict, turn=(0, 0, 0))
+        )
+        changes = list(remedies(chosen, others, target_verdict))
         for place, (change, make) in enumerate(changes, 1):
             what = f"remedies, {place} of {len(changes)}: {len(failing)} cases with {change}"
             try:
                 again = self.studies.settled_again(what, make(), count, seed, failing)
             except ValueError:  # a number out of its range, or a law that cannot be built for it
                 continue
-            measured.append(Remedy(change, int(again.sum()), len(failing)))
-        return tuple(measured)
+            measurements.append(Remedy(change, int(again.sum()), len(failing)))
+        return tuple(measurements)
 
 
 def _up_to_enough(
-    flights: Iterator[Flown], rule: WhenDecided
-) -> tuple[list[Flown], Candidate | None]:
+    flights: Iterator[Flight], rule: WhenDecided
+) -> tuple[list[Flight], Candidate | None]:
     """The flights up to the first law that surely settles the wanted fraction, and that law."""
-    flown = []
+    first_flights = []
     for candidate, columns in flights:
-        flown.append((candidate, columns))
+        first_flights.append((candidate, columns))
         if rule.above(*_settled_of(columns)):
-            return flown, candidate
-    return flown, None
+            return first_flights, candidate
+    return first_flights, None
 
 
 def _settled_of(columns: Columns) -> tuple[int, int]:
@@ -282,12 +284,12 @@ def _settled_of(columns: Columns) -> tuple[int, int]:
 def _contenders(
     candidates: tuple[Candidate, ...], screening: Step, tuned: Tuned | None
 ) -> tuple[Candidate, ...]:
-    """Those that may be the surest by the screening, whose cases are few, and the tuned one."""
+    """The candidates that may be surest by the few cases of the screening, and the tuned one."""
     top = max(screening.rows, key=lambda row: (row.settled.value, -row.t50.value))
     rows = {row.setting.law: row for row in screening.rows}
-    kept = [one for one in candidates if not settles_fewer(rows[one.name], top)]
+    contenders = [one for one in candidates if not settles_fewer(rows[one.name], top)]
     if tuned is None or not tuned.improved:
-        return tuple(kept)
+        return tuple(contenders)
     start = tuned.candidate.name.removesuffix(TUNED)
-    kept += [one for one in candidates if one.name == start and one not in kept]
-    return (*kept, tuned.candidate)
+    contenders += [one for one in candidates if one.name == start and one not in contenders]
+    return (*contenders, tuned.candidate)

@@ -20,7 +20,7 @@ CHUNK = 256
 """Cases computed together: what an interrupted design loses at most, for each thread."""
 
 RULED_CHUNK = 128
-"""The same where a study stops by a rule: 640 cases that settle show that 99 % do, of one law."""
+"""Cases computed together where a rule stops: 640 that settle show that 99 % do, of one law."""
 
 Columns = Mapping[str, np.ndarray]
 

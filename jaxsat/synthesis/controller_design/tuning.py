@@ -21,10 +21,10 @@ from jaxsat.synthesis.tuning.plan import TuningPlan
 from jaxsat.synthesis.tuning.run import run_descent
 
 FOLDER = "tuning"
-"""Of the tuner inside the output folder."""
+"""Folder of the tuner inside the output folder."""
 
 TUNED = ", tuned"
-"""After the name of a candidate whose gains were tuned."""
+"""Ending of the name of a candidate whose gains were tuned."""
 
 RANGE = 3.0
 """Bounds of a gain are its value times and over this."""
@@ -56,7 +56,7 @@ class Tuned(NamedTuple):
 
     @property
     def improved(self) -> bool:
-        """Whether any gains were better there."""
+        """Whether any gains were better on the tuner's own validation cases."""
         return self.state.best_loss < self.loss_before
 
 
@@ -115,8 +115,8 @@ def tune_candidate(
     `what` is told, with how far it is. `row` is the candidate's in the screening. Raises
     `ValueError` where it cannot be tuned.
     """
-    written = written_out(candidate.scenario)
-    shorter = _shortened(written, row, table, seed)
+    explicit = written_out(candidate.scenario)
+    shorter = _shorten(explicit, row, table, seed)
     progress, path = studies.listener.progress, studies.folder.path / FOLDER
     progress(f"{what}: compiling the gradient", None)
     plan = build_plan(shorter, workers=processors(), batch_size=32)
@@ -125,11 +125,11 @@ def tune_candidate(
         progress(f"{what}: step 1 of {table.steps}", None)
         state = run_descent(shorter, plan, folder, report=lambda at: progress(what, at))
     control = tuned_scenario(shorter, plan, np.asarray(state.best_point)).control
-    tuned = written.model_copy(update={"control": control})
-    return Tuned(Candidate(f"{candidate.name}{TUNED}", tuned), plan, state)
+    best_scenario = explicit.model_copy(update={"control": control})
+    return Tuned(Candidate(f"{candidate.name}{TUNED}", best_scenario), plan, state)
 
 
-def _shortened(scenario: Scenario, row: ComparisonRow, table: TuningTable, seed: int) -> Scenario:
+def _shorten(scenario: Scenario, row: ComparisonRow, table: TuningTable, seed: int) -> Scenario:
     """The scenario with a horizon in which most cases settle, so that little is flown at rest."""
     simulation = scenario.simulation
     save, whole = simulation.save_every_s, simulation.duration_s

@@ -115,8 +115,8 @@ def working_actuators(scenario: Scenario) -> ActuatorSet:
 
 def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
     """The verdict on the actuators that work at the start."""
-    left = working_actuators(scenario)
-    judgement = judge(scenario.spacecraft.inertia_kg_m2, left)
+    healthy = working_actuators(scenario)
+    judgement = judge(scenario.spacecraft.inertia_kg_m2, healthy)
     return VehicleVerdict(
         judgement,
         lost_words(judgement),
@@ -150,7 +150,10 @@ def coupling(inertia: np.ndarray, directions: np.ndarray) -> float:
 
 
 def _held_turn(scenario: Scenario, judgement: Judgement) -> tuple[float, float, float] | None:
-    """By the balance of torques about the axis without one; wheels, which store them, hold all."""
+    """The turn to the nearest attitude that can be held; None where there is none.
+
+    It balances the torques about the axis without one; wheels, which store them, hold all.
+    """
     zero = (0.0, 0.0, 0.0)
     if judgement.laws != "two torques" or scenario.wheel or orbit_rate(scenario) == 0:
         return zero
@@ -176,11 +179,11 @@ def _in_flight(scenario: Scenario) -> tuple[str, ...]:
     """What is supported of failures that strike later."""
     if not scenario.failure:
         return ()
-    drawn = [name for name in DRAWN_FAILURES if getattr(scenario.dispersion, name, None)]
-    listed = ", ".join(f"{one.of} {one.kind} at {one.at_s:g} s" for one in scenario.failure)
-    how = f"; every case draws {', '.join(drawn)}" if drawn else ""
+    drawn_quantities = [name for name in DRAWN_FAILURES if getattr(scenario.dispersion, name, None)]
+    failures = ", ".join(f"{one.of} {one.kind} at {one.at_s:g} s" for one in scenario.failure)
+    how = f"; every case draws {', '.join(drawn_quantities)}" if drawn_quantities else ""
     return (
-        f"Failures in flight ({listed}{how}) act in every case, and the law has no knowledge of "
+        f"Failures in flight ({failures}{how}) act in every case, and the law has no knowledge of "
         "them. The verdict and the laws are for the actuators that work at the start. To design "
         "for a known failure, give it as `failed`.",
     )
@@ -227,10 +230,10 @@ def turned(scenario: Scenario, turn: Sequence[float]) -> Scenario:
     if "thruster_torque_axes" in spacecraft:
         rows = np.array(spacecraft["thruster_torque_axes"], float) @ back.T
         spacecraft["thruster_torque_axes"] = tuple(map(_plain, rows))
-    spacecraft["inertia_kg_m2"] = _turned_inertia(spacecraft["inertia_kg_m2"], back)
+    spacecraft["inertia_kg_m2"] = _rotate_inertia(spacecraft["inertia_kg_m2"], back)
     model = data["control"].get("model", {})
     if "inertia_kg_m2" in model:
-        model["inertia_kg_m2"] = _turned_inertia(model["inertia_kg_m2"], back)
+        model["inertia_kg_m2"] = _rotate_inertia(model["inertia_kg_m2"], back)
     start = build_start(scenario)
     into_body = back @ np.asarray(start.attitude.as_dcm().matrix)
     quaternion = Rotation.from_matrix(into_body.T).as_quat(scalar_first=True)
@@ -241,8 +244,8 @@ def turned(scenario: Scenario, turn: Sequence[float]) -> Scenario:
     return Scenario.model_validate(data, context={"law": False})
 
 
-def _turned_inertia(given: Any, back: Float[np.ndarray, "3 3"]) -> tuple[tuple[float, ...], ...]:
-    inertia = back @ inertia_matrix(given) @ back.T
+def _rotate_inertia(moments: Any, back: Float[np.ndarray, "3 3"]) -> tuple[tuple[float, ...], ...]:
+    inertia = back @ inertia_matrix(moments) @ back.T
     return tuple(map(_plain, (inertia + inertia.T) / 2))
 
 

@@ -75,7 +75,7 @@ class _Search:
 
     @property
     def cases(self) -> int:
-        """Of a round."""
+        """The number of cases of a round."""
         return self.plan.settings.baseline_cases or self.plan.settings.cases
 
     @property
@@ -164,8 +164,8 @@ def random_search(search: _Search, start: np.ndarray) -> None:
     round_number = 0
     while True:
         round_number += 1
-        drawn = space.drawn(POPULATION, seed + round_number)
-        search.losses(space.to_search(drawn)[: max(int(search.left // search.cases), 1)])
+        points = space.drawn(POPULATION, seed + round_number)
+        search.losses(space.to_search(points)[: max(int(search.left // search.cases), 1)])
         search.check_if_due()
 
 
@@ -219,8 +219,8 @@ METHODS: dict[str, SearchMethod] = {
 
 def missing_packages() -> list[str]:
     """Packages that are not there and whose methods would be left out."""
-    needed = {method.package for method in METHODS.values() if method.package is not None}
-    return sorted(package for package in needed if importlib.util.find_spec(package) is None)
+    packages = {method.package for method in METHODS.values() if method.package is not None}
+    return sorted(package for package in packages if importlib.util.find_spec(package) is None)
 
 
 def run_baselines(

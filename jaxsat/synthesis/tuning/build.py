@@ -57,19 +57,19 @@ def build_plan(
     if table is None:
         raise ValueError("The scenario must have a [tuning] table, but got none.")
     _require_optimiser(table)
-    prepared = _prepared(scenario, table)
-    scenario, smooth, widths = prepared.scenario, prepared.smooth, prepared.widths
-    space, start = prepared.space, prepared.start
+    forms = _forms_of(scenario, table)
+    scenario, smooth, widths = forms.scenario, forms.smooth, forms.widths
+    space, start = forms.space, forms.start
     seed = scenario.simulation.seed
     unseen = seed + 1 if table.held_out_seed is None else table.held_out_seed
     free = table.optimiser == DERIVATIVE_FREE
     penalty = _false_alarm_penalty(scenario, table, space)
-    bounded = _cost(table.cost, scenario.simulation.attitude_cost)
-    unbounded = _plain(bounded)
+    bounded_cost = _cost(table.cost, scenario.simulation.attitude_cost)
+    plain_cost = _plain(bounded_cost)
 
-    def evaluator(chosen: Scenario, cost: RunningCost, number: int) -> CostEvaluator:
+    def evaluator(variant: Scenario, cost: RunningCost, number: int) -> CostEvaluator:
         study = build_study(
-            chosen,
+            variant,
             1,
             seed=number,
             engine=engine if engine == "diffrax" else "scan",
@@ -89,15 +89,15 @@ def build_plan(
         )
 
     runs = {
-        "smooth": evaluator(smooth, bounded, seed),
-        "exact": evaluator(scenario, bounded, seed),
-        "refined": evaluator(prepared.refined, bounded, seed),
-        "held_out": evaluator(scenario, unbounded, unseen),
-        "trained_on": evaluator(scenario, unbounded, seed),
+        "smooth": evaluator(smooth, bounded_cost, seed),
+        "exact": evaluator(scenario, bounded_cost, seed),
+        "refined": evaluator(forms.refined, bounded_cost, seed),
+        "held_out": evaluator(scenario, plain_cost, unseen),
+        "trained_on": evaluator(scenario, plain_cost, seed),
     }
     if free:  # nothing is differentiated
         runs["smooth"] = runs["exact"]
-    runs, remark = _compiled(runs, start, engine, differentiated=not free)
+    runs, remark = _with_native_engine(runs, start, engine, differentiated=not free)
     exact = runs["exact"]
     return TuningPlan(
         space,
@@ -122,7 +122,7 @@ def _require_optimiser(table: TuningTable) -> None:
         )
 
 
-class _Prepared(NamedTuple):
+class _Forms(NamedTuple):
     """The scenario in one form, rounded for gradients and in finer steps, and the search."""
 
     scenario: Scenario
@@ -133,14 +133,14 @@ class _Prepared(NamedTuple):
     start: np.ndarray
 
 
-def _prepared(scenario: Scenario, table: TuningTable) -> _Prepared:
+def _forms_of(scenario: Scenario, table: TuningTable) -> _Forms:
     scenario = in_one_form(scenario, table)
     space, start = _search(scenario, table.parameters)
     widths = dict(table.smoothing)
     if table.optimiser == DERIVATIVE_FREE:
-        return _Prepared(scenario, scenario, refined(scenario), {}, space, start)
+        return _Forms(scenario, scenario, refined(scenario), {}, space, start)
     smooth = throttled(with_control(scenario, widths))
-    return _Prepared(scenario, smooth, refined(smooth), widths, space, start)
+    return _Forms(scenario, smooth, refined(smooth), widths, space, start)
 
 
 def try_tuning(scenario: Scenario) -> None:
@@ -154,8 +154,8 @@ def try_tuning(scenario: Scenario) -> None:
     with at_key("tuning.optimiser"):
         _require_optimiser(table)
     with at_key("tuning"):
-        prepared = _prepared(scenario, table)
-        for one in (prepared.scenario, prepared.smooth, prepared.refined):
+        forms = _forms_of(scenario, table)
+        for one in (forms.scenario, forms.smooth, forms.refined):
             build(one)
         _settings(table, scenario.simulation.seed, scenario.simulation.save_every_s)
 
@@ -172,17 +172,17 @@ def tuned_scenario(scenario: Scenario, plan: TuningPlan, point: np.ndarray) -> S
     return with_control(scenario, numbers)
 
 
-def _compiled(
+def _with_native_engine(
     runs: dict[str, CostEvaluator], start: np.ndarray, name: EngineName, *, differentiated: bool
 ) -> tuple[dict[str, CostEvaluator], str | None]:
-    """The same with the native engine where that is wanted and can be; else why it cannot."""
+    """The runs with the native engine where that is wanted and can be; else why it cannot."""
     if name in ("scan", "diffrax"):
         return runs, None
-    compiled, obstacle = runs, process_obstacle()
+    native_runs, obstacle = runs, process_obstacle()
     if obstacle is None:
-        compiled, obstacle = _as_machine_code(runs, start, differentiated)
+        native_runs, obstacle = _as_machine_code(runs, start, differentiated)
     if obstacle is None:
-        return compiled, None
+        return native_runs, None
     if name == "native":
         raise ValueError(f"The native engine cannot run this: {obstacle}")
     return runs, f"not the native engine: {obstacle}"
@@ -191,18 +191,18 @@ def _compiled(
 def _as_machine_code(
     runs: dict[str, CostEvaluator], start: np.ndarray, differentiated: bool
 ) -> tuple[dict[str, CostEvaluator], str | None]:
-    """The same with the native engine, made and tried; or what has no rule there."""
+    """The runs with the native engine, compiled and tried; or what has no rule there."""
     try:
-        compiled = {key: _native(evaluator) for key, evaluator in runs.items()}
+        native_runs = {key: _native(evaluator) for key, evaluator in runs.items()}
         for key in ("smooth", "exact"):  # one interval of one case makes the machine code
-            probe = dataclasses.replace(compiled[key], counter=TrajectoryCounter())
+            probe = dataclasses.replace(native_runs[key], counter=TrajectoryCounter())
             point = probe.space.to_search(start[None])
             probe.evaluate(point, np.arange(1), intervals=1)
             if differentiated:
                 probe.differentiate(point, np.arange(1), intervals=1)
     except CannotLower as error:
         return runs, str(error)
-    return compiled, None
+    return native_runs, None
 
 
 def _native(evaluator: CostEvaluator) -> CostEvaluator:
@@ -266,7 +266,7 @@ def _cost(table: CostTable, attitude: AttitudeCost) -> RunningCost:
 
 
 def _plain(cost: RunningCost) -> RunningCost:
-    """Without bound and surrogate; of the same structure, so that nothing compiles anew."""
+    """The cost without bound and surrogate, of the same structure: nothing compiles anew."""
     return eqx.tree_at(
         lambda cost: (cost.settling, cost.limit), cost, (as_float(0.0), as_float(np.inf))
     )

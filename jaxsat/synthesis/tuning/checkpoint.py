@@ -42,7 +42,7 @@ class TuningFolder:
     """
 
     files: ResumableFolder
-    """Where its results are written and read."""
+    """The folder in which the results of the run are written and read."""
 
     def __init__(self, path: str | Path, identity: Mapping[str, Any], *, elsewhere: bool = False):
         self.files = resumable_folder(path, "tuning", identity, "run")
@@ -66,7 +66,7 @@ class TuningFolder:
         return self._arrays is None and self.files.is_begun
 
     def state(self, plan: TuningPlan) -> DescentState:
-        """Where the run is: the state last kept, or its first one.
+        """The state of the run: the one last kept, or its first one.
 
         Raises `OutputError` for a state that is none of this plan's.
         """
@@ -92,8 +92,8 @@ class TuningFolder:
         if content is None:
             return None
         try:
-            with np.load(io.BytesIO(content), allow_pickle=False) as stored:
-                arrays = dict(stored)
+            with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+                arrays = dict(archive)
             about = json.loads(str(arrays.pop("about")))
             if about["format"] != FORMAT:
                 raise ValueError("another version's")

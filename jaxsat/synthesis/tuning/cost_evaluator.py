@@ -227,8 +227,8 @@ def recovery_costs(outputs: Outputs, horizon: float, unrecovered: float) -> np.n
     `unrecovered`.
     """
     settled = np.asarray(outputs.settling_time)
-    failed = outputs.drawn.get("failure_time")
-    since = 0.0 if failed is None else np.clip(np.asarray(failed).min(axis=-1), 0.0, horizon)
+    strikes = outputs.drawn.get("failure_time")
+    since = 0.0 if strikes is None else np.clip(np.asarray(strikes).min(axis=-1), 0.0, horizon)
     return np.where(np.isfinite(settled), np.maximum(settled - since, 0.0) / horizon, unrecovered)
 
 

@@ -55,7 +55,7 @@ class ValidationRecord(NamedTuple):
 
 @dataclass
 class DescentState:
-    """Where a run is: everything it resumes from, and its history."""
+    """The state of a run: everything it resumes from, and its history."""
 
     points: Values
     alive: Bool[np.ndarray, " starts"]
@@ -87,16 +87,18 @@ def initial_state(plan: TuningPlan) -> DescentState:
     if settings.descent.derivative_free:
         points = next_population(space, own[0], settings.seed, settings.starts, [])
         alive = np.ones(len(points), bool)
-        return _validated(plan, DescentState(points, alive, (), points[0].copy()))
+        return _validate(plan, DescentState(points, alive, (), points[0].copy()))
     points = own
     trajectories = plan.smooth.counter.trajectories
     if settings.starts > 1:
-        tried = space.to_search(space.drawn(max(settings.screened, settings.starts), settings.seed))
-        best_first = tried
+        trial_points = space.to_search(
+            space.drawn(max(settings.screened, settings.starts), settings.seed)
+        )
+        best_first = trial_points
         if settings.screened:
-            costs = plan.smooth.evaluate(tried, settings.screening()).cost
+            costs = plan.smooth.evaluate(trial_points, settings.screening()).cost
             losses = np.array([settings.objective.value(row) for row in costs])
-            best_first = tried[np.argsort(losses, kind="stable")]
+            best_first = trial_points[np.argsort(losses, kind="stable")]
         points = np.concatenate([own, best_first[: settings.starts - 1]])
     trajectories = plan.smooth.counter.trajectories - trajectories
     state = DescentState(
@@ -106,11 +108,11 @@ def initial_state(plan: TuningPlan) -> DescentState:
         points[0].copy(),
         trajectories=trajectories,
     )
-    return _validated(plan, state)
+    return _validate(plan, state)
 
 
 def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
-    """One step of every start that is alive, and a validation where one is due.
+    """Take one step of every start that is alive, and validate where that is due.
 
     Raises `NoGradient` where no case of the step has a usable gradient, whatever the start.
     """
@@ -141,7 +143,7 @@ def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
         )
     gradients = np.zeros_like(state.points)
     gradients[alive] = [entry.gradient for entry in per_start]
-    points, optimiser = _moved(plan, state, gradients)
+    points, optimiser = _move(plan, state, gradients)
     trajectories = state.trajectories + plan.smooth.counter.trajectories - before
     record = StepRecord(
         np.where(state.alive[:, None], state.points, np.nan),
@@ -154,14 +156,14 @@ def descent_step(plan: TuningPlan, state: DescentState) -> DescentState:
         horizon,
         trajectories,
     )
-    following = _followed(plan, state, record, points=points, optimiser=optimiser)
+    following = _next_state(plan, state, record, points=points, optimiser=optimiser)
     if following.step in settings.halve_at:
         following.alive = _better_half(following)
     return following
 
 
 def _generation(plan: TuningPlan, state: DescentState) -> DescentState:
-    """One population of the exact law on one set of cases, and a validation where one is due.
+    """Fly one population of the exact law on one set of cases, and validate where that is due.
 
     All points see the same cases, so that what is better of two is not chance alone.
     """
@@ -183,7 +185,7 @@ def _generation(plan: TuningPlan, state: DescentState) -> DescentState:
         horizon,
         trajectories,
     )
-    following = _followed(plan, state, record)
+    following = _next_state(plan, state, record)
     own = plan.space.projected(plan.space.to_search(plan.start[None]))[0]
     history = [(one.points, one.loss) for one in following.steps]
     following.points = next_population(plan.space, own, settings.seed, settings.starts, history)
@@ -210,7 +212,7 @@ def descend(
     return state
 
 
-def _followed(
+def _next_state(
     plan: TuningPlan, state: DescentState, record: StepRecord, **changes: Any
 ) -> DescentState:
     """The state after a step with what it changes, validated where that is due."""
@@ -222,13 +224,13 @@ def _followed(
         **changes,
     )
     settings, step = plan.settings, following.step
-    halved = step in settings.halve_at and not settings.descent.derivative_free
-    due = halved or step % settings.validate_every == 0 or step == settings.steps
-    return _validated(plan, following) if due else following
+    is_halving = step in settings.halve_at and not settings.descent.derivative_free
+    due = is_halving or step % settings.validate_every == 0 or step == settings.steps
+    return _validate(plan, following) if due else following
 
 
-def _validated(plan: TuningPlan, state: DescentState) -> DescentState:
-    """With the exact law's loss on the validation cases, and the best point so far."""
+def _validate(plan: TuningPlan, state: DescentState) -> DescentState:
+    """Add the exact law's loss on the validation cases, and the best point so far, to the state."""
     settings = plan.settings
     alive = np.flatnonzero(state.alive)
     before = plan.exact.counter.trajectories
@@ -258,20 +260,20 @@ def _transformation(descent: OptimiserSettings, steps: int):
     return jax.vmap(transformation.init), jax.jit(jax.vmap(transformation.update))
 
 
-def _moved(plan: TuningPlan, state: DescentState, gradients: Values):
+def _move(plan: TuningPlan, state: DescentState, gradients: Values):
     update = _transformation(plan.settings.descent, plan.settings.steps)[1]
     arrays = (jnp.asarray(gradients), state.optimiser, jnp.asarray(state.points))
     with jax.numpy_dtype_promotion("standard"):  # optax counts its steps in whole numbers
         shifts, optimiser = update(*arrays)
-    moved = plan.space.projected(state.points + np.asarray(shifts))
-    return np.where(state.alive[:, None], moved, state.points), optimiser
+    new_points = plan.space.projected(state.points + np.asarray(shifts))
+    return np.where(state.alive[:, None], new_points, state.points), optimiser
 
 
 def _better_half(state: DescentState) -> Bool[np.ndarray, " starts"]:
     losses = np.where(state.alive, state.validations[-1].loss, NEVER)
-    kept = -(-int(state.alive.sum()) // 2)
+    half = -(-int(state.alive.sum()) // 2)
     alive = np.zeros(len(losses), bool)
-    alive[np.argsort(losses, kind="stable")[:kept]] = True
+    alive[np.argsort(losses, kind="stable")[:half]] = True
     return alive & state.alive
 
 

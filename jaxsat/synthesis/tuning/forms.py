@@ -26,12 +26,12 @@ def in_one_form(scenario: Scenario, table: TuningTable) -> Scenario:
         return scenario
     error = uses_error_coordinates(flattened(scenario) | {"control.law": scenario.law})
     if solver.step_s is None and solver.steps != "fixed":
-        given = {
+        adaptive_keys = {
             "rtol": solver.rtol or table.tolerance,
             "atol": solver.atol or table.tolerance,
             "max_steps": solver.max_steps or math.ceil(STEPS_A_SECOND * simulation.duration_s),
         }
-        solver = solver.model_copy(update={"steps": "adaptive", **given})
+        solver = solver.model_copy(update={"steps": "adaptive", **adaptive_keys})
     changes = {"coordinates": "error" if error else "torque", "solver": solver}
     return scenario.model_copy(update={"simulation": simulation.model_copy(update=changes)})
 
@@ -51,7 +51,7 @@ def refined(scenario: Scenario) -> Scenario:
 
 
 def throttled(scenario: Scenario) -> Scenario:
-    """With thrust in place of pulses, whose dead zones and sums have no derivative.
+    """The scenario with thrust in place of pulses, whose dead zones and sums have no derivative.
 
     Gradients are taken of that; costs are of the pulses all the same.
     """

@@ -21,7 +21,7 @@ STEP_VARIABLES = {
 def history_dataset(plan: TuningPlan, state: DescentState, title: str, scenario: str) -> xr.Dataset:
     """Steps, validations and the gains on the way; `scenario` is the text of the tuned scenario."""
     size, starts = plan.space.size, len(state.points)
-    gains = plan.space.to_values(_stacked([r.points for r in state.steps], (starts, size)))
+    gains = plan.space.to_values(_stack([r.points for r in state.steps], (starts, size)))
     interval = float(plan.smooth.program.interval)
     variables: dict[str, tuple] = {
         "gain": (
@@ -31,37 +31,41 @@ def history_dataset(plan: TuningPlan, state: DescentState, title: str, scenario:
         )
     }
     for name, meaning in STEP_VARIABLES.items():
-        values = _stacked([getattr(record, name) for record in state.steps], (starts,))
-        variables[name] = (("step", "start"), values, _labelled(meaning))
+        values = _stack([getattr(record, name) for record in state.steps], (starts,))
+        variables[name] = (("step", "start"), values, _attributes(meaning))
     horizons = np.array([record.horizon for record in state.steps]) * interval
-    spent = np.array([record.trajectories for record in state.steps])
-    variables["horizon"] = (("step",), horizons, _labelled("horizon of the step's runs", "s"))
-    variables["trajectories"] = (("step",), spent, _labelled("whole horizons computed by then"))
+    trajectories = np.array([record.trajectories for record in state.steps])
+    variables["horizon"] = (("step",), horizons, _attributes("horizon of the step's runs", "s"))
+    variables["trajectories"] = (
+        ("step",),
+        trajectories,
+        _attributes("whole horizons computed by then"),
+    )
     checks = state.validations
     variables["validation_loss"] = (
         ("validation", "start"),
-        _stacked([check.loss for check in checks], (starts,)),
-        _labelled("objective on the validation cases, exact law"),
+        _stack([check.loss for check in checks], (starts,)),
+        _attributes("objective on the validation cases, exact law"),
     )
     variables["validation_settled"] = (
         ("validation", "start"),
-        _stacked([check.settled for check in checks], (starts,)),
-        _labelled("fraction of the validation cases that settled"),
+        _stack([check.settled for check in checks], (starts,)),
+        _attributes("fraction of the validation cases that settled"),
     )
     variables["best_loss"] = (
         ("validation",),
         np.array([check.best_loss for check in checks]),
-        _labelled("least validation loss so far"),
+        _attributes("least validation loss so far"),
     )
     variables["best_gain"] = (
         ("validation", "parameter"),
-        plan.space.to_values(_stacked([check.best_point for check in checks], (size,))),
-        _labelled("gains of the least validation loss so far"),
+        plan.space.to_values(_stack([check.best_point for check in checks], (size,))),
+        _attributes("gains of the least validation loss so far"),
     )
     variables["validation_trajectories"] = (
         ("validation",),
         np.array([check.trajectories for check in checks]),
-        _labelled("whole horizons computed by then"),
+        _attributes("whole horizons computed by then"),
     )
     return xr.Dataset(
         variables,
@@ -81,9 +85,9 @@ def history_dataset(plan: TuningPlan, state: DescentState, title: str, scenario:
     )
 
 
-def _labelled(meaning: str, units: str = "1") -> dict[str, str]:
+def _attributes(meaning: str, units: str = "1") -> dict[str, str]:
     return {"long_name": meaning, "units": units}
 
 
-def _stacked(parts: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+def _stack(parts: list[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
     return np.stack(parts) if parts else np.zeros((0, *shape))

@@ -52,7 +52,7 @@ class Parameter:
         return int(np.prod(self.shape, dtype=int))
 
     def to_search(self, values: np.ndarray) -> np.ndarray:
-        """From values, taken into the bounds, to where the search goes on."""
+        """The points of the search of values, which are taken into the bounds."""
         values = np.clip(values, self.low, self.high)
         if self.scale == "log":
             return np.log(values)
@@ -61,7 +61,7 @@ class Parameter:
             return np.clip(np.log(share) - np.log1p(-share), -MAX_LOGIT, MAX_LOGIT)
 
     def to_values(self, points: np.ndarray) -> np.ndarray:
-        """From the search to values within the bounds."""
+        """The values of points of the search, within the bounds."""
         if self.scale == "log":
             return np.clip(np.exp(points), self.low, self.high)
         share = 0.5 * (1 + np.tanh(points / 2))
@@ -86,7 +86,7 @@ class Parameter:
         return np.clip(points, *self.ends)
 
     def place(self, values: np.ndarray) -> np.ndarray:
-        """Where values are between the bounds, 0 to 1, of their logarithms in log scale."""
+        """The place of values between the bounds, 0 to 1, of their logarithms in log scale."""
         low, high = self.low, self.high
         if self.scale == "log":
             values, low, high = np.log(values), np.log(low), np.log(high)
@@ -136,11 +136,11 @@ class SearchSpace:
         return tuple(p.scale for p in self.parameters for _ in range(p.size))
 
     def to_search(self, values: Values) -> Values:
-        """From values to where the search goes on."""
+        """The points of the search of values."""
         return self._by_parameter("to_search", values)
 
     def to_values(self, points: Values) -> Values:
-        """From the search to values."""
+        """The values of points of the search."""
         return self._by_parameter("to_values", points)
 
     def slope(self, points: Values) -> Values:

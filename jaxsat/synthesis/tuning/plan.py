@@ -56,8 +56,8 @@ class ConditionalValueAtRisk(AbstractAggregate):
     def weights(self, costs: Costs) -> Costs:
         """Equal weights on the worst cases, the last of which may count in part."""
         share = (1 - self.level) * len(costs)
-        counted = np.clip(share - np.arange(len(costs)), 0, 1) / share
-        return _in_order(counted, np.argsort(-costs, kind="stable"))
+        shares = np.clip(share - np.arange(len(costs)), 0, 1) / share
+        return _in_order(shares, np.argsort(-costs, kind="stable"))
 
 
 @dataclass(frozen=True)
@@ -143,15 +143,17 @@ class Objective:
         costs, derivatives = costs[finite], derivatives[finite]
         if not len(costs):
             return LossGradient(float("inf"), np.zeros(derivatives.shape[1]), masked, 0)
-        seen = self.tail(costs)
+        tail_costs = self.tail(costs)
         derivatives = self.tail.slope(costs)[:, None] * derivatives
         lengths = np.linalg.norm(derivatives, axis=1)
         bound = self.case_bound * np.median(lengths)
         excess = lengths > bound if bound > 0 else np.zeros(len(lengths), bool)
         scale = np.where(excess, bound / np.where(excess, lengths, 1.0), 1.0)
-        weights = self.aggregate.weights(seen)
+        weights = self.aggregate.weights(tail_costs)
         gradient = (weights * scale) @ derivatives
-        return LossGradient(float(np.sum(weights * seen)), gradient, masked, int(excess.sum()))
+        return LossGradient(
+            float(np.sum(weights * tail_costs)), gradient, masked, int(excess.sum())
+        )
 
 
 def usable_cases(

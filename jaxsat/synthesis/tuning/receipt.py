@@ -97,12 +97,12 @@ class Receipt:
 
     def as_data(self) -> dict[str, Any]:
         """Everything as plain data."""
-        compared = {
+        checks = {
             name: {**getattr(self, name)._asdict(), "trusted": getattr(self, name).trusted}
             for name in ("start", "end", "exact_start", "exact_end")
         }
-        rest = {k: v for k, v in vars(self).items() if k not in compared}
-        return plain_data({**rest, **compared, "problems": self.problems})
+        rest = {k: v for k, v in vars(self).items() if k not in checks}
+        return plain_data({**rest, **checks, "problems": self.problems})
 
 
 def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
@@ -116,14 +116,14 @@ def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
     )
     differs = bool(plan.widths) or not np.array_equal(smooth, exact, equal_nan=True)
     runs = [] if free else [plan.smooth, plan.exact] if differs else [plan.smooth]
-    compared = [check_gradients(one, point, numbers) for one in runs for point in (first, best)]
-    compared = (compared or [_no_check(plan.space.size)] * 2) * (2 if len(runs) < 2 else 1)
+    checks = [check_gradients(one, point, numbers) for one in runs for point in (first, best)]
+    checks = (checks or [_no_check(plan.space.size)] * 2) * (2 if len(runs) < 2 else 1)
     bias = _relative(smooth, exact)
     usual = float(np.nanmean(np.abs(refined))) if free else 0.0  # costs may be zero there
     steps = _relative(smooth, refined, usual)
     return Receipt(
         plan.space.labels,
-        *compared,
+        *checks,
         widths=dict(plan.widths),
         smoothing_bias=_median(bias),
         largest_smoothing_bias=_largest(bias),
@@ -141,7 +141,7 @@ def make_receipt(plan: TuningPlan, state: DescentState) -> Receipt:
 
 
 def _first_masked(plan: TuningPlan, state: DescentState) -> str:
-    """On the first step in which cases were left out: which, and why; nothing without one."""
+    """Which cases the first step that left some out left out, and why; empty without one."""
     for step, record in enumerate(state.steps):
         if record.masked.any():
             start = int(np.argmax(record.masked > 0))
@@ -152,7 +152,7 @@ def _first_masked(plan: TuningPlan, state: DescentState) -> str:
 
 
 def _no_check(size: int) -> GradientCheck:
-    """That of a run that takes no derivatives."""
+    """The check of a run that takes no derivatives."""
     none = np.full(size, np.nan)
     return GradientCheck(none, none, none, none, 0, 0)
 
@@ -169,13 +169,13 @@ def check_gradients(
     margin = max(HALF_WIDTHS)
     point = np.clip(point, low + margin, high - margin)
     shifts = np.array(HALF_WIDTHS)[:, None, None] * np.eye(size)[None]
-    shifted = np.concatenate([point + shifts, point - shifts]).reshape(-1, size)
-    around = evaluator.evaluate(shifted, numbers)
+    shifted_points = np.concatenate([point + shifts, point - shifts]).reshape(-1, size)
+    around = evaluator.evaluate(shifted_points, numbers)
     slopes = evaluator.differentiate(point[None], numbers)
-    ended = np.all(around.code == int(Outcome.SUCCESS), axis=0)
-    ended &= slopes.outputs.code[0] == int(Outcome.SUCCESS)
-    good = ended & np.isfinite(slopes.derivatives[0]).all(axis=1)
-    counts = int(good.sum()), int((~good).sum()), int((ended & ~good).sum())
+    complete = np.all(around.code == int(Outcome.SUCCESS), axis=0)
+    complete &= slopes.outputs.code[0] == int(Outcome.SUCCESS)
+    good = complete & np.isfinite(slopes.derivatives[0]).all(axis=1)
+    counts = int(good.sum()), int((~good).sum()), int((complete & ~good).sum())
     if not good.any():
         nothing = np.full(size, np.nan)
         return GradientCheck(nothing, nothing, nothing, nothing, *counts)

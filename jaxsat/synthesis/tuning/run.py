@@ -85,10 +85,10 @@ class TuningResult:
         if not self.with_baselines:
             return ()
 
-        def told(name: str) -> None:
+        def report(name: str) -> None:
             self.listener.progress(f"baseline: {name}", None)
 
-        return tuple(run_baselines(self.plan, self.state, told))
+        return tuple(run_baselines(self.plan, self.state, report))
 
     @property
     def gains(self) -> dict[str, float]:
@@ -111,7 +111,7 @@ class TuningResult:
 
     @property
     def summary(self) -> str:
-        """The same in Markdown."""
+        """What `jaxsat tune` prints, in Markdown."""
         return markdown_page(self.document)
 
 
@@ -142,7 +142,7 @@ def tune(
         listener.remark(plan.remark)
     listener.approve([tuning_work(plan, baselines)])
     if out is None:
-        state = descend(plan, initial_state(plan), report=_told(listener))
+        state = descend(plan, initial_state(plan), report=_descent_report(listener))
         return _conclude(scenario, plan, state, None, baselines, listener)
     with TuningFolder(out, plan_identity(plan), elsewhere=elsewhere) as folder:
         if folder.lost_state:
@@ -150,10 +150,10 @@ def tune(
         if folder.files.is_complete(SUMMARY) and (
             folder.files.is_complete(BASELINES) or not baselines
         ):
-            kept = read_document(scenario.title, folder)
-            return _result(scenario, plan, folder.state(plan), baselines, listener, kept)
+            document = read_document(scenario.title, folder)
+            return _result(scenario, plan, folder.state(plan), baselines, listener, document)
         listener.progress("compiling; trying the starts", None)
-        state = run_descent(scenario, plan, folder, report=_told(listener))
+        state = run_descent(scenario, plan, folder, report=_descent_report(listener))
         return _conclude(scenario, plan, state, folder, baselines, listener)
 
 
@@ -164,13 +164,13 @@ def tuning_work(plan: TuningPlan, baselines: bool) -> Work:
     gradients = (
         settings.steps * settings.starts * settings.cases * (1 if free else len(plan.start) + 1)
     )
-    screened = 0 if free else settings.screened * len(settings.screening())
+    screening = 0 if free else settings.screened * len(settings.screening())
     checks = (
         (settings.steps // settings.validate_every + 2)
         * settings.starts
         * settings.validation_cases
     )
-    descent = gradients + screened + checks
+    descent = gradients + screening + checks
     if baselines:
         descent += 4 * (settings.baseline_trajectories or descent)
     trajectories = descent + 3 * settings.held_out_cases
@@ -228,13 +228,13 @@ def _result(
     state: DescentState,
     baselines: bool,
     listener: Listener,
-    kept: Document | None = None,
+    document: Document | None = None,
 ) -> TuningResult:
-    tuned = tuned_scenario(scenario, plan, state.best_point)
-    return TuningResult(scenario, tuned, plan, state, baselines, listener, kept)
+    best_scenario = tuned_scenario(scenario, plan, state.best_point)
+    return TuningResult(scenario, best_scenario, plan, state, baselines, listener, document)
 
 
-def _told(listener: Listener) -> Callable[[DescentProgress], None]:
+def _descent_report(listener: Listener) -> Callable[[DescentProgress], None]:
     return lambda progress: listener.progress("tuning", progress)
 
 

@@ -106,5 +106,5 @@ def _in_source(place: tuple[Place, ...]) -> str:
         return ""
     last, package = place[-1], Path(jaxsat.__file__).parent.parent
     file = Path(last.file)
-    shown = file.relative_to(package) if file.is_relative_to(package / "jaxsat") else file
-    return f" in {shown}, line {last.line} ({last.function})"
+    source_file = file.relative_to(package) if file.is_relative_to(package / "jaxsat") else file
+    return f" in {source_file}, line {last.line} ({last.function})"

@@ -39,7 +39,7 @@ class GainEvaluation(NamedTuple):
     def as_data(self) -> dict[str, Any]:
         """The numbers without the columns and without what depends on which dispersion."""
         summary = self.summary
-        found = {
+        numbers = {
             "cases": summary.cases,
             "settled": summary.settled,
             "settling_time": summary.settling_time,
@@ -50,7 +50,7 @@ class GainEvaluation(NamedTuple):
             "alarming": self.alarming,
             "loss": self.loss,
         }
-        return plain_data(found)
+        return plain_data(numbers)
 
 
 @dataclass(frozen=True)
@@ -92,9 +92,13 @@ class TuningVerdict:
             name: getattr(self, name).as_data()
             for name in ("before", "after", "trained_before", "trained_after")
         }
-        rest = {"better": self.better, "overfitting": self.overfitting}
-        found = {"at_bounds": dict(self.at_bounds), "singular": self.singular}
-        return plain_data({"gains": gains, **evaluations, **rest, **found})
+        rest = {
+            "better": self.better,
+            "overfitting": self.overfitting,
+            "at_bounds": dict(self.at_bounds),
+            "singular": self.singular,
+        }
+        return plain_data({"gains": gains, **evaluations, **rest})
 
 
 def make_verdict(plan: TuningPlan, point: Float[np.ndarray, " parameters"]) -> TuningVerdict:
@@ -104,8 +108,8 @@ def make_verdict(plan: TuningPlan, point: Float[np.ndarray, " parameters"]) -> T
     count = plan.settings.held_out_cases
     before, after = evaluate_gains(plan, plan.held_out, points, np.arange(count))
     settings = plan.settings
-    seen = settings.cases * (settings.steps if settings.fresh_cases else 1)
-    trained = evaluate_gains(plan, plan.trained_on, points, np.arange(min(count, seen)))
+    training_cases = settings.cases * (settings.steps if settings.fresh_cases else 1)
+    trained = evaluate_gains(plan, plan.trained_on, points, np.arange(min(count, training_cases)))
     difference = before.columns["cost"] - after.columns["cost"]
     values = plan.space.to_values(points)
     return TuningVerdict(
@@ -126,8 +130,8 @@ def _singular_part(evaluator: CostEvaluator, point: np.ndarray, cost: np.ndarray
     program = evaluator.program
     if program.cost.attitude == "rotation":
         return None
-    bounded = dataclasses.replace(program.cost, attitude="rotation")
-    program = dataclasses.replace(program, cost=bounded)
+    bounded_cost = dataclasses.replace(program.cost, attitude="rotation")
+    program = dataclasses.replace(program, cost=bounded_cost)
     other = dataclasses.replace(evaluator, program=program, counter=TrajectoryCounter())
     rotation = _columns(other, point, np.arange(len(cost)))["cost"]
     finite = np.isfinite(cost) & np.isfinite(rotation)
@@ -137,7 +141,7 @@ def _singular_part(evaluator: CostEvaluator, point: np.ndarray, cost: np.ndarray
 def evaluate_gains(
     plan: TuningPlan, evaluator: CostEvaluator, points: np.ndarray, numbers: np.ndarray
 ) -> list[GainEvaluation]:
-    """Every point on the same cases."""
+    """Evaluate every point on the same cases."""
     columns = [_columns(evaluator, point, numbers) for point in points]
     return [_evaluation(plan, entry) for entry in columns]
 
@@ -174,32 +178,32 @@ def _columns(
     evaluator: CostEvaluator, point: np.ndarray, numbers: np.ndarray
 ) -> dict[str, np.ndarray]:
     blocks = [
-        _kept(evaluator.evaluate(point[None], numbers[first : first + BLOCK]))
+        _case_columns(evaluator.evaluate(point[None], numbers[first : first + BLOCK]))
         for first in range(0, len(numbers), BLOCK)
     ]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
 
 
-def _kept(outputs: Outputs) -> dict[str, np.ndarray]:
+def _case_columns(outputs: Outputs) -> dict[str, np.ndarray]:
     names = ("code", "settling_time", "effort", "cost")
     return {name: np.asarray(getattr(outputs, name))[0] for name in names}
 
 
 def _evaluation(plan: TuningPlan, columns: dict[str, np.ndarray]) -> GainEvaluation:
     alarm, cost = plan.settings.alarm_cost, columns["cost"]
-    reached = columns["code"] == int(Outcome.SUCCESS)
+    complete = columns["code"] == int(Outcome.SUCCESS)
     count = len(cost)
     return GainEvaluation(
         summarise(columns),
-        mean_interval(cost[reached]),
-        wilson(int((~reached).sum()), count),
-        None if alarm is None else wilson(int((~reached | (cost > alarm)).sum()), count),
-        plan.settings.objective.value(_bounded(plan, cost)),
+        mean_interval(cost[complete]),
+        wilson(int((~complete).sum()), count),
+        None if alarm is None else wilson(int((~complete | (cost > alarm)).sum()), count),
+        plan.settings.objective.value(_bound_costs(plan, cost)),
         columns,
     )
 
 
-def _bounded(plan: TuningPlan, cost: np.ndarray) -> np.ndarray:
+def _bound_costs(plan: TuningPlan, cost: np.ndarray) -> np.ndarray:
     """Plain costs as far as the tuned cost can go, so that failed cases count in the loss too."""
     limit = plan.exact.program.cost.limit
     most = np.inf if limit is None else float(limit) * float(plan.exact.program.duration)

@@ -195,7 +195,7 @@ def test_what_settles_the_wanted_fraction_comes_before_what_is_quick(studies):
             times[:settled] = 50.0 + number
             columns = {"settling_time": times, "effort": np.ones(200), "peak_rate": np.ones(200)}
             flown.append((Candidate(f"{number}", scenario), columns))
-        return run._compared("validation", flown).verdict.law
+        return run._compare("validation", flown).verdict.law
 
     assert taken([0.98, 0.995]) == "1"
     assert taken([0.99, 0.995]) == "0"
