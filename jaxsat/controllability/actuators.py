@@ -53,28 +53,28 @@ class ActuatorSet:
         """Torques of the thrusters, then axes of the wheels."""
         return np.concatenate([self.torques, self.wheel_axes], axis=1)
 
-    def only(self, kept: Sequence[int]) -> "ActuatorSet":
+    def only(self, places: Sequence[int]) -> "ActuatorSet":
         """The actuators of these places in `names`; the other wheels coast.
 
         The total momentum stays what it is.
         """
         count = len(self.thrusters)
-        lost = [i - count for i in range(count, len(self.names)) if i not in kept]
-        axes = self._unit_axes[:, lost]
-        jets = [i for i in kept if i < count]
-        spun = [i - count for i in kept if i >= count]
+        coasting_wheels = [i - count for i in range(count, len(self.names)) if i not in places]
+        axes = self._unit_axes[:, coasting_wheels]
+        jets = [i for i in places if i < count]
+        wheel_places = [i - count for i in places if i >= count]
         return dataclasses.replace(
             self,
             torques=self.torques[:, jets],
             two_sided=self.two_sided[jets],
             forces=None if self.forces is None else self.forces[:, jets],
             thrusters=tuple(self.thrusters[i] for i in jets),
-            wheel_axes=self.wheel_axes[:, spun],
-            wheels=tuple(self.wheels[i] for i in spun),
-            stored=self.stored[spun],
-            rotors=self.rotors[spun],
-            coasting=self.coasting + axes @ self.stored[lost],
-            coasting_rotors=self.coasting_rotors + (axes * self.rotors[lost]) @ axes.T,
+            wheel_axes=self.wheel_axes[:, wheel_places],
+            wheels=tuple(self.wheels[i] for i in wheel_places),
+            stored=self.stored[wheel_places],
+            rotors=self.rotors[wheel_places],
+            coasting=self.coasting + axes @ self.stored[coasting_wheels],
+            coasting_rotors=self.coasting_rotors + (axes * self.rotors[coasting_wheels]) @ axes.T,
         )
 
     @property
@@ -179,9 +179,9 @@ def _of_each(name: str, values: Numbers | None, count: int) -> Float[np.ndarray,
     return numbers
 
 
-def _names(name: str, given: Sequence[str] | None, letter: str, count: int) -> tuple[str, ...]:
-    if given is None:
+def _names(name: str, labels: Sequence[str] | None, letter: str, count: int) -> tuple[str, ...]:
+    if labels is None:
         return tuple(f"{letter}{number}" for number in range(1, count + 1))
-    if len(given) != count:
-        raise ValueError(f"Argument `{name}` must hold {count} names, but got {len(given)}")
-    return tuple(given)
+    if len(labels) != count:
+        raise ValueError(f"Argument `{name}` must hold {count} names, but got {len(labels)}")
+    return tuple(labels)

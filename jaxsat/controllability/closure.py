@@ -82,10 +82,10 @@ def generating_vectors(
     inverse = inverse / jnp.max(jnp.abs(inverse))
     count = torque_axes.shape[1]
     scale = jnp.max(jnp.abs(torque_axes), axis=0, keepdims=True)
-    scaled = torque_axes / jnp.where(scale > 0, scale, 1.0)
+    scaled_axes = torque_axes / jnp.where(scale > 0, scale, 1.0)
     product = jax.vmap(relative_product, (None, 0, 0))
     lengths, ratios = jax.vmap(_length), jax.vmap(_ratio)
-    axes = ratios(scaled.T, lengths(scaled.T))
+    axes = ratios(scaled_axes.T, lengths(scaled_axes.T))
     first, other = np.triu_indices(count)  # pairs in the order of `generator_names`
     products = product(inverse, axes[first], axes[other])
     own = products[first == other]
@@ -96,10 +96,10 @@ def generating_vectors(
     return jnp.concatenate([axes, products, second, third]).T
 
 
-def _rotated(
+def _rotate(
     a: Float[Array, " k"], b: Float[Array, " k"]
 ) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
-    """Two rows made orthogonal by a plane rotation (one-sided Jacobi)."""
+    """Make two rows orthogonal by a plane rotation (one-sided Jacobi)."""
     alpha, beta, gamma = a @ a, b @ b, a @ b
     active = jnp.abs(gamma) > 0
     tau = (beta - alpha) / (2.0 * jnp.where(active, gamma, 1.0))
@@ -122,9 +122,9 @@ def singular_values(vectors: Float[Array, "3 k"]) -> Float[Array, "3"]:
 
     def sweep(_, rows):
         a, b, c = rows
-        a, b = _rotated(a, b)
-        a, c = _rotated(a, c)
-        b, c = _rotated(b, c)
+        a, b = _rotate(a, b)
+        a, c = _rotate(a, c)
+        b, c = _rotate(b, c)
         return a, b, c
 
     rows = jax.lax.fori_loop(0, 6, sweep, (vectors[0], vectors[1], vectors[2]))

@@ -92,7 +92,7 @@ class TorqueCone:
 
     @property
     def kind(self) -> str:
-        """One of `KINDS`."""
+        """The shape of the cone, one of `KINDS`."""
         return KINDS[self.two_sided, self.span]
 
     @once_property
@@ -109,13 +109,13 @@ class TorqueCone:
 
     def angle(self, torque: Float[np.ndarray, "3"]) -> float:
         """Angle (rad) between a torque that is not zero and the nearest that can be made."""
-        wanted = torque / np.linalg.norm(torque)
+        direction = torque / np.linalg.norm(torque)
         if self.rays.shape[1] == 0:
             return np.pi
-        _, distance = nonnegative_least_squares(self.rays, wanted)
+        _, distance = nonnegative_least_squares(self.rays, direction)
         if distance < 1 - 1e-9:
             return float(np.arcsin(distance))
-        return float(np.arccos(np.clip(np.max(self.rays.T @ wanted), -1.0, 0.0)))
+        return float(np.arccos(np.clip(np.max(self.rays.T @ direction), -1.0, 0.0)))
 
 
 def unit_rays(
@@ -140,16 +140,16 @@ def torque_cone(
     rays = unit_rays(columns, two_sided)
     both_signs, span, opposed = _shape(rays, tolerance)
     strict, strict_span, _ = _shape(rays, ROUNDING)
-    spanned = both_signs
+    basis = both_signs
     if span > both_signs.shape[1]:
         across = _complement(both_signs)
-        spanned = np.concatenate([both_signs, across @ _basis(across.T @ rays, tolerance)], axis=1)
+        basis = np.concatenate([both_signs, across @ _basis(across.T @ rays, tolerance)], axis=1)
     return TorqueCone(
         rays=rays,
         both_signs=both_signs,
         span=span,
         opposed=opposed,
-        neither=_complement(spanned),
+        neither=_complement(basis),
         borderline=(strict.shape[1], strict_span) != (both_signs.shape[1], span),
     )
 
@@ -172,8 +172,8 @@ def _shape(
             span = basis.shape[1] + _basis(across, tolerance).shape[1]
             return basis, span, complement @ (-nearest / distance)
         # Moved by what is left of zero, the columns add up to zero exactly.
-        balanced = across[:, weights > tolerance] - nearest[:, None]
-        basis = np.concatenate([basis, complement @ _basis(balanced, tolerance)], axis=1)
+        balanced_columns = across[:, weights > tolerance] - nearest[:, None]
+        basis = np.concatenate([basis, complement @ _basis(balanced_columns, tolerance)], axis=1)
 
 
 def _nearest_to_zero(
@@ -205,7 +205,7 @@ def _complement(basis: Float[np.ndarray, "3 r"]) -> Float[np.ndarray, "3 e"]:
 
 
 def _positive(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    """That of ± a direction whose largest entry is positive."""
+    """The one of ± a direction whose largest entry is positive."""
     return direction * np.sign(direction[np.argmax(np.abs(direction))])
 
 

@@ -55,14 +55,14 @@ class RankDecision:
 
 def _strongest(vectors: Float[np.ndarray, "3 k"], count: int) -> list[int]:
     """Indices of `count` columns by pivoted Gram-Schmidt; earlier, simpler brackets win ties."""
-    rest, chosen = vectors.copy(), []
+    rest, indices = vectors.copy(), []
     for _ in range(count):
         lengths = np.linalg.norm(rest, axis=0)
         k = int(np.argmax(lengths > 0.999 * lengths.max()))
         direction = rest[:, k] / lengths[k]
-        chosen.append(k)
+        indices.append(k)
         rest = rest - np.outer(direction, direction @ rest)
-    return chosen
+    return indices
 
 
 def closure_growth(layout: TorqueLayout, thrusters: tuple[int, ...]) -> tuple[int, ...]:
@@ -92,19 +92,19 @@ def _decide_set(layout: TorqueLayout, thrusters: tuple[int, ...], tolerance: flo
     dimension = 3 if values[2] > limit else closure_growth(layout, thrusters)[-1]
     values = np.where(np.arange(3) < dimension, values, 0.0)
     borderline = bool(values[dimension - 1] <= limit)
-    seen = max(1, int(np.sum(values > layout.rounding))) if borderline else dimension
-    chosen = _strongest(vectors, seen)
+    apparent_dimension = max(1, int(np.sum(values > layout.rounding))) if borderline else dimension
+    indices = _strongest(vectors, apparent_dimension)
     return RankDecision(
-        rank=RANK_OF_DIMENSION[seen],
-        dimension=seen,
+        rank=RANK_OF_DIMENSION[apparent_dimension],
+        dimension=apparent_dimension,
         exact_rank=RANK_OF_DIMENSION[dimension],
         borderline=borderline,
         margin=float(values[2]),
         singular_values=values,
         tolerance=limit,
-        generators=tuple(layout.names[columns[k]] for k in chosen),
-        reached=directions[:, :seen],
-        missing=directions[:, seen:],
+        generators=tuple(layout.names[columns[k]] for k in indices),
+        reached=directions[:, :apparent_dimension],
+        missing=directions[:, apparent_dimension:],
     )
 
 
@@ -112,9 +112,9 @@ def decide_rank(
     layout: TorqueLayout, thrusters: tuple[int, ...], tolerance: float = TOLERANCE
 ) -> RankDecision:
     """Rank and margin of a subset (column numbers) of the thrusters of a layout."""
-    kept = _without_rounding_errors(layout, thrusters)
-    decision = _decide_set(layout, kept, tolerance)
-    if len(kept) < len(thrusters):
+    significant_thrusters = _without_rounding_errors(layout, thrusters)
+    decision = _decide_set(layout, significant_thrusters, tolerance)
+    if len(significant_thrusters) < len(thrusters):
         full = _decide_set(layout, thrusters, tolerance)
         if full.exact_rank != decision.exact_rank:
             return replace(decision, borderline=True, exact_rank=full.exact_rank)
@@ -152,8 +152,8 @@ def turn_time(
         return np.inf
 
     def least(logarithm: float) -> float:
-        grown = np.minimum(np.log(sizes) + powers * logarithm, LARGEST)
-        return float(np.linalg.svd(accelerations / sizes * np.exp(grown), compute_uv=False)[-1])
+        log_sizes = np.minimum(np.log(sizes) + powers * logarithm, LARGEST)
+        return float(np.linalg.svd(accelerations / sizes * np.exp(log_sizes), compute_uv=False)[-1])
 
     low, high = -2.0, 2.0
     while least(low) > 1:

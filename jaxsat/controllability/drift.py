@@ -36,8 +36,8 @@ def divergence(field: VectorField, state: Float[Array, " n"]) -> Float[Array, ""
         )
         # exp(−turn) to first order: enough for one derivative at zero.
         attitude = state[:9].reshape(3, 3) - turn @ state[:9].reshape(3, 3)
-        moved = jnp.concatenate([attitude.reshape(9), state[9:12] + step[3:], state[12:]])
-        velocity = field(moved)
+        neighbour = jnp.concatenate([attitude.reshape(9), state[9:12] + step[3:], state[12:]])
+        velocity = field(neighbour)
         rate = velocity[:9].reshape(3, 3)
         # Coordinates at the moved point, whose attitude is orthogonal to first order only.
         inverse = state[:9].reshape(3, 3).T + state[:9].reshape(3, 3).T @ turn
@@ -213,11 +213,11 @@ def energy_counterexample(
     step = np.pi / rate[axis] / count
     torque = PeriodicTorque(amplitude, frequency, jnp.zeros(3))
     energies = np.asarray(energy_history(inertia, jnp.asarray(omega), torque, step, count))
-    claimed = float(energies[0] + size.sum())
+    claim = float(energies[0] + size.sum())
     return EnergyCounterexample(
-        excess=float(energies.max() - claimed),
+        excess=float(energies.max() - claim),
         gain=float(energies.max() - energies[0]),
-        claimed=claimed,
+        claimed=claim,
         omega=omega,
         times=step * np.arange(count + 1),
         energies=energies,

@@ -89,19 +89,19 @@ def failure_table(
         for failed in itertools.combinations(range(count), size):
             working = tuple(i for i in range(count) if i not in failed)
             judgement = judge_only(layout, actuators, working, tolerance)
-            stopped = None
+            stopped_verdict = None
             if judgement.coasting:
                 later = judge_only(layout, still, working, tolerance)
                 if np.any(actuators.rotors):  # of another body: that with the stopped ones locked
                     later = judge_once_stopped(judgement, tolerance) or later
-                stopped = later.verdict
+                stopped_verdict = later.verdict
             cases.append(
                 FailureCase(
                     failed=tuple(labels[i] for i in failed),
                     working=tuple(labels[i] for i in working),
                     judgement=judgement,
                     lost=lost_words(judgement),
-                    once_stopped=None if stopped == judgement.verdict else stopped,
+                    once_stopped=None if stopped_verdict == judgement.verdict else stopped_verdict,
                 )
             )
     return tuple(cases)

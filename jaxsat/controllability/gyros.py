@@ -30,7 +30,7 @@ TURNS = 2 * np.pi * np.array([0.0, 0.137, 0.371, 0.618])
 """Angles (rad) tried for a set that is not singular, each gimbal at a multiple of them."""
 
 WAYS = ("one gimbal", "two gimbals")
-"""What locks besides those that are locked already."""
+"""Numbers of gimbals that lock besides those that are locked already."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class GyroCluster:
 
     @property
     def torques_now(self) -> int:
-        """How many there are at the angles now."""
+        """How many independent torques there are at the angles now."""
         return _rank(self.columns(self.angle))
 
     @property
@@ -80,14 +80,14 @@ class GyroCluster:
         return float(np.sum(self.momentum[self.turning] * np.sqrt(np.maximum(1 - along**2, 0))))
 
     def locked(self, places: Sequence[int]) -> "GyroCluster":
-        """The same with these gimbals locked at their angles."""
+        """The cluster with these gimbals locked at their angles."""
         turning = self.turning & ~np.isin(np.arange(len(self.turning)), places)
         return GyroCluster(
             self.gimbal_axes, self.spin_axes, self.momentum, self.rate_limit, self.angle, turning
         )
 
     def verdict(self) -> str:
-        """What those that turn can do, in a sentence."""
+        """What the gimbals that turn can do, in a sentence."""
         count = f"{int(self.turning.sum())} of {len(self.turning)} gimbals"
         if self.torques == 3 and self.torques_now == 3:
             return (
@@ -109,10 +109,10 @@ class GyroCluster:
         )
 
     def lines(self) -> list[str]:
-        """The momentum that they can gather, and what one or two more locked gimbals leave."""
-        gathered = vector_text([self.envelope(axis) for axis in np.eye(3)])
+        """The momentum that the gyros can store, and what one or two more locked gimbals leave."""
+        momentum = vector_text([self.envelope(axis) for axis in np.eye(3)])
         lines = [
-            f"Control moment gyros (not in the table): they store at most {gathered} N m s along "
+            f"Control moment gyros (not in the table): they store at most {momentum} N m s along "
             "body x, y, z"
         ]
         places = np.flatnonzero(self.turning).tolist()
@@ -131,7 +131,7 @@ class GyroCluster:
 
 
 def _rank(columns: Float[np.ndarray, "3 n"]) -> int:
-    """Of unit columns."""
+    """The rank of the columns, each taken at unit length."""
     sizes = np.linalg.norm(columns, axis=0)
-    kept = columns[:, sizes > 0] / sizes[sizes > 0]
-    return int(np.sum(np.linalg.svd(kept, compute_uv=False) > INDEPENDENT)) if kept.size else 0
+    axes = columns[:, sizes > 0] / sizes[sizes > 0]
+    return int(np.sum(np.linalg.svd(axes, compute_uv=False) > INDEPENDENT)) if axes.size else 0

@@ -57,18 +57,18 @@ def judge_once_stopped(
     if not judgement.coasting:
         return None
     actuators = judgement.actuators
-    locked = judgement.inertia + actuators.free_rotors
-    return judge(locked, actuators.once_stopped, tolerance=tolerance)
+    locked_inertia = judgement.inertia + actuators.free_rotors
+    return judge(locked_inertia, actuators.once_stopped, tolerance=tolerance)
 
 
 def judge_only(
-    layout: TorqueLayout, actuators: ActuatorSet, kept: tuple[int, ...], tolerance: float | int
+    layout: TorqueLayout, actuators: ActuatorSet, places: tuple[int, ...], tolerance: float | int
 ) -> Judgement:
     """Judge a subset, by ascending places in `actuators.names`, with the brackets of all.
 
     The wheels that are not among them coast.
     """
-    judgement = _judged(layout, actuators, actuators.only(kept), kept, tolerance)
+    judgement = _judge_set(layout, actuators, actuators.only(places), places, tolerance)
     thrusters = bool(np.any(judgement.actuators.torques))
     if not judgement.coasting or not thrusters or judgement.laws == "three torques":
         return judgement
@@ -76,7 +76,7 @@ def judge_only(
 
 
 def _beside_coasting_wheels(stopped: Judgement) -> Judgement:
-    """Of thrusters that make less than three torques, the verdict with stopped wheels known.
+    """The judgement of less than three torques beside coasting wheels, from that of `stopped` ones.
 
     A coasting wheel adds a gyroscopic torque that is linear in ω. Double brackets at rest do not
     see it, so the rank is no less than without. It does no work and has no divergence, so the drift
@@ -91,27 +91,27 @@ def _beside_coasting_wheels(stopped: Judgement) -> Judgement:
     return dataclasses.replace(stopped, verdict=verdict, laws="none", turn_time=np.nan)
 
 
-def _judged(
+def _judge_set(
     layout: TorqueLayout,
     actuators: ActuatorSet,
-    left: ActuatorSet,
-    kept: tuple[int, ...],
+    healthy: ActuatorSet,
+    places: tuple[int, ...],
     tolerance: float | int,
 ) -> Judgement:
-    """Judge the actuators `left` of all, the gyroscopic torque on thrusters not counted."""
-    thrusters = len(left.thrusters)
-    jets = torque_cone(left.torques, left.two_sided, tolerance)
-    wheels = momentum_level_set(layout.inertia, left, tolerance)
+    """Judge the `healthy` of all actuators, the gyroscopic torque on thrusters not counted."""
+    thrusters = len(healthy.thrusters)
+    jets = torque_cone(healthy.torques, healthy.two_sided, tolerance)
+    wheels = momentum_level_set(layout.inertia, healthy, tolerance)
     if wheels.axes == 0:
-        return _by_torques(layout, left.only(range(thrusters)), kept[:thrusters], tolerance)
-    signs = np.concatenate([left.two_sided, np.ones(len(kept) - thrusters, bool)])
-    cone = torque_cone(left.columns, signs, tolerance)
+        return _by_torques(layout, healthy.only(range(thrusters)), places[:thrusters], tolerance)
+    signs = np.concatenate([healthy.two_sided, np.ones(len(places) - thrusters, bool)])
+    cone = torque_cone(healthy.columns, signs, tolerance)
     if wheels.axes == 1 and jets.span:
-        jets_alone = kept[:thrusters]
-        alone = _judged(
-            layout, actuators, left.once_stopped.only(range(thrusters)), jets_alone, tolerance
+        jets_alone = places[:thrusters]
+        alone = _judge_set(
+            layout, actuators, healthy.once_stopped.only(range(thrusters)), jets_alone, tolerance
         )
-        return _with_one_wheel(left, cone, wheels, alone, tolerance)
+        return _with_one_wheel(healthy, cone, wheels, alone, tolerance)
     if jets.span == 0:
         verdict, laws = _wheels_alone(wheels)
         rank, dimension = wheels.rank, wheels.dimension
@@ -123,7 +123,7 @@ def _judged(
         verdict = "borderline"
     return Judgement(
         inertia=layout.inertia,
-        actuators=left,
+        actuators=healthy,
         verdict=verdict,
         rank=rank,
         dimension=dimension,
@@ -144,22 +144,22 @@ def _wheels_alone(wheels: MomentumLevelSet) -> tuple[Verdict, Laws]:
 
 
 def _with_one_wheel(
-    left: ActuatorSet,
+    healthy: ActuatorSet,
     cone: TorqueCone,
     wheels: MomentumLevelSet,
     alone: Judgement,
     tolerance: float,
 ) -> Judgement:
-    """By the torques of both signs and the brackets of a gyrostat; `alone` is without the wheel."""
+    """Judge by the torques of both signs and a gyrostat's brackets; `alone` has no wheel."""
     axis = wheels.directions[:, 0]
-    reached, margin = one_wheel_brackets(alone.inertia, left.torques, axis, tolerance)
+    directions, margin = one_wheel_brackets(alone.inertia, healthy.torques, axis, tolerance)
     laws: Laws = "three torques" if cone.two_sided == 3 else alone.laws
     verdict: Verdict = "uncontrollable"
     if laws != "none":
         verdict = "controllable"
-    elif reached.shape[1] == 3:
-        crossed = _wheel_crosses(alone.inertia, left.torques, axis, cone, tolerance)
-        verdict = "by drift" if crossed else "not decided"
+    elif directions.shape[1] == 3:
+        crosses = _wheel_crosses(alone.inertia, healthy.torques, axis, cone, tolerance)
+        verdict = "by drift" if crosses else "not decided"
     if cone.borderline or wheels.borderline or (alone.borderline and laws == alone.laws != "none"):
         verdict = "borderline"
     turn = alone.turn_time
@@ -167,9 +167,9 @@ def _with_one_wheel(
         turn = turn_time(alone.inertia, cone.both_signs)
     return Judgement(
         inertia=alone.inertia,
-        actuators=left,
+        actuators=healthy,
         verdict=verdict,
-        rank=RANK_OF_DIMENSION[reached.shape[1]],
+        rank=RANK_OF_DIMENSION[directions.shape[1]],
         dimension=6,
         laws=laws,
         margin=margin,
@@ -202,17 +202,18 @@ def _wheel_crosses(
 
 
 def _by_torques(
-    layout: TorqueLayout, left: ActuatorSet, kept: tuple[int, ...], tolerance: float
+    layout: TorqueLayout, healthy: ActuatorSet, places: tuple[int, ...], tolerance: float
 ) -> Judgement:
-    """Thrusters alone, by the cone of their torques and the rank condition."""
-    signs = left.two_sided
-    cone = torque_cone(left.torques, signs, tolerance)
-    decision = decide_rank(layout, kept, tolerance)
-    flown = decision
+    """Judge thrusters alone, by the cone of their torques and the rank condition."""
+    signs = healthy.two_sided
+    cone = torque_cone(healthy.torques, signs, tolerance)
+    decision = decide_rank(layout, places, tolerance)
+    law_decision = decision
     if cone.two_sided == 2 and cone.span == 3:
-        flown = decide_rank(layout, _in_plane(left.torques, kept, cone, tolerance), tolerance)
+        in_plane = _in_plane(healthy.torques, places, cone, tolerance)
+        law_decision = decide_rank(layout, in_plane, tolerance)
     laws: Laws = "none"
-    if cone.two_sided >= 2 and flown.controllable:
+    if cone.two_sided >= 2 and law_decision.controllable:
         laws = "three torques" if cone.two_sided == 3 else "two torques"
     barrier = momentum_barrier(layout.inertia, cone, tolerance)
     strict = momentum_barrier(layout.inertia, cone, ROUNDING)
@@ -222,18 +223,18 @@ def _by_torques(
     elif decision.controllable and barrier is None:
         verdict = "by drift"
     one_signed = cone.span > cone.two_sided
-    undecided = one_signed and laws == "none" and (barrier is None) != (strict is None)
-    if decision.borderline or flown.borderline or cone.borderline or undecided:
+    is_undecided = one_signed and laws == "none" and (barrier is None) != (strict is None)
+    if decision.borderline or law_decision.borderline or cone.borderline or is_undecided:
         verdict = "borderline"
     return Judgement(
         inertia=layout.inertia,
-        actuators=left,
+        actuators=healthy,
         verdict=verdict,
         rank=decision.rank,
         dimension=6,
         laws=laws,
         margin=decision.margin,
-        turn_time=_turn_time(decision, layout.inertia, left.torques, signs, cone, laws),
+        turn_time=_turn_time(decision, layout.inertia, healthy.torques, signs, cone, laws),
         cone=cone,
         decision=decision,
         barrier=barrier if one_signed else None,
@@ -241,12 +242,12 @@ def _by_torques(
 
 
 def _in_plane(
-    columns: Float[np.ndarray, "3 m"], kept: tuple[int, ...], cone: TorqueCone, tolerance: float
+    columns: Float[np.ndarray, "3 m"], places: tuple[int, ...], cone: TorqueCone, tolerance: float
 ) -> tuple[int, ...]:
-    """Those of the actuators whose torques lie in the plane of the torques of both signs."""
+    """The places of the actuators whose torques lie in the plane of the torques of both signs."""
     assert cone.normal is not None
     beside = np.abs(cone.normal @ columns) <= tolerance * np.linalg.norm(columns, axis=0)
-    return tuple(i for i, inside in zip(kept, beside, strict=True) if inside)
+    return tuple(i for i, inside in zip(places, beside, strict=True) if inside)
 
 
 def _turn_time(

@@ -28,12 +28,12 @@ def finite(name: str, values: Numbers) -> tuple[Float[np.ndarray, "..."], float]
 
     Raises TypeError or ValueError unless it holds finite real numbers.
     """
-    given = np.asarray(values)
-    small_float = given.dtype.kind == "V" and jnp.issubdtype(given.dtype, jnp.floating)
-    if given.dtype.kind not in "iuf" and not small_float:
-        raise TypeError(f"Argument `{name}` must hold real numbers, but got dtype {given.dtype}")
-    eps = 0.0 if given.dtype.kind in "iu" else float(jnp.finfo(given.dtype).eps)
-    array = given.astype(np.float64)
+    numbers = np.asarray(values)
+    small_float = numbers.dtype.kind == "V" and jnp.issubdtype(numbers.dtype, jnp.floating)
+    if numbers.dtype.kind not in "iuf" and not small_float:
+        raise TypeError(f"Argument `{name}` must hold real numbers, but got dtype {numbers.dtype}")
+    eps = 0.0 if numbers.dtype.kind in "iu" else float(jnp.finfo(numbers.dtype).eps)
+    array = numbers.astype(np.float64)
     if not np.all(np.isfinite(array)):
         raise ValueError(f"Argument `{name}` must be finite, but got {array.tolist()}")
     return array, max(eps, float(np.finfo(np.float64).eps))
@@ -87,8 +87,8 @@ class TorqueLayout:
         for i in thrusters:
             if self.alias[i] >= 0:
                 first.setdefault(self.alias[i], i)
-        chosen = set(first.values())
-        return [k for k, needed in enumerate(self.members) if needed <= chosen]
+        representatives = set(first.values())
+        return [k for k, makers in enumerate(self.members) if makers <= representatives]
 
 
 def _generating_vectors(

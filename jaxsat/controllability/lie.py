@@ -90,8 +90,8 @@ class DriftField(eqx.Module):
         else:
             torque = self.disturbance
         orbital = jnp.zeros(3, omega.dtype).at[1].set(-self.orbit_rate)
-        seen = attitude @ orbital if self.orbit == "exact" else orbital
-        relative = omega - seen
+        frame_rate = attitude @ orbital if self.orbit == "exact" else orbital
+        relative = omega - frame_rate
         momentum = self.inertia @ omega
         omega_dot = self.inverse @ (torque - jnp.cross(omega, momentum))
         attitude_dot = -skew(relative) @ attitude
@@ -241,10 +241,10 @@ def _span(columns: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n r"]:
     """Orthonormal basis of the numerical span of the columns, normalised unless mere rounding."""
     lengths = np.linalg.norm(columns, axis=0)
     long = lengths > _LEVEL * np.max(lengths, initial=0.0)
-    kept = columns[:, long] / lengths[long]
-    if not kept.shape[1]:
-        return kept
-    basis, values, _ = np.linalg.svd(kept, full_matrices=False)
+    unit_columns = columns[:, long] / lengths[long]
+    if not unit_columns.shape[1]:
+        return unit_columns
+    basis, values, _ = np.linalg.svd(unit_columns, full_matrices=False)
     return basis[:, values > _LEVEL * values[0]]
 
 

@@ -87,13 +87,13 @@ def linear_controllability(
     layout = make_layout(inertia, torque_axes)
     rate = abs(float(orbit_rate)) or 1.0
     # Time in 1/ω0: rates divided by ω0; each command scaled to a unit column.
-    scaled = np.diag([1.0] * 3 + [1.0 / rate] * 3) @ state @ np.diag([1.0] * 3 + [rate] * 3) / rate
+    matrix = np.diag([1.0] * 3 + [1.0 / rate] * 3) @ state @ np.diag([1.0] * 3 + [rate] * 3) / rate
     lengths = np.linalg.norm(inputs, axis=0)
     unit = inputs[:, lengths > 0] / lengths[lengths > 0]
-    rank, smallest = reachable_rank(scaled, unit, layout.rounding)
-    eigenvalues = np.linalg.eigvals(scaled)
+    rank, smallest = reachable_rank(matrix, unit, layout.rounding)
+    eigenvalues = np.linalg.eigvals(matrix)
     margins = [
-        np.linalg.svd(np.concatenate([scaled - value * np.eye(6), unit], axis=1))[1][5]
+        np.linalg.svd(np.concatenate([matrix - value * np.eye(6), unit], axis=1))[1][5]
         for value in eigenvalues
     ]
     limit = max(tolerance, layout.rounding)
@@ -134,10 +134,10 @@ def _exponentials(matrices: Float[np.ndarray, "k n n"]) -> Float[np.ndarray, "k 
     """Exponentials of small matrices, all at once: Taylor's polynomial, scaled and squared."""
     largest = np.max(np.sum(np.abs(matrices), axis=1), initial=0.5)
     squarings = int(np.ceil(np.log2(largest / 0.5)))
-    scaled, one = matrices / 2.0**squarings, np.eye(matrices.shape[1])
-    power = one + scaled / 16.0
+    scaled_matrices, one = matrices / 2.0**squarings, np.eye(matrices.shape[1])
+    power = one + scaled_matrices / 16.0
     for order in range(15, 0, -1):  # what is left out is below 0.5^17 / 17! = 2e-20
-        power = one + scaled @ power / order
+        power = one + scaled_matrices @ power / order
     for _ in range(squarings):
         power = power @ power
     return power

@@ -56,8 +56,8 @@ def _neutral_pair(
         ratio = (1.0, 1.0)
     weights = np.array([[ratio[1], ratio[1]], [ratio[0], -ratio[0]]]) / np.hypot(*ratio)
     pair = plane @ vectors @ weights
-    left = np.array([form(w, w)[0] / form(w, w)[1] for w in pair.T])
-    return pair, left
+    residuals = np.array([form(w, w)[0] / form(w, w)[1] for w in pair.T])
+    return pair, residuals
 
 
 def small_time_local_controllability(
@@ -98,12 +98,12 @@ def small_time_local_controllability(
         reason = "Three independent torque axes: no bracket of the drift is needed."
         return LocalControllability("proved", reason, units, np.zeros(3))
     if len(axes) == 2:
-        pair, left = _neutral_pair(layout.inertia, directions[:, :2])
+        pair, residuals = _neutral_pair(layout.inertia, directions[:, :2])
         reason = (
             "Two independent torque axes: the bad brackets of the two directions lie in their "
             "plane, and the good bracket of both supplies the third axis."
         )
-        return LocalControllability("proved", reason, pair, left)
+        return LocalControllability("proved", reason, pair, residuals)
     bad = exact.relative_product(exact.adjugate(layout.integer_inertia), axes[0], axes[0])
     reason = (
         "One torque axis: the bad bracket [[f,g],g] cannot be neutralised, so rates start on one "

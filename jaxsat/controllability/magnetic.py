@@ -120,9 +120,9 @@ def _factor(
     from scipy.linalg import expm  # takes its time
 
     units = np.array([1.0] * 3 + [1 / rate] * 3)
-    scaled = units[:, None] * state / units / rate
+    scaled_state = units[:, None] * state / units / rate
     length = 2 * np.pi / STEPS
-    back, half = expm(-scaled * length), expm(-scaled * length / 2)
+    back, half = expm(-scaled_state * length), expm(-scaled_state * length / 2)
     inputs = units[:, None] * to_rates / rate * np.sqrt(2 * np.pi * length)
     blocks, power = [], half
     for one in torques:
@@ -164,9 +164,9 @@ def magnetic_verdict(authority: MagneticAuthority) -> str:
 
 
 def magnetic_words(authority: MagneticAuthority, thruster: float, wheels: bool) -> list[str]:
-    """Sentences on it beside wheels and thrusters, of which one makes up to `thruster` N m.
+    """Sentences on magnetorquers beside wheels and thrusters.
 
-    That is zero where it is not known.
+    A thruster makes up to `thruster` N m, zero where that is not known.
     """
     low, high = (f"{size * 1e6:.3g}" for size in authority.field)
     beside = f", {authority.largest / thruster:.2g} of a thruster's" if thruster else ""
@@ -193,10 +193,10 @@ def magnetic_law_words(motion: LinearMotion, weight: float, wheel_weight: float 
         return "The law magnetic has no gains that hold all axes: no Riccati solution is periodic"
     sizes = np.abs(floquet_multipliers(motion, gain)[:, 0])
     least, most = (f"{100 * one:.3g}" for one in (sizes.min(), sizes.max()))
-    told = f"Under the law magnetic small errors fall to {least} to {most} % in an orbit"
+    sentence = f"Under the law magnetic small errors fall to {least} to {most} % in an orbit"
     if sizes.max() < HARDLY:
-        return f"{told}, as the Earth turns (Floquet multipliers)"
+        return f"{sentence}, as the Earth turns (Floquet multipliers)"
     return (
-        f"{told} (Floquet multipliers): while the field hardly turns in the orbit, a part of each "
-        "day, they hardly fall"
+        f"{sentence} (Floquet multipliers): while the field hardly turns in the orbit, a part of "
+        "each day, they hardly fall"
     )

@@ -52,11 +52,11 @@ def _over_cases(function: Callable, cases: PyTree, shared: PyTree) -> Float[np.n
     cases, shared = jax.tree.map(np.asarray, (cases, shared))
     leaves, structure = jax.tree.flatten((jax.tree.map(lambda x: x[0], cases), shared))
     kinds = tuple((leaf.shape, leaf.dtype.char) for leaf in leaves)
-    return np.asarray(_compiled(function, structure, kinds)(cases, shared))
+    return np.asarray(_kernel(function, structure, kinds)(cases, shared))
 
 
 @latest(32)
-def _compiled(function: Callable, structure: Any, kinds: tuple[tuple, ...]) -> Callable:
+def _kernel(function: Callable, structure: Any, kinds: tuple[tuple, ...]) -> Callable:
     case, shared = jax.tree.unflatten(structure, [np.zeros(*kind) for kind in kinds])
     return compiled_over_cases(function, case, shared)
 

@@ -127,9 +127,9 @@ def ranks_away_from_rest(
         ]
         moving = tuple(
             rank_at_state(
-                inertia, accelerations, omega=omega, disturbance=push, count_drift=counted
+                inertia, accelerations, omega=omega, disturbance=push, count_drift=counts_drift
             )
-            for omega, push, counted in cases
+            for omega, push, counts_drift in cases
         )
     return {
         "at rest": RANK_OF_DIMENSION[reached.shape[1]],

@@ -37,8 +37,8 @@ def torque_reserve(
     pairs = np.array(list(itertools.combinations(half.T, 2)))
     normals = np.cross(pairs[:, 0], pairs[:, 1])
     sizes = np.linalg.norm(normals, axis=1)
-    kept = sizes > TOLERANCE**2 * sizes.max()
-    normals = normals[kept] / sizes[kept, None]
+    is_facet = sizes > TOLERANCE**2 * sizes.max()
+    normals = normals[is_facet] / sizes[is_facet, None]
     reach = np.abs(normals @ half).sum(axis=1) - np.abs(normals @ centre)
     return float(reach.min())
 
@@ -95,14 +95,14 @@ def judge_ranges(
         return None
     down, up = moves
     sign = np.where(up, 1.0, -1.0)
-    left = np.flatnonzero(down | up)
-    columns = actuators.torques[:, left] * sign[left]
-    names = [actuators.thrusters[i] for i in left]
+    movable = np.flatnonzero(down | up)
+    columns = actuators.torques[:, movable] * sign[movable]
+    names = [actuators.thrusters[i] for i in movable]
     return judge(
         inertia,
         actuator_set(
             columns,
-            two_sided=[bool(both) for both in (down & up)[left]],
+            two_sided=[bool(both) for both in (down & up)[movable]],
             names=names,
             wheel_axes=actuators.wheel_axes,
             wheel_names=actuators.wheels,

@@ -158,10 +158,10 @@ def one_wheel_brackets(
                 size += np.linalg.norm(y) * np.linalg.norm(first[3:])
                 if np.linalg.norm(torque) > tolerance * size:
                     products.append(np.tile(torque / np.linalg.norm(torque), 2))
-        grown = _independent([*basis, *products], tolerance)
-        if len(grown) == len(basis):
+        larger_basis = _independent([*basis, *products], tolerance)
+        if len(larger_basis) == len(basis):
             break
-        basis = grown
+        basis = larger_basis
     directions, values, _ = np.linalg.svd(np.stack(basis, axis=1)[:3])
     count = int(np.sum(values > tolerance))
     return directions[:, :count], float(values[2]) if count == 3 else 0.0
@@ -171,12 +171,12 @@ def _independent(
     vectors: list[Float[np.ndarray, "6"]], tolerance: float
 ) -> list[Float[np.ndarray, "6"]]:
     """The first of the vectors that span what all span, to a sine of `tolerance`."""
-    chosen: list[Float[np.ndarray, 6]] = []
+    members: list[Float[np.ndarray, 6]] = []
     for vector in vectors:
         rest = vector
-        if chosen:
-            basis = np.linalg.qr(np.stack(chosen, axis=1))[0]
+        if members:
+            basis = np.linalg.qr(np.stack(members, axis=1))[0]
             rest = vector - basis @ (basis.T @ vector)
         if np.linalg.norm(rest) > tolerance * np.linalg.norm(vector):
-            chosen.append(vector)
-    return chosen
+            members.append(vector)
+    return members

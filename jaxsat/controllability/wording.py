@@ -75,8 +75,8 @@ def _rank_lost(decision: RankDecision, directions: int) -> str:
 
 def _coasts_beside_thrusters(judgement: Judgement) -> bool:
     """Whether wheels that coast decide what thrusters can do."""
-    undecided = judgement.verdict in ("by drift", "not decided") and judgement.laws == "none"
-    return bool(judgement.coasting) and undecided and bool(np.any(judgement.actuators.torques))
+    is_undecided = judgement.verdict in ("by drift", "not decided") and judgement.laws == "none"
+    return bool(judgement.coasting) and is_undecided and bool(np.any(judgement.actuators.torques))
 
 
 def _lost_ways(cone: TorqueCone) -> str:
@@ -90,14 +90,14 @@ def both_signs_by(judgement: Judgement) -> str:
 
     Nothing where no torque has both signs.
     """
-    actuators, needed = judgement.actuators, judgement.cone.two_sided
+    actuators, dimension = judgement.actuators, judgement.cone.two_sided
     wheels = np.ones(len(actuators.wheels), bool)
     makers = {
         "thrusters": torque_cone(actuators.torques, actuators.two_sided).two_sided,
         "wheels": torque_cone(actuators.wheel_axes, wheels).two_sided,
     }
-    alone = [kind for kind, both_signs in makers.items() if both_signs == needed]
-    if not needed:
+    alone = [kind for kind, both_signs in makers.items() if both_signs == dimension]
+    if not dimension:
         return ""
     return " or ".join(alone) or " and ".join(makers)
 
@@ -133,10 +133,10 @@ def _wheels_lost(judgement: Judgement) -> str:
         return "nothing"
     if judgement.dimension == 6:
         if judgement.cone.normal is not None:
-            lost = f"direct torque of both signs about {_axis(judgement.cone.normal)}"
+            loss = f"direct torque of both signs about {_axis(judgement.cone.normal)}"
         else:
-            lost = _lost_ways(judgement.cone) if judgement.one_signed else "two torques"
-        return lost if judgement.rank == 6 else f"{lost}; rank {judgement.rank} of 6"
+            loss = _lost_ways(judgement.cone) if judgement.one_signed else "two torques"
+        return loss if judgement.rank == 6 else f"{loss}; rank {judgement.rank} of 6"
     if not wheels.rests:
         return f"rest at any attitude, while wheels coast with {judgement.coasting:.3g} N m s"
     if wheels.axes == 2:
@@ -269,8 +269,8 @@ def _wheel_sentence(judgement: Judgement) -> str:
             )
         )
     if wheels.turned_about is not None:
-        turned = direction_words(wheels.turned_about)
-        return f"Not controllable: {rank} {where}; one wheel turns the body about {turned} alone."
+        axis = direction_words(wheels.turned_about)
+        return f"Not controllable: {rank} {where}; one wheel turns the body about {axis} alone."
     return (
         f"Not controllable: {rank} {where}; with {wheels.momentum:.3g} N m s of total momentum "
         + (
@@ -291,8 +291,8 @@ def momentum_words(judgement: Judgement) -> str | None:
         return f"{start}, conserved: no actuator removes momentum from the wheels"
     if wheels.axes == 1:
         return f"{start}; valid while the momentum of the wheel is small"
-    turned = "two wheels turn" if wheels.axes == 2 else "the wheels turn"
-    return f"{start}; {turned} the body, so that {_momentum_changers(judgement)} in any direction"
+    clause = "two wheels turn" if wheels.axes == 2 else "the wheels turn"
+    return f"{start}; {clause} the body, so that {_momentum_changers(judgement)} in any direction"
 
 
 def _momentum_changers(judgement: Judgement) -> str:
