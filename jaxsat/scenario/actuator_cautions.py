@@ -23,16 +23,16 @@ from jaxsat.scenario.tables import InitialTable
 from jaxsat.scenario.wording import shown
 
 PHASES = 25
-"""Of a turn of the orbit frame, at which momentum is compared with what wheels can hold."""
+"""Phases of a turn of the orbit frame at which momentum is compared with what wheels can hold."""
 
 MOST_TURNS = 20
-"""So many turns have phases of their own; of more, phases are further apart."""
+"""Turns that have phases of their own; of more turns the phases are further apart."""
 
 NOTHING = 1e6
 """A momentum over what wheels hold along it that is as good as infinite."""
 
 ROUNDING = 1e-9
-"""Relative; what rounding alone makes of a momentum at the limit."""
+"""Relative excess that rounding alone makes of a momentum at the limit."""
 
 
 def actuator_cautions(scenario: Scenario) -> Iterator[Issue]:
@@ -46,7 +46,7 @@ def actuator_cautions(scenario: Scenario) -> Iterator[Issue]:
 
 
 def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
-    """Beside wheels that make all of two torques that the law commands."""
+    """Thrusters beside wheels that make all torques that the law commands."""
     torques = scenario.law.declaration.torques
     working = sum(not one.failed for one in scenario.thruster)
     if not scenario.wheel or not working or not torques or relieved_by_thrusters(scenario):
@@ -73,29 +73,29 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
         or not law.regulates_attitude
     ):
         return
-    unloaded = relieved_by_thrusters(scenario)
-    if unloaded or (law.torques and left_by_wheels(wheels, law.torques).any()):
+    has_relief = relieved_by_thrusters(scenario)
+    if has_relief or (law.torques and left_by_wheels(wheels, law.torques).any()):
         return  # thrusters take part
     axes, limit = wheel_axes(tuple(one for one in wheels if not one.failed)), np.array(limits)
     times, momenta = _momenta_to_hold(scenario)
-    held = [_share_held(axes, limit, momentum) for momentum in momenta]
-    shares = np.array([share for share, _ in held])
+    loads = [_largest_load(axes, limit, momentum) for momentum in momenta]
+    shares = np.array([share for share, _ in loads])
     worst = int(np.argmax(shares))
     most = shares[worst]
     if most <= 1 + ROUNDING:
         return
-    filled = ""
+    remark = ""
     if shares[0] <= 1:  # then it is the torque from outside, or how the frame turns
         after = int(np.argmax(shares > 1))
         part = (1 - shares[after - 1]) / (shares[after] - shares[after - 1])
         full = times[after - 1] + part * (times[after] - times[after - 1])
-        filled = f"; they are full after {full:.4g} s"
+        remark = f"; they are full after {full:.4g} s"
     message = (
         "should hold the momentum of body and wheels when the attitude is reached: along one "
-        f"direction {abs(momenta[worst] @ held[worst][1]):.4g} N m s, "
+        f"direction {abs(momenta[worst] @ loads[worst][1]):.4g} N m s, "
         f"{f'{most:.3g} times what they hold' if most < NOTHING else 'where they hold none'}"
     )
-    yield Issue(("wheel",), message + filled)
+    yield Issue(("wheel",), message + remark)
 
 
 def _momenta_to_hold(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
@@ -103,24 +103,24 @@ def _momenta_to_hold(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
     frame, with the impulse of a constant torque from outside."""
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     coasting = [one.momentum_N_m_s if one.failed else 0.0 for one in scenario.wheel]
-    stored = [one.momentum_N_m_s for one in scenario.wheel]
+    wheel_momenta = [one.momentum_N_m_s for one in scenario.wheel]
     axes, start = wheel_axes(scenario.wheel), scenario.initial
-    whole = inertia @ np.array(start.omega_rad_s) + axes @ stored
+    whole = inertia @ np.array(start.omega_rad_s) + axes @ wheel_momenta
     whole = _body_axes(start).T @ whole
     rate, duration = scenario.orbit.rate(), scenario.simulation.duration_s
-    pushed = np.array(scenario.disturbance.constant_N_m)
+    torque = np.array(scenario.disturbance.constant_N_m)
     turns = min(math.ceil(rate * duration / (2 * math.pi)), MOST_TURNS)
-    moves = bool(rate) or bool(pushed.any())
+    moves = bool(rate) or bool(torque.any())
     times = np.linspace(0, duration, 1 + PHASES * max(turns, 1)) if moves else np.zeros(1)
     momenta = []
     for time in times:
         angle = rate * time
         cos, sin = math.cos(angle), math.sin(angle)
         # The orbit frame turns by -ω0 about its second axis, what is fixed in space by ω0 in it.
-        turned = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]) @ whole
+        inertial_part = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]) @ whole
         along, across = (sin / rate, (1 - cos) / rate) if rate else (time, 0.0)
-        gathered = np.array([[along, 0, across], [0, time, 0], [-across, 0, along]]) @ pushed
-        momenta.append(turned + gathered - inertia @ [0, -rate, 0] - axes @ coasting)
+        impulse = np.array([[along, 0, across], [0, time, 0], [-across, 0, along]]) @ torque
+        momenta.append(inertial_part + impulse - inertia @ [0, -rate, 0] - axes @ coasting)
     return times, np.array(momenta)
 
 
@@ -140,7 +140,7 @@ def _turn(half: float, axis: tuple[float, ...]) -> np.ndarray:
     return 2 * half * np.array(axis) / size if size else np.zeros(3)
 
 
-def _share_held(axes: np.ndarray, limit: np.ndarray, momentum: np.ndarray):
+def _largest_load(axes: np.ndarray, limit: np.ndarray, momentum: np.ndarray):
     """The largest of momentum over what wheels hold along a direction, and that direction.
 
     The momenta that wheels hold are a zonotope, whose faces are normal to two of their axes.
@@ -150,10 +150,10 @@ def _share_held(axes: np.ndarray, limit: np.ndarray, momentum: np.ndarray):
     normals = np.cross(columns[first], columns[second])
     sizes = np.linalg.norm(normals, axis=1)
     normals = normals[sizes > ROUNDING] / sizes[sizes > ROUNDING, None]
-    held = np.abs(normals @ axes) @ limit
-    needed = np.abs(normals @ momentum)
+    capacity = np.abs(normals @ axes) @ limit
+    demand = np.abs(normals @ momentum)
     small = ROUNDING * max(np.linalg.norm(momentum), float(limit.max()))
-    share = np.where(needed > small, needed / np.maximum(held, small), 0.0)
+    share = np.where(demand > small, demand / np.maximum(capacity, small), 0.0)
     worst = int(np.argmax(share))
     return float(share[worst]), normals[worst]
 
@@ -178,12 +178,12 @@ def _dead_zone(scenario: Scenario) -> Iterator[Issue]:
         return
     working = [one for one in scenario.thruster if not one.failed]
     angle = _idle_angle(scenario, working, table.on_level / table.gain if kind == "pwpf" else 0.0)
-    allowed = scenario.settled.turn_rad
-    if angle > allowed:
+    tolerance = scenario.settled.turn_rad
+    if angle > tolerance:
         below = f"below {math.degrees(angle):.3g} degrees" if angle < math.pi else "at any error"
         message = (
             "should fire thrusters within the attitude error that counts as settled, "
-            f"{math.degrees(allowed):.3g} degrees: none fires {below} about one axis "
+            f"{math.degrees(tolerance):.3g} degrees: none fires {below} about one axis "
             f'("delta-sigma" has no dead zone), got {shown(kind)}'
         )
         yield Issue(("modulation", "kind"), message)
@@ -207,8 +207,8 @@ def _idle_angle(scenario: Scenario, working: list[ThrusterTable], duty: float) -
     for axis in (*np.eye(3), *-np.eye(3)):
         duty_rates = bases @ (inertia @ axis * frequency**2)  # duties per radian, of each basis
         duties = duty_rates[np.argmax(duty_rates.min(axis=1))]
-        used = duties > ROUNDING * duties.max()
-        largest = max(largest, float(np.min(shortest[used] / duties[used])))
+        active = duties > ROUNDING * duties.max()
+        largest = max(largest, float(np.min(shortest[active] / duties[active])))
     most = getattr(scenario.control, "max_rate_rad_s", None)
     damping = getattr(scenario.control, "damping", 1.0)
     return math.inf if most is not None and largest > 2 * damping * most / frequency else largest

@@ -21,14 +21,14 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown
 
 GAINS = {"oscillatory": MORIN_SAMSON, "three-slew": TWO_CHANNEL, "planned": TWO_CHANNEL}
-"""Of the laws that hold by an oscillation."""
+"""Gains of the laws that hold by an oscillation."""
 
 LEAST_TILT = 0.1
 """Tangent of the angle between the one torque and its acceleration down to which the law of one
 torque was verified."""
 
 LEAST_STEERING = 0.01
-"""Of δ - α and η of docs/one_torque.md over α: where both vanish rest cannot be reached."""
+"""Least size of δ - α or η (docs/one_torque.md) over α: where both vanish, rest is out of reach."""
 
 HELD_TURN = 0.02
 """Turn (rad) that an attitude may need to be held; settled means within 0.05."""
@@ -66,10 +66,10 @@ def _start_cautions(scenario: Scenario) -> list[Issue]:
 
 def _inertia_cautions(scenario: Scenario) -> list[Issue]:
     issues = []
-    believed = getattr(getattr(scenario.control, "model", None), "inertia_kg_m2", None)
+    model_inertia = getattr(getattr(scenario.control, "model", None), "inertia_kg_m2", None)
     places = {
         ("spacecraft", "inertia_kg_m2"): scenario.spacecraft.inertia_kg_m2,
-        ("control", "model", "inertia_kg_m2"): believed,
+        ("control", "model", "inertia_kg_m2"): model_inertia,
     }
     for location, inertia in places.items():
         if inertia is not None and not _obeys_triangle_inequality(inertia):
@@ -89,7 +89,7 @@ def _obeys_triangle_inequality(inertia: tuple) -> bool:
 
 
 def _law_cautions(scenario: Scenario) -> list[Issue]:
-    """Some laws move ω3 through the gyroscopic torque (J1 - J2) ω1 ω2 alone."""
+    """Equal moments under laws that move ω3 by the gyroscopic torque (J1 - J2) ω1 ω2 alone."""
     if not scenario.law.declaration.needs_unequal_moments:
         return []
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
@@ -151,13 +151,13 @@ def _end_game_cautions(scenario: Scenario) -> list[Issue]:
     return [
         Issue(
             ("settled", key),
-            f'should be above {needed:.3g}, as the law "{control.law}" holds the attitude by an '
+            f'should be above {size:.3g}, as the law "{control.law}" holds the attitude by an '
             f"oscillation of {frequency:.3g} rad/s with two rates of {amplitude:.3g} rad/s "
             f"(control.{HOLDING_AMPLITUDE}), got {tolerance:.3g}",
             (("control", HOLDING_AMPLITUDE), ("control", "law")),
         )
-        for key, needed, tolerance in needs
-        if needed >= tolerance
+        for key, size, tolerance in needs
+        if size >= tolerance
     ]
 
 
@@ -168,20 +168,20 @@ def _one_torque_cautions(scenario: Scenario) -> list[Issue]:
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     axis = believed_axes(scenario)[:, 0]
     _, mobility = torque_axis_frame(inertia, axis)
-    tilt, named = mobility[0, 2] / mobility[0, 0], axis.round(6).tolist()
+    tilt, axis_entries = mobility[0, 2] / mobility[0, 0], axis.round(6).tolist()
     location, issues = ("spacecraft", "inertia_kg_m2"), []
     if not tilt >= LEAST_TILT:
         message = (
             "should give the one torque an acceleration at least a tenth of a radian from its "
             f'axis under the law "{scenario.control.law}", which takes longer the nearer this is '
-            f"to a principal axis, got {tilt:.2g} rad, torque axis {named}"
+            f"to a principal axis, got {tilt:.2g} rad, torque axis {axis_entries}"
         )
         issues.append(Issue(location, message))
     steering = max(abs(mobility[1, 1] - mobility[0, 0]), abs(mobility[1, 2]))
     if steering < LEAST_STEERING * mobility[0, 0]:
         message = (
             "should let the one torque turn a momentum against J⁻¹b × b, b its axis; otherwise it "
-            f"cannot stop a rotation that begins there, got b = {named}"
+            f"cannot stop a rotation that begins there, got b = {axis_entries}"
         )
         issues.append(Issue(location, message))
     return issues

@@ -23,7 +23,7 @@ from jaxsat.scenario.tables import ADAPTIVE_STEP_KEYS, FIXED_STEP_KEYS, working_
 from jaxsat.scenario.wording import shown
 
 MAX_SAMPLES = 2_000_000
-"""Of one run; their signals take a third of a gigabyte."""
+"""Samples of one run; their signals take a third of a gigabyte."""
 
 
 UNIT_LENGTH = 0.01
@@ -213,21 +213,21 @@ def _solver_keys_fit(values):
     law = values["control.law"]
     solver = {key: values.get(f"simulation.solver.{key}") for key in SOLVER_KEYS}
     keys = [key for key in SOLVER_KEYS if solver[key] is not None]
-    sampled = law.declaration.sampled
+    is_sampled = law.declaration.sampled
     fixed = solver["steps"] == "fixed" or (solver["steps"] is None and "step_s" in keys)
-    if sampled:
-        excluded = [key for key in keys if key != "substeps"]
+    if is_sampled:
+        misfits = [key for key in keys if key != "substeps"]
         why = f'the law "{law}" is sampled and takes `substeps` equal steps in a period'
     elif "substeps" in keys:
-        excluded, why = ["substeps"], f'the law "{law}" is continuous'
+        misfits, why = ["substeps"], f'the law "{law}" is continuous'
     elif fixed:
-        excluded, why = [key for key in keys if key in ADAPTIVE_STEP_KEYS], "the steps are fixed"
+        misfits, why = [key for key in keys if key in ADAPTIVE_STEP_KEYS], "the steps are fixed"
     else:
-        excluded, why = [key for key in keys if key in FIXED_STEP_KEYS], "the steps are adaptive"
-    for key in excluded:
+        misfits, why = [key for key in keys if key in FIXED_STEP_KEYS], "the steps are adaptive"
+    for key in misfits:
         message = f"must be left out because {why}, got {shown(solver[key])}"
         yield at(f"simulation.solver.{key}", message)
-    if fixed and "step_s" not in keys and not sampled:
+    if fixed and "step_s" not in keys and not is_sampled:
         message = "must be given in s with fixed steps, got nothing"
         yield at("simulation.solver.step_s", message, True)
 

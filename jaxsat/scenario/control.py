@@ -77,12 +77,12 @@ def _require_true(law: Law) -> None:
     from jaxsat.control.controller import AbstractBacksteppingLaw
     from jaxsat.control.sampled import AbstractSampledController
 
-    sampled = issubclass(law.controller, AbstractSampledController)
-    if sampled and not law.declaration.sampled:
+    is_sampled = issubclass(law.controller, AbstractSampledController)
+    if is_sampled and not law.declaration.sampled:
         raise PluginError(
             LAW, f"must name a sampled law that declares the key period_s, got {law.name} without"
         )
-    if law.declaration.sampled and not sampled:
+    if law.declaration.sampled and not is_sampled:
         raise PluginError(
             LAW,
             "must name a law that declares the key period_s only if it is a subclass of "

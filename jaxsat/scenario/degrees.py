@@ -25,14 +25,14 @@ class InRadians(NamedTuple):
 
     def as_written(self, issue: Issue) -> Issue:
         """An issue about the keys that the user wrote."""
-        location = self._written(issue.location)
-        involved = tuple(map(self._written, issue.involved))
+        location = self._user_location(issue.location)
+        involved = tuple(map(self._user_location, issue.involved))
         message = issue.message
         if location != issue.location:
             message = f"{message} (in radians, of the degrees given)"
         return dataclasses.replace(issue, location=location, involved=involved, message=message)
 
-    def _written(self, location: Location) -> Location:
+    def _user_location(self, location: Location) -> Location:
         for end in range(len(location), 0, -1):
             place = self.places.get(location[:end])
             if place is not None:
@@ -61,8 +61,8 @@ def in_radians(data: Mapping[str, Any]) -> InRadians:
 def _convert(
     conversion: InRadians, root: Mapping[str, Any], table: dict[str, Any], location: Location
 ) -> None:
-    declared = table_at(Scenario, root, location)
-    own = {} if declared is None else declared.model_fields
+    table_class = table_at(Scenario, root, location)
+    own = {} if table_class is None else table_class.model_fields
     for name in list(table):
         if isinstance(table[name], dict):
             _convert(conversion, root, table[name], (*location, name))

@@ -53,13 +53,15 @@ class DistributionTable(ScenarioTable):
         return self
 
 
-def _dispersed(one: DispersibleQuantity) -> tuple[Any, Any]:
+def _distribution_field(one: DispersibleQuantity) -> tuple[Any, Any]:
     what = f"Distribution of the {one.meaning}"
     what += ', always "random-attitude"' if one.random_attitude else ""
     return (DistributionTable | None, quantity(what, one.unit, None))
 
 
-class DispersionTable(table_with({one.key: _dispersed(one) for one in DISPERSIBLE.values()})):
+class DispersionTable(
+    table_with({one.key: _distribution_field(one) for one in DISPERSIBLE.values()})
+):
     """`[dispersion]`: what a Monte-Carlo study draws anew for every case."""
 
     design: Literal["independent", "sobol", "latin-hypercube"] = choice(
@@ -73,6 +75,6 @@ class DispersionTable(table_with({one.key: _dispersed(one) for one in DISPERSIBL
 
     @property
     def distributions(self) -> dict[str, DistributionTable]:
-        """Those given, by the name of the quantity, in the order in which they are applied."""
+        """The given distributions by the name of the quantity, in the order in which they act."""
         tables = {name: getattr(self, one.key) for name, one in DISPERSIBLE.items()}
         return {name: table for name, table in tables.items() if table is not None}

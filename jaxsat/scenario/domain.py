@@ -16,7 +16,7 @@ from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.scenario.schema import Scenario
 
 MARGIN = 0.01
-"""By how much of itself a number may be beyond what was verified before it is told."""
+"""Part of itself by which a number may be beyond what was verified before it is told."""
 
 
 def domain_cautions(scenario: Scenario) -> Iterator[Issue]:
@@ -30,10 +30,10 @@ def domain_cautions(scenario: Scenario) -> Iterator[Issue]:
         if value is None or low * (1 - MARGIN) <= value <= high * (1 + MARGIN):
             continue
         meaning, key = NUMBERS[sweep.number]
-        measured = sweep.beyond(value)
+        measurement = sweep.beyond(value)
         evidence = "beyond it nothing was measured"
-        if measured is not None:
-            evidence = f"at {measured[0]:.3g} {measured[1]:.0%} of the hard cases settled"
+        if measurement is not None:
+            evidence = f"at {measurement[0]:.3g} {measurement[1]:.0%} of the hard cases settled"
         yield Issue(
             tuple(key.split(".")),
             f"should give {meaning} from {low:.3g} to {high:.3g}, where the law "
@@ -43,7 +43,7 @@ def domain_cautions(scenario: Scenario) -> Iterator[Issue]:
 
 
 def dimensionless_numbers(scenario: Scenario) -> dict[str, float]:
-    """Those of `NUMBERS` that a scenario with two torques has, by what its law believes."""
+    """The numbers of `NUMBERS` that a scenario with two torques has, by what its law believes."""
     inertia, frame, (first, second, third) = believed_normal_form(scenario)
     axes = believed_axes(scenario)
     across = frame[:2] @ inertia @ frame[2]
@@ -73,7 +73,7 @@ def _disturbance_rate(scenario: Scenario, inertia: Float[np.ndarray, "3 3"]) -> 
 def _timed_numbers(
     scenario: Scenario, normal: Float[np.ndarray, "3"], unit: float, limit: float
 ) -> dict[str, float]:
-    """Those that τ (s) and the torque limit (N m) are part of."""
+    """The numbers that τ (s) and the torque limit (N m) are part of."""
     table = scenario.disturbance
     numbers = {
         "orbit_rate": abs(scenario.orbit.rate()) * unit,
@@ -91,7 +91,7 @@ def _timed_numbers(
 
 def believed_normal_form(scenario: Scenario):
     """The inertia that the law believes, its axes x, y, n in rows, and S1, S2, n·Jn, kg m²."""
-    believed = getattr(scenario.control, "model", None)
-    moments = getattr(believed, "inertia_kg_m2", None) or scenario.spacecraft.inertia_kg_m2
+    model = getattr(scenario.control, "model", None)
+    moments = getattr(model, "inertia_kg_m2", None) or scenario.spacecraft.inertia_kg_m2
     inertia = free_inertia(moments, scenario.wheel)
     return inertia, *normal_axes(inertia, torque_directions(believed_axes(scenario)))

@@ -4,13 +4,13 @@ import numpy as np
 from jaxtyping import Float
 
 GRAVITY_GRADIENT = 3.0
-"""Its torque is this times ω0² o × J o, o the direction to the Earth's centre."""
+"""The torque of the gradient is this times ω0² o × J o, o the direction to the Earth's centre."""
 
 STEP = 1e-6
-"""Of the differences, rad."""
+"""Step of the differences, rad."""
 
 BALANCED = 1e-12
-"""What counts as no torque, in parts of ω0² times the largest moment."""
+"""Torque that counts as none, in parts of ω0² times the largest moment."""
 
 ITERATIONS = 100
 
@@ -19,7 +19,7 @@ RAYS, RAY_STEP, BISECTIONS = 1000, 0.05, 40
 
 
 def rotation(turn: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
-    """From the orbit frame to the axes of a body turned from it by a rotation vector (rad)."""
+    """The matrix from the orbit frame to the axes of a body turned by a rotation vector (rad)."""
     angle = np.sqrt(np.sum(turn**2, axis=-1))[..., None, None]
     cross = np.cross(turn[..., None, :], np.eye(3))  # -skew(turn)
     share = (np.sinc(angle / np.pi), np.sinc(angle / 2 / np.pi) ** 2 / 2)
@@ -39,10 +39,10 @@ def missing_torque(
     """
     into_body = rotation(turn)
     across, nadir = into_body[..., 1], into_body[..., 2]
-    needed = np.cross(across, across @ inertia.T) @ normal
+    torque = np.cross(across, across @ inertia.T) @ normal
     if gravity_gradient:
-        needed = needed - GRAVITY_GRADIENT * (np.cross(nadir, nadir @ inertia.T) @ normal)
-    return np.asarray(needed)
+        torque = torque - GRAVITY_GRADIENT * (np.cross(nadir, nadir @ inertia.T) @ normal)
+    return np.asarray(torque)
 
 
 def nearest_held(
@@ -50,17 +50,17 @@ def nearest_held(
 ) -> Float[np.ndarray, "3"] | None:
     """The least turn (rotation vector, rad) from the orbit frame to an attitude that can be held.
 
-    Of the turn that iteration from the orbit frame finds and the one that iteration from the
-    nearest balance on rays in all directions finds; None where there is none on any ray.
+    It is the lesser of the turns that iteration finds from the orbit frame and from the nearest
+    balance on rays in all directions; None where there is no balance on any ray.
     """
-    near = _iterated(inertia, normal, gravity_gradient, np.zeros(3))
+    near = _iterate(inertia, normal, gravity_gradient, np.zeros(3))
     if near is not None and np.sqrt(near @ near) < RAY_STEP:
         return near
     on_ray = _nearest_on_rays(inertia, normal, gravity_gradient)
     if on_ray is None:
         return near
-    refined = _iterated(inertia, normal, gravity_gradient, on_ray)
-    turns = [one for one in (near, on_ray, refined) if one is not None]
+    refinement = _iterate(inertia, normal, gravity_gradient, on_ray)
+    turns = [one for one in (near, on_ray, refinement) if one is not None]
     return min(turns, key=lambda turn: round(float(np.sqrt(turn @ turn)), 6))
 
 
@@ -79,10 +79,10 @@ def _nearest_on_rays(
 
     signs = np.sign(missing(rays[:, None] * angles[:, None]))
     changes = signs[:, :-1] * signs[:, 1:] <= 0
-    crossed = changes.any(axis=1)
-    if not crossed.any():
+    has_crossing = changes.any(axis=1)
+    if not has_crossing.any():
         return None
-    rays, first = rays[crossed], np.argmax(changes[crossed], axis=1)
+    rays, first = rays[has_crossing], np.argmax(changes[has_crossing], axis=1)
     low, high = angles[first], angles[first + 1]
     before = missing(rays * low[:, None])
     for _ in range(BISECTIONS):
@@ -93,7 +93,7 @@ def _nearest_on_rays(
     return rays[least] * high[least]
 
 
-def _iterated(
+def _iterate(
     inertia: Float[np.ndarray, "3 3"],
     normal: Float[np.ndarray, "3"],
     gravity_gradient: bool,

@@ -62,9 +62,9 @@ def torque_limit(scenario: Any) -> float | None:
     if scenario.wheel:
         limits.append(limit_of_wheels(scenario.wheel, torques))
     if scenario.thruster and not (scenario.wheel and wheels_make_all(scenario.wheel, torques)):
-        torque, cost, made = command_torques(scenario, torques)
-        least_propellant(torque, cost, made)  # raises where some command cannot be made
-        limits.append(largest_torque(torque, 0.0, 1.0, made))
+        torque, cost, command = command_torques(scenario, torques)
+        least_propellant(torque, cost, command)  # raises where some command cannot be made
+        limits.append(largest_torque(torque, 0.0, 1.0, command))
     return min((one for one in limits if one is not None), default=None)
 
 
@@ -79,7 +79,7 @@ def command_torques(scenario: Any, torques: int) -> tuple[np.ndarray, np.ndarray
 
 
 def thruster_costs(scenario: Any) -> np.ndarray:
-    """Of full thrust of each thruster: its propellant flow or, if any has none, its torque.
+    """Cost of full thrust of each thruster: its propellant flow or, if any has none, its torque.
 
     Both are multiplied by its `price`.
     """
@@ -152,8 +152,8 @@ def is_upside_down(quaternion: tuple[float, ...]) -> bool:
 
 
 def _model_is_plant(values: Values, inertia: np.ndarray) -> bool:
-    believed = values.get("control.model.inertia_kg_m2")
-    if believed is not None and not np.array_equal(inertia_matrix(believed), inertia):
+    model_inertia = values.get("control.model.inertia_kg_m2")
+    if model_inertia is not None and not np.array_equal(inertia_matrix(model_inertia), inertia):
         return False
     relation = values.get("control.model.orbit_relation")
     if relation not in (None, values["orbit.relation"]):

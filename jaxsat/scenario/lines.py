@@ -49,14 +49,14 @@ class _Scanner:
 
     def _header(self) -> Location:
         line = self._line()
-        repeated = self.text.startswith("[[", self.position)
-        self.position += 2 if repeated else 1
+        is_array = self.text.startswith("[[", self.position)
+        self.position += 2 if is_array else 1
         self._skip(_SPACE)
         path = self._key()
-        self.position += 2 if repeated else 1
+        self.position += 2 if is_array else 1
         for end in range(1, len(path)):
             self.lines.setdefault(path[:end], line)
-        if not repeated:
+        if not is_array:
             self.lines[path] = line
             return path
         self.lines.setdefault(path, line)

@@ -40,7 +40,7 @@ class Override:
 
 
 def override(key: str, value: Any) -> Override:
-    """One whose value is known, so that nothing takes it for another: a title 0 stays text."""
+    """An override whose value is known, so that nothing takes it for another: a title 0 is text."""
     return Override(f"{key}={value}", tuple(key.split(".")), value)
 
 
@@ -69,14 +69,14 @@ def apply_overrides(
     """The file's data with the overrides in it, and what kept any from being applied."""
     overrides = list(overrides)
     problems = []
-    result = _displaced(data, overrides)
+    result = _displace(data, overrides)
     for override in overrides:
-        blocked = _put(result, override)
-        if blocked is not None:
+        obstacle = _put(result, override)
+        if obstacle is not None:
             problems.append(
                 Problem(
                     override.source,
-                    f"must name a key inside a table, got {blocked}, which is none",
+                    f"must name a key inside a table, got {obstacle}, which is none",
                     override.key,
                 )
             )
@@ -101,10 +101,10 @@ def _key_path(key: str) -> tuple[str, ...] | None:
 
 def _toml_or_text(value: str) -> Any:
     try:
-        parsed = tomllib.loads(f"value = {value}")
+        table = tomllib.loads(f"value = {value}")
     except tomllib.TOMLDecodeError:
         return value
-    return parsed["value"] if len(parsed) == 1 else value
+    return table["value"] if len(table) == 1 else value
 
 
 def _put(data: dict[str, Any], override: Override) -> str | None:
@@ -118,21 +118,24 @@ def _put(data: dict[str, Any], override: Override) -> str | None:
     return None
 
 
-def _displaced(data: dict[str, Any], overrides: list[Override]) -> dict[str, Any]:
+def _displace(data: dict[str, Any], overrides: list[Override]) -> dict[str, Any]:
     """A deep copy of the data without the keys that an override makes void."""
     values = {override.key: override.value for override in overrides}
     void: set[str] = set()
     for one, other in ALTERNATIVES:
-        for mine, excluded in ((_spelled(one), _spelled(other)), (_spelled(other), _spelled(one))):
+        for mine, rivals in (
+            (_spellings(one), _spellings(other)),
+            (_spellings(other), _spellings(one)),
+        ):
             if mine & values.keys():
-                void |= excluded
+                void |= rivals
     void |= _void_solver_keys(values)
     void |= _void_law_keys(data, values)
     void |= {twin for override in overrides for twin in _other_units(override.path)}
     return _without(data, void - values.keys())
 
 
-def _spelled(keys: Iterable[str]) -> set[str]:
+def _spellings(keys: Iterable[str]) -> set[str]:
     """Dotted keys, and the same in the other unit of angles."""
     return {spelling for key in keys for spelling in (key, *other_spellings(key))}
 
@@ -165,7 +168,7 @@ def _void_law_keys(data: Mapping[str, Any], values: Mapping[str, Any]) -> set[st
     laws = (*LAWS.values(), *([] if before is None else [before]))
     others = {key for other in laws for key in table_of(other).model_fields}
     others -= table_of(law).model_fields.keys()
-    return {f"control.{key}" for key in control if _spelled([key]) & others}
+    return {f"control.{key}" for key in control if _spellings([key]) & others}
 
 
 def _without(data: Any, void: set[str], prefix: str = "") -> Any:

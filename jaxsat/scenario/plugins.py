@@ -112,7 +112,7 @@ class Part:
 
     @property
     def made(self) -> Any:
-        """The class."""
+        """The class of the part, imported."""
         return pkgutil.resolve_name(self.place)
 
 
@@ -146,10 +146,10 @@ def find_class(kind: PluginKind, name: str) -> tuple[Any, str]:
         place = f"{entry.module}:{entry.attr}"
     else:
         names = [f'"{one}"' for one in (*kind.own, *sorted(installed(kind)))]
-        allowed = f"be one of {', '.join(names)} or " if names else ""
-        raise PluginError(kind, f'must {allowed}have the form "module:Class", got {name}')
+        options = f"be one of {', '.join(names)} or " if names else ""
+        raise PluginError(kind, f'must {options}have the form "module:Class", got {name}')
     module, attribute = place.split(":")
-    return _checked(kind, name, _imported(kind, name, module), attribute), place
+    return _check_class(kind, name, _import_module(kind, name, module), attribute), place
 
 
 def require_constants(kind: PluginKind, part: Any) -> None:
@@ -222,14 +222,14 @@ def failing_once() -> Iterator[None]:
 
 
 def _import(module: str) -> ModuleType:
-    failed = _FAILED.get()
-    if failed is not None and module in failed:
-        raise failed[module]
+    failures = _FAILED.get()
+    if failures is not None and module in failures:
+        raise failures[module]
     try:
         return importlib.import_module(module)
     except FOREIGN as error:
-        if failed is not None and not _is_missing(module, error):
-            failed[module] = error
+        if failures is not None and not _is_missing(module, error):
+            failures[module] = error
         raise
 
 
@@ -239,7 +239,7 @@ def _is_missing(module: str, error: BaseException) -> bool:
     return bool(missing) and f"{module}.".startswith(f"{missing}.")
 
 
-def _imported(kind: PluginKind, name: str, module: str) -> ModuleType:
+def _import_module(kind: PluginKind, name: str, module: str) -> ModuleType:
     if not _IMPORTS.get() and module not in sys.modules:
         raise PluginError(kind, f"must name a module that is imported already, got {name}")
     try:
@@ -278,7 +278,7 @@ def _own_module(missing: str) -> str:
     return f"; it is {names[0]} now" if len(names) == 1 else ""
 
 
-def _checked(kind: PluginKind, name: str, module: ModuleType, attribute: str) -> Any:
+def _check_class(kind: PluginKind, name: str, module: ModuleType, attribute: str) -> Any:
     """A class that has all that its kind needs."""
     part_class = getattr(module, attribute, None)
     if not inspect.isclass(part_class):
@@ -291,8 +291,8 @@ def _checked(kind: PluginKind, name: str, module: ModuleType, attribute: str) ->
         raise PluginError(kind, message)
     bases = kind.resolved()
     if not issubclass(part_class, bases):
-        allowed = " or ".join(base.__name__ for base in bases)
-        message = f"must name {kind.what}, a subclass of {allowed}, got {name}, which is none"
+        base_names = " or ".join(base.__name__ for base in bases)
+        message = f"must name {kind.what}, a subclass of {base_names}, got {name}, which is none"
         raise PluginError(kind, message)
     lacking = sorted(getattr(part_class, "__abstractmethods__", ()))
     if lacking:

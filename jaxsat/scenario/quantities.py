@@ -54,7 +54,7 @@ NonNegative = Annotated[Number, Ge(0), Le(1e12)]
 
 
 def within(values: Range) -> Interval:
-    """What a number of this range is annotated with."""
+    """The annotation of a number of this range."""
     return Interval(ge=values.low, le=values.high)
 
 
@@ -76,7 +76,7 @@ def _inertia_form(value: Any) -> str:
 
 
 MIN_SHARE = 1e-9
-"""Of the largest principal moment; below, an inertia is singular up to rounding."""
+"""Part of the largest principal moment below which an inertia is singular up to rounding."""
 
 
 def inertia_matrix(inertia: Sequence) -> np.ndarray:
@@ -151,10 +151,10 @@ class ScenarioTable(BaseModel):
 
 def quantity(what: str, unit: str, default: Any = ..., **constraints: Any) -> Any:
     """Declare a numeric key: its meaning, its unit ("1" for none), its default and its bounds."""
-    shown = "no unit" if unit == "1" else unit
+    unit_text = "no unit" if unit == "1" else unit
     return Field(
         default,
-        description=f"{what} ({shown})",
+        description=f"{what} ({unit_text})",
         json_schema_extra={"unit": unit},
         **constraints,
     )

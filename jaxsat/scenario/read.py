@@ -46,8 +46,8 @@ def library() -> dict[str, Traversable]:
     """The named scenarios that come with jaxsat."""
     folder = resources.files("jaxsat.scenario") / "library"
     files = [entry for entry in folder.iterdir() if entry.name.endswith(".toml")]
-    named = {entry.name.removesuffix(".toml"): entry for entry in files}
-    return dict(sorted(named.items()))
+    scenarios = {entry.name.removesuffix(".toml"): entry for entry in files}
+    return dict(sorted(scenarios.items()))
 
 
 def warn(text: str) -> None:
@@ -75,26 +75,26 @@ def read(
     once; tells `caution` of what is allowed but likely a mistake, by default a `ScenarioWarning`.
     """
     source = _read(name_or_path)
-    parsed = _overrides(overrides)
-    problems = [entry for entry in parsed if isinstance(entry, Problem)]
-    applied = [entry for entry in parsed if isinstance(entry, Override)]
-    places = _Places(source, applied)
+    entries = _overrides(overrides)
+    problems = [entry for entry in entries if isinstance(entry, Problem)]
+    valid_overrides = [entry for entry in entries if isinstance(entry, Override)]
+    places = _Places(source, valid_overrides)
     folders = (Path(name_or_path).resolve().parent, Path.cwd())
-    named = [*_parts_named(source.data), *_parts_named(_nested(applied))]
-    if named:
+    plugin_parts = [*_plugin_parts(source.data), *_plugin_parts(_override_tables(valid_overrides))]
+    if plugin_parts:
         add_folders(map(str, folders))
-    data, blocked = apply_overrides(source.data, applied)
-    for kind, location, name in _parts_named(data):
+    data, obstacles = apply_overrides(source.data, valid_overrides)
+    for kind, location, name in _plugin_parts(data):
         try:
             require_not_hidden(kind, name, folders)
         except PluginError as error:
             raise ScenarioError([places.problem(Issue(location, str(error)))]) from None
-    problems += blocked
-    scenario, turned = None, in_radians(data)
-    places = dataclasses.replace(places, turned=turned)
-    problems += [places.problem(issue) for issue in turned.issues]
+    problems += obstacles
+    scenario, conversion = None, in_radians(data)
+    places = dataclasses.replace(places, conversion=conversion)
+    problems += [places.problem(issue) for issue in conversion.issues]
     try:
-        scenario = Scenario.model_validate(turned.data, context={"law": law})
+        scenario = Scenario.model_validate(conversion.data, context={"law": law})
         issues = [] if problems else trial(scenario)
     except ValidationError as error:
         issues = [line["ctx"]["issue"] for line in error.errors()]  # pyright: ignore
@@ -106,7 +106,7 @@ def read(
     return scenario
 
 
-def _parts_named(data: Mapping[str, Any]) -> Iterator[tuple[PluginKind, Location, str]]:
+def _plugin_parts(data: Mapping[str, Any]) -> Iterator[tuple[PluginKind, Location, str]]:
     """The parts of a scenario that are named by module and class, and where."""
     torques = _table(_table(data, "disturbance"), "torques")
     places = [(LAW, ("control", "law")), (ACTUATORS, ("actuators", "kind"))]
@@ -124,7 +124,7 @@ def _table(data: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     return inner if isinstance(inner, Mapping) else {}
 
 
-def _nested(overrides: Sequence[Override]) -> Mapping[str, Any]:
+def _override_tables(overrides: Sequence[Override]) -> Mapping[str, Any]:
     """The tables that overrides alone make."""
     return apply_overrides({}, overrides)[0]
 
@@ -148,14 +148,14 @@ class _Source:
 
 @dataclass(frozen=True)
 class _Places:
-    """Where the values of a scenario come from."""
+    """The file and the overrides from which the values of a scenario come."""
 
     source: _Source
     overrides: Sequence[Override] = field(default=())
-    turned: InRadians | None = None
+    conversion: InRadians | None = None
 
     def problem(self, issue: Issue) -> Problem:
-        issue = issue if self.turned is None else self.turned.as_written(issue)
+        issue = issue if self.conversion is None else self.conversion.as_written(issue)
         key = key_of(issue.location)
         override = self._override(issue)
         if override is not None:
@@ -189,14 +189,14 @@ def _unique(problems: Iterable[Problem]) -> list[Problem]:
 
 def _read(name_or_path: str | Path) -> _Source:
     text_name = str(name_or_path)
-    named = library()
-    if isinstance(name_or_path, str) and text_name in named:
-        return _parse(f"{text_name}.toml", named[text_name].read_bytes())
+    scenarios = library()
+    if isinstance(name_or_path, str) and text_name in scenarios:
+        return _parse(f"{text_name}.toml", scenarios[text_name].read_bytes())
     path = Path(name_or_path)
     try:
         text_name.encode()
         if not path.exists():
-            raise ScenarioError([_unknown_name(text_name, list(named))])
+            raise ScenarioError([_unknown_name(text_name, list(scenarios))])
         if not path.is_file():
             what = "a folder" if path.is_dir() else "something else"
             raise ScenarioError([Problem(text_name, f"must be a scenario file, got {what}")])
@@ -252,15 +252,17 @@ def _syntax_problem(name: str, text: str, message: str) -> Problem:
 
 def given_keys(name_or_path: str | Path, overrides: Iterable[str] = ()) -> set[str]:
     """Dotted keys that a file and overrides give; none of a file that cannot be read."""
-    return _keys(_parsed(name_or_path)) | {text.partition("=")[0].strip() for text in overrides}
+    return _keys(_file_tables(name_or_path)) | {
+        text.partition("=")[0].strip() for text in overrides
+    }
 
 
-def _parsed(name_or_path: str | Path) -> dict[str, Any]:
+def _file_tables(name_or_path: str | Path) -> dict[str, Any]:
     """The file's tables; none where it cannot be read, which `load` tells."""
-    named = library()
+    scenarios = library()
     try:
-        if isinstance(name_or_path, str) and name_or_path in named:
-            content = named[name_or_path].read_bytes()
+        if isinstance(name_or_path, str) and name_or_path in scenarios:
+            content = scenarios[name_or_path].read_bytes()
         else:
             with Path(name_or_path).open("rb") as file:
                 content = file.read(MAX_FILE_SIZE)

@@ -23,7 +23,7 @@ ORDERS = {
     "dopri5": 5,
     "dopri8": 8,
 }
-"""Of the solvers. A scenario without one is held to what studies take."""
+"""Orders of the solvers. A scenario without one is held to what studies take."""
 
 STUDIES = "tsit5"
 FINE, COARSE = 1e-7, 1e-2
@@ -31,7 +31,7 @@ FINE, COARSE = 1e-7, 1e-2
 leaves that open, and above which it does not pass without a word."""
 
 MOST_SUBSTEPS, MOST_STEPS = 1024, 2**24
-"""In a period and in a run, unless the scenario asks for them."""
+"""Most steps in a period and in a run, unless the scenario asks for more."""
 
 FASTEST = 1e12
 """rad/s: whatever is faster counts as this fast."""
@@ -45,7 +45,7 @@ REFINEMENTS = 4
 Errors = tuple[float | None, float | None]
 """The estimates of the rate (rad/s) and of the attitude (rad), None where there are none."""
 
-Flown = TypeVar("Flown")
+Flight = TypeVar("Flight")
 
 
 class Fast(NamedTuple):
@@ -69,11 +69,11 @@ def substeps_of(scenario: Scenario) -> int:
     fast = fastest(scenario)
     if fast is None:
         return usual
-    needed = period * fast.rate / _resolved(scenario, FINE)
+    substeps = period * fast.rate / _resolved_angle(scenario, FINE)
     most = min(MOST_SUBSTEPS, MOST_STEPS * period / scenario.simulation.duration_s)
-    if needed <= usual or most <= usual:
+    if substeps <= usual or most <= usual:
         return usual
-    return 2 ** min(math.ceil(math.log2(needed)), math.floor(math.log2(most)))
+    return 2 ** min(math.ceil(math.log2(substeps)), math.floor(math.log2(most)))
 
 
 def resolution_cautions(scenario: Scenario) -> Iterator[Issue]:
@@ -81,7 +81,7 @@ def resolution_cautions(scenario: Scenario) -> Iterator[Issue]:
     solver, fast = scenario.simulation.solver, fastest(scenario)
     if fast is None:
         return
-    longest = _resolved(scenario, COARSE) / fast.rate
+    longest = _resolved_angle(scenario, COARSE) / fast.rate
     of = f"the {fast.what} of {fast.rate:.3g} rad/s ({'.'.join(map(str, fast.location))})"
     if not scenario.law.declaration.sampled:
         if solver.step_s is not None and solver.step_s > longest:
@@ -111,18 +111,18 @@ def fastest(scenario: Scenario) -> Fast | None:
 
 def refined(
     scenario: Scenario,
-    fly: Callable[[Scenario], Flown],
-    errors: Callable[[Flown], Errors],
+    fly: Callable[[Scenario], Flight],
+    errors: Callable[[Flight], Errors],
     tell: Callable[[str], None],
-) -> tuple[Scenario, Flown]:
+) -> tuple[Scenario, Flight]:
     """What `fly` makes of a scenario whose substeps leave no larger `errors` than it allows.
 
     The scenario has the number of these substeps. Substeps that it names stay. `tell` is told what
     was changed.
     """
-    named, flown = scenario.simulation.solver.substeps is not None, fly(scenario)
-    for _ in range(0 if named else REFINEMENTS):
-        finer = with_finer_steps(scenario, errors(flown))
+    keeps_substeps, flight = scenario.simulation.solver.substeps is not None, fly(scenario)
+    for _ in range(0 if keeps_substeps else REFINEMENTS):
+        finer = with_finer_steps(scenario, errors(flight))
         if finer is None:
             break
         count = finer.simulation.solver.substeps
@@ -130,35 +130,37 @@ def refined(
             f"simulated with simulation.solver.substeps = {count}, because with fewer substeps the "
             "integration error is too large"
         )
-        scenario, flown = finer, fly(finer)
-    return scenario, flown
+        scenario, flight = finer, fly(finer)
+    return scenario, flight
 
 
 def with_finer_steps(scenario: Scenario, errors: Errors) -> Scenario | None:
-    """With twice the substeps, where these leave too large an error; None where they do not, the
-    loop has none, or there would be more than a run may have."""
-    sampled = scenario.law.declaration.sampled
-    if not sampled or not excessive_error(errors, scenario):
+    """The scenario with twice the substeps, where its own leave too large an error.
+
+    None where they do not, the loop has none, or there would be more than a run may have.
+    """
+    is_sampled = scenario.law.declaration.sampled
+    if not is_sampled or not excessive_error(errors, scenario):
         return None
     simulation, count = scenario.simulation, 2 * substeps_of(scenario)
     periods = simulation.duration_s / min(_period(scenario), simulation.duration_s)
     if count > MOST_SUBSTEPS or count * periods > MOST_STEPS:
         return None
     solver = simulation.solver.model_copy(update={"substeps": count})
-    changed = simulation.model_copy(update={"solver": solver})
-    return scenario.model_copy(update={"simulation": changed})
+    changes = simulation.model_copy(update={"solver": solver})
+    return scenario.model_copy(update={"simulation": changes})
 
 
 def excessive_error(errors: Errors, scenario: Scenario) -> str:
     """What to say where an estimate is larger than the scenario allows; nothing where none is."""
     solver = scenario.simulation.solver
-    allowed = {
+    limits = {
         "rate_error_rad_s": ("rate", errors[0], solver.rate_error_rad_s, "rad/s"),
         "attitude_error_rad": ("attitude", errors[1], solver.attitude_error_rad, "rad"),
     }
     parts = [
         f"{of} error about {value:.2g} {unit} (limit: simulation.solver.{key} = {most:g})"
-        for key, (of, value, most, unit) in allowed.items()
+        for key, (of, value, most, unit) in limits.items()
         if value is not None and value > most
     ]
     if not parts:
@@ -169,15 +171,15 @@ def excessive_error(errors: Errors, scenario: Scenario) -> str:
             f"raise simulation.solver.substeps, now {substeps_of(scenario)}, or name a solver of "
             "higher order"
         )
-    found = " and ".join(parts)
-    return f"the steps are too long: {found}, compared with steps of half the length; {finer}"
+    excesses = " and ".join(parts)
+    return f"the steps are too long: {excesses}, compared with steps of half the length; {finer}"
 
 
 def _period(scenario: Scenario) -> float:
     return cast(float, getattr(scenario.control, "period_s", math.inf))
 
 
-def _resolved(scenario: Scenario, error: float) -> float:
+def _resolved_angle(scenario: Scenario, error: float) -> float:
     """The angle (rad) a step along which a solver of order p is off by error, (p + 1)! terms."""
     order = ORDERS[scenario.simulation.solver.name or STUDIES]
     return (error * math.factorial(order + 1)) ** (1 / order)
@@ -186,7 +188,7 @@ def _resolved(scenario: Scenario, error: float) -> float:
 def _periodic(scenario: Scenario) -> Iterator[Fast]:
     table = scenario.disturbance
     amplitudes, rates = np.abs(table.amplitude_N_m), np.abs(table.frequency_rad_s)
-    more = 1 + _dispersed(scenario, "disturbance_frequency", 3)
+    more = 1 + _dispersed_size(scenario, "disturbance_frequency", 3)
     yield Fast(
         "periodic torque",
         float(np.max(rates * more * (amplitudes > 0))),
@@ -198,12 +200,12 @@ def _spin(scenario: Scenario) -> Iterator[Fast]:
     """The rate of the start, and the momentum of body and rotors over the least mean moment."""
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     omega = np.linalg.norm(scenario.initial.omega_rad_s)
-    omega = max(omega, np.linalg.norm(_dispersed(scenario, "omega", 3)))
-    omega += np.linalg.norm(_dispersed(scenario, "rate_error", 2))
+    omega = max(omega, np.linalg.norm(_dispersed_size(scenario, "omega", 3)))
+    omega += np.linalg.norm(_dispersed_size(scenario, "rate_error", 2))
     of_wheels = np.abs([one.momentum_N_m_s for one in scenario.wheel])
-    of_wheels = np.maximum(of_wheels, _dispersed(scenario, "wheel_momentum", of_wheels.size))
+    of_wheels = np.maximum(of_wheels, _dispersed_size(scenario, "wheel_momentum", of_wheels.size))
     of_gyros = [one.rotor_momentum_N_m_s for one in scenario.gimbal]
-    of_gyros = np.multiply(of_gyros, 1 + _dispersed(scenario, "rotor_momentum", len(of_gyros)))
+    of_gyros = np.multiply(of_gyros, 1 + _dispersed_size(scenario, "rotor_momentum", len(of_gyros)))
     moments = np.linalg.eigvalsh(inertia - rotors(scenario.wheel))
     momentum = moments[2] * omega + np.linalg.norm(of_wheels, 1) + np.linalg.norm(of_gyros, 1)
     location = ("initial", "omega_rad_s")
@@ -226,7 +228,7 @@ def _friction(scenario: Scenario) -> Iterator[Fast]:
             yield Fast("run-down of a rotor", rate, ("failure", number, "time_constant_s"))
 
 
-def _dispersed(scenario: Scenario, name: str, size: int) -> np.ndarray:
+def _dispersed_size(scenario: Scenario, name: str, size: int) -> np.ndarray:
     """The largest size of any component of a dispersed quantity for each, zeros where it is not."""
     table = None
     if scenario.dispersion is not None:

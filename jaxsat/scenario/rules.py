@@ -46,7 +46,7 @@ OF_THE_LAW = (
 def rule(*keys: str) -> Callable[[Check], Check]:
     """Register a check that takes the values of `keys` in this order.
 
-    That of `control.law` is the `Law`, here and in `rule_over`.
+    The value of `control.law` is the `Law`, here and in `rule_over`.
     """
 
     def register(check: Check) -> Check:
@@ -83,8 +83,8 @@ def broken_rules(values: Values, law: bool = True) -> list[Issue]:
 
 def _rules_of(law: Law) -> Iterator[ScenarioRule]:
     """What the law declares, as rules of a scenario."""
-    for declared in law.declaration.rules:
-        yield declared_rule(declared, law)
+    for law_rule in law.declaration.rules:
+        yield declared_rule(law_rule, law)
     for low, high in law.declaration.ordered:
         keys = (f"control.{low}", f"control.{high}")
         yield ScenarioRule(keys, functools.partial(_in_order, low, high))

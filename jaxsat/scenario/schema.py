@@ -123,11 +123,11 @@ def flattened(table: BaseModel, prefix: str = "") -> dict[str, Any]:
     """Values by dotted key, those of tables inside tables included."""
     values: dict[str, Any] = {}
     for name in type(table).model_fields:
-        values.update(_flattened(getattr(table, name), prefix + name))
+        values.update(_flatten(getattr(table, name), prefix + name))
     return values
 
 
-def _flattened(value: Any, key: str) -> dict[str, Any]:
+def _flatten(value: Any, key: str) -> dict[str, Any]:
     """A value by its dotted key; those inside it where it is a table that is not empty."""
     if isinstance(value, BaseModel):
         return flattened(value, f"{key}.")
@@ -135,7 +135,7 @@ def _flattened(value: Any, key: str) -> dict[str, Any]:
         return {key: value}
     values: dict[str, Any] = {}
     for name, inner in value.items():
-        values.update(_flattened(inner, f"{key}.{name}"))
+        values.update(_flatten(inner, f"{key}.{name}"))
     return values
 
 
@@ -153,7 +153,7 @@ def readable_values(table: type[BaseModel], data: Any, prefix: str = "") -> dict
             if inner is not None and isinstance(data[name], Mapping):
                 values.update(readable_values(inner, data[name], f"{prefix}{name}."))
             continue
-        values.update(_flattened(value, prefix + name))
+        values.update(_flatten(value, prefix + name))
     return values
 
 

@@ -43,7 +43,7 @@ MAX_ALTITUDE = 1.5e6
 """km; farther out the Earth does not hold an orbit."""
 
 MAX_SAMPLED_STEPS = 2**26
-"""The same where the law is sampled: a week at 0.1 s and four steps a period, and more."""
+"""Steps of a run under a sampled law: a week at 0.1 s and four steps a period, and more."""
 
 
 class SpacecraftTable(ScenarioTable):
@@ -79,8 +79,8 @@ def working_axes(
     axes: tuple[tuple[float, ...], ...], failed: Sequence[int]
 ) -> Float[np.ndarray, "3 m"]:
     """A unit column for each thruster left, of one row of direction cosines for each thruster."""
-    kept = [row for number, row in enumerate(axes, 1) if number not in failed]
-    return unit_columns(np.array(kept, dtype=float).reshape(-1, 3).T)
+    rows = [row for number, row in enumerate(axes, 1) if number not in failed]
+    return unit_columns(np.array(rows, dtype=float).reshape(-1, 3).T)
 
 
 class OrbitTable(ScenarioTable):

@@ -72,15 +72,15 @@ def _is_flat(table: Mapping[str, Any]) -> bool:
 def _long(value: Any) -> str:
     """Text of several lines keeps them; everything else goes on one line."""
     if isinstance(value, str) and "\n" in value:
-        return '"""\n' + "\n".join(_escaped(line) for line in value.split("\n")) + '"""'
+        return '"""\n' + "\n".join(_escape(line) for line in value.split("\n")) + '"""'
     return toml_value(value)
 
 
 def _text(value: str) -> str:
-    return '"' + _escaped(value).replace("\n", "\\n") + '"'
+    return '"' + _escape(value).replace("\n", "\\n") + '"'
 
 
-def _escaped(value: str) -> str:
+def _escape(value: str) -> str:
     return "".join(_ESCAPES.get(character) or _visible(character) for character in value)
 
 

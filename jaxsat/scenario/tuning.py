@@ -152,10 +152,10 @@ class TuningTable(ScenarioTable):
 
 
 USUAL_OPTIMISERS = ("adam", "adamw", "lion", "rmsprop", "sgd")
-"""Known to be optimisers that will do, so that optax, which takes its time, is not asked."""
+"""Optimisers that are known to do, so that optax, which takes its time, is not asked."""
 
 MAX_CASES = 2**29
-"""Of all steps; the numbers from there on are those of the validation cases."""
+"""Cases of all steps; the numbers from there on are those of the validation cases."""
 
 
 def _entries(values, table):
@@ -169,7 +169,7 @@ def _entries(values, table):
     return entries
 
 
-def _tuned(values):
+def _tuned_bounds(values):
     """Tuned keys with their bounds where these are valid."""
     bounds = {
         name: (e.get("low"), e.get("high")) for name, e in _entries(values, "parameters").items()
@@ -203,14 +203,14 @@ def _gains_are_those_of_the_law(values):
 
 @rule_over("control.law", "tuning.steps")
 def _bounds_hold_the_gain(values):
-    for name, (low, high) in _tuned(values).items():
+    for name, (low, high) in _tuned_bounds(values).items():
         key = f"tuning.parameters.{name}"
         gain = values.get(f"control.{name}")
-        refused = list(_outside_its_range(values["control.law"], name, low, high))
+        issues = list(_outside_its_range(values["control.law"], name, low, high))
         if low >= high:
             yield at(f"{key}.high", f"must be above low = {shown(low)}, got {shown(high)}")
-        elif refused:
-            yield from refused
+        elif issues:
+            yield from issues
         elif low <= 0:
             yield at(f"{key}.low", f"must be greater than 0, got {shown(low)}")
         elif gain is not None:
@@ -236,15 +236,15 @@ def _outside_its_range(law, name, low, high):
 
 @rule_over("control.law", "tuning.steps")
 def _ordered_gains_cannot_cross(values):
-    tuned = _tuned(values)
+    bounds = _tuned_bounds(values)
     for lower, upper in values["control.law"].declaration.ordered:
-        if lower not in tuned and upper not in tuned:
+        if lower not in bounds and upper not in bounds:
             continue
-        highest = tuned[lower][1] if lower in tuned else values.get(f"control.{lower}")
-        lowest = tuned[upper][0] if upper in tuned else values.get(f"control.{upper}")
+        highest = bounds[lower][1] if lower in bounds else values.get(f"control.{lower}")
+        lowest = bounds[upper][0] if upper in bounds else values.get(f"control.{upper}")
         if highest is not None and lowest is not None and highest > lowest:
             yield at(
-                f"tuning.parameters.{lower if lower in tuned else upper}",
+                f"tuning.parameters.{lower if lower in bounds else upper}",
                 f"must keep {lower} below {upper}, got bounds that let {shown(highest)} meet "
                 f"{shown(lowest)}",
             )
@@ -265,7 +265,7 @@ def _widths_are_those_of_the_law(values):
 def _widths_are_not_tuned_as_well(values):
     widths = values["control.law"].declaration.widths
     for name in _entries(values, "smoothing"):
-        if name in widths and name in _tuned(values):
+        if name in widths and name in _tuned_bounds(values):
             yield at(
                 f"tuning.smoothing.{name}",
                 f"must be left out where tuning.parameters.{name} is given, "

@@ -112,7 +112,7 @@ def issue_of(root: type[BaseModel], data: Any, error: Mapping[str, Any]) -> Issu
     location = known_location(data, error["loc"], missing)
     if kind == "union_tag_not_found":
         return Issue(
-            (*location, "law"), f"must be one of {_listed(law_names())}, got nothing", (), True
+            (*location, "law"), f"must be one of {_quoted_list(law_names())}, got nothing", (), True
         )
     if kind == "union_tag_invalid":
         return Issue((*location, "law"), _choice_message(value.get("law"), law_names()))
@@ -145,7 +145,7 @@ def refusal(table: type[BaseModel], name: str, value: Any) -> str | None:
 
 
 def validated(field: FieldInfo, value: Any) -> Any:
-    """One field's value by itself, with the bounds that its declaration adds to its type.
+    """Check one field's value by itself, with the bounds that its declaration adds to its type.
 
     Raises pydantic's `ValidationError`.
     """
@@ -220,10 +220,10 @@ def _unit(root: type[BaseModel], data: Any, location: Location) -> str:
 def _choice_message(value: Any, choices: Iterable[str]) -> str:
     choices = list(choices)
     hint = suggestion(value, choices) if isinstance(value, str) else ""
-    return f"must be one of {_listed(choices)}, got {shown(value)}{hint}"
+    return f"must be one of {_quoted_list(choices)}, got {shown(value)}{hint}"
 
 
-def _listed(choices: Iterable[str]) -> str:
+def _quoted_list(choices: Iterable[str]) -> str:
     return ", ".join(f'"{choice}"' for choice in choices)
 
 
@@ -237,12 +237,12 @@ def _unknown_key(root: type[BaseModel], data: Any, location: Location) -> str:
     parents = [part for part in location[:-1] if isinstance(part, str)]
     name = str(location[-1])
     keys = list(table.model_fields) if table else []
-    repeated = len(parents) < len(location) - 1
-    place = f"{'[' * (1 + repeated)}{'.'.join(parents)}{']' * (1 + repeated)}"
+    is_array = len(parents) < len(location) - 1
+    place = f"{'[' * (1 + is_array)}{'.'.join(parents)}{']' * (1 + is_array)}"
     place = place if parents else "the scenario"
     message = f"must be one of the keys of {place} ({', '.join(keys)}), got {shown(name)}"
-    begun = any(key.startswith(name) for key in keys)
-    hint = "" if begun else _elsewhere(root, name, parents)
+    is_beginning = any(key.startswith(name) for key in keys)
+    hint = "" if is_beginning else _elsewhere(root, name, parents)
     return message + (hint or suggestion(name, keys))
 
 
@@ -250,7 +250,7 @@ def _elsewhere(root: type[BaseModel], name: str, parents: list[str]) -> str:
     if parents[:1] == ["control"]:
         laws = [law for law, one in LAWS.items() if name in table_of(one).model_fields]
         if laws:
-            return f" (a key of the law {_listed(laws)})"
+            return f" (a key of the law {_quoted_list(laws)})"
     places = [".".join(path) for path in dotted_keys(root) if path[-1] == name and len(path) > 1]
     return f", did you mean {places[0]}?" if places else ""
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioWarning
-from jaxsat.scenario.actuator_cautions import _body_axes, _momenta_to_hold, _share_held
+from jaxsat.scenario.actuator_cautions import _body_axes, _largest_load, _momenta_to_hold
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.tables import InitialTable
@@ -57,11 +57,11 @@ def test_wheels_hold_what_a_linear_programme_holds(seed):
         b_eq=np.zeros(3),
         bounds=[*zip(-limit, limit, strict=True), (0, None)],
     ).x[-1]
-    assert _share_held(axes, limit, momentum)[0] == pytest.approx(1 / most, rel=1e-9)
+    assert _largest_load(axes, limit, momentum)[0] == pytest.approx(1 / most, rel=1e-9)
 
 
 def test_wheels_in_a_plane_hold_nothing_across_it():
-    share, direction = _share_held(np.eye(3)[:, :2], np.ones(2), np.array([0.1, 0.1, 0.5]))
+    share, direction = _largest_load(np.eye(3)[:, :2], np.ones(2), np.array([0.1, 0.1, 0.5]))
     assert share > 1e6
     np.testing.assert_allclose(np.abs(direction), [0, 0, 1])
 

@@ -11,7 +11,7 @@ from jaxsat.core.declaration.domain import sweeps_of
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.scenario.holding import _iterated, missing_torque, nearest_held
+from jaxsat.scenario.holding import _iterate, missing_torque, nearest_held
 
 J = np.array([449.5, 264.6, 312.5])
 Z = np.array([0.0, 0.0, 1.0])
@@ -87,7 +87,7 @@ def test_a_turn_is_found_where_iteration_from_the_orbit_frame_finds_none(seed):
     turn = Rotation.random(random_state=seed).as_matrix()
     inertia = turn @ np.diag([2.0, 2.5, 3.0]) @ turn.T
     normal = Rotation.random(random_state=seed + 999).as_matrix()[0]
-    assert _iterated(inertia, normal, False, np.zeros(3)) is None
+    assert _iterate(inertia, normal, False, np.zeros(3)) is None
     found = nearest_held(inertia, normal, False)
     assert abs(missing_torque(inertia, normal, found, False)) < 1e-5
 

@@ -34,14 +34,14 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
     rotors = np.array([one.rotor_inertia_kg_m2 or 0.0 for one in wheels])
     torques, forces, signs, failed = _thrusters(scenario)
     names = [one.name for one in scenario.thruster] or [None] * len(failed)
-    jets, spun = _names(names, [one.name for one in wheels])
+    jets, wheel_names = _names(names, [one.name for one in wheels])
     actuators = actuator_set(
         torques,
         two_sided=signs,
         forces=forces,
         names=jets,
         wheel_axes=axes,
-        wheel_names=spun,
+        wheel_names=wheel_names,
         stored=relative + rotors * (axes.T @ omega),
         rotors=rotors,
         momentum=inertia @ omega + axes @ relative,
@@ -57,12 +57,12 @@ def borderline_words(scenario: Scenario) -> str | None:
     where their directions are plainly apart or plainly one.
     """
     actuators, working = all_actuators(scenario)
-    left = actuators.only(working)
-    columns = left.columns[:, np.any(left.columns, axis=0)]
+    healthy = actuators.only(working)
+    columns = healthy.columns[:, np.any(healthy.columns, axis=0)]
     sines = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), compute_uv=False)
     if not np.any((sines > ROUNDING) & (sines < APART)):
         return None
-    judgement = judge(scenario.spacecraft.inertia_kg_m2, left)
+    judgement = judge(scenario.spacecraft.inertia_kg_m2, healthy)
     if judgement.verdict != "borderline":
         return None
     key = "thruster" if scenario.thruster else "spacecraft.thruster_torque_axes"
@@ -84,9 +84,9 @@ def _thrusters(
         return np.array(rows, float).reshape(-1, 3).T, None, [True] * len(rows), failed
     torques = np.array([_torque(one) for one in tables]).T
     forces = np.array([one.force() for one in tables]).T
-    placed = all(one.position_m is not None for one in tables)
+    have_places = all(one.position_m is not None for one in tables)
     signs, failed = [one.two_sided for one in tables], [one.failed for one in tables]
-    return torques, forces if placed else None, signs, failed
+    return torques, forces if have_places else None, signs, failed
 
 
 def _torque(thruster: ThrusterTable) -> Float[np.ndarray, "3"]:
@@ -103,11 +103,11 @@ def _names(
     """Names in one word; g1, g2, … and w1, w2, … where there are none."""
 
     def words(labels: Sequence[str | None], letter: str) -> list[str]:
-        named = [name and re.sub(r"[^\w.+-]+", "-", name.strip()) for name in labels]
-        return [name or f"{letter}{number}" for number, name in enumerate(named, 1)]
+        clean_labels = [name and re.sub(r"[^\w.+-]+", "-", name.strip()) for name in labels]
+        return [name or f"{letter}{number}" for number, name in enumerate(clean_labels, 1)]
 
-    jets, spun = words(thrusters, "g"), words(wheels, "w")
-    if len({*jets, *spun}) < len(jets) + len(spun):
+    jets, wheel_names = words(thrusters, "g"), words(wheels, "w")
+    if len({*jets, *wheel_names}) < len(jets) + len(wheel_names):
         jets = [f"{name}-g{number}" for number, name in enumerate(jets, 1)]
-        spun = [f"{name}-w{number}" for number, name in enumerate(spun, 1)]
-    return jets, spun
+        wheel_names = [f"{name}-w{number}" for number, name in enumerate(wheel_names, 1)]
+    return jets, wheel_names

@@ -73,7 +73,7 @@ def build_thrusters(scenario: Scenario) -> AbstractEffector | None:
 
 
 def build_distribution(scenario: Scenario, plant: RigidBody) -> AbstractDistribution:
-    """Who of the effectors does what of the law's command: steering first, wheels, thrusters."""
+    """Which effector does what of the law's command: steering first, then wheels, thrusters."""
     declaration = scenario.law.declaration
     rest: AbstractDistribution | None = Direct()
     thrusters = any(one.kind == "thruster" for one in plant.effectors)
@@ -92,20 +92,22 @@ def _wheels_first(scenario: Scenario) -> WheelsFirst:
     limits = np.array([one.torque_limit_N_m or np.inf for one in tables])
     limit = limits if np.isfinite(limits).any() else None
     whole = wheels_make_all(tables, torques)
-    shared = WheelsFirst.of(wheel_axes(tables), torques, limit, failed_wheels(tables), not whole)
+    distribution = WheelsFirst.of(
+        wheel_axes(tables), torques, limit, failed_wheels(tables), not whole
+    )
     if not relieved_by_thrusters(scenario):
-        return shared
+        return distribution
     torque, price = working_torques(scenario.thruster), thruster_costs(scenario)
     relief = Relief(
         Reach(as_float(torque), jnp.zeros(price.size), jnp.ones(price.size), as_float(price)),
-        shared.axes,
-        shared.wheel_map,
+        distribution.axes,
+        distribution.wheel_map,
         limits,
         np.array([one.momentum_limit_N_m_s or np.inf for one in tables]),
         inertia_matrix(scenario.spacecraft.inertia_kg_m2),
         scenario.control.period_s,
     )
-    return dataclasses.replace(shared, relief=relief)
+    return dataclasses.replace(distribution, relief=relief)
 
 
 def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:

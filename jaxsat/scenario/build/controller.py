@@ -47,7 +47,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
     try:
         controller = law.from_table(values, context)
     except UnsuitableModel as error:
-        raise BuildError(_unsuitable(law, table, error)) from error
+        raise BuildError(_model_issue(law, table, error)) from error
     except FOREIGN as error:
         if not is_plugin(law.name):
             raise
@@ -79,10 +79,13 @@ def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) ->
     if any(measured):
         amplitude = np.where(measured, scenario.disturbance.amplitude_N_m, 0.0)
         disturbance = periodic_torque(amplitude, scenario.disturbance)
-    held = scenario.spacecraft.third_rate == "held" or _wheels_hold_the_third_rate(scenario)
+    third_rate = scenario.spacecraft.third_rate
+    holds_third_rate = third_rate == "held" or _wheels_hold_the_third_rate(scenario)
     if rotors(scenario.wheel).any():
         inertia = free_inertia(inertia, scenario.wheel)
-    return RigidBody(Spacecraft(as_float(inertia)), orbit_of(relation, rate), disturbance, held)
+    return RigidBody(
+        Spacecraft(as_float(inertia)), orbit_of(relation, rate), disturbance, holds_third_rate
+    )
 
 
 def _wheels_hold_the_third_rate(scenario: Scenario) -> bool:
@@ -92,8 +95,8 @@ def _wheels_hold_the_third_rate(scenario: Scenario) -> bool:
     return not left_by_wheels(scenario.wheel, 2).any()
 
 
-def _unsuitable(law: Law, table: ModelTable, error: UnsuitableModel) -> Issue:
-    """The key that what the law cannot be built for comes from."""
+def _model_issue(law: Law, table: ModelTable, error: UnsuitableModel) -> Issue:
+    """The issue with the key whose value is why the law cannot be built."""
     if error.about == "inertia":
         own = table.inertia_kg_m2 is not None
         key = "control.model.inertia_kg_m2" if own else "spacecraft.inertia_kg_m2"

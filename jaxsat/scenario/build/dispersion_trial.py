@@ -26,7 +26,7 @@ def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue
     table = scenario.dispersion
     assert table is not None
     distributions: dict[str, AbstractDistribution] = {}
-    issues = list(_excluded(table))
+    issues = list(_exclusions(table))
     for name, entry in table.distributions.items():
         try:
             distributions[name] = distribution_of(entry)
@@ -48,7 +48,7 @@ def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue
     return issues
 
 
-def _excluded(table: DispersionTable) -> Iterator[Issue]:
+def _exclusions(table: DispersionTable) -> Iterator[Issue]:
     for one, other in EXCLUSIVE:
         if {one, other} <= table.distributions.keys():
             first, second = DISPERSIBLE[one].key, DISPERSIBLE[other].key

@@ -12,7 +12,7 @@ from jaxtyping import PyTree
 from jaxsat.core.errors import JaxsatError
 from jaxsat.scenario.errors import Issue, key_of
 
-Made = TypeVar("Made", bound=PyTree)
+Instance = TypeVar("Instance", bound=PyTree)
 
 
 class BuildError(JaxsatError, ValueError):
@@ -39,8 +39,8 @@ def at_key(key: str) -> Iterator[None]:
         raise BuildError(Issue(tuple(key.split(".")), message)) from error
 
 
-def made_of_numbers(instance: Made) -> Made:
-    """The same object; raises `ValueError` where a number in it is NaN."""
+def made_of_numbers(instance: Instance) -> Instance:
+    """Return the object as it is; raises `ValueError` where a number in it is NaN."""
     for leaf in jax.tree.leaves(eqx.filter(instance, eqx.is_inexact_array)):
         if np.isnan(np.asarray(leaf)).any():
             raise ValueError(f"a number of {type(instance).__name__} is NaN")

@@ -40,10 +40,10 @@ def build_plant(scenario: Scenario) -> RigidBody:
     table = scenario.spacecraft
     spacecraft = Spacecraft(as_float(table.inertia_kg_m2))
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
-    held = table.third_rate == "held"
+    holds_third_rate = table.third_rate == "held"
     disturbance = _disturbance(scenario, np.asarray(spacecraft.inertia))
     effectors = tuple(effector for effector, _ in build_effectors(scenario))
-    return RigidBody(spacecraft, orbit, disturbance, held, effectors)
+    return RigidBody(spacecraft, orbit, disturbance, holds_third_rate, effectors)
 
 
 def build_effectors(scenario: Scenario) -> list[tuple[AbstractEffector, Any]]:
@@ -52,8 +52,8 @@ def build_effectors(scenario: Scenario) -> list[tuple[AbstractEffector, Any]]:
     for kind in EFFECTORS:
         tables = getattr(scenario, kind.name)
         if tables:
-            struck = ((number_of(one.of, kind.name, tables), one) for one in scenario.failure)
-            failures = tuple((number, one) for number, one in struck if number is not None)
+            strikes = ((number_of(one.of, kind.name, tables), one) for one in scenario.failure)
+            failures = tuple((number, one) for number, one in strikes if number is not None)
             effectors.append(kind.from_tables(tables, EffectorContext(place, failures)))
     return effectors
 
@@ -69,7 +69,7 @@ def orbit_of(relation: str, rate: float) -> AbstractOrbit:
 
 
 def place_of(table: OrbitTable) -> CircularOrbit:
-    """Where an orbit is."""
+    """The circular orbit of a table, with its place about the Earth."""
     angles = (
         table.inclination_rad,
         table.ascending_node_rad,

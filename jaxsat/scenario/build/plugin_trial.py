@@ -38,17 +38,17 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
     try:
         memory = eqx.filter_eval_shape(controller.init, start)
         outcome = eqx.filter_eval_shape(_run, controller, start)
-        answers = eqx.filter_eval_shape(_what_is_told, controller, start)
+        answers = eqx.filter_eval_shape(_answers, controller, start)
     except FOREIGN as error:
         raise BuildError(broken(law, LAW, law.controller, error)) from error
     method = _method(controller)
     if not (isinstance(outcome, tuple) and len(outcome) == 2):
         what = "its next memory" if law.declaration.sampled else "the rate of its memory"
         _refuse(law, LAW, f"gives two things from `{method}`, the torque and {what}", outcome)
-    place = _defined(law.controller, method)
+    place = _place_of_method(law.controller, method)
     _require_shape(law, LAW, outcome[0], (law.declaration.torques or 2,), f"commands {{}}{place}")
     for name, (value, shape) in answers.items():
-        place = _defined(law.controller, name)
+        place = _place_of_method(law.controller, name)
         _require_shape(law, LAW, value, shape, f"gives {{}} from `{name}`{place}")
     _require_same_memory(law, LAW, memory, outcome[1], method)
 
@@ -93,7 +93,7 @@ def require_torque(
         value = eqx.filter_eval_shape(torque, *arguments)
     except FOREIGN as error:
         raise BuildError(broken(part, location, part.made, error)) from error
-    place = _defined(part.made, "__call__")
+    place = _place_of_method(part.made, "__call__")
     _require_shape(part, location, value, (3,), f"gives {{}}, a torque in N m{place}")
 
 
@@ -112,7 +112,7 @@ def require_estimates(
         outcome = eqx.filter_eval_shape(estimator.step, jnp.array(0), period, measurement, memory)
     except FOREIGN as error:
         raise BuildError(broken(part, location, part.made, error)) from error
-    place = _defined(part.made, "step")
+    place = _place_of_method(part.made, "step")
     if not (isinstance(outcome, tuple) and len(outcome) == 2 and isinstance(outcome[0], Estimate)):
         _refuse(part, location, f"gives an `Estimate` and the memory from `step`{place}", outcome)
     estimate, after = outcome
@@ -138,7 +138,9 @@ def require_events(
     except FOREIGN as error:
         raise BuildError(broken(part, location, part.made, error)) from error
     rule = "gives {} from `event_functions`, as `event_count` says"
-    _require_shape(part, location, values, (count,), rule + _defined(part.made, "event_functions"))
+    _require_shape(
+        part, location, values, (count,), rule + _place_of_method(part.made, "event_functions")
+    )
     require_torque(part, location, piece, *arguments)
 
 
@@ -155,7 +157,7 @@ def _method(controller: Controller) -> str:
     return "torque" if isinstance(controller, AbstractFeedbackLaw) else "__call__"
 
 
-def _what_is_told(controller: Controller, start: PlantState) -> dict[str, tuple[Any, tuple]]:
+def _answers(controller: Controller, start: PlantState) -> dict[str, tuple[Any, tuple]]:
     """What a loop asks of a law besides its torque, by the method, and of which shape it must be.
 
     The number of event functions is the law's own.
@@ -220,7 +222,7 @@ def _refuse(part: Law | Part, location: Location, rule: str, value: Any) -> None
     raise BuildError(_issue(part, location, f"{rule}, got {got}"))
 
 
-def _defined(part_class: type, method: str) -> str:
+def _place_of_method(part_class: type, method: str) -> str:
     """Where a method of a part stands, " (file:12)", or nothing."""
     try:
         function = inspect.unwrap(getattr(part_class, method))

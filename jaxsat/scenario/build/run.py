@@ -124,22 +124,24 @@ def build_loop(scenario: Scenario) -> AbstractLoop:
         plant = made_of_numbers(build_plant(scenario))
     with at_key("control"):
         controller = made_of_numbers(build_controller(scenario))
-        return _closed(scenario, plant, controller)
+        return _close_loop(scenario, plant, controller)
 
 
-def _closed(
+def _close_loop(
     scenario: Scenario,
     plant: RigidBody,
     controller: AbstractController | AbstractSampledController,
 ) -> AbstractLoop:
-    sampled = isinstance(controller, AbstractSampledController)
-    if not sampled and uses_error_coordinates(flattened(scenario) | {"control.law": scenario.law}):
+    is_sampled = isinstance(controller, AbstractSampledController)
+    if not is_sampled and uses_error_coordinates(
+        flattened(scenario) | {"control.law": scenario.law}
+    ):
         return ErrorCoordinateLoop(plant, cast(AbstractBacksteppingLaw, controller))
     thrusters = build_thrusters(scenario)
     if thrusters is not None:
         plant = plant.with_effectors((thrusters, *plant.effectors))
     distribution = build_distribution(scenario, plant)
-    if not sampled:
+    if not is_sampled:
         return ContinuousLoop(plant, controller, distribution)
     sensors, delay = build_sampling(scenario)
     return SampledLoop(
@@ -173,7 +175,7 @@ def build_start(scenario: Scenario, effectors: tuple[AbstractEffector, ...] = ()
 
 
 def build_tolerances(scenario: Scenario) -> Tolerances:
-    """Within what the scenario counts as settled."""
+    """The tolerances within which the scenario counts as settled."""
     return Tolerances.of_keys(**scenario.settled.model_dump())
 
 

@@ -38,7 +38,7 @@ def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""]
 
 
 def build_tachometers(scenario: Scenario) -> Tachometers | None:
-    """Those of a sampled law; None where all are exact."""
+    """The tachometers of a sampled law; None where all are exact."""
     noise = tachometer_noise(scenario)
     return Tachometers(noise, key_of_seed(scenario.simulation.seed)) if noise.any() else None
 

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
-"""Those with a dense output of their own, on which switches are located; and what the tolerance,
+"""Solvers with a dense output of their own, on which switches are located; and what the tolerance,
 relative and absolute, is where a scenario names none."""
 
 EngineName = Literal["auto", "native", "scan", "diffrax"]
@@ -115,13 +115,13 @@ def build_study(
         program = dataclasses.replace(program, error_every=ERROR_EVERY)
     design = _design(scenario.dispersion, seed, count)
     example = StudyCase(np.zeros(1, np.uint32), np.zeros((1, sum(copies.dimensions().values()))))
-    chosen, remark = _engine(scenario, run, (program, example), engine, batch_size)
+    chosen_engine, remark = _engine(scenario, run, (program, example), engine, batch_size)
     description = {"scenario": _numbers(scenario)}
-    chunk = _suitable_chunk(chosen, count) if chunk is None else chunk
+    chunk = _suitable_chunk(chosen_engine, count) if chunk is None else chunk
     return Study(
         program,
         design,
-        chosen,
+        chosen_engine,
         count,
         chunk,
         description=description,
@@ -142,10 +142,10 @@ def refined_study(
     same. `tell` is told what was changed.
     """
     own = {**keys, "controller": None}
-    study = lambda finer: build_study(finer, count, **own)  # noqa: E731
-    scenario, flown = refined(scenario, study, pilot_errors, tell)
+    study_of = lambda finer: build_study(finer, count, **own)  # noqa: E731
+    scenario, study = refined(scenario, study_of, pilot_errors, tell)
     same = keys.get("controller") is None
-    return scenario, flown if same else build_study(scenario, count, **keys)
+    return scenario, study if same else build_study(scenario, count, **keys)
 
 
 def pilot_errors(study: Study) -> Errors:
@@ -165,10 +165,10 @@ def _start_rates(copies: Dispersed, cases: StudyCase) -> Float[Array, "cases 3"]
 
 
 def _names(scenario: Scenario) -> tuple[str, ...]:
-    """Of thrusters that work at the start, two-sided ones twice, and of all effectors."""
+    """Names of the thrusters that work at the start, two-sided ones twice, and of all effectors."""
     tables = scenario.thruster
-    named = zip(tables, names_of(tables), strict=True)
-    jets = [name for one, name in named if not one.failed for _ in signs(one)]
+    pairs = zip(tables, names_of(tables), strict=True)
+    jets = [name for one, name in pairs if not one.failed for _ in signs(one)]
     if not tables:
         numbers = range(1, 1 + len(scenario.spacecraft.thruster_torque_axes or ()))
         jets = [str(n) for n in numbers if n not in scenario.spacecraft.failed_thrusters]
@@ -200,7 +200,7 @@ def study_program(scenario: Scenario, run: Run, seed: int) -> tuple[Dispersed, P
 
 
 def _interval(scenario: Scenario) -> float:
-    """Between two observations of a loop that is not sampled, s."""
+    """The time (s) between two observations of a loop that is not sampled."""
     save_every = scenario.simulation.save_every_s
     return save_every / observations_per_save(save_every)
 

@@ -40,17 +40,17 @@ from jaxsat.spacecraft.thrusters import ThrusterSet
 def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     """The thrusters that work, how they share a command of so many torques, and what fails."""
     working = [one for one in scenario.thruster if not one.failed]
-    dispersed = getattr(scenario.dispersion, "delay_s", None) is not None
-    delay = dispersed or (scenario.sampling is not None and scenario.sampling.delay_s > 0)
+    draws_delay = getattr(scenario.dispersion, "delay_s", None) is not None
+    delay = draws_delay or (scenario.sampling is not None and scenario.sampling.delay_s > 0)
     thrusters = _thruster_set(working)
-    drawn = getattr(scenario.dispersion, "failure_kind", None) is not None
-    late = delay or drawn or any(one.kind == "delayed" for one in scenario.failure)
+    draws_kinds = getattr(scenario.dispersion, "failure_kind", None) is not None
+    late = delay or draws_kinds or any(one.kind == "delayed" for one in scenario.failure)
     as_commanded = scenario.law.declaration.commands_actuators
     behind = relieved_by_thrusters(scenario) and wheels_make_all(scenario.wheel, torques or 3)
-    commanded = command_torques(scenario, torques or 3)
+    command = command_torques(scenario, torques or 3)
     return PulsedThrusters(
         thrusters=thrusters,
-        allocation=None if as_commanded else LeastPropellant.of(*commanded, tabled=not behind),
+        allocation=None if as_commanded else LeastPropellant.of(*command, tabled=not behind),
         modulation=_modulation(scenario),
         failures=thruster_failures(scenario.failure, scenario.thruster),
         late=late or thrusters.valve_delay is not None,
@@ -92,10 +92,10 @@ def rate_noise(scenario: Scenario) -> float:
 
 
 def _thruster_set(working: list[ThrusterTable]) -> ThrusterSet:
-    sided = [(one, sign) for one in working for sign in signs(one)]
+    pairs = [(one, sign) for one in working for sign in signs(one)]
 
     def each(name: str) -> np.ndarray:
-        return np.array([getattr(one, name) for one, _ in sided], float)
+        return np.array([getattr(one, name) for one, _ in pairs], float)
 
     def unless_zero(*names: str) -> list[Any]:
         values = [each(name) for name in names]
@@ -103,9 +103,9 @@ def _thruster_set(working: list[ThrusterTable]) -> ThrusterSet:
 
     rise, fall = unless_zero("rise_time_s", "fall_time_s")
     return ThrusterSet(
-        torque=np.array([sign * one.torque() for one, sign in sided]).T,
-        force=np.array([sign * one.force() for one, sign in sided]).T,
-        flow=np.array([one.propellant_flow() for one, _ in sided]),
+        torque=np.array([sign * one.torque() for one, sign in pairs]).T,
+        force=np.array([sign * one.force() for one, sign in pairs]).T,
+        flow=np.array([one.propellant_flow() for one, _ in pairs]),
         min_on_time=each("min_on_time_s"),
         valve_delay=unless_zero("valve_delay_s")[0],
         rise_time=rise,
@@ -137,10 +137,10 @@ def failing(scenario: Scenario, ideal: Actuators) -> Actuators:
     for number, one in targets:
         if number is None or number + 1 not in working:
             continue
-        place, turned = working.index(number + 1), axes.copy()
+        place, turned_axes = working.index(number + 1), axes.copy()
         if one.turn_rad is not None:
-            turned[:, place] = _rotated(turned[:, place], one.turn_rad)
-        events.append((one, place, turned))
+            turned_axes[:, place] = _rotate(turned_axes[:, place], one.turn_rad)
+        events.append((one, place, turned_axes))
     return dataclasses.replace(ideal, failures=_events(events, None))
 
 
@@ -158,11 +158,13 @@ def thruster_failures(
         number = number_of(table.of, "thruster", thrusters)
         if number is None or not places[number]:
             continue
-        turned = nominal.copy()
+        turned_torques = nominal.copy()
         if table.turn_rad is not None:
             for place in places[number]:
-                turned[:, place] = _turned(thrusters[number], nominal[:, place], table.turn_rad)
-        events.append((table, places[number][0], turned))
+                turned_torques[:, place] = _turn_thrust(
+                    thrusters[number], nominal[:, place], table.turn_rad
+                )
+        events.append((table, places[number][0], turned_torques))
     partner = [place for both in places for place in reversed(both)]
     return _events(events, partner if any(len(both) > 1 for both in places) else None)
 
@@ -179,7 +181,7 @@ def _events(
         at=[table.at_s for table, _, _ in events],
         kind=kinds,
         amount=[kind.amount(table) for kind, (table, _, _) in zip(kinds, events, strict=True)],
-        turned=np.stack([turned for _, _, turned in events]),
+        turned=np.stack([turned_torques for _, _, turned_torques in events]),
         partner=partner,
     )
 
@@ -194,15 +196,17 @@ def _places(thrusters: tuple[ThrusterTable, ...]) -> list[list[int]]:
     return places
 
 
-def _turned(thruster: ThrusterTable, torque: np.ndarray, rotation: tuple[float, ...]) -> np.ndarray:
+def _turn_thrust(
+    thruster: ThrusterTable, torque: np.ndarray, rotation: tuple[float, ...]
+) -> np.ndarray:
     """The torque (N m) once the force, or the torque itself, is turned by a rotation vector."""
     if thruster.position_m is None:
-        return _rotated(torque, rotation)
+        return _rotate(torque, rotation)
     way = math.copysign(1.0, float(torque @ thruster.torque()))
-    return np.cross(np.array(thruster.position_m), _rotated(way * thruster.force(), rotation))
+    return np.cross(np.array(thruster.position_m), _rotate(way * thruster.force(), rotation))
 
 
-def _rotated(vector: np.ndarray, rotation: tuple[float, ...]) -> np.ndarray:
+def _rotate(vector: np.ndarray, rotation: tuple[float, ...]) -> np.ndarray:
     """A vector turned by a rotation vector, rad."""
     from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
 

@@ -105,8 +105,8 @@ def _failures_say_what_and_how_much(failures, thrusters):
             yield Issue(("failure", number, "kind"), message)
             continue
         yield from _amounts(number, one, [key for kind in alike for key in kind.keys])
-        signed = (ideal or actuator.both_signs) and one.kind == "stuck-at"
-        if one.fraction is not None and one.fraction < 0 and not signed:
+        may_be_negative = (ideal or actuator.both_signs) and one.kind == "stuck-at"
+        if one.fraction is not None and one.fraction < 0 and not may_be_negative:
             message = f"must be at least 0, got {shown(one.fraction)}"
             yield Issue(("failure", number, "fraction"), message)
 
@@ -183,8 +183,9 @@ def _after_the_end(scenario: Any) -> Iterator[Issue]:
     }
     end = scenario.simulation.duration_s
     for key, times in begins.items():
-        drawn = _drawn(scenario, key)
-        for location, time in (times if drawn is None else _least(key, drawn)).items():
+        distribution = _drawn(scenario, key)
+        earliest = times if distribution is None else _least(key, distribution)
+        for location, time in earliest.items():
             if time >= end:
                 message = f"should be before simulation.duration_s = {shown(end)}"
                 yield Issue(location, f"{message}, else it never strikes, got {shown(time)}")
@@ -194,10 +195,10 @@ def _drawn(scenario: Any, key: str) -> Any:
     return getattr(scenario.dispersion, key, None)
 
 
-def _least(key: str, drawn: Any) -> dict[Location, float]:
+def _least(key: str, distribution: Any) -> dict[Location, float]:
     """The least number that is drawn, and where it is told; nothing where there is none."""
     for name in ("low", "values"):
-        bound = getattr(drawn, name)
+        bound = getattr(distribution, name)
         if bound is not None:
             return {("dispersion", key, name): min(bound) if isinstance(bound, tuple) else bound}
     return {}

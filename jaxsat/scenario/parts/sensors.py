@@ -84,7 +84,7 @@ MAX_PERIODS = 1_000_000
 """Control periods between two measurements of a star tracker."""
 
 MAX_LATENCY = 1000
-"""Control periods until one arrives; as many are waiting."""
+"""Control periods until a measurement arrives; as many are waiting."""
 
 
 @rule("gyro", "star_tracker.latency_s")

@@ -28,7 +28,7 @@ STANDARD_GRAVITY = 9.80665
 
 
 MAX_THRUSTERS = 24
-"""Of which the table of bases stays small."""
+"""Thrusters of which the table of bases stays small."""
 
 NO_TORQUE = 1e-12
 """N m; a force through the centre of mass makes less by rounding."""

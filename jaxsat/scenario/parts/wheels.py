@@ -19,7 +19,7 @@ MISSING = 1e-9
 """A part of a command, relative to it, that counts as not made."""
 
 UNBOUNDED = 1e9
-"""Times the largest limit of a wheel: the limit of one that has none."""
+"""The limit of a wheel that has none, over the largest limit of the others."""
 
 Tables = Sequence[Any]
 """Checked tables `[[wheel]]`."""
@@ -57,7 +57,7 @@ def wheel_axes(wheels: Tables) -> np.ndarray:
 
 
 def failed_wheels(wheels: Tables) -> tuple[int, ...]:
-    """Numbers, from 1, of those that have failed."""
+    """Numbers, from 1, of the wheels that have failed."""
     return tuple(number for number, one in enumerate(wheels, 1) if one.failed)
 
 
@@ -86,17 +86,17 @@ def relieved_by_thrusters(scenario: Any) -> bool:
 def limit_of_wheels(wheels: Tables, torques: int) -> float | None:
     """The largest command (N m) about all axes at once that working wheels make within limits.
 
-    Of what they make of it; None for no limit.
+    The part of it that they do not make does not count; None for no limit.
     """
     working = tuple(one for one in wheels if not one.failed)
     if torques not in (2, 3):
         return None
     axes = wheel_axes(working)
-    given = [one.torque_limit_N_m for one in working]
-    largest = max((one for one in given if one is not None), default=None)
+    torque_limits = [one.torque_limit_N_m for one in working]
+    largest = max((one for one in torque_limits if one is not None), default=None)
     if largest is None:
         return None
-    limits = np.array([UNBOUNDED * largest if one is None else one for one in given])
+    limits = np.array([UNBOUNDED * largest if one is None else one for one in torque_limits])
     most = largest_torque(axes, -limits, limits, axes @ least_squares_map(axes, torques))
     return most if most < largest * UNBOUNDED / 2 else None
 
@@ -159,36 +159,36 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
     torques = declaration.torques
     if declaration.commands_actuators:
         if wheels:
-            yield from _diagnosed_wheels(law, wheels, bool(thrusters), axes)
+            yield from _diagnosis_issues(law, wheels, bool(thrusters), axes)
         return
     if wheels and torques == 1:
         yield at("wheel", f'must be left out under the law "{law}", which knows thrusters alone')
-    steered = any(values[name] for name in STEERED)
-    if not wheels or thrusters or steered or torques not in (2, 3):
+    has_steering = any(values[name] for name in STEERED)
+    if not wheels or thrusters or has_steering or torques not in (2, 3):
         return
     working = working_axes(axes or (), values["spacecraft.failed_thrusters"])
     missing = what_is_left(working, least_squares_map(working, torques))
     missing = missing @ left_by_wheels(wheels, torques)
     if abs(missing).max() > MISSING:
-        left = sum(not one.failed for one in wheels)
+        count = sum(not one.failed for one in wheels)
         which = "x and y" if torques == 2 else "x, y and z"
         yield at(
             "wheel",
             f"must leave wheels that make independent torques about body axes {which} with the "
-            f"thrusters left, got {left} of {len(wheels)} wheels and {working.shape[1]} thrusters",
+            f"thrusters left, got {count} of {len(wheels)} wheels and {working.shape[1]} thrusters",
         )
 
 
-def _diagnosed_wheels(law, wheels, thrusters, axes):
+def _diagnosis_issues(law, wheels, thrusters, axes):
     """Issues under a law that commands each: they make torques about three axes, or thrusters."""
     what = f'under the law "{law}", which diagnoses wheels'
     if axes:
         key = "spacecraft.thruster_torque_axes"
         yield at(key, f"must not be given {what} ([[thruster]] is diagnosed), got {len(axes)}")
     if left_by_wheels(wheels, 3).any() and not thrusters:
-        left = sum(not one.failed for one in wheels)
+        count = sum(not one.failed for one in wheels)
         message = f"must leave independent torques about body axes x, y and z {what}"
-        yield at("wheel", f"{message}, got {left} of {len(wheels)}")
+        yield at("wheel", f"{message}, got {count} of {len(wheels)}")
     for number, one in enumerate(wheels):
         if one.torque_limit_N_m is None:
             message = f"must be given in N m {what} by their full torque, got nothing"
@@ -246,20 +246,20 @@ def _failures_suit_the_law(failures, law):
 
 @rule_over("failure", "control.law")
 def _what_has_seized_stays_so_under_a_continuous_law(values):
-    """Where it may be freed by a later failure of the same wheel, or by one that is drawn so."""
+    """Issues where a later failure of the same wheel, or one that is drawn so, may free it."""
     law, failures = values["control.law"], values["failure"]
     if law.declaration.sampled:
         return
-    drawn = {
+    draws = {
         name: any(key.startswith(f"dispersion.{name}.") for key in values)
         for name in ("failure_time_s", "failure_kind", "failed_wheel")
     }
     wheels = [(number, one) for number, one in enumerate(failures) if one.part == "wheel"]
     for number, one in wheels:
         frees = any(
-            (other.of == one.of or drawn["failed_wheel"])
-            and (other.kind == "stopped" or drawn["failure_kind"])
-            and (other.at_s < one.at_s or drawn["failure_time_s"])
+            (other.of == one.of or draws["failed_wheel"])
+            and (other.kind == "stopped" or draws["failure_kind"])
+            and (other.at_s < one.at_s or draws["failure_time_s"])
             for place, other in wheels
             if place != number
         )
