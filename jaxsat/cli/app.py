@@ -188,12 +188,12 @@ def report_error(error: Exception) -> int:
 
 
 def report_bug(error: BaseException) -> None:
-    """One line on standard error, and the traceback in a file that only its owner can read."""
+    """Write a line to standard error, and the traceback to a file that only its owner can read."""
     kind, text = type(error).__name__, str(error).strip()
     first = clean(text.split("\n")[0], MAX_MESSAGE_LENGTH)
     what = f"{kind}: {first}" if first else kind
     try:
-        place = f"its traceback is in {_written(error)}, please report it with that file"
+        place = f"its traceback is in {_write_traceback(error)}, please report it with that file"
     except OSError as reason:
         place = f"its traceback cannot be written ({reason.strerror or reason})"
     print_stderr(f"{what}; this is a bug in jaxsat, {place}")
@@ -211,14 +211,14 @@ def thread_errors_reported() -> Iterator[None]:
         report_error(error)
 
     before = threading.excepthook, sys.unraisablehook
-    threading.excepthook = sys.unraisablehook = lambda raised: tell(raised.exc_value)
+    threading.excepthook = sys.unraisablehook = lambda arguments: tell(arguments.exc_value)
     try:
         yield
     finally:
         threading.excepthook, sys.unraisablehook = before
 
 
-def _written(error: BaseException) -> Path:
+def _write_traceback(error: BaseException) -> Path:
     from jaxsat.store.provenance import command_line
 
     try:

@@ -98,7 +98,7 @@ def bound(
 
 
 def _best(scenario: "Scenario", objective: Objective, **keys: Any) -> "Bound | None":
-    """What the library finds; its errors become mistakes and failures."""
+    """The bound that the library finds; its errors become mistakes and failures."""
     import jaxsat
     from jaxsat.synthesis.bounds.run import UnsuitableScenario
 

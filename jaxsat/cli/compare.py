@@ -27,7 +27,7 @@ from jaxsat.cli.study_files import refuse_csv
 from jaxsat.cli.terminal import SUCCESS, UserMistake, print_document, print_stdout
 
 Level = Literal["nominal", "mc", "hard", "all"]
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
 
 @Parameter(name="*")
@@ -111,7 +111,7 @@ def compare(
     elif results.overwrite and results.report is False:
         other = "--report; a comparison" if scenario else "--csv or --report, as a comparison"
         raise UserMistake(f"--overwrite: must be given with {other} is resumed")
-    planned = planned_report(results, out)
+    report = planned_report(results, out)
     use_double_precision()
     if scenario is None:
         record = _on_acceptance_set(law, limits, count, seed, acceptance, out, results)
@@ -122,7 +122,7 @@ def compare(
 
         print_document(comparison_document(record))
         print_stdout(f"written to {out}{f' and {csv}' if csv else ''}")
-    finish_report(planned, quiet=results.quiet)
+    finish_report(report, quiet=results.quiet)
     return SUCCESS
 
 
@@ -141,11 +141,11 @@ def _on_acceptance_set(
     from jaxsat.synthesis.comparison.acceptance import LAWS, LEVELS
 
     others = dict.fromkeys(one for one in laws if one not in (*LAWS, "all"))
-    comparison = _computed(
+    comparison = _compute(
         out,
         lambda: jaxsat.compare(
-            [*_chosen(laws, LAWS), *others],
-            level=_chosen(acceptance.level, LEVELS),
+            [*_select(laws, LAWS), *others],
+            level=_select(acceptance.level, LEVELS),
             torque_limit=limits,
             count=count,
             seed=seed,
@@ -178,7 +178,7 @@ def _in_scenario(
     scenario = load_scenario(name, overrides, "study")
     from jaxsat.synthesis.comparison.in_scenario import compare_in_scenario
 
-    comparison = _computed(
+    comparison = _compute(
         out,
         lambda: compare_in_scenario(
             scenario,
@@ -193,8 +193,8 @@ def _in_scenario(
     return comparison.as_data()
 
 
-def _computed(out: Path, work: Callable[[], Found]) -> Found:
-    """What the library finds; its errors become mistakes, and an interruption tells of `out`."""
+def _compute(out: Path, work: Callable[[], Result]) -> Result:
+    """Do the work; its errors become mistakes, and an interruption tells of `out`."""
     from jaxsat.synthesis.comparison.run import UnsuitableLaw, UnsuitableSetting
 
     try:
@@ -206,5 +206,5 @@ def _computed(out: Path, work: Callable[[], Found]) -> Found:
         raise UserMistake(str(error)) from None
 
 
-def _chosen(names: Sequence[str], options: Iterable[str]) -> list[str]:
+def _select(names: Sequence[str], options: Iterable[str]) -> list[str]:
     return [one for one in options if one in names or "all" in names]

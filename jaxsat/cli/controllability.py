@@ -42,19 +42,19 @@ def controllability(
         Folder for tables, maps and the page; by default nothing is written.
     """
     chosen = load_vehicle(scenario, overrides).scenario
-    out, planned = results.out, None
+    out, report = results.out, None
     if results.report is not False and out is None:
         raise UserMistake("--report: must be given with --out, the folder of the results")
     use_double_precision()
     from jaxsat.store.folder import OutputFolder
 
-    def opened() -> OutputFolder:
+    def output_folder() -> OutputFolder:
         assert out is not None
         return OutputFolder(out, kind="controllability", overwrite=results.overwrite)
 
     if out is not None:
-        planned = planned_report(results, out)
-        try_folder(opened)
+        report = planned_report(results, out)
+        try_folder(output_folder)
     from jaxsat.report.controllability_study import controllability_study
 
     study = interruptibly(
@@ -64,11 +64,11 @@ def controllability(
     )
     if out is not None:
         show_progress("drawing maps")
-        with dask_unseen(), opened() as folder:
+        with dask_unseen(), output_folder() as folder:
             interruptibly(lambda: study.write(folder))
     if not results.quiet:
         print_document(study.document(failures))
         if out is not None:
             print_stdout(f"written to {out}")
-    finish_report(planned, quiet=results.quiet)
+    finish_report(report, quiet=results.quiet)
     return SUCCESS

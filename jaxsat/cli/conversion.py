@@ -23,7 +23,7 @@ MAX_NAME = 80
 
 
 FIRST_INSTANT, LAST_INSTANT = np.datetime64("1972-01-01", "s"), np.datetime64("9999-12-31T23:59:59")
-"""Between which UTC has seconds of one length, and years of four digits."""
+"""The instants between which UTC has seconds of one length, and years of four digits."""
 
 LEAP_DAYS = (
     *("1972-06-30", "1972-12-31", "1973-12-31", "1974-12-31", "1975-12-31", "1976-12-31"),
@@ -92,7 +92,7 @@ def attitude_ephemeris(
         "",
         "DATA_START",
     ]
-    for time, quaternion in zip(times, _continuous(turns.as_quat()), strict=True):
+    for time, quaternion in zip(times, _nearest_signs(turns.as_quat()), strict=True):
         lines.append(f"{time} {' '.join(f'{part:.15f}' for part in quaternion)}")
     return "\n".join([*lines, "DATA_STOP", ""])
 
@@ -118,10 +118,10 @@ def _instants(epoch: np.datetime64, seconds: np.ndarray) -> np.ndarray:
     return np.array([f"{text}.{n % 10**9:09d}" for text, n in zip(texts, nanoseconds, strict=True)])
 
 
-def _continuous(quaternions: np.ndarray) -> np.ndarray:
-    """Of the two signs of each the one nearer to that before, so that a reader can interpolate."""
-    turned = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0
-    return quaternions * np.cumprod(np.concatenate([[1], np.where(turned, -1, 1)]))[:, None]
+def _nearest_signs(quaternions: np.ndarray) -> np.ndarray:
+    """Give each quaternion the sign nearer to the one before, so that a reader can interpolate."""
+    flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0
+    return quaternions * np.cumprod(np.concatenate([[1], np.where(flips, -1, 1)]))[:, None]
 
 
 def _orbit_frame(dataset: xr.Dataset, seconds: np.ndarray) -> Rotation:

@@ -64,7 +64,7 @@ def convert(
     refuse_existing(target, overwrite=output.overwrite)
     use_double_precision()
     show_progress(f"reading {path}")
-    text = interruptibly(lambda: _converted(path, start, frame, object_name, object_id))
+    text = interruptibly(lambda: _convert(path, start, frame, object_name, object_id))
     save_file(target, text, overwrite=output.overwrite)
     if not output.quiet:
         print_stdout(f"written to {target}")
@@ -72,7 +72,7 @@ def convert(
 
 
 def _beside(run: Path, ending: str) -> Path:
-    """Beside the folder of a run, also where its trajectory is given; else beside the file."""
+    """The path beside the folder of a run, even for its trajectory; else beside the file."""
     from jaxsat.store.marker import MARKER
 
     if not run.is_dir():
@@ -84,7 +84,7 @@ def _beside(run: Path, ending: str) -> Path:
     return run.parent / f"{run.name or 'run'}.{ending}"
 
 
-def _converted(
+def _convert(
     path: Path,
     start: "np.datetime64 | None",
     frame: str,

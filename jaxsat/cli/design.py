@@ -77,7 +77,7 @@ def design(
     """
     vehicle = load_vehicle(scenario, overrides)
     target = results.out or Path(f"jaxsat-{Path(scenario).stem}-designed")
-    planned = planned_report(results, target)
+    report = planned_report(results, target)
 
     import jaxsat
 
@@ -100,12 +100,12 @@ def design(
             )
     except ValueError as error:
         raise UserMistake(str(error)) from None
-    status = _concluded(result, target, results.quiet)
-    finish_report(planned, quiet=results.quiet)
+    status = _print_result(result, target, results.quiet)
+    finish_report(report, quiet=results.quiet)
     return status
 
 
-def _concluded(result: "ControllerDesign", target: Path, quiet: bool) -> int:
+def _print_result(result: "ControllerDesign", target: Path, quiet: bool) -> int:
     """Print the page; the status says whether the required fraction settles."""
     from jaxsat.report.design_document import design_document
     from jaxsat.synthesis.controller_design.files import design_record

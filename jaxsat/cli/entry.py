@@ -21,11 +21,11 @@ def main(tokens: Sequence[str] | None = None) -> None:
     if tokens is None:  # a process of its own, in which no code was changed
         os.environ.setdefault("JAXSAT_KEPT_KERNELS", "1")
         os.environ["MATPLOTLIBRC"] = os.devnull  # one that is damaged would leave no figure
-    with _raised() as received:
+    with _signals_as_exceptions() as received:
         try:
             status = _status(tokens, received)
         except (KeyboardInterrupt, Terminated):  # a second one, while the first was told of
-            status = _interrupted(received)
+            status = _signal_status(received)
         if received:
             os._exit(status)  # a computation may still hold a thread
     if tokens is None:
@@ -44,15 +44,15 @@ def _status(tokens: Sequence[str] | None, received: list[int]) -> int:
     except (KeyboardInterrupt, Terminated) as stop:
         word = "terminated" if isinstance(stop, Terminated) else "interrupted"
         print_stderr(f"{word}; {stop.args[0] if stop.args else 'nothing was written'}")
-        return _interrupted(received)
+        return _signal_status(received)
 
 
-def _interrupted(received: Sequence[int]) -> int:
+def _signal_status(received: Sequence[int]) -> int:
     return 128 + (received[0] if received else signal.SIGINT)
 
 
 @contextmanager
-def _raised() -> Iterator[list[int]]:
+def _signals_as_exceptions() -> Iterator[list[int]]:
     """Signals become exceptions, and are listed; a third one ends the process at once.
 
     One that is ignored from the start, as under `nohup`, stays so.
@@ -62,7 +62,7 @@ def _raised() -> Iterator[list[int]]:
     def handle(number: int, frame: object) -> None:
         received.append(number)
         if len(received) > 2:
-            os._exit(_interrupted(received))
+            os._exit(_signal_status(received))
         raise KeyboardInterrupt if number == signal.SIGINT else Terminated
 
     before = {}

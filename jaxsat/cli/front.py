@@ -64,10 +64,10 @@ def front(
         Folder for the numbers and the figure; by default jaxsat-front.
     """
     limits = [f"spacecraft.torque_limit_N_m={one}" for one in torque_limits(torque_limit)]
-    chosen = [load_scenario(scenario, [*overrides, one], "motion") for one in limits]
-    chosen = chosen or [load_scenario(scenario, overrides, "motion")]
-    laws = list(dict.fromkeys(law or (chosen[0].control.law,)))
-    for one in chosen:
+    scenarios = [load_scenario(scenario, [*overrides, one], "motion") for one in limits]
+    scenarios = scenarios or [load_scenario(scenario, overrides, "motion")]
+    laws = list(dict.fromkeys(law or (scenarios[0].control.law,)))
+    for one in scenarios:
         _require_suitable(one, laws)
     use_double_precision()
     from jaxsat.report.front import front_document, write_front
@@ -78,13 +78,13 @@ def front(
     out = output.out or Path("jaxsat-front")
 
     with OutputFolder(out, kind="front", overwrite=output.overwrite) as folder:
-        results = interruptibly(lambda: [_front(one, laws, guesses, end) for one in chosen])
-        meaning = end_data(end, tolerances_at(chosen[0], end))
+        results = interruptibly(lambda: [_front(one, laws, guesses, end) for one in scenarios])
+        meaning = end_data(end, tolerances_at(scenarios[0], end))
         fronts = [one.as_data() for one in results]
         record = {"command": command_line(), **meaning, "fronts": fronts, **provenance()}
-        interruptibly(lambda: write_front(folder.write, chosen[0].title, record))
+        interruptibly(lambda: write_front(folder.write, scenarios[0].title, record))
     if not output.quiet:
-        print_document(front_document(chosen[0].title, record))
+        print_document(front_document(scenarios[0].title, record))
         print_stdout(f"written to {out}")
     return SUCCESS if all(one.points for one in results) else FAILED_RUN
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def listener(target: Path, results: Resumable) -> "Listener":
-    """One that shows progress, prints each remark once, and refuses too much work."""
+    """A listener that shows progress, prints each remark once, and refuses too much work."""
     from jaxsat.synthesis.execution import Listener
 
     remarks: set[str] = set()
@@ -56,10 +56,10 @@ def show(what: str, progress: Any) -> None:
 
 def progress_text(progress: "StudyProgress") -> str:
     """One line on how far a study is."""
-    left = f"{progress.seconds_left:.0f} s left" if progress.seconds_left >= 1 else "finishing"
+    remainder = f"{progress.seconds_left:.0f} s left" if progress.seconds_left >= 1 else "finishing"
     return (
         f"{progress.done} of {progress.count} cases, {progress.rate:.1f} per second, "
-        f"{left}, {progress.fraction_settled:.1%} settled"
+        f"{remainder}, {progress.fraction_settled:.1%} settled"
     )
 
 

@@ -76,7 +76,7 @@ class Saved:
     history: Instants = None
 
     def places(self) -> list[tuple[str, Path]]:
-        """Those that are asked for, by their option."""
+        """The files and folders that are asked for, each after the name of its option."""
         options = (("--figures", self.figures), ("--csv", self.csv))
         return [(option, place) for option, place in options if place is not None]
 
@@ -136,10 +136,10 @@ def montecarlo(
     _refuse_contradictions(case, controller, saved, sharing, results)
     suffix = ".zarr" if case is None else f"-{case}"
     target = results.out or Path(f"jaxsat-{Path(scenario).stem}{suffix}")
-    planned = _planned(target, saved, results, store=case is None)
+    report = _plan_report(target, saved, results, store=case is None)
     chosen = load_scenario(scenario, overrides, "study")
     rule = None if until_ci is None else _stop_rule(until_ci)
-    chosen, study = _built(
+    chosen, study = _build_study(
         chosen,
         count,
         results.quiet,
@@ -159,7 +159,7 @@ def montecarlo(
     else:
         overwrite, quiet = results.overwrite, results.quiet
         write_one_case(chosen, study, case, target, overwrite=overwrite, quiet=quiet)
-    finish_report(planned, quiet=results.quiet)
+    finish_report(report, quiet=results.quiet)
     return SUCCESS
 
 
@@ -181,7 +181,7 @@ def _refuse_contradictions(
         )
 
 
-def _planned(
+def _plan_report(
     target: Path, saved: Saved, results: Resumable, *, store: bool
 ) -> PlannedReport | None:
     """The report that is asked for; raises `UserMistake` for places that cannot be written to."""
@@ -195,10 +195,10 @@ def _planned(
     return planned_report(results, target, store=store)
 
 
-def _built(
+def _build_study(
     scenario: "Scenario", count: int, quiet: bool, **keys: Any
 ) -> tuple["Scenario", "Study"]:
-    """What `refined_study` makes of this; raises `UserMistake`."""
+    """The scenario and the study that `refined_study` makes; raises `UserMistake`."""
     use_double_precision()
     from jaxsat.scenario.build.study import refined_study
 
@@ -230,19 +230,19 @@ def _write_study(
     )
     require_approval([study_work(study, rule)], target, yes=results.yes, quiet=results.quiet)
     try:
-        counted = _run(study, target, executor, rule, results.elsewhere)
+        count = _run(study, target, executor, rule, results.elsewhere)
         show_progress("summarising")
-        summary = interruptibly(lambda: _summary(target, counted))
+        summary = interruptibly(lambda: _summary(target, count))
         if saved.figures is not None:
             show_progress("drawing figures")
             write_figures(saved.figures, scenario.title, study, target, summary)
         if saved.csv is not None:
             show_progress("writing the table")
-            write_csv(saved.csv, target, counted, overwrite=results.overwrite)
+            write_csv(saved.csv, target, count, overwrite=results.overwrite)
     except (KeyboardInterrupt, Terminated) as stop:
         with contextlib.suppress(KeyboardInterrupt, Terminated):  # a second one does not wait
             executor.stop()
-        raise type(stop)(_what_is_left(target)) from None
+        raise type(stop)(_interruption_text(target)) from None
     excess = excessive_error((summary.rate_error, summary.attitude_error), scenario)
     if excess:
         print_warning(excess)
@@ -251,21 +251,21 @@ def _write_study(
 
         tables, again = scenario.model_dump(exclude_none=True), "`--case` reruns one of them."
         print_document(study_document(summary, tables, again))
-        written = [target, *(place for _, place in saved.places())]
-        print_stdout(f"written to {', '.join(map(str, written))}")
+        places = [target, *(place for _, place in saved.places())]
+        print_stdout(f"written to {', '.join(map(str, places))}")
 
 
-def _what_is_left(target: Path) -> str:
+def _interruption_text(target: Path) -> str:
     if not target.exists():
         return "nothing was written"
     return f"the finished chunks are in {target}; the same command resumes"
 
 
-def _summary(target: Path, counted: int) -> "Summary":
+def _summary(target: Path, count: int) -> "Summary":
     from jaxsat.store.ledger import study_columns
     from jaxsat.studies.summary import summarise
 
-    return summarise(study_columns(target), counted)
+    return summarise(study_columns(target), count)
 
 
 def _stop_rule(text: str) -> "StopRule":

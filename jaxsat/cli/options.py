@@ -34,15 +34,17 @@ MIN_LIMIT, MAX_LIMIT = 0.01, 1000.0
 MAX_NAME_LENGTH, MAX_PATH_LENGTH = 255, 4095
 """Bytes that Linux and macOS take for one name, and for a path."""
 
-SHOWN = 60
-"""Characters of a wrong value that are told."""
+MAX_VALUE_LENGTH = 60
+"""Characters of a wrong value that a message shows."""
 
 _WHOLE = re.compile(r"[+-]?\d{1,40}(\.\d{1,40})?([eE][+-]?\d{1,2})?", re.ASCII)
 
 
 def mistake(option: str, must: str, got: object) -> UserMistake:
     """The one form of a message about an option."""
-    return UserMistake(f"{option}: must be {must}, got {clean(str(got), SHOWN) or 'nothing'}")
+    return UserMistake(
+        f"{option}: must be {must}, got {clean(str(got), MAX_VALUE_LENGTH) or 'nothing'}"
+    )
 
 
 def _converter(convert: Callable[[str, str], Any]) -> Callable:

@@ -12,15 +12,15 @@ if TYPE_CHECKING:
     from jaxsat.store.folder import OutputFolder
 
 
-class _Opened(Exception):
+class _EndOfTrial(Exception):
     """Ends a folder that was opened only to see whether it can be."""
 
 
 def try_folder(open_folder: "Callable[[], OutputFolder]") -> None:
     """Raise `OutputError` now for a folder that could not be written later."""
 
-    with contextlib.suppress(_Opened), open_folder():
-        raise _Opened
+    with contextlib.suppress(_EndOfTrial), open_folder():
+        raise _EndOfTrial
 
 
 def refuse_nested(first: tuple[str, Path], second: tuple[str, Path]) -> None:

@@ -56,20 +56,20 @@ class _Display:
         due = FIRST_DELAYS_S[0] if self._live else FIRST_DELAYS_S[1]
         drawing = 0
         while not self._end.wait(max(0.0, due - self._elapsed())):
-            elapsed = self._elapsed()
+            seconds = self._elapsed()
             with self.lock:
                 if self._live:
-                    self._draw(SPINNER[drawing % len(SPINNER)], elapsed)
+                    self._draw(SPINNER[drawing % len(SPINNER)], seconds)
                 else:
-                    _write(f"jaxsat: {clean(self.text)} ({elapsed:.0f} s)\n")
+                    _write(f"jaxsat: {clean(self.text)} ({seconds:.0f} s)\n")
             drawing += 1
-            due = elapsed + (REDRAW_INTERVAL_S if self._live else until_next_line(elapsed))
+            due = seconds + (REDRAW_INTERVAL_S if self._live else until_next_line(seconds))
 
-    def _draw(self, mark: str, elapsed: float) -> None:
+    def _draw(self, mark: str, seconds: float) -> None:
         from rich.cells import set_cell_size
 
         room = max(0, shutil.get_terminal_size().columns - 1)
-        line = f"{mark} {clean(self.text)} ({elapsed:.0f} s)"
+        line = f"{mark} {clean(self.text)} ({seconds:.0f} s)"
         _write(ERASE + set_cell_size(line, room).rstrip())
         self._shown = True
 
@@ -97,14 +97,14 @@ def showing_progress(text: str) -> Iterator[None]:
 
 
 def show_progress(text: str) -> None:
-    """What the command is at now."""
+    """Show what the command does now."""
     display = _display
     if display is not None:
         display.text = text
 
 
 def stop_progress() -> None:
-    """No more of it, such as for a command that is to be quiet."""
+    """Show no more progress, as for a command that is to be quiet."""
     global _display
     display, _display = _display, None
     if display is not None:
@@ -113,7 +113,7 @@ def stop_progress() -> None:
 
 @contextmanager
 def between_drawings() -> Iterator[None]:
-    """Other output goes out inside this, with no live line in its way."""
+    """Inside this, other output goes out with no live line in its way."""
     display = _display
     if display is None:
         yield
@@ -131,7 +131,7 @@ def _is_live() -> bool:
 
 
 def _write(text: str) -> None:
-    """To standard error, and if it has gone, nowhere: progress is never a reason to fail."""
+    """Write to standard error, and if it has gone, nowhere: progress is no reason to fail."""
     try:
         sys.stderr.write(text)
         sys.stderr.flush()

@@ -99,13 +99,13 @@ def planned_report(options: Results, results: Path, *, store: bool = False) -> P
     return PlannedReport(results, file, inside=False, overwrite=overwrite)
 
 
-def finish_report(planned: PlannedReport | None, *, quiet: bool) -> None:
+def finish_report(plan: PlannedReport | None, *, quiet: bool) -> None:
     """Write the page that was asked for, and say where it is."""
-    if planned is None:
+    if plan is None:
         return
-    planned.write()
+    plan.write()
     if not quiet:
-        print_stdout(f"report written to {planned.file}")
+        print_stdout(f"report written to {plan.file}")
 
 
 def _require_packages() -> None:

@@ -35,7 +35,7 @@ def reproduce(
         Output folder; by default jaxsat-reproduction.
     """
     out, quiet = results.out or Path("jaxsat-reproduction"), results.quiet
-    planned = planned_report(results, out)
+    report = planned_report(results, out)
 
     from jaxsat.store.folder import OutputFolder
 
@@ -48,11 +48,11 @@ def reproduce(
     if not quiet:
         print_document(document)
         print_stdout(f"written to {out}: verdicts.md, figures (PNG, SVG), trajectories (netCDF)")
-    finish_report(planned, quiet=quiet)
-    failed = [name for name, data in datasets.items() if data.attrs["outcome_code"] != 0]
-    if failed:
+    finish_report(report, quiet=quiet)
+    failed_runs = [name for name, data in datasets.items() if data.attrs["outcome_code"] != 0]
+    if failed_runs:
         print_stderr(
-            f"these runs ended early, so their claims are not reliable: {', '.join(failed)}"
+            f"these runs ended early, so their claims are not reliable: {', '.join(failed_runs)}"
         )
         return FAILED_RUN
     return SUCCESS
@@ -71,14 +71,14 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
             print_stderr(f"[{number}/{len(RUNS)}] {run.purpose}", "")
         show_progress(f"simulating {name}, run {number} of {len(RUNS)}")
         scenario = load_scenario(run.scenario, run.overrides)
-        built = build(scenario)
-        trajectory = interruptibly(built.simulate)
+        simulation = build(scenario)
+        trajectory = interruptibly(simulation.simulate)
         datasets[name] = trajectory_dataset(
             trajectory,
             title=run.purpose,
             scenario=dump(scenario),
             seed=scenario.simulation.seed,
-            modes=built.modes,
+            modes=simulation.modes,
         )
     return datasets
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from jaxsat.scenario import Scenario
 
 TABLES = ("orbit", "initial", "control", "simulation")
-"""Of a scenario that is more than a vehicle."""
+"""Tables of a scenario that is more than a vehicle."""
 
 scenarios = App(name="scenarios", help="List, show and check scenarios.", help_format="plaintext")
 
@@ -58,9 +58,9 @@ def show(name: str, /, *, printed: Printed = Printed()) -> int:
     names = library()
     if name not in names:
         hint = suggestion(name, names)
-        shown = clean(name, MAX_PLACE_LENGTH)
+        text = clean(name, MAX_PLACE_LENGTH)
         raise UserMistake(
-            f"{shown}: must be a scenario of jaxsat ({', '.join(names)}), got another name{hint}"
+            f"{text}: must be a scenario of jaxsat ({', '.join(names)}), got another name{hint}"
         )
     print_text(names[name].read_text(encoding="utf-8"))
     return SUCCESS
@@ -124,8 +124,8 @@ def _verdict(file: str, overrides: Sequence[str]) -> list[str]:
             f"  not for the others: {', '.join(TABLES)} must be given",
         ]
     scenario = load_scenario(file, overrides, "tuning")
-    refused = [f"  {refusal}" for refusal in refusals(scenario)]
-    return [f"{clean(file)}: valid ({scenario.title})", *refused]
+    refusal_lines = [f"  {refusal}" for refusal in refusals(scenario)]
+    return [f"{clean(file)}: valid ({scenario.title})", *refusal_lines]
 
 
 def refusals(scenario: "Scenario") -> Iterator[str]:

@@ -57,13 +57,13 @@ def simulate(
     """
     chosen = load_scenario(scenario, overrides)
     target = results.out or Path(f"jaxsat-{Path(scenario).stem}")
-    planned = planned_report(results, target)
+    report = planned_report(results, target)
 
     from jaxsat.scenario.resolution import excessive_error, refined
     from jaxsat.store.folder import OutputFolder
 
-    written = OutputFolder(target, kind="run", overwrite=results.overwrite)
-    with dask_unseen(), written as folder:
+    output_folder = OutputFolder(target, kind="run", overwrite=results.overwrite)
+    with dask_unseen(), output_folder as folder:
         show_progress(f"simulating {scenario}")
         in_background("jaxsat.report.figures")
         remarks: list[str] = []
@@ -90,7 +90,7 @@ def simulate(
 
         print_document(run_document(dataset))
         print_stdout(f"{seconds:.1f} s with compilation; written to {target}: {', '.join(files)}")
-    finish_report(planned, quiet=results.quiet)
+    finish_report(report, quiet=results.quiet)
     if dataset.attrs["outcome_code"] == 0:
         return SUCCESS
     print_stderr(f"{failure_advice(dataset)}; the results so far were written to {target}")
@@ -163,9 +163,9 @@ def failure_advice(dataset: "xr.Dataset") -> str:
     import numpy as np
 
     good = np.isfinite(dataset["omega"].values).all(axis=1)
-    reached = float(dataset["time"].values[good][-1]) if good.any() else 0.0
+    end = float(dataset["time"].values[good][-1]) if good.any() else 0.0
     outcome = dataset.attrs["outcome"]
     return (
-        f"the run ended early, after t = {reached:g} s ({dataset.attrs['outcome_explanation']}); "
+        f"the run ended early, after t = {end:g} s ({dataset.attrs['outcome_explanation']}); "
         f"{ADVICE[outcome]}"
     )

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def write_figures(
     folder: Path, title: str, study: "Study", store: Path, summary: "Summary"
 ) -> None:
-    """The figures of a study in its store, into a folder of their own."""
+    """Write the figures of a study in its store into a folder of their own."""
     from jaxsat.report.study_figures import write_study_figures
 
     def write() -> None:
@@ -47,7 +47,7 @@ def refuse_csv(path: Path, *, overwrite: bool) -> None:
 
 
 def write_csv(path: Path, store: Path, count: int, *, overwrite: bool) -> None:
-    """The first `count` cases of a store as CSV."""
+    """Write the first `count` cases of a store as CSV."""
     from jaxsat.store.tables import save_case_table
 
     interruptibly(lambda: save_case_table(store, path, count=count, overwrite=overwrite))
@@ -62,7 +62,7 @@ def write_one_case(
     overwrite: bool,
     quiet: bool,
 ) -> None:
-    """One case again, as a folder like that of `jaxsat simulate`."""
+    """Compute one case again, and write a folder like that of `jaxsat simulate`."""
     from jaxsat.cli.simulate import figures_of
     from jaxsat.report.saving import save_figures
     from jaxsat.store.folder import OutputFolder
@@ -71,7 +71,7 @@ def write_one_case(
         with dask_unseen(), OutputFolder(target, kind="run", overwrite=overwrite) as folder:
             from jaxsat.store.dataset import dataset_bytes  # imports xarray
 
-            dataset, drawn = interruptibly(lambda: replayed(scenario, study, number))
+            dataset, draws = interruptibly(lambda: replayed(scenario, study, number))
             folder.write("scenario.toml", dataset.attrs["scenario"])
             folder.write("trajectory.nc", dataset_bytes(dataset))
             save_figures(lambda: figures_of(dataset), folder.write)
@@ -79,7 +79,7 @@ def write_one_case(
         raise UserMistake(str(error)) from None
     if not quiet:
         print_stdout(f"case {number}: {dataset.attrs['outcome_explanation']}")
-        for line in drawn:
+        for line in draws:
             print_stdout(line)
         print_stdout(f"written to {target}")
 
@@ -96,6 +96,6 @@ def replayed(
     for key, values in dataset.attrs.items():
         if not key.startswith("drawn_"):
             continue
-        name, shown = key.removeprefix("drawn_"), ", ".join(f"{value:.6g}" for value in values)
-        lines.append(f"{name:<24} {shown} {DISPERSIBLE[name].unit.replace('1', '')}".rstrip())
+        name, numbers = key.removeprefix("drawn_"), ", ".join(f"{value:.6g}" for value in values)
+        lines.append(f"{name:<24} {numbers} {DISPERSIBLE[name].unit.replace('1', '')}".rstrip())
     return dataset, lines

@@ -53,7 +53,7 @@ def tune(
     chosen = load_scenario(scenario, overrides, "tuning")
     use_double_precision()
     target = results.out or Path(f"jaxsat-{Path(scenario).stem}-tuned")
-    planned = planned_report(results, target)
+    report = planned_report(results, target)
 
     import jaxsat
     from jaxsat.synthesis.tuning.run import TUNED
@@ -78,5 +78,5 @@ def tune(
         print_document(outcome.document)
         print_stdout("")
         print_stdout(f"{'already ' if outcome.kept is not None else ''}written to {target}")
-    finish_report(planned, quiet=results.quiet)
+    finish_report(report, quiet=results.quiet)
     return SUCCESS
