@@ -78,10 +78,10 @@ class StoreArrays:
     def write_status(self, chunk: int, cases: int) -> None:
         """Say that so many cases of a chunk are done, if that is not what is said."""
         place = chunk_file(STATUS, STATUS_COLUMN, chunk)
-        wanted = encoded(STATUS_COLUMN, np.full(cases, DONE), self._header.chunk)
+        status = encoded(STATUS_COLUMN, np.full(cases, DONE), self._header.chunk)
         content = read_file(self._path / place)
-        if content != wanted and (cases or content is not None):
-            self._write_all({place: wanted})
+        if content != status and (cases or content is not None):
+            self._write_all({place: status})
 
     def _fit(self) -> None:
         """Room for the cases up to the last one done, all of them numbered."""
@@ -102,13 +102,13 @@ class StoreArrays:
         if rows == self._rows:
             return
         stale = {}
-        for name, wanted in self._header.metadata(rows).items():
+        for name, metadata in self._header.metadata(rows).items():
             place = f"{name}/{METADATA}"
             content = read_file(self._path / place)
-            if content == as_json(wanted):
+            if content == as_json(metadata):
                 continue
-            stale[place] = as_json(wanted)
-            if not differs_in_rows_alone(parse_json(content), wanted):
+            stale[place] = as_json(metadata)
+            if not differs_in_rows_alone(parse_json(content), metadata):
                 self._repairs.append(f"{place} was damaged and is written again")
         self._rows = None  # what it is while some say one thing and some another
         if read_file(self._path / METADATA) != self._header.content(rows):

@@ -79,7 +79,7 @@ def chunk_numbers(chunk: int, size: int, count: int) -> np.ndarray:
 
 
 def chunk_file(name: str, column: Column, chunk: int) -> str:
-    """Where a column's chunk lies in the store."""
+    """The place of a column's chunk in the store."""
     return "/".join([name, "c", str(chunk), *("0" for _ in column.shape)])
 
 
@@ -92,21 +92,21 @@ def encoded(column: Column, values: np.ndarray, size: int) -> bytes:
     """The file of a chunk of `size` cases; values (cases, ...) of fewer are filled up."""
     whole = np.full((size, *column.shape), column.fill, _stored_type(column))
     whole[: len(values)] = values
-    return _packed(whole.tobytes())
+    return _compress(whole.tobytes())
 
 
-def _packed(plain: bytes) -> bytes:
-    packed = bytes(_ZSTD.encode(plain))
-    return packed + google_crc32c.value(packed).to_bytes(_CHECKSUM_BYTES, "little")
+def _compress(plain: bytes) -> bytes:
+    compressed = bytes(_ZSTD.encode(plain))
+    return compressed + google_crc32c.value(compressed).to_bytes(_CHECKSUM_BYTES, "little")
 
 
 def decoded(column: Column, data: bytes, size: int) -> np.ndarray:
     """The values (size, ...) in a chunk's file; raises `ValueError` for what is none."""
-    packed, checksum = data[:-_CHECKSUM_BYTES], data[-_CHECKSUM_BYTES:]
-    if google_crc32c.value(packed).to_bytes(_CHECKSUM_BYTES, "little") != checksum:
+    compressed, checksum = data[:-_CHECKSUM_BYTES], data[-_CHECKSUM_BYTES:]
+    if google_crc32c.value(compressed).to_bytes(_CHECKSUM_BYTES, "little") != checksum:
         raise ValueError("the checksum is another one")
     try:
-        plain = _ZSTD.decode(packed)
+        plain = _ZSTD.decode(compressed)
     except RuntimeError as error:
         raise ValueError(str(error)) from error
     values = np.frombuffer(plain, _stored_type(column)).reshape(size, *column.shape)
@@ -139,7 +139,7 @@ def coordinate_files(name: str, coordinate: Coordinate) -> dict[str, bytes]:
         [name],
         coordinate.attributes,
     )
-    return {f"{name}/{METADATA}": as_json(metadata), f"{name}/c/0": _packed(plain)}
+    return {f"{name}/{METADATA}": as_json(metadata), f"{name}/c/0": _compress(plain)}
 
 
 def _array_metadata(
@@ -172,12 +172,12 @@ def _array_metadata(
     }
 
 
-def differs_in_rows_alone(metadata: Any, wanted: Mapping[str, Any]) -> bool:
+def differs_in_rows_alone(metadata: Any, model: Mapping[str, Any]) -> bool:
     """Whether array metadata is that of the same array with room for more or fewer cases."""
     shape = metadata.get("shape") if isinstance(metadata, dict) else None
     if not isinstance(shape, list) or not shape or not isinstance(shape[0], int):
         return False
-    return metadata == {**wanted, "shape": [shape[0], *wanted["shape"][1:]]}
+    return metadata == {**model, "shape": [shape[0], *model["shape"][1:]]}
 
 
 def group_metadata(

@@ -51,8 +51,10 @@ def trajectory_dataset(
     """
     signals = trajectory.signals
     variables = {
-        **_labelled(vars(signals) | signals.parts, VARIABLES | _undeclared(signals), ("time",)),
-        **_labelled(vars(trajectory.assessment), TOTALS, ()),
+        **_label_variables(
+            vars(signals) | signals.parts, VARIABLES | _labels_of_own_signals(signals), ("time",)
+        ),
+        **_label_variables(vars(trajectory.assessment), TOTALS, ()),
     }
     axis = diagnosed_axis(signals)
     for name in {"diagnosed_kind", "detection_statistic"} & set(variables):
@@ -74,7 +76,7 @@ def trajectory_dataset(
         if axis in axes:
             sizes = (one.sizes[axis] for one in variables.values() if axis in one.dims)
             names = part_names(scenario, axis, next(sizes))
-            labels[axis] = [int(name) for name in names] if _numbered(names) else names
+            labels[axis] = [int(name) for name in names] if _are_numbers(names) else names
     if ALL_PARTS in axes:
         kinds = [(kind, variables[name].shape[-1]) for kind, name in DIAGNOSED_PARTS.items()]
         labels[ALL_PARTS] = [
@@ -87,13 +89,13 @@ def trajectory_dataset(
     )
 
 
-def _numbered(names: list[str]) -> bool:
+def _are_numbers(names: list[str]) -> bool:
     """Whether no part has a name of its own."""
     return all(name.isdecimal() for name in names)
 
 
-def _undeclared(signals: Signals) -> dict[str, Label]:
-    """Labels of what a law of a user's own tells besides."""
+def _labels_of_own_signals(signals: Signals) -> dict[str, Label]:
+    """Labels of the signals that a user's own law tells besides."""
     return {
         name: Label((f"{name}_component",) * (np.ndim(one) - 1), "1", name.replace("_", " "))
         for name, one in signals.parts.items()
@@ -159,10 +161,10 @@ def dataset_bytes(dataset: xr.Dataset) -> bytes:
     encoding: dict[Any, dict[str, Any]] = {}
     for name, variable in dataset.variables.items():
         if variable.ndim:  # HDF5 has filters for arrays alone
-            checked = variable.dtype.kind in "biuf"
-            compressed = name in dataset.data_vars
-            encoding[name] = {"fletcher32": True} if checked else {}
-            encoding[name] |= {"zlib": True, "complevel": 4} if compressed else {}
+            has_checksum = variable.dtype.kind in "biuf"
+            is_data = name in dataset.data_vars
+            encoding[name] = {"fletcher32": True} if has_checksum else {}
+            encoding[name] |= {"zlib": True, "complevel": 4} if is_data else {}
     buffer = io.BytesIO()
     dataset.to_netcdf(buffer, engine="h5netcdf", encoding=encoding)
     return buffer.getvalue()
@@ -187,10 +189,10 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
         raise OutputError(f"{file} cannot be read as netCDF 4: {one_line(error)}.") from error
 
 
-def _labelled(
+def _label_variables(
     values: Mapping[str, Any], labels: Mapping[str, Label], first: tuple[str, ...]
 ) -> dict[str, xr.Variable]:
-    """The values that there are of those with labels."""
+    """The labelled variables of those `values` that are there."""
     return {
         name: xr.Variable(
             (*first, *label.dimensions),
@@ -241,7 +243,7 @@ _within = jax.jit(within)
 
 
 def is_within(dataset: xr.Dataset, tolerances: Tolerances | None = None) -> np.ndarray:
-    """At which of the saved times attitude and relative rate are all within the tolerances."""
+    """Whether attitude and relative rate are within the tolerances, at each of the saved times."""
     w, z, rate = (jax.numpy.asarray(dataset[name].values) for name in ("w", "z", "relative_rate"))
     return np.asarray(_within(w, z, rate, Tolerances() if tolerances is None else tolerances))
 
@@ -271,7 +273,7 @@ def _total(dataset: xr.Dataset, name: str) -> float:
 
 
 MOST_TURN = 2 * np.pi / 3
-"""Between two records (rad): from half a turn on, nobody can tell which way it went."""
+"""The largest turn (rad) between two records: from half a turn on, its sense is ambiguous."""
 
 
 def coarseness(dataset: xr.Dataset) -> str:

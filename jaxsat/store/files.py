@@ -40,7 +40,7 @@ class OutputError(JaxsatError):
 
 
 def system_failure(path: str | Path, verb: str, error: OSError, more: str = "") -> OutputError:
-    """That a place cannot be `verb` ("read", "written"), and why, with `more` behind it.
+    """The error that a place cannot be `verb` ("read", "written"), and why, with `more` behind it.
 
     It is a failure if the system's error is one of the disk.
     """
@@ -94,7 +94,7 @@ def content_hash(data: bytes, place: str = "") -> str:
 
 
 Content = str | bytes | Iterable[bytes]
-"""Of a file; pieces are written as they come."""
+"""The content of a file; pieces are written as they come."""
 
 
 def write_file(

@@ -9,7 +9,15 @@ from pathlib import Path
 from types import TracebackType
 
 from jaxsat.store.files import OutputError, explained, sync_file, sync_folder, system_failure
-from jaxsat.store.marker import MARKER, Made, Marker, abbreviated, foreign_files_in, nothing, walk
+from jaxsat.store.marker import (
+    MARKER,
+    Marker,
+    NameTest,
+    abbreviated,
+    foreign_files_in,
+    nothing,
+    walk,
+)
 from jaxsat.store.temporary import TemporaryFolder, temporary_folder
 
 
@@ -36,7 +44,7 @@ class OutputFolder:
         kind: str = "result",
         overwrite: bool = False,
         option: str = "--out",
-        is_made_of_it: Made = nothing,
+        is_made_of_it: NameTest = nothing,
     ):
         self.target = Path(os.path.realpath(target))
         self.overwrite = overwrite
@@ -129,8 +137,8 @@ class OutputFolder:
         try:
             self._make_durable()
             self._refuse_what_is_there()
-            replaced = self.target.exists()
-            if replaced:
+            is_replacement = self.target.exists()
+            if is_replacement:
                 _swap(self.path, self.target)
             else:
                 self.path.rename(self.target)
@@ -138,7 +146,7 @@ class OutputFolder:
             self._made.remove()
             raise
         sync_folder(self.target.parent)
-        if replaced:
+        if is_replacement:
             self._remove_replaced()
 
     def _make_durable(self) -> None:

@@ -92,7 +92,7 @@ class Header(NamedTuple):
 
 
 def _consolidated_rows(data: Any) -> int | None:
-    """For how many cases the metadata of the arrays is in a `zarr.json`; None where it is not."""
+    """The cases for which the metadata of the arrays is in a `zarr.json`; None where it is not."""
     try:
         rows = data["consolidated_metadata"]["metadata"][STATUS]["shape"][0]
     except (KeyError, TypeError, IndexError):
@@ -112,37 +112,40 @@ def read_header(path: Path) -> Header:
     none = OutputError(f"{path} is no store of jaxsat; give another folder.")
     if content is None:
         raise none
-    damaged = OutputError(
+    damage = OutputError(
         f"{path / METADATA} is damaged, or not jaxsat's: the study in the store cannot be "
         "identified; restore a copy of the file, or give another folder."
     )
     data = parse_json(content)
-    kept = data.get("attributes") if isinstance(data, dict) else None
-    if not isinstance(kept, dict):
-        raise damaged
-    if "jaxsat_format" not in kept:
+    attributes = data.get("attributes") if isinstance(data, dict) else None
+    if not isinstance(attributes, dict):
+        raise damage
+    if "jaxsat_format" not in attributes:
         raise none
-    if kept["jaxsat_format"] != FORMAT:
+    if attributes["jaxsat_format"] != FORMAT:
         raise OutputError(
-            f"{path} is a store of another version of jaxsat (format {kept['jaxsat_format']}, not "
-            f"{FORMAT}), which this one neither reads nor continues; give another folder. "
+            f"{path} is a store of another version of jaxsat (format "
+            f"{attributes['jaxsat_format']}, not {FORMAT}), which this one neither reads nor "
+            "continues; give another folder. "
             "xarray.open_zarr(path, consolidated=False) reads what is in it."
         )
-    check = kept.pop("check", None)
-    if check != _hash(kept):
-        raise damaged
+    check = attributes.pop("check", None)
+    if check != _hash(attributes):
+        raise damage
     try:
-        columns = {name: _column(entry) for name, entry in kept["columns"].items()}
+        columns = {name: _column(entry) for name, entry in attributes["columns"].items()}
         coordinates = {
             name: Coordinate(tuple(values), *label)
-            for name, (values, *label) in kept["coordinates"].items()
+            for name, (values, *label) in attributes["coordinates"].items()
         }
-        header = Header(kept["identity"], kept["runs"], columns, coordinates, kept["chunk"])
-        sound = _is_sound(header) and header.is_group(data, kept)
+        header = Header(
+            attributes["identity"], attributes["runs"], columns, coordinates, attributes["chunk"]
+        )
+        sound = _is_sound(header) and header.is_group(data, attributes)
     except (KeyError, TypeError, ValueError, AttributeError, IndexError):
-        raise damaged from None
+        raise damage from None
     if not sound:
-        raise damaged
+        raise damage
     return header
 
 
@@ -167,33 +170,35 @@ def _hash(data: Any) -> str:
     return content_hash(json.dumps(data, sort_keys=True).encode())
 
 
-SHOWN = 6
+MOST_DIFFERENCES = 6
 """Differences between two studies that are told."""
 
 PROGRAM = "program"
-"""What of an identity a scenario does not name, or names better."""
+"""The part of an identity that a scenario does not name, or names better."""
 
 NUMBERS = "numbers"
-"""What of a program has no names; told where nothing with a name differs."""
+"""The part of a program that has no names; told where nothing with a name differs."""
 
 OPERATIONS = "operations"
-"""What of a program is a hash of its traced operations, told where nothing else explains it."""
+"""The part of a program that is a hash of its operations, told where nothing else explains it."""
 
 OTHER_PROGRAM = "the program differs, as after a change of the law, of another part or of a library"
 
 
 def differences(old: Any, new: Any) -> list[str]:
-    """Where two nests of plain data differ, one clause for each place; of many the first few."""
+    """Clauses on where two nests of plain data differ, one a place; of many the first few."""
     places = sorted(
         _differences(old, new), key=lambda place: (place[0][:1] == (PROGRAM,), place[0])
     )
-    named = [place for place in places if not _is_operations(place[0])]
-    named = [place for place in named if not _is_number(place[0])] or named
-    clauses = [f"{'.'.join(path)}: {_short(x)} there, {_short(y)} here" for path, x, y in named]
-    if places and not named:
+    named_places = [place for place in places if not _is_operations(place[0])]
+    named_places = [place for place in named_places if not _is_number(place[0])] or named_places
+    clauses = [
+        f"{'.'.join(path)}: {_short(x)} there, {_short(y)} here" for path, x, y in named_places
+    ]
+    if places and not named_places:
         clauses = [OTHER_PROGRAM]
-    more = len(clauses) - SHOWN
-    return [*clauses[:SHOWN], f"and {more} more"] if more > 0 else clauses
+    more = len(clauses) - MOST_DIFFERENCES
+    return [*clauses[:MOST_DIFFERENCES], f"and {more} more"] if more > 0 else clauses
 
 
 def _is_operations(path: tuple[str, ...]) -> bool:

@@ -17,7 +17,7 @@ AXES: dict[str, tuple[str, ...]] = {
     "euler_axis": ("roll", "pitch", "yaw"),
     "product_of_inertia": ("xy", "xz", "yz"),
 }
-"""By axis; the components along any other one are numbered from 1."""
+"""The names of the components along each axis; those along any other axis are numbered from 1."""
 
 
 PARTS = tuple(one.name for one in ACTUATORS)
@@ -27,7 +27,7 @@ ALL_PARTS = "actuator"
 """The axis of what is told of thrusters and wheels together, in this order."""
 
 DIAGNOSED_PARTS = {"thruster": "thrust_level", "wheel": "wheel_momentum"}
-"""Those, and a variable with as many of each."""
+"""The kinds along `ALL_PARTS`, each with a variable that has a component for every part of it."""
 
 SETTLED, UNSETTLED = "settled", "unsettled"
 """How a case that reached its end is called; any other is called by its failure."""
@@ -106,7 +106,7 @@ RANGES = {
     "largest": ("torque_max", "largest"),
     "mean": ("torque_mean", "mean"),
 }
-"""Of the torque from each saved time to the next, where that differs from the torque saved."""
+"""The range of the torque from each saved time to the next, where it differs from that saved."""
 
 TOTALS = {
     "settled_from": Label(
@@ -116,7 +116,7 @@ TOTALS = {
     "effort": Label(("body_axis",), "N m s", "integral of the size of the torque"),
     "constraint_effort": Label((), "N m s", "the same of the torque that holds the third rate"),
 }
-"""Of the whole run, judged on the integrator's steps and not at the saved times."""
+"""Totals of the whole run, judged on the integrator's steps and not at the saved times."""
 
 ERRORS = {
     "rate_error_estimate": (
@@ -128,7 +128,7 @@ ERRORS = {
         Label((), "rad", "error of the attitude that the length of the steps leaves"),
     ),
 }
-"""Of equal steps, see `IntegrationError`."""
+"""Error estimates of runs with equal steps, see `IntegrationError`."""
 
 
 def flags_of(column: Any) -> tuple[str, ...]:
@@ -159,9 +159,9 @@ def part_names(scenario: str, kind: str, count: int) -> list[str]:
         for number, one in enumerate(tables, 1)
         for _ in range(2 if one.get("two_sided") else 1)
     ]
-    for named in ([name for name, _ in parts], [name for name, failed in parts if not failed]):
-        if len(named) == count:
-            return distinct(named)
+    for names in ([name for name, _ in parts], [name for name, failed in parts if not failed]):
+        if len(names) == count:
+            return distinct(names)
     return [str(number + 1) for number in range(count)]
 
 

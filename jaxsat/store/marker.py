@@ -32,26 +32,26 @@ FORMAT = 2
 EARLIER = b'"written_by"'
 """What markers of format 1 have and no later one; files beside one are read as they are."""
 
-OF_SYSTEMS = frozenset({".DS_Store", "Thumbs.db", "desktop.ini", ".directory"})
-"""Files that file managers leave wherever they look, and that hold nothing of anybody's."""
+SYSTEM_FILES = frozenset({".DS_Store", "Thumbs.db", "desktop.ini", ".directory"})
+"""Files that file managers leave in every folder that they open; they hold no data of a user."""
 
 APPLE_DOUBLE = b"\x00\x05\x16\x07"
 """How a file `._NAME` begins in which macOS keeps what another file system cannot hold of NAME."""
 
 
-Made = Callable[[str], bool]
+NameTest = Callable[[str], bool]
 """Whether a file or folder is one that a build makes of what jaxsat wrote, by its name within."""
 
 
 def nothing(name: str) -> bool:
-    """That a build makes nothing, whatever the name."""
+    """False: a build makes nothing, whatever the name."""
     return False
 
 
 def _is_of_system(path: Path) -> bool:
     """Whether a plain file is one that a system leaves; raises `OSError`."""
     if not path.name.startswith("._"):
-        return path.name in OF_SYSTEMS
+        return path.name in SYSTEM_FILES
     with path.open("rb") as file:
         return file.read(len(APPLE_DOUBLE)) == APPLE_DOUBLE
 
@@ -153,7 +153,7 @@ class Marker:
         """Remove the file that a killed process was about to write."""
         self._partial.unlink(missing_ok=True)
 
-    def foreign_files(self, is_made_of_it: Made = nothing) -> list[str]:
+    def foreign_files(self, is_made_of_it: NameTest = nothing) -> list[str]:
         """What is in the folder and not proven to be as jaxsat wrote it, nor what a build makes of
         that, as `is_made_of_it` tells of a name; raises `OSError`."""
         folders = {parent.as_posix() for name in self._hashes for parent in Path(name).parents}
@@ -172,7 +172,7 @@ class Marker:
                 foreign.append(name)
         return sorted(foreign)
 
-    def remove_folder(self, is_made_of_it: Made = nothing) -> list[str]:
+    def remove_folder(self, is_made_of_it: NameTest = nothing) -> list[str]:
         """Remove the folder if all of it is jaxsat's; else nothing, and say what is not."""
         foreign_files = self.foreign_files(is_made_of_it)
         if foreign_files:
@@ -251,8 +251,8 @@ def walk(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
     Raises `OSError`.
     """
     with os.scandir(folder / within) as entries:
-        ordered = sorted(entries, key=lambda entry: entry.name)
-    for entry in ordered:
+        sorted_entries = sorted(entries, key=lambda entry: entry.name)
+    for entry in sorted_entries:
         name = f"{within}{entry.name}"
         mode = entry.stat(follow_symlinks=False).st_mode
         yield name, mode
@@ -260,7 +260,7 @@ def walk(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
             yield from walk(folder, f"{name}/")
 
 
-def foreign_files_in(folder: Path, is_made_of_it: Made = nothing) -> list[str]:
+def foreign_files_in(folder: Path, is_made_of_it: NameTest = nothing) -> list[str]:
     """What is in a folder and not proven to be jaxsat's: all of it if there is no marker.
 
     Raises `OSError`.

@@ -30,13 +30,13 @@ class ResumableFolder:
         with explained(path, "made"):
             if is_absent_or_empty(self.path):
                 self._new = True
-                make_folder(self.path, kind, {}, lambda made: Marker.make(made, kind, about))
+                make_folder(self.path, kind, {}, lambda folder: Marker.make(folder, kind, about))
         if not self.path.is_dir():
             raise OutputError(f"{path} is a file; give another folder with --out.")
         self._lock = lock_folder(self.path)
         try:
             with explained(path, "read"):
-                self._marker = self._known()
+                self._marker = self._read_marker()
             self.about = self._marker.about
         except BaseException:
             self.close()
@@ -74,7 +74,7 @@ class ResumableFolder:
         return name in names and all((self.path / one).is_file() for one in names)
 
     def read(self, name: str) -> bytes | None:
-        """What was written to a file; None if it is not there.
+        """The content that was written to a file; None if the file is not there.
 
         Raises `OutputError` for one that is not as it was written.
         """
@@ -95,7 +95,7 @@ class ResumableFolder:
             (self.path / name).parent.mkdir(exist_ok=True)
             self._marker.write(name, data)
 
-    def _known(self) -> Marker:
+    def _read_marker(self) -> Marker:
         marker = Marker.read(self.path)
         if marker is None:
             names = abbreviated(sorted(os.listdir(self.path)))
@@ -116,8 +116,8 @@ class ResumableFolder:
 
     def _refuse(self, name: str) -> None:
         with explained(self.path / name, "read"):
-            owned = self._marker.is_unchanged(name)
-        if not owned:
+            is_ours = self._marker.is_unchanged(name)
+        if not is_ours:
             self._refuse_changed(name)
 
     def _refuse_changed(self, name: str) -> None:

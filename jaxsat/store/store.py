@@ -72,11 +72,11 @@ class StudyStore:
         self.repairs = []
         plain = json.loads(json.dumps(identity))
         runs = [run_record(machine(), remark)]
-        wanted = Header(plain, runs, dict(columns), coordinates, chunk)
-        self._make(wanted)
+        study_header = Header(plain, runs, dict(columns), coordinates, chunk)
+        self._make(study_header)
         self._lock = lock_folder(self.path)
         try:
-            self._header = self._continued(wanted, elsewhere)
+            self._header = self._continue(study_header, elsewhere)
             self._ledger = Ledger(self.path, self._header)
             self._arrays = StoreArrays(self.path, self._header, self._ledger, self.repairs)
             with self._writing():
@@ -181,7 +181,7 @@ class StudyStore:
             ) from error
 
     def _make(self, header: Header) -> None:
-        """Beside the target, then in its place at once: there is never half a store."""
+        """Make it beside the target, then put it in place at once: there is never half a store."""
         with explained(self.path, "made"):
             if not is_absent_or_empty(self.path):
                 return
@@ -190,13 +190,13 @@ class StudyStore:
                 files[f"{name}/{METADATA}"] = as_json(metadata)
             make_folder(self.path, "study", files)
 
-    def _continued(self, wanted: Header, elsewhere: bool) -> Header:
+    def _continue(self, study_header: Header, elsewhere: bool) -> Header:
         """The header that the store goes on with."""
         if not self.path.is_dir():
             raise OutputError(f"{self.path} is a file; give another folder.")
         header = read_header(self.path)
-        other = differences(header.identity, wanted.identity)
-        layouts = ({**one.layout(), "chunk": None} for one in (header, wanted))
+        other = differences(header.identity, study_header.identity)
+        layouts = ({**one.layout(), "chunk": None} for one in (header, study_header))
         other += differences(*(json.loads(json.dumps(layout)) for layout in layouts))
         if other == [OTHER_PROGRAM]:  # versions may tell why
             other += differences(header.runs[-1]["machine"], machine())
@@ -214,7 +214,7 @@ class StudyStore:
                 "or give another folder.",
                 elsewhere=True,
             )
-        header = header._replace(runs=[*header.runs, *wanted.runs])
+        header = header._replace(runs=[*header.runs, *study_header.runs])
         with self._writing():
             write_file(self.path / METADATA, header.content())
         return header

@@ -44,7 +44,9 @@ def open_study(path: str | Path) -> xr.Dataset:
     header = read_header(Path(path))
     columns = study_columns(path, header)
     variables = {
-        name: xr.Variable((CASE, *column.column.dims), _cached(column), column.column.attributes)
+        name: xr.Variable(
+            (CASE, *column.column.dims), _lazy_array(column), column.column.attributes
+        )
         for name, column in columns.items()
     }
     coordinates = {
@@ -57,7 +59,7 @@ def open_study(path: str | Path) -> xr.Dataset:
     return xr.Dataset(variables, coordinates, {"Conventions": "CF-1.11", **records})
 
 
-def _cached(column: StudyColumn) -> indexing.MemoryCachedArray:
+def _lazy_array(column: StudyColumn) -> indexing.MemoryCachedArray:
     lazy: Any = indexing.LazilyIndexedArray(_LazyColumn(column))
     return indexing.MemoryCachedArray(indexing.CopyOnWriteArray(lazy))
 
@@ -74,16 +76,16 @@ def case_table(study: xr.Dataset) -> pd.DataFrame:
     "settled", "unsettled", or how the case failed. What was drawn comes last, as `drawn_...`.
     Histories are left out, and codes stand as the texts that they stand for.
     """
-    kept = study[[name for name in study.data_vars if not _is_history(study[name])]]
-    kept = kept.isel({CASE: np.flatnonzero(np.asarray(study[STATUS]) == DONE)}).load()
+    cases = study[[name for name in study.data_vars if not _is_history(study[name])]]
+    cases = cases.isel({CASE: np.flatnonzero(np.asarray(study[STATUS]) == DONE)}).load()
     columns: dict[str, np.ndarray] = {}
-    for name in sorted(map(str, kept), key=lambda name: (name.startswith("drawn_"), name)):
-        variable = kept[name]
+    for name in sorted(map(str, cases), key=lambda name: (name.startswith("drawn_"), name)):
+        variable = cases[name]
         if name == "code":
-            columns["outcome"] = _outcomes(variable.values, kept["settling_time"].values)
+            columns["outcome"] = _outcomes(variable.values, cases["settling_time"].values)
         elif name != STATUS:
             columns |= _case_columns(name, variable)
-    return pd.DataFrame(columns, index=pd.Index(kept[CASE].values, name=CASE))
+    return pd.DataFrame(columns, index=pd.Index(cases[CASE].values, name=CASE))
 
 
 def save_case_table(

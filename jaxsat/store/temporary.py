@@ -65,7 +65,7 @@ else:
 
 
 LOCKED_BY = 10.0
-"""Seconds. A folder of this age that nobody holds a lock on has nobody who writes to it."""
+"""Seconds. A folder of this age without a lock on it has no process that writes to it."""
 
 
 class TemporaryFolder(NamedTuple):
