@@ -9,7 +9,7 @@ prints it as LLVM code; nothing else is known of it.
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import count
+from itertools import chain, count
 from typing import Any
 
 import numpy as np
@@ -249,6 +249,20 @@ def _uses_in(block: Block, results: Iterable[Scalar]) -> Iterator[int]:
         yield from (number for number in uses(step) if number not in own)
         own.update(out.number for out in definitions(step))
     yield from (number for number in numbers_of(results) if number not in own)
+
+
+def reads(block: Block) -> Iterator[int]:
+    """Numbers of the values that the steps of a block and of the blocks inside read, each time."""
+    for step in block.steps:
+        match step:
+            case BlockSwitch(index=index, yields=yields):
+                yield from numbers_of([index, *chain.from_iterable(yields)])
+            case Loop(before=before, active=active, after=after):
+                yield from numbers_of([*before, active, *after])
+            case _:
+                yield from uses(step)
+        for inside in blocks_in(step):
+            yield from reads(inside)
 
 
 def numbers_of(scalars: Iterable[Scalar]) -> list[int]:

@@ -84,11 +84,11 @@ def _count_ones(x):
 
 
 OPERATIONS: dict[str, Arithmetic] = {
-    "add": Arithmetic(np.add, "fadd contract", "add", "add"),
-    "sub": Arithmetic(np.subtract, "fsub contract", "sub", "sub"),
-    "mul": Arithmetic(np.multiply, "fmul contract", "mul", "mul"),
+    "add": Arithmetic(np.add, "fadd", "add", "add"),
+    "sub": Arithmetic(np.subtract, "fsub", "sub", "sub"),
+    "mul": Arithmetic(np.multiply, "fmul", "mul", "mul"),
     # whole divisors are neither zero nor minus one
-    "div": Arithmetic(_divide, "fdiv contract", "sdiv", "udiv"),
+    "div": Arithmetic(_divide, "fdiv", "sdiv", "udiv"),
     "rem": Arithmetic(np.fmod, "frem", "srem", "urem"),
     # NaN where either is; -0.0 is less than 0.0
     "max": Arithmetic(_maximum, "llvm.maximum", "llvm.smax", "llvm.umax"),
@@ -113,6 +113,7 @@ OPERATIONS: dict[str, Arithmetic] = {
     "ceil": Arithmetic(np.ceil, "llvm.ceil"),
     "trunc": Arithmetic(np.trunc, "llvm.trunc"),
     "round_even": Arithmetic(np.rint, "llvm.roundeven"),
+    "fma": Arithmetic(lambda x, y, z: x * y + z, "llvm.fma"),
     "copysign": Arithmetic(np.copysign, "llvm.copysign"),
     "population_count": Arithmetic(_count_ones, None, "llvm.ctpop", "llvm.ctpop"),
 }

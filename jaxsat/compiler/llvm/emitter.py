@@ -98,14 +98,15 @@ def require_lanes(lanes: int, name: str = "lanes") -> None:
 class Module:
     """The text of a module: functions, constant arrays and declarations of what is used.
 
-    With `masks` the processor stores some lanes of a vector at once. Memories too large for the
-    stack are in the *arena*, `arena` bytes that the caller provides to each of its threads. Every
-    memory has a place of its own in it, as no function is ever called inside itself.
+    With `masks` the processor stores some lanes of a vector at once. A module that `fuses` has
+    products and sums as one operation with one rounding (`FunctionEmitter`). Memories too large for
+    the stack are in the *arena*, `arena` bytes that the caller provides to each of its threads.
+    Every memory has a place of its own in it, as no function is ever called inside itself.
     """
 
-    def __init__(self, lanes: int, masks: bool = False, contract: bool = True):
+    def __init__(self, lanes: int, masks: bool = False, fuses: bool = False):
         require_lanes(lanes)
-        self.lanes, self.masks, self.contract = lanes, masks, contract
+        self.lanes, self.masks, self.fuses = lanes, masks, fuses
         self.functions: dict[str, str] = {}
         self.printed: dict[int, tuple[str, Function, bool]] = {}  # by identity: `llvm.internal`
         self._constants: dict[int, str] = {}  # by the number of the memory

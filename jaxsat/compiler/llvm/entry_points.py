@@ -106,7 +106,7 @@ def emit_entry_point(module: Module, entry: EntryPoint) -> None:
     for param, location in inputs:
         if param.number not in of_cases or param.number in read:
             body.read(param, location)
-    body.steps(entry.function.block)
+    body.program(entry.function)
     chosen = {
         step.out.number: step
         for step in entry.function.block.steps

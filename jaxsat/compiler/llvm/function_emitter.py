@@ -1,10 +1,12 @@
 """Programs as LLVM code in text: vectors for varying values, scalars for uniform ones.
 
-Floating-point operations carry the flag `contract` and no other: a product and a sum may become
-one fused operation, and nothing else may change. A module without `contract` rounds each.
+Floating-point operations carry no flag, so LLVM changes no bit of them. In a module that `fuses`, a
+product that a sum of its own block alone needs becomes one operation with it.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -21,6 +23,8 @@ from jaxsat.compiler.ir import (
     Store,
     Value,
     is_uniform,
+    numbers_of,
+    reads,
 )
 from jaxsat.compiler.llvm.emitter import (
     COLD,
@@ -36,6 +40,7 @@ from jaxsat.compiler.llvm.emitter import (
 )
 from jaxsat.compiler.llvm.locations import CONTEXT, Known, rematerialise
 from jaxsat.compiler.operations import OPERATIONS
+from jaxsat.compiler.passes.scheduling import fused_products
 
 DOUBLE = np.dtype(np.float64)
 
@@ -71,7 +76,7 @@ def _printed(module: Module, name: str, function: Function, known: Known) -> tup
             rematerialise(body, param, known[param.number])
         else:
             params.append(f"{type_of(param, module.lanes)} {body.name(param)}")
-    body.steps(function.block)
+    body.program(function)
     results = [body.operand(result) for result in function.results]
     body.line(f"ret {aggregate(body, function.results, results)}")
     if body.in_arena:
@@ -106,11 +111,24 @@ class FunctionEmitter(AbstractEmitter):
     def __init__(self, module: Module, known: Mapping[int, Known] | None = None):
         super().__init__(module)
         self.known = known or {}
+        self._reads: Counter[int] = Counter()  # of values, in a module that fuses
+
+    def program(self, function: Function) -> None:
+        """All steps of a function."""
+        if self.module.fuses:
+            self._reads.update(chain(reads(function.block), numbers_of(function.results)))
+        self.steps(function.block)
 
     def steps(self, block: Block) -> None:
         """The steps of a block."""
+        fused = fused_products(block.steps, self._reads)
+        within = {product.out.number for product in fused.values()}
         for step in block.steps:
             match step:
+                case Operation(out=out) if out.number in within:
+                    pass
+                case Operation(out=out) if out.number in fused:
+                    self._fused(step, fused[out.number])
                 case Operation():
                     self._operation(step)
                 case Load():
@@ -148,6 +166,18 @@ class FunctionEmitter(AbstractEmitter):
             case _:
                 self._arithmetic(out, name, step.args[0].dtype, args, types[0], lanes)
 
+    def _fused(self, step: Operation, product: Operation) -> None:
+        """A sum or difference as one operation with a product that it reads."""
+        lanes = None if step.out.uniform else self.module.lanes
+        kind, (one, other) = type_of(step.out, self.module.lanes), step.args
+        rest = other if one is product.out else one
+        x, y, z = (self.operand(arg, lanes is not None) for arg in (*product.args, rest))
+        if step.name == "sub":
+            negative = self.fresh()
+            self.line(f"{negative} = fneg {kind} {z if one is product.out else x}")
+            x, z = (x, negative) if one is product.out else (negative, z)
+        self._arithmetic(self.name(step.out), "fma", step.out.dtype, [x, y, z], kind, lanes)
+
     def _arithmetic(self, out, name, dtype, args, kind, lanes) -> None:
         word = OPERATIONS[name].word(dtype)
         if word is None:
@@ -160,7 +190,6 @@ class FunctionEmitter(AbstractEmitter):
             typed = ", ".join(f"{kind} {arg}" for arg in args)
             self.line(f"{out} = call {kind} {full}({typed})")
         else:
-            word = word if self.module.contract else word.removesuffix(" contract")
             self.line(f"{out} = {word} {kind} {', '.join(args)}")
 
     def _extremum(self, out: str, name: str, args: Sequence[str], kind: str) -> None:

@@ -104,7 +104,7 @@ class Mapped:
 
     @once_property
     def _module(self) -> Module:
-        module = Module(self.lanes, self.cpu.masks, self._contract)
+        module = Module(self.lanes, self.cpu.masks, self._contract and self.cpu.fuses)
         emit_entry_point(module, self.entry_point)
         module.functions["run"] = run_blocks(self.lanes, [self.entry_point.function.name])
         return module

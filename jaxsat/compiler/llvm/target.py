@@ -17,8 +17,12 @@ from jaxsat.core.once import once
 LLVMLITE = find_spec("llvmlite") is not None
 """Whether machine code can be made here at all."""
 
-PASSES = "default O2 without vectorisation and unrolling"
-"""What LLVM does to a module, for the cache."""
+PASSES = ("instruction_combine",)
+"""Passes of LLVM over a module, by llvmlite's names, for the cache as well.
+
+Programs come without dead code and repeated operations. LLVM's pipelines O1 and O2 take as long as
+its generation of machine code, which is no quicker for it.
+"""
 
 _libraries = count()
 
@@ -108,7 +112,7 @@ def _machine(cpu: Host):
 
 
 def optimised(text: str, cpu: Host | None = None):
-    """The module of an LLVM text after LLVM's own passes, for this processor or another."""
+    """The module of an LLVM text after `PASSES`, for this processor or another."""
     import llvmlite.binding as llvm
 
     machine = _machine(cpu or host())
@@ -118,11 +122,10 @@ def optimised(text: str, cpu: Host | None = None):
         raise NativeBug("the code that it printed", error) from error
     module.triple = machine.triple
     module.data_layout = str(machine.target_data)
-    options = llvm.create_pipeline_tuning_options(speed_level=2)
-    options.loop_vectorization = options.slp_vectorization = False
-    options.loop_unrolling = False
-    passes = llvm.create_pass_builder(machine, options)
-    passes.getModulePassManager().run(module, passes)
+    passes = llvm.create_new_module_pass_manager()
+    for name in PASSES:
+        getattr(passes, f"add_{name}_pass")()
+    passes.run(module, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
     return module
 
 

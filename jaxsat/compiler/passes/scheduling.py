@@ -6,8 +6,8 @@ its beginning: of the steps whose operands are there the one goes next on which 
 of others depends.
 """
 
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from heapq import heappop, heappush
 from itertools import chain
 
@@ -190,15 +190,16 @@ def _list_scheduled(nodes: list[_Node]) -> list[Step]:
 
 def _nodes(steps: Sequence[Step], outputs: set[int]) -> list[_Node]:
     reads = [set(uses(step)) for step in steps]
+    counts = Counter(chain(*reads, outputs, outputs))
     nodes: list[_Node] = []
     maker: dict[int, int] = {}
     touched: dict[int, int] = {}  # the last node by memory
-    fused = _fused(steps, reads, outputs)
+    fused = fused_products(steps, counts)
     products = {id(product) for product in fused.values()}
-    for i, (step, needs) in enumerate(zip(steps, reads, strict=True)):
+    for step, needs in zip(steps, reads, strict=True):
         if id(step) in products:
             continue
-        product = fused.get(i)
+        product = fused.get(step.out.number) if isinstance(step, Operation) else None
         if product is None:
             node = _Node([step], needs)
         else:
@@ -213,24 +214,22 @@ def _nodes(steps: Sequence[Step], outputs: set[int]) -> list[_Node]:
     return nodes
 
 
-def _fused(
-    steps: Sequence[Step], reads: Sequence[set[int]], outputs: set[int]
-) -> dict[int, Operation]:
-    """Products that are used once, by the place of the sum with which they become one operation."""
-    uses: dict[int, int] = defaultdict(int)
-    for numbers in reads:
-        for number in numbers:
-            uses[number] += 1
+def fused_products(steps: Sequence[Step], reads: Mapping[int, int]) -> dict[int, Operation]:
+    """Products that become one operation with a sum or difference, by the number of the latter.
+
+    It alone reads them, by these `reads` of values; of two products it is the first one.
+    """
     products: dict[int, Operation] = {}
     fused: dict[int, Operation] = {}
-    for i, step in enumerate(steps):
+    for step in steps:
         match step:
-            case Operation(name="mul", out=out) if out.dtype.kind == "f" and not out.uniform:
-                if uses[out.number] == 1 and out.number not in outputs:
+            case Operation(name="mul", out=out) if out.dtype.kind == "f":
+                if reads.get(out.number) == 1:
                     products[out.number] = step
-            case Operation(name="add" | "sub", args=args):
+            case Operation(name="add" | "sub", args=args, out=out):
                 for arg in args:
-                    if isinstance(arg, Value) and arg.number in products:
-                        fused[i] = products.pop(arg.number)
+                    product = products.get(arg.number) if isinstance(arg, Value) else None
+                    if product is not None and product.out.uniform == out.uniform:
+                        fused[out.number] = product
                         break
     return fused

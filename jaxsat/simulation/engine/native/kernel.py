@@ -97,7 +97,7 @@ class Kernel:
         return _link(observer.code, {"history": HISTORY})["history"], observer.arena
 
     def _make_observer(self) -> MadeObserver:
-        module = Module(self.lanes, target.host().masks)
+        module = Module(self.lanes, target.host().masks, target.host().fuses)
         for entry in self.trajectory.entry_points:
             if entry.function.name == OBSERVE:
                 emit_entry_point(module, entry)
@@ -191,7 +191,7 @@ class Kernel:
 
 def module_of(trajectory: LoweredTrajectory, lanes: int, cpu: target.Host) -> Module:
     """All entry points but that of replays, and `run`, for a processor."""
-    module = Module(lanes, cpu.masks)
+    module = Module(lanes, cpu.masks, cpu.fuses)
     for entry in trajectory.entry_points:
         if entry.function.name != OBSERVE:
             emit_entry_point(module, entry)
