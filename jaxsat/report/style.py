@@ -14,6 +14,9 @@ if TYPE_CHECKING:  # pages take their colours from here and have no matplotlib
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+LETTERS_PER_INCH = 10.4
+"""Of a bold title of 10 points, with a margin."""
+
 MAX_TITLE_LENGTH, MAX_LABEL_LENGTH = 200, 60
 """Characters; no more fit on a figure."""
 
@@ -72,11 +75,12 @@ SETTINGS: Mapping[str, Any] = MappingProxyType(
 def set_title(figure: "Figure", title: str, top: float | None = None) -> None:
     """Give a figure a title from outside as it is: one line, without mathematics.
 
-    `top` is where it stands, as a part of the height; None leaves that to the figure's layout,
-    which then makes room for it.
+    Long titles are written smaller, so that they fit in the figure. `top` is where it stands, as a
+    part of the height; None leaves that to the figure's layout, which then makes room for it.
     """
     text = clean(title, MAX_TITLE_LENGTH)
-    look: dict[str, Any] = {"fontsize": 10, "fontweight": "bold", "ha": "left", "va": "top"}
+    size = min(10.0, max(6.0, LETTERS_PER_INCH * 10 * figure.get_figwidth() / max(1, len(text))))
+    look: dict[str, Any] = {"fontsize": size, "fontweight": "bold", "ha": "left", "va": "top"}
     look |= {} if top is None else {"y": top}
     figure.suptitle(text, x=0.01, parse_math=False, **look)
 

@@ -52,6 +52,15 @@ def test_titles_and_labels_are_drawn_as_they_are(text):
     drawn(figure)
 
 
+@pytest.mark.parametrize("length", [40, 84, 120])
+def test_a_title_ends_within_its_figure(length):
+    figure, _ = panels(1, ("pointing error to the orbit frame " * 4)[:length], height=2.0)
+    figure.draw_without_rendering()
+    title = figure.get_suptitle()
+    box = next(text for text in figure.texts if text.get_text() == title).get_window_extent()
+    assert box.x1 < figure.bbox.x1
+
+
 @pytest.mark.slow
 def test_every_kind_of_figure_takes_any_title():
     text = " ".join(UGLY)[:300]
