@@ -198,7 +198,8 @@ class _Call:
 
 
 def _rows(tree: PyTree, count: int) -> np.ndarray:
-    leaves = [np.asarray(leaf).astype(float).reshape(count, -1) for leaf in jax.tree.leaves(tree)]
+    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(tree) if np.size(leaf)]
+    leaves = [leaf.astype(float).reshape(count, -1) for leaf in leaves]
     return np.concatenate(leaves, axis=1) if leaves else np.zeros((count, 0))
 
 

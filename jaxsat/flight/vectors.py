@@ -120,7 +120,7 @@ def expected(program: FlightProgram, now: Input, state: State) -> Float[np.ndarr
 
 
 def _rows(tree: PyTree) -> Float[np.ndarray, "n numbers"]:
-    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(tree)]
+    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(tree) if np.size(leaf)]
     return np.concatenate([leaf.reshape(len(leaf), -1).astype(float) for leaf in leaves], axis=1)
 
 
@@ -167,7 +167,11 @@ def _closed_loops(
     for number in range(SAMPLES):
         state, sample = run((state, np.full(CASES, number * stride, np.int32)))
         samples.append(sample)
-    return jax.tree.map(lambda *rows: np.stack(rows, 1).reshape(-1, *rows[0].shape[1:]), *samples)
+
+    def one_after_the_other(*rows: np.ndarray) -> np.ndarray:
+        return np.stack(rows, 1).reshape(CASES * SAMPLES, *rows[0].shape[1:])
+
+    return jax.tree.map(one_after_the_other, *samples)
 
 
 def _over_cases(function: Callable[[PyTree], PyTree], cases: PyTree) -> Callable[[PyTree], PyTree]:

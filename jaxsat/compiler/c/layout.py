@@ -66,7 +66,8 @@ class Struct:
                 owner = field.owner
                 if field.about:
                     lines += comment(f"{field.owner}: {field.about}", "  ")
-            lines.append(f"  {field.declaration}; {comment(field.path)[0]}")
+            first, *rest = comment(field.path)
+            lines += [f"  {field.declaration}; {first}", *rest]
         if not self.fields:
             lines.append("  uint8_t unused; /* a structure must have a field */")
         return [*lines, f"}} {self.name};"]
@@ -97,7 +98,7 @@ def fields_of(tree: PyTree, names: Names, prefix: str = "") -> tuple[Field, ...]
         fields.append(
             Field(name, number_type(aval.dtype), tuple(aval.shape), path_text, owner, about, number)
         )
-    return tuple(fields)
+    return tuple(field for field in fields if field.size)
 
 
 def parameter_fields(
@@ -128,7 +129,7 @@ def parameter_fields(
         fields.append(
             Field(name, number_type(leaf.dtype), tuple(leaf.shape), text, owner, about, number)
         )
-    return arrays, tuple(fields), order
+    return arrays, tuple(field for field in fields if field.size), order
 
 
 def _common_end(words: Sequence[Sequence[str]]) -> Sequence[str]:

@@ -41,10 +41,10 @@ def ascii_text(text: str) -> str:
 def comment(text: str, indent: str = "", width: int = 98) -> list[str]:
     """Lines of one C comment; nothing in the text ends it or begins another one."""
     plain = ascii_text(" ".join(text.split())).replace("`", "")
+    plain = "".join(letter for letter in plain if letter.isprintable())
     for sign, harmless in (("\\", "|"), ("/*", "/ *"), ("*/", "* /"), ("//", "/ /"), ("??", "? ?")):
         while sign in plain:
             plain = plain.replace(sign, harmless)
-    plain = "".join(letter for letter in plain if letter.isprintable())
     lines, line = [], f"{indent}/*"
     for word in plain.split():
         if len(line) + len(word) + 4 > width and line.strip() not in ("/*", ""):

@@ -39,9 +39,12 @@ def _dot_general(b: Builder, eqn, x: Elements, y: Elements) -> Elements:
 
 def _is_worth_a_call(x: Elements, y: Elements, length: int) -> bool:
     """Whether a product in a compact program is a call of a function with loops."""
-    first = x.flat[0]
+    if not x.size or not y.size:
+        return False
     flat = x.ndim == y.ndim == 1
-    plain = max(x.ndim, y.ndim) == 2 and 1 not in (*x.shape, *y.shape) and first.dtype.kind == "f"
+    plain = (
+        max(x.ndim, y.ndim) == 2 and 1 not in (*x.shape, *y.shape) and x.flat[0].dtype.kind == "f"
+    )
     is_known = not any(isinstance(z, Value) for array in (x, y) for z in array.flat)
     return not is_known and (length >= LONG_SUM if flat else plain and x.size * y.size >= 27)
 
