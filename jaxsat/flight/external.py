@@ -5,6 +5,7 @@ is simulated stay as they are; parameters and memories are those of the case.
 """
 
 import ctypes
+import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -20,28 +21,51 @@ from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Mea
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import LibraryError
+from jaxsat.core.once import once
 from jaxsat.flight.flight import FlightController, Measured, Seen
+from jaxsat.flight.harness import ABI
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.wheels import wheel_momentum
 
+SHA256_DIGITS = 64
+
 
 class Library:
-    """The compiled stages of a controller, for rows of numbers; one number a call is a case."""
+    """The compiled stages of a controller, for rows of numbers; each row is a case.
+
+    `identity` is what a store keeps of it: the ABI version, the precision, and SHA-256 digests of
+    the C text, of the compiled parameters and of the binary. Any parameters and any plant can be
+    flown with it: every call passes the parameters of its cases. Raises `LibraryError` for a file
+    that is no library of this ABI version, or the library of another controller.
+    """
 
     def __init__(self, path: Path, loop: AbstractLoop, start: PlantState):
         self.path = path.resolve()
         try:
-            self._library = ctypes.CDLL(str(self.path))
-            program_function = self._library.controller_program
+            self._library, binary = _loaded(self.path)
+            identity = self._library.controller_identity
+            defaults = self._library.controller_defaults
         except (OSError, AttributeError) as error:
             raise LibraryError(
-                f"must be a library that `make` built of an export ({error})"
+                f"must be a library that `make` built of an export of this version of jaxsat "
+                f"({error})"
             ) from None
-        program_function.restype = ctypes.c_char_p
-        program, _, precision = program_function().decode().partition("-")
+        identity.restype = ctypes.c_char_p
+        if binary != _sha256(self.path.read_bytes()):
+            raise LibraryError(
+                "was built again since this process loaded it; start another process"
+            )
+        abi, program, precision, source = identity().decode().split(" ")
+        if abi != str(ABI):
+            raise LibraryError(f"must have ABI version {ABI}, got {abi}; export it again")
+        if len(source) != SHA256_DIGITS:
+            raise LibraryError(
+                "must contain the SHA-256 of controller.h and controller.c, got none; "
+                "build it again where sha256sum or shasum is installed"
+            )
         self.single = precision == "single"
         self.program: FlightProgram = flight_program(loop, start, single=self.single)
         if program != self.program.hash:
@@ -49,6 +73,16 @@ class Library:
                 f"must be made of this scenario's controller, whose program is "
                 f"{self.program.hash[:12]}, got one of {program[:12]}; export it again"
             )
+        row = np.zeros(self.program.structs["parameters"].size)
+        defaults.argtypes, defaults.restype = [ctypes.c_void_p], None
+        defaults(row.ctypes.data)
+        self.identity: dict[str, Any] = {
+            "abi": ABI,
+            "precision": precision,
+            "source_sha256": source,
+            "parameters_sha256": _sha256(row.astype("<f8").tobytes()),
+            "binary_sha256": binary,
+        }
         paths = jax.tree_util.tree_leaves_with_path(
             eqx.filter(FlightController.of(loop), eqx.is_array)
         )
@@ -67,6 +101,16 @@ class Library:
         function.restype = None
         function(count, arguments.ctypes.data, outcomes.ctypes.data)
         return outcomes[:, : sizes[0]], outcomes[:, sizes[0] :]
+
+
+@once
+def _loaded(path: Path) -> tuple[ctypes.CDLL, str]:
+    """A library and the digest of its file, which a process loads once."""
+    return ctypes.CDLL(str(path)), _sha256(path.read_bytes())
+
+
+def _sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def with_library(loop: SampledLoop, library: Library) -> SampledLoop:

@@ -1,5 +1,6 @@
 """All files of an export by their names: sources, tests, build files, provenance."""
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -69,7 +70,7 @@ def export(request: Request) -> Export:
         "Makefile": templates.MAKEFILE.replace("@ULP@", "0" if not request.libm else "1e18"),
         "CMakeLists.txt": templates.CMAKE.replace("@ULP@", "0" if not request.libm else "1e18"),
         "scenario.toml": request.scenario,
-        "export.json": _record(request, program) + "\n",
+        "export.json": _record(request, program, texts["controller.h"] + texts["controller.c"]),
     }
     files = {name: text.encode() for name, text in texts.items()}
     files["test_vectors.bin"] = vectors_file(samples)
@@ -89,7 +90,7 @@ def _intro(request: Request, program: FlightProgram) -> list[str]:
     ]
 
 
-def _record(request: Request, program: FlightProgram) -> str:
+def _record(request: Request, program: FlightProgram, code: str) -> str:
     layout = {
         name: [
             {"name": field.name, "path": field.path, "shape": field.shape, "type": str(field.dtype)}
@@ -100,10 +101,11 @@ def _record(request: Request, program: FlightProgram) -> str:
     record = {
         "title": request.title,
         "program": program.hash,
+        "source_sha256": hashlib.sha256(code.encode()).hexdigest(),
         "single": request.single,
         "libm": request.libm,
         "modes": program.modes,
         "layout": layout,
         **request.provenance,
     }
-    return json.dumps(record, indent=2, ensure_ascii=False)
+    return json.dumps(record, indent=2, ensure_ascii=False) + "\n"

@@ -15,6 +15,9 @@ from jaxsat.flight.vectors import Vectors
 MAGIC = 0x4A585356
 """The first number of a file of vectors."""
 
+ABI = 1
+"""The version of the functions of controller_library.c and of the rows that they take."""
+
 
 def vectors_file(vectors: Vectors) -> bytes:
     """Little-endian doubles: counts (magic, rows, numbers given, numbers expected), then rows."""
@@ -197,18 +200,31 @@ def library_source(program: FlightProgram, intro: Sequence[str]) -> str:
     """The text of controller_library.c, which includes controller.c for its static stages.
 
     A row of parameters, inputs and state goes in for each case; the next state and the law's torque
-    and mode (`control`), or what the law is told (`estimate`), come out.
+    and mode (`control`), or what the law is told (`estimate`), come out. `controller_identity`
+    returns ABI, program, precision and the SHA-256 of controller.h and controller.c, which the
+    build files compute; `controller_defaults` writes the compiled parameters as a row.
     """
     structs = program.structs
+    precision = "single" if program.single else "double"
     lines = [*intro, '#include "controller.c"', '#include "controller_records.h"', ""]
-    lines += reader(structs["parameters"])
+    lines += [*reader(structs["parameters"]), *writer(structs["parameters"])]
     if program.estimates:
         lines += [*reader(structs["seen"]), *writer(structs["seen"])]
     lines += [
-        "const char *controller_program(void);",
-        "const char *controller_program(void)",
+        "#ifndef CONTROLLER_SHA256",
+        '#error "build with make or CMake, which define CONTROLLER_SHA256"',
+        "#endif",
+        "",
+        "const char *controller_identity(void);",
+        "const char *controller_identity(void)",
         "{",
-        f'  return "{program.hash}{"-single" if program.single else ""}";',
+        f'  return "{ABI} {program.hash} {precision} " CONTROLLER_SHA256;',
+        "}",
+        "",
+        "void controller_defaults(double *row);",
+        "void controller_defaults(double *row)",
+        "{",
+        "  write_controller_parameters(&controller_default_parameters, row);",
         "}",
         "",
     ]

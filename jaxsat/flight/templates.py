@@ -30,6 +30,8 @@ ARM = arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -O2 $(STRICT) --specs=rdimon.spe
 \t-Wl,--section-start=.vectors=0x0
 QEMU = qemu-system-arm -M mps2-an386 -nographic
 SOURCES = controller.h controller_records.h
+SHA256 = $(shell cat controller.h controller.c | { sha256sum 2>/dev/null || shasum -a 256; } \\
+\t| cut -c 1-64)
 
 .PHONY: all test sanitize cppcheck cortex-m clean
 all: build/test_controller build/libcontroller.so
@@ -44,7 +46,8 @@ build/test_controller: build/controller.o test_controller.c $(SOURCES)
 \t$(CC) $(CFLAGS) $(STRICT) test_controller.c build/controller.o -o $@ -lm
 
 build/libcontroller.so: controller.c controller_library.c $(SOURCES) | build
-\t$(CC) $(CFLAGS) $(STRICT) -fPIC -shared controller_library.c -o $@ -lm
+\t$(CC) $(CFLAGS) $(STRICT) -fPIC -shared -DCONTROLLER_SHA256='"$(SHA256)"' \\
+\t\tcontroller_library.c -o $@ -lm
 
 test: build/test_controller
 \t./build/test_controller test_vectors.bin $(ULP)
@@ -82,6 +85,11 @@ target_link_libraries(flight_controller m)
 
 add_library(controller MODULE controller_library.c)
 target_link_libraries(controller m)
+file(READ controller.h header)
+file(READ controller.c source)
+string(SHA256 digest "${header}${source}")
+target_compile_definitions(controller PRIVATE "CONTROLLER_SHA256=\\"${digest}\\"")
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS controller.h controller.c)
 
 add_executable(test_controller test_controller.c)
 target_link_libraries(test_controller flight_controller)

@@ -1,5 +1,6 @@
 """Exported controllers are compiled and agree with the compiled engine to the bit."""
 
+import json
 import re
 import subprocess
 from pathlib import Path
@@ -280,6 +281,8 @@ def test_the_library_runs_in_the_place_of_the_law(tmp_path, filtered):
         stronger.step(jnp.array(1.0), state, law.init(state))[0], 2 * once
     )
     assert made.program.hash == library.program.hash
+    record = json.loads(made.files["export.json"])
+    assert library.identity["source_sha256"] == record["source_sha256"]
     with pytest.raises(LibraryError, match="export it again"):
         Library(library.path, loop_of(_Other(gain=[1.0, 1.0])), request.start)
 

@@ -99,15 +99,16 @@ def build_study(
     have, and for "native" where that cannot be. `batch_size` cases are in memory together; `chunk`
     are written together, by default what suits the engine; `history` is the number of instants at
     which signals of every case are kept. `controller` is the library of an export, which then runs
-    in the place of law and estimator; raises `LibraryError` for one that is not of this scenario's
-    controller.
+    in the place of law and estimator, and whose digests become part of the study's identity; raises
+    `LibraryError` for one that is not of this scenario's controller.
     """
     if scenario.dispersion is None:
         raise ValueError("The scenario must have a [dispersion] table, but got none.")
     require_counts(count=count, batch_size=batch_size, chunk=1 if chunk is None else chunk)
     run = build(scenario)
+    description: dict[str, Any] = {"scenario": _numbers(scenario)}
     if controller is not None:
-        run = _with_library(run, controller)
+        run, description["controller"] = _with_library(run, controller)
         engine = "scan" if engine == "auto" else engine  # machine code calls nothing back
     seed = scenario.simulation.seed if seed is None else seed
     copies, program = study_program(scenario, run, seed)
@@ -116,7 +117,6 @@ def build_study(
     design = _design(scenario.dispersion, seed, count)
     example = StudyCase(np.zeros(1, np.uint32), np.zeros((1, sum(copies.dimensions().values()))))
     chosen_engine, remark = _engine(scenario, run, (program, example), engine, batch_size)
-    description = {"scenario": _numbers(scenario)}
     chunk = _suitable_chunk(chosen_engine, count) if chunk is None else chunk
     return Study(
         program,
@@ -177,13 +177,14 @@ def _names(scenario: Scenario) -> tuple[str, ...]:
     return tuple(f"{kind} {name}" for kind, names in kinds.items() for name in names)
 
 
-def _with_library(run: Run, path: Path) -> Run:
+def _with_library(run: Run, path: Path) -> tuple[Run, dict[str, Any]]:
+    """The run with the library in the loop, and the library's identity."""
     if not isinstance(run.loop, SampledLoop):
         raise ValueError("--controller: must be given with a sampled law.")
     from jaxsat.flight.external import Library, with_library  # whose imports take their time
 
     library = Library(path, run.loop, run.start)
-    return dataclasses.replace(run, loop=with_library(run.loop, library))
+    return dataclasses.replace(run, loop=with_library(run.loop, library)), library.identity
 
 
 def study_program(scenario: Scenario, run: Run, seed: int) -> tuple[Dispersed, Program]:
