@@ -1,5 +1,6 @@
 """Exported controllers are compiled and agree with the compiled engine to the bit."""
 
+import hashlib
 import json
 import re
 import subprocess
@@ -138,6 +139,14 @@ def test_cmake_builds_and_tests_it_and_the_folder_can_be_replaced(tmp_path, filt
         done = subprocess.run(command.split(), cwd=target, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
     assert "100% tests passed" in done.stdout
+    digest = json.loads(filtered.files["export.json"])["source_sha256"]
+    assert digest.encode() in (target / "build" / "libcontroller.so").read_bytes()
+    with (target / "controller.c").open("a") as code:
+        code.write("/* edited */\n")
+    subprocess.run(["cmake", "--build", "build"], cwd=target, capture_output=True, check=True)
+    digest = hashlib.sha256(b"".join((target / f"controller.{x}").read_bytes() for x in "hc"))
+    assert digest.hexdigest().encode() in (target / "build" / "libcontroller.so").read_bytes()
+    (target / "controller.c").write_bytes(filtered.files["controller.c"])
     export_again(overwrite=True)
     assert not (target / "build").exists()
     _make(target, "all", "CC=gcc")
