@@ -72,12 +72,13 @@ def export(
     if not output.quiet:
         print_stdout(f"controller       {code.lines} lines of C, program {code.program.hash[:12]}")
         print_stdout(f"test vectors     {len(code.vectors.given)} samples")
-        if code.measured.instructions is not None:
-            emulated, count = code.measured.samples, len(code.vectors.given)
-            print_stdout(
-                f"a step           {code.measured.instructions} instructions at most (Cortex-M4, "
-                f"{emulated} of {count} samples emulated)"
-            )
+        for processor, use in code.measured.items():
+            if use.instructions is not None:
+                emulated, count = use.samples, len(code.vectors.given)
+                print_stdout(
+                    f"a step           {use.instructions} instructions at most ({processor}, "
+                    f"{emulated} of {count} samples emulated)"
+                )
         print_stdout(f"written          {target}; `make -C {target} test` builds and checks it")
     return SUCCESS
 

@@ -43,7 +43,7 @@ class Export:
     program: FlightProgram
     files: Mapping[str, bytes]
     vectors: Vectors
-    measured: ProcessorUse
+    measured: Mapping[str, ProcessorUse]
     lines: int
 
 
@@ -74,10 +74,10 @@ def export(request: Request) -> Export:
     }
     files = {name: text.encode() for name, text in texts.items()}
     files["test_vectors.bin"] = vectors_file(samples)
-    processor_use = measured(files)
+    processor_uses = measured(files)
     lines = texts["controller.c"].count("\n")
-    files["README.md"] = readme(request, program, samples, processor_use, lines).encode()
-    return Export(program, files, samples, processor_use, lines)
+    files["README.md"] = readme(request, program, samples, processor_uses, lines).encode()
+    return Export(program, files, samples, processor_uses, lines)
 
 
 def _intro(request: Request, program: FlightProgram) -> list[str]:

@@ -12,7 +12,7 @@ import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,12 +32,19 @@ HOST = "cc"
 DEAREST = 512
 """Samples that are emulated since they run most blocks of code."""
 
-_FLAGS = "-mcpu=cortex-m4 -mthumb -O2 -std=c99 -ffp-contract=off --specs=rdimon.specs".split()  # noqa: SIM905
+PROCESSORS = {
+    "Cortex-M4F": (("-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16"), "mps2-an386"),
+    "Cortex-M7": (("-mcpu=cortex-m7", "-mfpu=fpv5-d16"), "mps2-an500"),
+}
+"""Options of the compiler for a processor, and the board that is emulated. The floating-point unit
+of the first has single precision only, that of the second double precision too."""
+
+_FLAGS = "-mthumb -mfloat-abi=hard -O2 -std=c99 -ffp-contract=off --specs=rdimon.specs".split()  # noqa: SIM905
 
 
 @dataclass(frozen=True)
 class ProcessorUse:
-    """On a Cortex-M4: bytes of stack, of code and constants, and instructions of a step at most.
+    """On a processor: bytes of stack, of code and constants, and instructions of a step at most.
 
     The last is that of `samples` which were emulated. None is what could not be measured, for which
     `why` is the reason.
@@ -50,26 +57,29 @@ class ProcessorUse:
     why: str = ""
 
 
-def measured(files: Mapping[str, bytes]) -> ProcessorUse:
-    """What the tools that are installed tell of these files."""
+def measured(files: Mapping[str, bytes]) -> dict[str, ProcessorUse]:
+    """What the tools that are installed tell of these files, for each of `PROCESSORS`."""
     missing = [tool for tool in (ARM, QEMU) if shutil.which(tool) is None]
     if ARM in missing:
-        return ProcessorUse(why=f"{' and '.join(missing)} not installed where this was exported")
+        why = f"{' and '.join(missing)} not installed where this was exported"
+        return dict.fromkeys(PROCESSORS, ProcessorUse(why=why))
     sources = {file: files[file] for file in sorted(files) if file.endswith((".c", ".h", ".bin"))}
     entry = _entry(sources)
     content = cache.kept(entry)
     if content is not None:
-        return ProcessorUse(**json.loads(content))
+        return {name: ProcessorUse(**use) for name, use in json.loads(content).items()}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, content in sources.items():
             (folder / file).write_bytes(content)
         try:
-            use = _measure(folder, has_emulator=QEMU not in missing)
+            uses = _measure(folder, has_emulator=QEMU not in missing)
         except (OSError, subprocess.SubprocessError) as error:
-            return ProcessorUse(why=f"the tools failed: {type(error).__name__}")
-    cache.keep(entry, json.dumps(dataclasses.asdict(use)).encode())
-    return use
+            why = f"the tools failed: {type(error).__name__}"
+            return dict.fromkeys(PROCESSORS, ProcessorUse(why=why))
+    content = json.dumps({name: dataclasses.asdict(use) for name, use in uses.items()})
+    cache.keep(entry, content.encode())
+    return uses
 
 
 def _entry(files: Mapping[str, bytes]) -> str:
@@ -83,25 +93,36 @@ def _entry(files: Mapping[str, bytes]) -> str:
     return f"{hashlib.sha256(repr(origin).encode()).hexdigest()}.measured"
 
 
-def _measure(folder: Path, *, has_emulator: bool) -> ProcessorUse:
-    _run(folder, ARM, *_FLAGS, "-fcallgraph-info=su", "-c", "controller.c")
+def _measure(folder: Path, *, has_emulator: bool) -> dict[str, ProcessorUse]:
+    samples = 0
+    if has_emulator:
+        chosen = samples_worth_emulating(folder)
+        samples = len(chosen)
+        vectors = folder / "test_vectors.bin"
+        vectors.write_bytes(_some_of(vectors.read_bytes(), chosen))
+    return {
+        name: _use(folder, (*processor, *_FLAGS), board, samples)
+        for name, (processor, board) in PROCESSORS.items()
+    }
+
+
+def _use(folder: Path, flags: Sequence[str], board: str, samples: int) -> ProcessorUse:
+    """What one processor uses; without samples it is not emulated."""
+    _run(folder, ARM, *flags, "-fcallgraph-info=su", "-c", "controller.c")
     stack = _stack((folder / "controller.ci").read_text())
     sizes = _run(folder, "arm-none-eabi-size", "controller.o").splitlines()[1].split()
-    if not has_emulator:
+    if not samples:
         return ProcessorUse(stack, int(sizes[0]), why=f"{QEMU} not installed")
-    chosen = samples_worth_emulating(folder)
-    vectors = folder / "test_vectors.bin"
-    vectors.write_bytes(_some_of(vectors.read_bytes(), chosen))
     section = "-Wl,--section-start=.vectors=0x0"
     parts = ["-DSTEPS", "cortex_m.c", "controller.o", "-o", "steps.elf", "-lm"]
-    _run(folder, ARM, *_FLAGS, section, *parts)
+    _run(folder, ARM, *flags, section, *parts)
     output = _run(
-        folder, QEMU, "-M", "mps2-an386", "-nographic", "-icount", "shift=0",
+        folder, QEMU, "-M", board, "-nographic", "-icount", "shift=0",
         "-semihosting-config", "enable=on,target=native", "-kernel", "steps.elf",
     )  # fmt: skip
     match = re.search(r"(\d+) instructions", output)
     instructions = int(match.group(1)) if match else None
-    return ProcessorUse(stack, int(sizes[0]), instructions, len(chosen))
+    return ProcessorUse(stack, int(sizes[0]), instructions, samples)
 
 
 def samples_worth_emulating(folder: Path) -> Int[np.ndarray, " chosen"]:

@@ -1,5 +1,6 @@
 """README.md of an export."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +18,11 @@ SHOWN = 12
 
 
 def readme(
-    request: "Request", program: FlightProgram, vectors: Vectors, numbers: ProcessorUse, lines: int
+    request: "Request",
+    program: FlightProgram,
+    vectors: Vectors,
+    uses: Mapping[str, ProcessorUse],
+    lines: int,
 ) -> str:
     """The text: what an export is, where it comes from, how it is built, tested and called."""
     versions = request.provenance["versions"]
@@ -42,7 +47,7 @@ period; no allocation, no recursion, no global state that changes, every loop bo
     make test           # gcc or clang: CC=clang make test
     make sanitize       # undefined behaviour and addresses
     make cppcheck       # static analysis with the MISRA add-on
-    make cortex-m       # on an emulated Cortex-M4 (arm-none-eabi-gcc, qemu-system-arm)
+    make cortex-m       # on an emulated Cortex-M4F and M7 (arm-none-eabi-gcc, qemu-system-arm)
 
 or `cmake -S . -B build && cmake --build build && ctest --test-dir build`.
 
@@ -67,9 +72,11 @@ controller_step(&controller_default_parameters, &in, &state, &out);             
 `controller.h` has every field with its unit and meaning, in the words of the Python classes. The
 period is {_period(program)} s. Time and sample count from those that `controller_init` is given.
 
-## On a Cortex-M4 (no floating-point unit for doubles, -O2)
+## Instructions and stack (-O2, floating-point unit on)
 
-{_measurement(numbers, vectors)}
+The unit of the Cortex-M4F computes in single precision only, that of the Cortex-M7 in both.
+
+{_measurements(uses, vectors)}
 
 ## Software in the loop
 
@@ -130,6 +137,10 @@ def _emulated_vectors(numbers: ProcessorUse, vectors: Vectors) -> str:
         f"{numbers.samples} test vectors: all that run a block of code which none before ran, "
         f"and the {DEAREST} that run most blocks"
     )
+
+
+def _measurements(uses: Mapping[str, ProcessorUse], vectors: Vectors) -> str:
+    return "\n\n".join(f"{name}:\n\n{_measurement(use, vectors)}" for name, use in uses.items())
 
 
 def _measurement(numbers: ProcessorUse, vectors: Vectors) -> str:

@@ -1,8 +1,9 @@
 """Files that are the same for every controller."""
 
 BUILT = frozenset(f"build/{name}" for name in (
-    "controller.o", "test_controller", "libcontroller.so", "test_sanitized", "steps.elf",
-    "test.elf", "libflight_controller.a", "CMakeCache.txt", "cmake_install.cmake",
+    "controller.o", "test_controller", "libcontroller.so", "test_sanitized",
+    "cortex-m4-steps.elf", "cortex-m4-test.elf", "cortex-m7-steps.elf", "cortex-m7-test.elf",
+    "libflight_controller.a", "CMakeCache.txt", "cmake_install.cmake",
     "CTestTestfile.cmake", "Makefile",
 )) | {"build"}  # fmt: skip
 """What `make` and CMake leave in the folder."""
@@ -21,19 +22,19 @@ MAKEFILE = """\
 # make test         compares the controller with its test vectors
 # make sanitize     the same under the sanitizers for undefined behaviour and addresses
 # make cppcheck     static analysis with the MISRA add-on
-# make cortex-m     the same test and the instructions of a step on an emulated Cortex-M4
+# make cortex-m     the same test and the instructions of a step on an emulated Cortex-M4F and M7
 CC ?= cc
 CFLAGS ?= -O2
 STRICT = -std=c99 -Wall -Wextra -Wconversion -pedantic -Werror -ffp-contract=off
 ULP ?= @ULP@
-ARM = arm-none-eabi-gcc -mcpu=cortex-m4 -mthumb -O2 $(STRICT) --specs=rdimon.specs \\
-\t-Wl,--section-start=.vectors=0x0
-QEMU = qemu-system-arm -M mps2-an386 -nographic
+ARM = arm-none-eabi-gcc $(PROCESSOR) -mthumb -mfloat-abi=hard -O2 $(STRICT) \\
+\t--specs=rdimon.specs -Wl,--section-start=.vectors=0x0
+QEMU = qemu-system-arm -M $(BOARD) -nographic
 SOURCES = controller.h controller_records.h
 SHA256 = $(shell cat controller.h controller.c | { sha256sum 2>/dev/null || shasum -a 256; } \\
 \t| cut -c 1-64)
 
-.PHONY: all test sanitize cppcheck cortex-m clean
+.PHONY: all test sanitize cppcheck cortex-m cortex-m4 cortex-m7 clean
 all: build/test_controller build/libcontroller.so
 
 build:
@@ -61,12 +62,18 @@ cppcheck:
 \tcppcheck --quiet --std=c99 --enable=warning,portability,performance --error-exitcode=1 \\
 \t\t--addon=misra --suppressions-list=misra_deviations.txt controller.c
 
-cortex-m: | build
-\t$(ARM) cortex_m.c controller.c -DSTEPS -o build/steps.elf -lm
-\t$(QEMU) -icount shift=0 -semihosting-config enable=on,target=native -kernel build/steps.elf
-\t$(ARM) cortex_m.c controller.c test_controller.c -o build/test.elf -lm
+cortex-m: cortex-m4 cortex-m7
+cortex-m4: PROCESSOR = -mcpu=cortex-m4 -mfpu=fpv4-sp-d16
+cortex-m4: BOARD = mps2-an386
+cortex-m7: PROCESSOR = -mcpu=cortex-m7 -mfpu=fpv5-d16
+cortex-m7: BOARD = mps2-an500
+cortex-m4 cortex-m7: | build
+\t$(ARM) cortex_m.c controller.c -DSTEPS -o build/$@-steps.elf -lm
+\t$(QEMU) -icount shift=0 -semihosting-config enable=on,target=native \\
+\t\t-kernel build/$@-steps.elf
+\t$(ARM) cortex_m.c controller.c test_controller.c -o build/$@-test.elf -lm
 \t$(QEMU) -semihosting-config enable=on,target=native,arg=test,arg=test_vectors.bin,arg=$(ULP) \\
-\t\t-kernel build/test.elf
+\t\t-kernel build/$@-test.elf
 
 clean:
 \trm -rf build
@@ -100,16 +107,27 @@ add_test(NAME vectors
 """
 
 CORTEX_M = """\
-/* Start-up code for an emulated Cortex-M4 (mps2-an386), and how many instructions a step takes. */
+/* Start-up code for an emulated Cortex-M4F (mps2-an386) or Cortex-M7 (mps2-an500), and how many
+   instructions a step takes. */
 #include "controller_records.h"
 
 #include <stdio.h>
 
 extern void _start(void);
 
+/* Access to coprocessors: 10 and 11 are the floating-point unit, off after a reset. */
+#define COPROCESSOR_ACCESS (*(volatile uint32_t *)0xE000ED88u)
+
+static void reset(void)
+{
+  COPROCESSOR_ACCESS |= 0xFu << 20;
+  __asm__ volatile("dsb\\n\\tisb");
+  _start();
+}
+
 /* Address of the end of the stack, then of the first function. */
 __attribute__((section(".vectors"), used)) static void (*const vectors[2])(void) = {
-  (void (*)(void))0x20400000, _start
+  (void (*)(void))0x20400000, reset
 };
 
 #ifdef STEPS

@@ -7,7 +7,6 @@ import pytest
 from helpers.tools import needs
 from jaxsat.flight import vectors
 from jaxsat.flight.files import Request, export
-from jaxsat.flight.measure import ProcessorUse
 from tests.flight.hostile import Empty, Forgetful, PartlyEmpty, Worded
 from tests.flight.laws import loop_of, start
 
@@ -19,7 +18,7 @@ def _few_samples(monkeypatch):
     monkeypatch.setattr(vectors, "SAMPLES", 8)
     monkeypatch.setattr(vectors, "CASES", 2)
     monkeypatch.setattr(vectors, "LONGEST", 16)
-    monkeypatch.setattr("jaxsat.flight.files.measured", lambda files: ProcessorUse())
+    monkeypatch.setattr("jaxsat.flight.files.measured", lambda files: {})
 
 
 @needs("clang")

@@ -21,7 +21,8 @@ def calls(tmp_path, monkeypatch):
         assert has_emulator
         assert (folder / "controller.c").read_bytes()
         counted.append(sorted(file.name for file in folder.iterdir()))
-        return measure.ProcessorUse(stack=8, code=100, instructions=12, samples=3)
+        use = measure.ProcessorUse(stack=8, code=100, instructions=12, samples=3)
+        return dict.fromkeys(measure.PROCESSORS, use)
 
     monkeypatch.setenv("JAXSAT_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setattr(shutil, "which", lambda name: str(tool))
@@ -49,7 +50,7 @@ def test_tools_that_fail_are_asked_again(calls):
         raise subprocess.TimeoutExpired("tool", 1)
 
     monkeypatch.setattr(measure, "_measure", fail)
-    assert "TimeoutExpired" in measure.measured(FILES).why
+    assert all("TimeoutExpired" in use.why for use in measure.measured(FILES).values())
     monkeypatch.setattr(measure, "_measure", whole)
-    assert measure.measured(FILES).code == 100
+    assert [use.code for use in measure.measured(FILES).values()] == [100, 100]
     assert len(counted) == 1

@@ -9,7 +9,6 @@ import pytest
 from helpers.tools import needs
 from jaxsat.flight import vectors
 from jaxsat.flight.files import Request, export
-from jaxsat.flight.measure import ProcessorUse
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -52,7 +51,7 @@ def _few_samples(monkeypatch):
     monkeypatch.setattr(vectors, "SAMPLES", 100)
     monkeypatch.setattr(vectors, "CASES", 4)
     monkeypatch.setattr(vectors, "LONGEST", 2000)
-    monkeypatch.setattr("jaxsat.flight.files.measured", lambda files: ProcessorUse(why="a test"))
+    monkeypatch.setattr("jaxsat.flight.files.measured", lambda files: {})
 
 
 @pytest.fixture(autouse=True)
