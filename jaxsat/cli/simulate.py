@@ -112,11 +112,7 @@ def _run(scenario: "Scenario", tell: "Callable[[str], None]") -> tuple["xr.Datas
 
     begin = time.perf_counter()
     run = build(scenario)
-    trajectory = run.simulate(
-        lambda obstacle: tell(
-            f"the compiled engine, which starts in seconds, cannot run this: {obstacle}"
-        )
-    )
+    trajectory = run.simulate(tell)
     dataset = trajectory_dataset(
         trajectory,
         title=scenario.title,

@@ -102,19 +102,45 @@ def fly(
     What `simulate` gives, to the accuracy of the method, from machine code that is made in seconds
     and serves all numbers: equal steps of the method's length or somewhat less, so that the times
     fall on them, and adaptive ones that end on the corners of a law. `simulate` runs what the
-    compiled engine cannot, also what JAX traces (to differentiate it) and what passes a point where
-    the law has no derivative, and `tell` is told why.
+    compiled engine cannot, also what JAX traces (to differentiate it). Where steps of the smallest
+    length miss the tolerance, as at a point where the law has no derivative, a run with a tenth of
+    tolerances and smallest step replaces the first. `tell` gets a remark about either.
     """
     loop, start = strong((loop, start))
-    obstacle, flight = _plan(loop, start, times, method, tolerances)
-    trajectory = None if flight is None else flight.fly(times)
-    if trajectory is None:
-        tell(obstacle or FORCED)
+    flight = _plan(loop, start, times, method, tolerances)
+    if isinstance(flight, str):
+        tell(f"the compiled engine, which starts in seconds, cannot run this: {flight}")
         return simulate(loop, start, times, method=method, tolerances=tolerances)
-    return trajectory
+    trajectory, forced = flight.fly(times)
+    if not forced:
+        return trajectory
+    finer = flight.finer.fly(times)[0]
+    tell(_remark(forced, trajectory, finer))
+    return trajectory if finer.outcome and not trajectory.outcome else finer
 
 
-FORCED = "steps of the smallest length miss the tolerance: the law has no derivative there"
+def _remark(forced: int, trajectory: Trajectory, finer: Trajectory) -> str:
+    """What `forced` steps that miss the tolerance mean, judged by a finer run."""
+    cause = f"{forced} steps of the smallest length miss the tolerance (the law has no derivative)"
+    if finer.outcome:
+        return (
+            f"{cause}; finer steps do not reach the end ({finer.outcome.explanation}): the error "
+            "is unknown"
+        )
+    rates = np.asarray(finer.signals.omega)
+    difference = np.abs(rates - trajectory.signals.omega).max(axis=1)
+    remark = f"{cause}; tolerances and smallest step are divided by ten, which changes "
+    parted = difference > PARTED * np.nanmax(np.abs(rates))
+    if not parted.any():
+        return f"{remark}the rates by at most {np.nanmax(difference):.1g} rad/s"
+    return (
+        f"{remark}the rates by up to {np.nanmax(difference):.1g} rad/s from "
+        f"{trajectory.times[parted.argmax()]:g} s on: do not rely on single values after that"
+    )
+
+
+PARTED = 1e-4
+"""Difference of the rates of two runs, of their largest rate, beyond which they have parted."""
 
 
 class _OneCase(AbstractCaseFactory):
@@ -147,21 +173,32 @@ class _Flight(eqx.Module):
         """The case with a leading axis."""
         return jax.tree.map(lambda x: np.asarray(x)[None], self.case)
 
-    def fly(self, times: Float[Array, " times"]) -> Trajectory | None:
-        """The run; None where steps of the smallest length have missed the tolerance."""
+    @property
+    def finer(self) -> "_Flight":
+        """The flight by adaptive steps with a tenth of tolerances and smallest step."""
+        stepper = cast(AdaptiveStepper, self.stepper)
+        tolerance = stepper.tolerance
+        numbers = [x / 10 for x in (tolerance.rtol, tolerance.atol, tolerance.min_step)]
+        return eqx.tree_at(
+            lambda one: [getattr(one.stepper.tolerance, x) for x in ("rtol", "atol", "min_step")],
+            self,
+            numbers,
+        )
+
+    def fly(self, times: Float[Array, " times"]) -> tuple[Trajectory, int]:
+        """The run, and the number of steps of the smallest length that miss the tolerance."""
         engine = NativeEngine(stepper=self.stepper, simd_lanes=1)
         between = self.every if self.pulsed else 1  # samples of which the mean level is told
         instants = self.program.instants(self.every // between)
         batch = engine.observed(self.program, self.cases, None, instants)
         outputs, signals = jax.tree.map(lambda x: x[0], batch)
-        if outputs.details.forced:
-            return None
+        forced = int(outputs.details.forced or 0)
         if between > 1:
             numbers = np.arange(0, self.program.intervals + 1, between)
             signals = saved(signals, numbers, HeldTorque.of_ranges(signals.torque_range))
         with jax.debug_nans(False):  # NaN is what there is none of, such as a failed actuator
             outputs, signals = jax.tree.map(lambda x: as_array(np.asarray(x)), (outputs, signals))
-        return _trajectory(times, outputs, signals)
+        return _trajectory(times, outputs, signals), forced
 
 
 def _plan(
@@ -170,20 +207,20 @@ def _plan(
     times: Float[Array, " times"],
     method: Method,
     tolerances: Tolerances | None,
-) -> tuple[str | None, _Flight | None]:
+) -> _Flight | str:
     """The flight, or what stands in its way."""
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((loop, start, method))):
-        return "JAX traces its numbers", None
+        return "JAX traces its numbers"
     instants = np.asarray(times)
     gaps = np.diff(instants)
     if instants[0] != 0 or np.ptp(gaps) > 1e-9 * instants[-1]:
-        return "the times to save are not even, from zero on", None
+        return "the times to save are not even, from zero on"
     save_every = float(instants[-1]) / len(gaps)
     every, pulsed = observations_per_save(save_every), False
     interval = save_every / every
     stepper = _stepper(loop, method, interval)
     if isinstance(stepper, str):
-        return stepper, None
+        return stepper
     if isinstance(loop, SampledLoop):
         interval, every = loop.controller.period, int(sample_numbers(loop, times)[1])
         memories = eqx.filter_eval_shape(
@@ -193,7 +230,7 @@ def _plan(
     program, case = _program(loop, start, interval, every * len(gaps), tolerances)
     flight = _Flight(program, stepper, case, every, pulsed)
     obstacle = native_obstacle(stepper, program, flight.cases, lanes=1)
-    return (None, flight) if obstacle is None else (obstacle, None)
+    return flight if obstacle is None else obstacle
 
 
 def _program(
