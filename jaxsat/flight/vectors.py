@@ -167,11 +167,10 @@ def _closed_loops(
     for number in range(SAMPLES):
         state, sample = run((state, np.full(CASES, number * stride, np.int32)))
         samples.append(sample)
-
-    def one_after_the_other(*rows: np.ndarray) -> np.ndarray:
-        return np.stack(rows, 1).reshape(CASES * SAMPLES, *rows[0].shape[1:])
-
-    return jax.tree.map(one_after_the_other, *samples)
+    count = CASES * SAMPLES
+    return jax.tree.map(
+        lambda *rows: np.stack(rows, 1).reshape(count, *rows[0].shape[1:]), *samples
+    )
 
 
 def _over_cases(function: Callable[[PyTree], PyTree], cases: PyTree) -> Callable[[PyTree], PyTree]:
