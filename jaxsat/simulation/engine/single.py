@@ -127,8 +127,8 @@ def _remark(forced: int, trajectory: Trajectory, finer: Trajectory) -> str:
             f"{cause}; finer steps do not reach the end ({finer.outcome.explanation}): the error "
             "is unknown"
         )
-    rates = np.asarray(finer.signals.omega)
-    difference = np.abs(rates - trajectory.signals.omega).max(axis=1)
+    rates, before = (np.asarray(one.signals.omega) for one in (finer, trajectory))
+    difference = np.abs(rates - before).max(axis=1)
     remark = f"{cause}; tolerances and smallest step are divided by ten, which changes "
     parted = difference > PARTED * np.nanmax(np.abs(rates))
     if not parted.any():
