@@ -109,12 +109,15 @@ def test_two_wheels_settle_the_telescope():
 
 @pytest.mark.slow
 def test_free_third_rate_winds_up():
-    """Judged by what every step size shows: z past π near 225 s, about 12 rad at the end."""
+    """Judged by what every tolerance shows: z past π near 225 s, and no end at rest.
+
+    Where z is at 500 s depends on the steps taken near w = 0, on the tolerance as on the machine.
+    """
     trajectory = build(load("free-third-rate")).simulate()
     z = np.asarray(trajectory.signals.z)
     passed = np.asarray(trajectory.times)[np.argmax(z > np.pi)]
     assert 215 < passed < 235
-    assert 10 < z[-1] < 14
+    assert not np.isfinite(trajectory.assessment.settled_from)
 
 
 @pytest.mark.slow
