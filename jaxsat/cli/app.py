@@ -16,7 +16,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from cyclopts import App, CycloptsError, UnusedCliTokensError
+from cyclopts import App, CycloptsError
 
 import jaxsat
 from jaxsat.cli.bound import bound
@@ -28,6 +28,7 @@ from jaxsat.cli.convert import convert
 from jaxsat.cli.design import design
 from jaxsat.cli.export import export
 from jaxsat.cli.front import front
+from jaxsat.cli.mistakes import parser_message
 from jaxsat.cli.montecarlo import montecarlo
 from jaxsat.cli.progress import stop_progress
 from jaxsat.cli.report import report
@@ -86,14 +87,8 @@ def run(tokens: Sequence[str] | None = None) -> int:
             warnings.showwarning = _show_warning
             warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
             return _command(tokens)
-    except UnusedCliTokensError as mistake:
-        extra = " ".join(mistake.unused_tokens or ())
-        takes_overrides = "overrides" in getattr(mistake.target, "__annotations__", {})
-        hint = " (each KEY=VALUE follows a --set of its own)" if takes_overrides else ""
-        print_stderr(f"must be given without {extra}{hint}")
-        return USER_MISTAKE
     except CycloptsError as mistake:
-        print_stderr(f"{mistake}\nsee `jaxsat --help` and `jaxsat COMMAND --help`")
+        print_stderr(parser_message(mistake, app))
         return USER_MISTAKE
     except UserMistake as mistake:
         print_stderr(str(mistake))

@@ -126,23 +126,48 @@ def test_failed_run_is_written_and_exits_1(jaxsat, tmp_path):
 @pytest.mark.parametrize(
     ("tokens", "message"),
     [
-        (["simulate"], "SCENARIO requires an argument"),
-        (["simulat"], 'Did you mean "simulate"?'),
+        (["simulate"], "SCENARIO: must be given (A name from `jaxsat scenarios list`"),
+        (["simulat"], ", got simulat, did you mean simulate?"),
         (["simulate", "paper-rat"], "did you mean paper-rate?"),
         (["simulate", "missing.toml"], "missing.toml: no such file"),
-        (["simulate", "paper-rate", "--sett", "x=1"], "Did you mean --set?"),
-        (["simulate", "paper-rate", "--set"], "--set requires an argument"),
+        (
+            ["simulate", "paper-rate", "--sett", "x=1"],
+            "--sett: must be an option of `jaxsat simulate`, did you mean --set?",
+        ),
+        (
+            ["simulate", "paper-rate", "--set"],
+            "--set: must be given with a value (KEY=VALUE that replaces",
+        ),
         (["simulate", "paper-rate", "--set", "a=1", "b=2"], "must be given without b=2"),
         (["simulate", "paper-rate", "--set", "k1"], "--set k1: must have the form KEY=VALUE"),
         (["simulate", "paper-rate", "--set", "control.k1=-1"], "must be greater than 0 √(rad/s)"),
         (["simulate", "paper-rate", "--out", "file"], "file is a file"),
         (["simulate", "paper-rate", "--out", "file/out"], "file is a file"),
         (["scenarios", "show", "paper-rat"], "did you mean paper-rate?"),
-        (["scenarios", "show"], "NAME requires an argument"),
+        (["scenarios", "show"], "NAME: must be given (One of the names"),
         (["scenarios", "check"], "must be given at least one file"),
         (["scenarios", "check", "file"], "file:1: must be valid TOML"),
-        (["scenarios", "lst"], 'Did you mean "list"?'),
-        (["--nonsense"], "--nonsense"),
+        (["scenarios", "lst"], "check), got lst, did you mean list?"),
+        (["--nonsense"], "--nonsense: must follow a command (simulate, "),
+        (
+            ["simulate", "paper-rate", "--seed", "3"],
+            "--seed: must be an option of `jaxsat simulate` "
+            "(it is one of montecarlo, compare, bound, design)",
+        ),
+        (["simulate", "paper-rate", "switching"], "`jaxsat simulate`: must be given without switc"),
+        (["compare"], "--seed: must be given (Seed of the cases), got nothing"),
+        (["compare", "--sed", "3"], "--sed: must be an option of `jaxsat compare`, did you mean"),
+        (["convert", "x"], "--to: must be given (one of aem, csv), got nothing"),
+        (
+            ["montecarlo", "x", "-n"],
+            "-n: must be given with a value (Number of cases), got nothing",
+        ),
+        (
+            ["montecarlo", "x", "--engine", "fast"],
+            "must be one of auto, native, scan, diffrax, got",
+        ),
+        (["montecarlo", "x", "--case", "1", "--case", "2"], "--case: must be given once"),
+        (["montecarlo", "x", "--quiet=maybe"], "--quiet: must be given without a value, got maybe"),
     ],
 )
 def test_mistakes_exit_2_without_a_traceback(jaxsat, tmp_path, tokens, message):
