@@ -19,6 +19,7 @@ from jaxsat.cli.options import (
     Seed,
     StartsOrNone,
     TorqueLimits,
+    option_mistake,
     torque_limits,
 )
 from jaxsat.cli.places import refuse_nested
@@ -201,7 +202,7 @@ def _compute(out: Path, work: Callable[[], Result]) -> Result:
         with resumed_later(out):
             return interruptibly(work)
     except UnsuitableLaw as error:
-        raise UserMistake(f"--law: {error}") from None
+        raise option_mistake(error, ["law"], "--law: ") from None
     except (UnsuitableSetting, ModuleNotFoundError) as error:
         raise UserMistake(str(error)) from None
 

@@ -8,12 +8,19 @@ from cyclopts import Parameter
 from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.listening import execution, listener, resumed_later
 from jaxsat.cli.loading import load_vehicle
-from jaxsat.cli.options import OptionalSeed, Overrides, Resumable, Text, number, whole
+from jaxsat.cli.options import (
+    OptionalSeed,
+    Overrides,
+    Resumable,
+    Text,
+    number,
+    option_mistake,
+    whole,
+)
 from jaxsat.cli.report import finish_report, planned_report
 from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
-    UserMistake,
     print_document,
     print_stderr,
     print_stdout,
@@ -99,7 +106,7 @@ def design(
                 )
             )
     except ValueError as error:
-        raise UserMistake(str(error)) from None
+        raise option_mistake(error, design.__annotations__) from None
     status = _print_result(result, target, results.quiet)
     finish_report(report, quiet=results.quiet)
     return status

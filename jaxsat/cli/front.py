@@ -9,13 +9,22 @@ from cyclopts import Parameter
 from jaxsat.cli.bound import unsuitable
 from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_scenario
-from jaxsat.cli.options import End, Output, Overrides, Starts, TorqueLimits, torque_limits
+from jaxsat.cli.options import (
+    End,
+    Output,
+    Overrides,
+    Starts,
+    TorqueLimits,
+    option_mistake,
+    torque_limits,
+)
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import (
     FAILED_RUN,
     SUCCESS,
     UserMistake,
     print_document,
+    print_stderr,
     print_stdout,
 )
 
@@ -86,7 +95,13 @@ def front(
     if not output.quiet:
         print_document(front_document(scenarios[0].title, record))
         print_stdout(f"written to {out}")
-    return SUCCESS if all(one.points for one in results) else FAILED_RUN
+    unreached = [f"{one.torque_limit:g}" for one in results if not one.points]
+    if unreached:
+        print_stderr(
+            f"no plan reaches the target with {' or '.join(unreached)} N m; give more --guesses, "
+            "and ask `jaxsat controllability` what the thrusters can do"
+        )
+    return FAILED_RUN if unreached else SUCCESS
 
 
 def _require_suitable(scenario: "Scenario", laws: Sequence[str]) -> None:
@@ -101,7 +116,7 @@ def _require_suitable(scenario: "Scenario", laws: Sequence[str]) -> None:
         try:
             scenario_under(scenario, law)
         except ValueError as error:
-            raise UserMistake(f"--law: {error}") from None
+            raise option_mistake(error, ["law"], "--law: ") from None
 
 
 def _front(scenario: "Scenario", laws: Sequence[str], guesses: int, end: End) -> "Front":

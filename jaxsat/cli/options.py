@@ -7,7 +7,7 @@ import decimal
 import math
 import os
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from jaxsat.cli.terminal import UserMistake
+from jaxsat.core.errors import ArgumentError
 from jaxsat.core.numerals import MOST_DIGITS
 from jaxsat.core.text import clean
 
@@ -45,6 +46,21 @@ def mistake(option: str, must: str, got: object) -> UserMistake:
     return UserMistake(
         f"{option}: must be {must}, got {clean(str(got), MAX_VALUE_LENGTH) or 'nothing'}"
     )
+
+
+def option_mistake(
+    error: BaseException, options: Container[str], otherwise: str = ""
+) -> UserMistake:
+    """What the library refuses, under the option that an argument of one of these names comes from.
+
+    Of an error for which an `ArgumentError` is the cause, that one counts; `otherwise` begins the
+    text of any other.
+    """
+    found = error if isinstance(error, ArgumentError) else error.__cause__
+    if isinstance(found, ArgumentError) and found.argument in options:
+        got = "" if found.got is None else f", got {found.got}"
+        return UserMistake(f"--{found.argument}: {found.rule}{got}")
+    return UserMistake(f"{otherwise}{error}")
 
 
 def _converter(convert: Callable[[str, str], Any]) -> Callable:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from cyclopts import App
 
 from jaxsat.cli.loading import load_scenario, load_vehicle
-from jaxsat.cli.options import Overrides, Printed
+from jaxsat.cli.options import Overrides, Printed, option_mistake
 from jaxsat.cli.terminal import (
     SUCCESS,
     USER_MISTAKE,
@@ -145,7 +145,7 @@ def refusals(scenario: "Scenario") -> Iterator[str]:
         try:
             trial()
         except JaxsatError as error:
-            yield f"not for {commands}: {error}"
+            yield f"not for {commands}: {option_mistake(error, ['law'])}"
 
 
 def says_no_more_than_a_vehicle(scenario: str, overrides: Sequence[str]) -> bool:
@@ -160,8 +160,11 @@ def says_no_more_than_a_vehicle(scenario: str, overrides: Sequence[str]) -> bool
 
 def _require_vehicle(scenario: "Scenario") -> None:
     from jaxsat.controllability.judging import actuator_layout
+    from jaxsat.synthesis.controller_design.request import law_asked_for
+    from jaxsat.synthesis.controller_design.run import required_law_to_design
     from jaxsat.synthesis.controller_design.vehicle import working_actuators
 
+    required_law_to_design(law_asked_for(scenario))
     actuator_layout(scenario.spacecraft.inertia_kg_m2, working_actuators(scenario))
 
 

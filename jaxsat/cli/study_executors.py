@@ -7,6 +7,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.options import BatchSize, OptionalBatchSize, Text, Workers
 from jaxsat.cli.terminal import UserMistake, print_stderr
+from jaxsat.core.errors import ArgumentError
 from jaxsat.core.process import processors
 
 if TYPE_CHECKING:
@@ -68,8 +69,8 @@ def chosen_executor(
     if devices is not None:
         try:
             return Devices(devices)
-        except ValueError as error:
-            raise UserMistake(f"--devices: {error}") from None
+        except ArgumentError as error:
+            raise UserMistake(f"--devices: {error.rule}, got {error.got}") from None
     if scheduler is not None:
         return _cluster(scheduler)
     if processes is not None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 from pydantic import ConfigDict, Field, SerializeAsAny, WrapValidator
 
 from jaxsat.core.declaration.laws import LAWS, Law
+from jaxsat.core.errors import ArgumentError
 from jaxsat.core.once import once
 from jaxsat.core.ranges import ORBIT_RATE
 from jaxsat.scenario.plugins import LAW, PluginError, find_class, installed, require_constants
@@ -61,15 +62,15 @@ def known_law(name: Any) -> Law | None:
 def required_law(name: str, allowed: str) -> Law:
     """The law that an argument `law` names.
 
-    Raises `ValueError` with the reason for one that cannot be used, and with what is `allowed` for
-    a name that there is not.
+    Raises `ArgumentError` with the reason for one that cannot be used, and with what is `allowed`
+    for a name that there is not.
     """
     try:
         return find_law(name)
     except PluginError as error:
-        raise ValueError(f"Argument `law` {error}.") from None
+        raise ArgumentError("law", str(error)) from None
     except KeyError:
-        raise ValueError(f"Argument `law` must be {allowed}, but got {name}.") from None
+        raise ArgumentError("law", f"must be {allowed}", name) from None
 
 
 def _require_true(law: Law) -> None:

@@ -179,7 +179,8 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
     file = path / "trajectory.nc" if path.is_dir() else path
     data = read_unchanged(file)
     if data is None:
-        raise OutputError(f"{file} is no file that can be read.")
+        what = "is no file that can be read" if file.exists() else "does not exist"
+        raise OutputError(f"{file} {what}.")
     try:
         with h5py.File(io.BytesIO(data)):
             pass  # what is no HDF5 at all h5netcdf does not close without complaint

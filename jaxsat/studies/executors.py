@@ -11,7 +11,7 @@ from typing import Any
 
 import jax
 
-from jaxsat.core.errors import JaxsatError
+from jaxsat.core.errors import ArgumentError, JaxsatError
 
 Work = Callable[[int], Any]
 """Computes one chunk, given its number; can be pickled."""
@@ -111,10 +111,7 @@ class Devices(AbstractExecutor):
     def __post_init__(self):
         there = jax.local_device_count()
         if not 1 <= self.count <= there:
-            raise ValueError(
-                f"Argument `count` must be from 1 to the {there} devices here, "
-                f"but got {self.count}."
-            )
+            raise ArgumentError("count", f"must be from 1 to the {there} devices here", self.count)
 
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
         """The results as they are ready."""

@@ -39,7 +39,14 @@ def test_a_bare_vehicle_without_its_torque_limit_is_told_what_lacks(jaxsat, tmp_
     ("given", "told"),
     [
         (["no-such"], "no-such: no such file, and no scenario of jaxsat"),
-        (["two-torque-free", "--law", "rate"], "aims at an attitude"),
+        (
+            ["two-torque-free", "--law", "rate"],
+            "--law: must be one that aims at an attitude: a law",
+        ),
+        (["two-torque-free", "--law", "rats"], "--law: must be a law (three-slew, oscillatory, "),
+        (["paper-rate"], "--law: must be given, as rate, the scenario's own, aims at no attitude"),
+        (["one-torque-damping"], "--law: must be given, as one-torque, the scenario's own, aims"),
+        (["two-torque-free", "--seed", f"{2**63}"], f"--seed: must be from 0 to {2**63 - 4}, got "),
         (["two-torque-free", "--cases", "0"], "--cases: must be a whole number"),
         (["two-torque-free", "--settled", "2"], "--settled: must be a number"),
         (["two-torque-free", "--attitude", "up"], "attitude"),

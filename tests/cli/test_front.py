@@ -125,12 +125,21 @@ def test_table_numbers_and_figure(command_line, tmp_path):
     assert "--overwrite" in err
 
 
+def test_no_plan_is_told_with_what_to_do(command_line, monkeypatch, tmp_path):
+    monkeypatch.setattr("jaxsat.front", lambda *arguments: FRONTS[1])
+    status, out, err = command_line("front", "acceptance-nominal", "--out", "f")
+    assert status == 1
+    assert "a, which does not settle" in out
+    assert "no plan reaches the target with 0.3 N m; give more --guesses" in err
+    assert (tmp_path / "f" / "front.json").is_file()
+
+
 @pytest.mark.parametrize(
     ("tokens", "message"),
     [
         (["two-wheel-telescope"], "wheel: must be left out for a front"),
         (["paper-rate"], "spacecraft.torque_limit_N_m: must be given in N m"),
-        (["acceptance-nominal", "--law", "best"], "--law: "),
+        (["acceptance-nominal", "--law", "best"], "--law: must be one of coast, rate, "),
         (["acceptance-nominal", "--law", "fault-tolerant"], "control"),
     ],
 )

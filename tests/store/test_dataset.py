@@ -166,8 +166,13 @@ def test_a_damaged_trajectory_is_never_taken_for_a_good_one(tmp_path):
             assert len(str(error).splitlines()) == 1  # noqa: PT017 -- some are read
             told += 1
     assert told > 20
-    for place in (tmp_path / "nowhere", tmp_path):
-        with pytest.raises(OutputError, match="is no file that can be read"):
+    (tmp_path / "folder" / "trajectory.nc").mkdir(parents=True)
+    for place, what in (
+        (tmp_path / "nowhere", "nowhere does not exist"),
+        (tmp_path, "trajectory.nc does not exist"),
+        (tmp_path / "folder", "is no file that can be read"),
+    ):
+        with pytest.raises(OutputError, match=what):
             open_trajectory(place)
 
 

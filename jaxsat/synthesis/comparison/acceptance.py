@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import ValidationError
 
+from jaxsat.core.errors import ArgumentError
 from jaxsat.core.process import add_folders
 from jaxsat.scenario import Problem, Scenario, ScenarioError
 from jaxsat.scenario.build.load import load
@@ -89,12 +90,14 @@ def comparison_scenario(setting: ComparisonSetting) -> Scenario:
     """
     if setting.level not in LEVELS:
         levels = ", ".join(LEVELS)
-        raise ValueError(f"Argument `level` must be one of {levels}, but got {setting.level}.")
+        raise ArgumentError("level", f"must be one of {levels}", setting.level)
     law_names = (*LAWS, *MORE_LAWS)
     if not (setting.law in law_names or is_plugin(setting.law) or setting.law.endswith(FILE)):
-        raise ValueError(
-            f"Argument `law` must be one of {', '.join(law_names)}, an installed law, a law of the "
-            f'form "module:Class" or the name of a {FILE} file, but got {setting.law}.'
+        raise ArgumentError(
+            "law",
+            f"must be one of {', '.join(law_names)}, an installed law, a law of the form "
+            f'"module:Class" or the name of a {FILE} file',
+            setting.law,
         )
     base = load(
         f"acceptance-{setting.level}",
@@ -129,9 +132,10 @@ def _require_sampled(name: str, law: str) -> None:
         definition.declaration.sampled and definition.declaration.torques == 2
     ):
         kind = "sampled" if definition.declaration.sampled else "continuous"
-        raise ValueError(
-            f"Argument `law` must be a sampled law for two torques on the acceptance set, but got "
-            f"{name}, which is {kind} and commands {definition.declaration.torques} torques."
+        raise ArgumentError(
+            "law",
+            "must be a sampled law for two torques on the acceptance set",
+            f"{name}, which is {kind} and commands {definition.declaration.torques} torques",
         )
 
 

@@ -94,8 +94,8 @@ def front(
     ways to the target, near the plan of the next shorter duration and near that of the next longer
     one. DOP853 flies every plan again; those that miss the target do not count. `report` is told
     what is under way. Every law of `laws` (as `scenario_under` takes them) flies from the same
-    start; one that settles before every plan ends is itself the first point. Raises as
-    `manoeuvre_of` and `scenario_under` do.
+    start; one that settles before every plan ends is itself the first point. Where no plan arrives
+    there is no point. Raises as `manoeuvre_of` and `scenario_under` do.
     """
     runs = {law: build(_save_every_sample(scenario_under(scenario, law))) for law in laws}
     loop, start = build_uncontrolled(scenario)
@@ -107,18 +107,18 @@ def front(
     report("least time")
     candidates = quickest_plans(planner, start)
     arriving = functools.partial(arrives, manoeuvre)
-    if not any(map(arriving, candidates)):
-        return Front(float(thrusters.limit), [], [float(candidates[0].duration)], [], end)
-    quickest = min(filter(arriving, candidates), key=lambda plan: float(plan.duration))
-    plans = _cheapest(planner, start, quickest, arriving, report)
+    quickest = min(
+        filter(arriving, candidates), key=lambda plan: float(plan.duration), default=None
+    )
+    plans = [] if quickest is None else _cheapest(planner, start, quickest, arriving, report)
     failed_durations = [float(duration) for duration, plan in plans if plan is None]
-    points = [FrontPoint(float(quickest.duration), float(quickest.effort))]
-    points += [FrontPoint(*map(float, (one.duration, one.effort))) for _, one in plans if one]
+    arrived = ([] if quickest is None else [quickest]) + [plan for _, plan in plans if plan]
+    points = [FrontPoint(float(one.duration), float(one.effort)) for one in arrived]
     flights = []
     for law, run in runs.items():
         report(f"flying {law}")
         flights.append(_fly(law, run))
-    if end == "settled":
+    if points and end == "settled":
         settled = [FrontPoint(one.settled_from, one.effort) for one in flights]
         points += [one for one in settled if math.isfinite(one.duration)]
     return Front(float(thrusters.limit), _falling(points), failed_durations, flights, end)

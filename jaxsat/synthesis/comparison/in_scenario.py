@@ -103,6 +103,8 @@ def compare_in_scenario(
     and the same call resumes them. Raises `UnsuitableLaw`, `UnsuitableSetting` for a scenario
     without dispersions, and as `scenario_under` and `run_study` do.
     """
+    if scenario.dispersion is None:
+        raise UnsuitableSetting("The scenario must have a [dispersion] table, but got none.")
     tell = listener.remark
     studies = {
         law: _study(scenario, law, count, tell, seed=seed, engine=execution.engine)
@@ -124,8 +126,7 @@ def _study(
     try:
         return refined_study(scenario_under(scenario, law), count, tell, **keys)
     except ValueError as error:
-        kind = UnsuitableSetting if scenario.dispersion is None else UnsuitableLaw
-        raise kind(str(error)) from error
+        raise UnsuitableLaw(str(error)) from error
 
 
 def _compare(

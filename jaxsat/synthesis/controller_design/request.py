@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from jaxsat.core.checks import require_counts
+from jaxsat.core.errors import ArgumentError
 from jaxsat.core.text import clean
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
@@ -70,9 +71,13 @@ def read_vehicle(
     if _has_unsaid_torques(present, in_orbit="orbit.rate_rad_s" not in lacking):
         defaults.append(override("disturbance.gravity_gradient", True))
     scenario = load(name_or_path, [*defaults, *user_overrides], purpose="motion", caution=caution)
-    law = scenario.control.law
-    quick = "control.law" in lacking or law == "coast"
-    return Vehicle(scenario, QUICK if quick else law, "simulation.duration_s" not in lacking)
+    law = QUICK if "control.law" in lacking else law_asked_for(scenario)
+    return Vehicle(scenario, law, "simulation.duration_s" not in lacking)
+
+
+def law_asked_for(scenario: Scenario) -> str:
+    """The law that a scenario asks to design: its own, or `QUICK` where that is "coast"."""
+    return QUICK if scenario.control.law == "coast" else scenario.control.law
 
 
 def _has_unsaid_torques(present: set[str], in_orbit: bool) -> bool:
@@ -107,7 +112,7 @@ class DesignSettings:
     those of the verification, `steps` those of the tuner (0 leaves tuning out). With `attitude`
     "nearest" the controller is designed for the nearest attitude that can be held. The `goal`
     "quickest" is the quickest law of those that settle most; "settled" is done with the first one
-    that surely settles the wanted fraction. Raises `ValueError` for numbers that cannot be.
+    that surely settles the wanted fraction. Raises `ArgumentError` for what cannot be.
     """
 
     law: str
@@ -122,19 +127,15 @@ class DesignSettings:
     def __post_init__(self):
         require_counts(cases=self.cases)
         if self.steps < 0:
-            raise ValueError(f"Argument `steps` must not be negative, but got {self.steps}.")
+            raise ArgumentError("steps", "must not be negative", self.steps)
         if not 0 <= self.seed <= MAX_SEED:
-            raise ValueError(f"Argument `seed` must be from 0 to {MAX_SEED}, but got {self.seed}.")
+            raise ArgumentError("seed", f"must be from 0 to {MAX_SEED}", self.seed)
         if not 0 < self.settled <= 1:
-            raise ValueError(
-                f"Argument `settled` must be above 0 and at most 1, but got {self.settled}."
-            )
+            raise ArgumentError("settled", "must be above 0 and at most 1", self.settled)
         if self.attitude not in ("wanted", "nearest"):
-            raise ValueError(
-                f"Argument `attitude` must be wanted or nearest, but got {self.attitude}."
-            )
+            raise ArgumentError("attitude", "must be wanted or nearest", self.attitude)
         if self.goal not in ("quickest", "settled"):
-            raise ValueError(f"Argument `goal` must be quickest or settled, but got {self.goal}.")
+            raise ArgumentError("goal", "must be quickest or settled", self.goal)
 
     @property
     def seeds(self) -> Seeds:

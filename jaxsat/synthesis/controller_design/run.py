@@ -3,11 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
+from jaxsat.core.errors import ArgumentError
 from jaxsat.core.process import processors
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.control import required_law
 from jaxsat.studies.executors import Serial, Threads
 from jaxsat.studies.work import Work
+from jaxsat.synthesis.controller_design.candidates import GAINS
 from jaxsat.synthesis.controller_design.files import write_files
 from jaxsat.synthesis.controller_design.request import (
     ALL,
@@ -18,6 +20,7 @@ from jaxsat.synthesis.controller_design.request import (
     DesignSettings,
     Goal,
     Vehicle,
+    law_asked_for,
 )
 from jaxsat.synthesis.controller_design.result import ControllerDesign
 from jaxsat.synthesis.controller_design.steps import DesignRun
@@ -69,11 +72,10 @@ def design(
     used. A vehicle with nothing to design raises nothing: see `ControllerDesign.outcome`.
     """
     if isinstance(vehicle, Scenario):
-        own = vehicle.control.law
-        vehicle = Vehicle(vehicle, QUICK if own == "coast" else own, timed=True)
+        vehicle = Vehicle(vehicle, law_asked_for(vehicle), timed=True)
     scenario, timed = vehicle.scenario, vehicle.timed
     settings = DesignSettings(
-        law=vehicle.law if law is None else law,
+        law=required_law_to_design(vehicle.law, law),
         settled=settled,
         cases=cases,
         steps=steps,
@@ -82,7 +84,6 @@ def design(
         goal=goal,
         engine=execution.engine,
     )
-    _require_law(settings.law)
     listener.approve([_work(vehicle, settings)])
     identity = {"scenario": scenario.model_dump(mode="json"), "timed": timed, **settings.identity()}
     with folder_of_call(out, KIND, identity) as folder:
@@ -105,10 +106,17 @@ def _work(vehicle: Vehicle, settings: DesignSettings) -> Work:
     return Work(trajectories, trajectories * intervals, cases * CASE, cases * CASE)
 
 
-def _require_law(name: str) -> None:
-    """Raise `ValueError` for a law that there is not or that aims at no attitude."""
-    if name in (ALL, QUICK):
-        return
-    law = required_law(name, f"a law, {ALL} or {QUICK}")
-    if not law.declaration.regulates_attitude or not law.declaration.torques:
-        raise ValueError(f"Argument `law` must be one that aims at an attitude, but got {name}.")
+def required_law_to_design(own: str, law: str | None = None) -> str:
+    """The law that is to be designed: `law`, or the `own` one of a scenario, or `ALL` or `QUICK`.
+
+    Raises `ArgumentError` for one that there is not or that aims at no attitude.
+    """
+    name = own if law is None else law
+    choices = f"a law ({', '.join(GAINS)}), {ALL} or {QUICK}"
+    declaration = None if name in (ALL, QUICK) else required_law(name, choices).declaration
+    if declaration is None or (declaration.regulates_attitude and declaration.torques):
+        return name
+    if law is None:
+        rule = f"must be given, as {own}, the scenario's own, aims at no attitude: {choices}"
+        raise ArgumentError("law", rule, "nothing")
+    raise ArgumentError("law", f"must be one that aims at an attitude: {choices}", law)

@@ -76,4 +76,6 @@ def test_check_names_the_commands_that_take_a_vehicle(tmp_path, capsys):
     told = capsys.readouterr().out
     assert "not for compare, montecarlo and tune: dispersion" in told
     assert "not for export" in told
+    assert check("one-torque-damping") == 0
+    assert "not for design: --law: must be given, as one-torque" in capsys.readouterr().out
     assert check(str(_file(tmp_path, REST.replace("period_s", "perid_s"), INERTIA, rows))) == 2
