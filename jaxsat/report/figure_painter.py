@@ -53,8 +53,8 @@ TITLE_WIDTH, LABEL_WIDTH, LEGEND_WIDTH, HANDLE = 110, 22, 100, 7
 NAME = 12
 """Characters of the name of a strip."""
 
-MARK_ROWS = 4
-"""Names of instants below each other, before the next begins at the top again."""
+MARK_ROWS, MARK_STEP = 9, 0.1
+"""Rows of names of instants, and what one takes of the height of a panel."""
 
 STRIP_PARTS = 300
 """Into how many parts the time of strips is divided."""
@@ -277,21 +277,46 @@ def _paint_strips(figure: Figure, panel: Axes, plot: Plot, strips: Strips) -> No
     bar.ax.tick_params(labelsize=7)
 
 
+def _name_marks(panel: Axes, timeline: Timeline) -> None:
+    """The names of the marks, each in the first row in which it covers no other.
+
+    A name is right of its mark, or left of it where it would leave the panel.
+    """
+    taken: list[list[tuple[float, float]]] = [[] for _ in range(MARK_ROWS)]
+    for at, name in timeline.marks:
+        if not name:
+            continue
+        text = panel.text(
+            at,
+            0.0,
+            f" {escape_mathematics(name)} ",
+            transform=panel.get_xaxis_transform(),
+            verticalalignment="top",
+            fontsize="small",
+            clip_on=True,
+            bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1},
+        )
+        span = text.get_window_extent()
+        begin, end, edge = span.x0, span.x1, panel.get_window_extent()
+        if end > edge.x1 and begin - span.width > edge.x0:
+            text.set_horizontalalignment("right")
+            begin, end = begin - span.width, begin
+        free = (
+            row
+            for row, others in enumerate(taken)
+            if all(end <= left or begin >= right for left, right in others)
+        )
+        row = next(free, MARK_ROWS - 1)
+        taken[row].append((begin, end))
+        text.set_y(0.97 - MARK_STEP * row)
+
+
 def _show_timeline(panel: Axes, timeline: Timeline, *, named: bool) -> None:
     """Dotted lines at the marks, and bands of grey in the panel that has the names."""
-    for row, (at, name) in enumerate(timeline.marks):
+    for at, _ in timeline.marks:
         panel.axvline(at, color="black", linewidth=0.9, linestyle=(0, (1, 1.5)))
-        if named and name:
-            panel.text(
-                at,
-                0.97 - 0.13 * (row % MARK_ROWS),
-                f" {escape_mathematics(name)}",
-                transform=panel.get_xaxis_transform(),
-                verticalalignment="top",
-                fontsize="small",
-                clip_on=True,
-                bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1},
-            )
+    if named:
+        _name_marks(panel, timeline)
     greys = np.linspace(0.7, 0.9, max(len(timeline.shades), 1))
     for grey, (name, there) in zip(greys, timeline.shades.items() if named else (), strict=False):
         panel.fill_between(
