@@ -113,19 +113,9 @@ def linear_motion(
     rate = float(field.orbit.rate)
     moment = float(np.cbrt(np.linalg.det(inertia)))
     scaled, stored = inertia / moment, momentum / (moment * rate)
-    frame, nadir = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
-    inverse, turning = np.linalg.inv(scaled), _cross(frame)
     vectors, values, _ = np.linalg.svd(np.eye(3) - unmade)
     basis = vectors[:, values > 0.5]
-    spin = inverse @ (_cross(scaled @ frame + stored) - turning @ scaled)  # of a change of ω
-    state = np.zeros((6 + basis.shape[1], 6 + basis.shape[1]))
-    state[:3, 3:6] = np.eye(3)
-    state[3:6, 3:6] = spin - turning
-    state[3:6, :3] = spin @ turning
-    state[3:6, 6:] = -inverse @ turning @ basis
-    if gravity_gradient:
-        pull = _cross(nadir) @ scaled - _cross(scaled @ nadir)
-        state[3:6, :3] += 3 * inverse @ pull @ _cross(nadir)
+    state = small_motion(scaled, basis, stored, gravity_gradient=gravity_gradient)
     instants = np.arange(2 * PHASES * STEPS + 1) * np.pi / (PHASES * STEPS * rate)
     turns = np.arange(TURNS) * 2 * np.pi / TURNS
     over = jax.jit(jax.vmap(jax.vmap(field.over, (0, None)), (None, 0)))
@@ -133,7 +123,33 @@ def linear_motion(
     units = there / np.linalg.norm(there, axis=-1, keepdims=True)
     across = np.eye(3) - units[..., :, None] * units[..., None, :]
     stiffness = 1 + float(np.linalg.norm(stored))
+    inverse = np.linalg.inv(scaled)
     return LinearMotion(moment, rate, inverse, basis, unloading / rate, stiffness, state, across)
+
+
+def small_motion(
+    inertia: Float[np.ndarray, "3 3"],
+    basis: Float[np.ndarray, "3 p"],
+    momentum: Float[np.ndarray, "3"],
+    *,
+    gravity_gradient: bool,
+) -> Float[np.ndarray, "x x"]:
+    """What small errors x = (θ, ω_r / ω0, η) do to dx/dτ in the orbit frame, see `LinearMotion`.
+
+    `inertia` J / J0 of the body, `basis` E of wheels, `momentum` h / (J0 ω0) at their bias.
+    """
+    frame, nadir = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    inverse, turning = np.linalg.inv(inertia), _cross(frame)
+    spin = inverse @ (_cross(inertia @ frame + momentum) - turning @ inertia)  # of a change of ω
+    state = np.zeros((6 + basis.shape[1], 6 + basis.shape[1]))
+    state[:3, 3:6] = np.eye(3)
+    state[3:6, 3:6] = spin - turning
+    state[3:6, :3] = spin @ turning
+    state[3:6, 6:] = -inverse @ turning @ basis
+    if gravity_gradient:
+        pull = _cross(nadir) @ inertia - _cross(inertia @ nadir)
+        state[3:6, :3] += 3 * inverse @ pull @ _cross(nadir)
+    return state
 
 
 class PeriodicGain(eqx.Module):

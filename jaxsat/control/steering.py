@@ -73,8 +73,8 @@ class Steered(AbstractDistribution):
     """Effectors that share in a torque by a `steering` of their own, in its order, then others.
 
     What steering leaves of the command goes to the other effectors as `rest` shares it; with None
-    it stays unmade, without what is out of reach at any limits, such as a torque of magnetorquers
-    along the field.
+    it stays unmade. What is out of reach at any limits, such as a torque of magnetorquers along the
+    field that no wheel makes, does not count as unmade.
     """
 
     steering: tuple[AbstractSteering, ...] = ()
@@ -82,8 +82,9 @@ class Steered(AbstractDistribution):
 
     def __call__(self, t, state, command, effectors) -> Shares:
         """What each effector is asked for; raises `ValueError` for a steering without its own."""
-        steered = {}
+        steered, beyond = {}, command
         for one in self.steering:
+            beyond = beyond - one.within_reach(t, state, beyond)
             steered[one.kind], command = one(t, state, command)
         kinds = [one.kind for one in effectors]
         for kind in steered:
@@ -91,15 +92,14 @@ class Steered(AbstractDistribution):
                 raise ArgumentError("steering", f"must be of effectors among {kinds}", kind)
         others = tuple(one for one in effectors if one.kind not in steered)
         if self.rest is None:
-            left = beyond = torque_of(command)
-            for one in self.steering:
-                beyond = beyond - one.within_reach(t, state, beyond)
-            shares = Shares(tuple(one.idle() for one in others), left - beyond)
+            shares = Shares(tuple(one.idle() for one in others), torque_of(command))
         else:
             shares = self.rest(t, state, command, others)
-        left = iter(shares.uses)
-        uses = tuple(steered[kind] if kind in steered else next(left) for kind in kinds)
-        return Shares(uses, shares.left)
+            beyond = self.rest.out_of_reach(beyond, others)
+        left = None if shares.left is None else shares.left - torque_of(beyond)
+        asked = iter(shares.uses)
+        uses = tuple(steered[kind] if kind in steered else next(asked) for kind in kinds)
+        return Shares(uses, left)
 
     def tells_left(self, effectors) -> bool:
         """Whether `Shares.left` is told: that of steering alone is, else the rest says so."""
@@ -164,9 +164,10 @@ class MagneticSteering(AbstractSteering):
     def within_reach(
         self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]
     ) -> Float[Array, "3"]:
-        """The part across the field (N m)."""
+        """What dipoles make that have no limits (N m): none of it is along the field."""
         field = self.field.in_body(t, state.attitude)
-        return torque - field * (jnp.sum(field * torque) / jnp.sum(field**2))
+        across = jnp.cross(self.axes, field[:, None], axis=0)
+        return across @ self.unlimited(field, state, torque)
 
     def unlimited(
         self, field: Float[Array, "3"], state: PlantState, command: Float[Array, "3"]

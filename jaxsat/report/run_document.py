@@ -102,11 +102,19 @@ def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, st
                 f"at most {number_text(np.nanmax(unmade), 3)} N m beyond what the actuators make, "
                 f"at {number_text(100 * lacking.mean(), 3)} % of the saved times"
             )
+            if scenario.get("magnetorquer"):
+                rows["unmet torque"] += (
+                    "; what is asked of magnetorquers along the field, which none makes, does not "
+                    "count"
+                )
     if "effort" in dataset:
         by = "all actuators" if has_effectors(dataset) else "the thrusters"
         rows["effort"] = f"{_numbers(dataset['effort'])} N m s by {by}"
     if budget := momentum_budget(dataset):
         rows["momentum given"] = budget
+    if "wheel_momentum" in dataset:
+        moved = np.sum(np.abs(np.diff(dataset["wheel_momentum"].values, axis=0)), axis=0)
+        rows["momentum moved"] = f"{_numbers(moved)} N m s by each wheel, taken up and given back"
     for actuator in ACTUATORS:
         for signal in actuator.signals:
             if signal.peak and signal.name in dataset:

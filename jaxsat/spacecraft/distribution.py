@@ -59,6 +59,13 @@ class AbstractDistribution(eqx.Module):
         `state` is what the law is told of the plant.
         """
 
+    def out_of_reach(
+        self, command: Float[Array, " torques"], effectors: tuple[AbstractEffector, ...]
+    ) -> Float[Array, " torques"]:
+        """What of a command these effectors would not make at any limits, N m; here, nothing."""
+        del effectors
+        return jnp.zeros_like(command)
+
     def tells_left(self, effectors: tuple[AbstractEffector, ...]) -> bool:
         """Whether `Shares.left` is told of these effectors."""
         return False
@@ -191,6 +198,11 @@ class WheelsFirst(AbstractDistribution):
             lambda: (shares, rest, jnp.zeros_like(command)),
             lambda: relief.allocate(command, unloading, momentum),
         )
+
+    def out_of_reach(self, command, effectors) -> Float[Array, " torques"]:
+        """The part that wheels leave to others, where there are none."""
+        alone = all(isinstance(one, Wheels) for one in effectors)
+        return self.rest @ command if alone and self.rest is not None else jnp.zeros_like(command)
 
     def tells_left(self, effectors) -> bool:
         """Whether `Shares.left` is told: it always is."""

@@ -78,6 +78,30 @@ def test_a_torque_that_no_dipole_makes_is_not_missed():
     assert 0.1 < np.linalg.norm(fit) < 0.99 * np.linalg.norm(torque)
 
 
+def test_beside_wheels_only_what_is_beyond_the_limits_is_missed():
+    """By hand: wheels offset what dipoles do about their axes, so the rest of their lack is."""
+    run = build(Scenario.model_validate(document(2)))
+    (steering,), state = run.loop.distribution.steering, run.start
+    field = np.asarray(steering.field.in_body(jnp.array(0.0), state.attitude))
+    normal = np.linalg.svd(np.asarray(steering.wheel_axes))[0][:, 2]
+    columns = np.cross(np.asarray(steering.axes).T, field).T
+    for size, saturates in ((1e-7, False), (1e-3, True)):
+        torque = size * np.array([0.3, -0.8, 0.5])
+        effectors = run.loop.plant.effectors
+        shares = run.loop.distribution(jnp.array(0.0), state, jnp.asarray(torque), effectors)
+        (dipoles,) = (
+            use
+            for one, use in zip(effectors, shares.uses, strict=True)
+            if one.kind == Magnetorquers.kind
+        )
+        asked = normal * (normal @ torque) - 2e-3 * np.asarray(steering.excess(state))
+        fit = asked - field * (field @ asked) / (field @ field)  # three rods make it all
+        lack = normal * (normal @ (fit - columns @ np.asarray(dipoles)))
+        np.testing.assert_allclose(shares.left, lack, atol=1e-9 * size)
+        assert (np.linalg.norm(lack) > 0.1 * size) == saturates
+        assert abs(normal @ field) < 0.99 * np.linalg.norm(field)
+
+
 def _renamed(data):
     data["magnetorquer"][2]["name"] = "1"
 

@@ -47,6 +47,20 @@ def test_a_torque_that_is_not_made_is_counted():
     run["torque_unmade"] = (("time", "body_axis"), unmade)
     told = f"at most 0.5 N m beyond what the actuators make, at {100 * count / len(unmade):.3g} %"
     assert told in str(run_document(run))
+    assert "along the field" not in str(run_document(run))
+    rods = "\n[[magnetorquer]]\naxis = [1, 0, 0]\ndipole_limit_A_m2 = 1.0\n"
+    run.attrs["scenario"] += rods
+    assert "along the field, which none makes, does not count" in str(run_document(run))
+
+
+def test_the_momentum_that_wheels_moved_is_the_sum_of_its_changes():
+    run = run_dataset()
+    values = run["wheel_momentum"].values
+    values[:] = 1.0
+    values[5:9], values[9:] = 3.0, -1.0
+    run["wheel_momentum"] = (run["wheel_momentum"].dims, values, {"units": "N m s"})
+    row = run_document(run).blocks[0].rows["momentum moved"]
+    assert row == "(6) N m s by each wheel, taken up and given back"
 
 
 def test_how_full_wheels_were_and_how_long_thrusters_fired():
