@@ -8,6 +8,8 @@ from typing import Any
 
 from jaxsat.compiler.c.naming import comment
 from jaxsat.flight import templates
+from jaxsat.flight.guard import guard_header
+from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.harness import library_source, records_header, test_program, vectors_file
 from jaxsat.flight.measure import ProcessorUse, measured
 from jaxsat.flight.program import FlightProgram, flight_program
@@ -62,6 +64,8 @@ def export(request: Request) -> Export:
     }
     samples = vectors(program, request.loop, request.start, request.duration)
     texts |= {
+        "controller_guard.h": guard_header(program, intro),
+        "controller_guard.c": guard_source(program, intro),
         "controller_records.h": records_header(program, intro),
         "test_controller.c": test_program(program, intro),
         "controller_library.c": library_source(program, intro),

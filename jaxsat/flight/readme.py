@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from jaxsat.flight.guard import HOLD_SAMPLES, RATE_LIMIT, groups, status_bits
 from jaxsat.flight.measure import DEAREST, ProcessorUse
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.templates import DEVIATIONS
@@ -72,6 +73,24 @@ controller_step(&controller_default_parameters, &in, &state, &out);             
 `controller.h` has every field with its unit and meaning, in the words of the Python classes. The
 period is {_period(program)} s. Time and sample count from those that `controller_init` is given.
 
+## Invalid measurements
+
+```c
+controller_guard guard;
+const controller_validity valid = {{{_flags(program)}}}; /* what the sensors say of themselves */
+controller_guard_init({_attitude(program)}&guard);                              /* once */
+status = controller_guard_step(&controller_default_parameters,         /* each period */
+                               &controller_default_guard_parameters, &in, &valid, &guard, &out);
+```
+
+These take the place of `controller_init` and `controller_step`. A measurement is invalid if it is
+flagged or not finite, if a rate exceeds `rate_limit` ({RATE_LIMIT:g} rad/s), or if a quaternion is
+not a unit quaternion. Then the guard holds the commands for `hold_samples` ({HOLD_SAMPLES}) calls,
+after which they are zero. Valid measurements give the bits of `controller_step`. The status is a
+sum of
+
+{_status(program)}
+
 ## Instructions and stack (-O2, floating-point unit on)
 
 The unit of the Cortex-M4F computes in single precision only, that of the Cortex-M7 in both.
@@ -105,6 +124,15 @@ def _precision(program: FlightProgram) -> str:
         "of the same one without `--controller`, or with a library exported without `--float`:\n"
         "same cases, same seed.\n"
     )
+
+
+def _flags(program: FlightProgram) -> str:
+    return ", ".join(f".{group.name} = true" for group in groups(program))
+
+
+def _status(program: FlightProgram) -> str:
+    bits = status_bits(program).items()
+    return "\n".join(f"- `{name}` ({number}): {words}" for name, (number, words) in bits)
 
 
 def _parts(program: FlightProgram) -> str:

@@ -79,10 +79,26 @@ def header(program: FlightProgram, intro: Sequence[str]) -> str:
         "void controller_step(const controller_parameters *p, const controller_input *in,",
         "                     controller_state *state, controller_output *out);",
         "",
+        *(_coast_declaration() if program.estimates else []),
         f"#endif /* {GUARD} */",
         "",
     ]
     return "\n".join(lines)
+
+
+def _coast_declaration() -> list[str]:
+    return [
+        *comment("One sample of the estimator alone, in which the controller makes no commands."),
+        *_coast_head(";"),
+        "",
+    ]
+
+
+def _coast_head(end: str) -> list[str]:
+    return [
+        "void controller_coast(const controller_parameters *p, const controller_input *in,",
+        f"                      controller_state *state){end}",
+    ]
 
 
 def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
@@ -234,17 +250,29 @@ def _entry_points(program: FlightProgram, calls: dict[str, str]) -> list[str]:
         "  controller_state *next = &after;",
         "  const controller_state *now = state;",
     ]
-    body = []
-    if any(reads_clock(calls.get(name, "")) for name in ("estimate", "control")):
-        time = f"{cast}(in->time - state->begin_time)"
-        step += _clock(time, "sub_i32(in->sample, state->begin_sample)")
-    if program.estimates:
-        step += ["  controller_seen told;", "  controller_seen *seen = &told;"]
-    body += [f"  {calls[name]}" for name in ("estimate", "control", "allocate") if calls.get(name)]
+    clock = _clock(
+        f"{cast}(in->time - state->begin_time)", "sub_i32(in->sample, state->begin_sample)"
+    )
+    stages = [name for name in ("estimate", "control", "allocate") if calls.get(name)]
+    functions = [*begin, *step, *_sample(calls, stages, clock, program.estimates, "out")]
+    if not program.estimates:
+        return functions
+    coast = [*_coast_head(""), *step[2:], *_sample(calls, ["estimate"], clock, True)]
+    return [*functions, "", *coast]
+
+
+def _sample(
+    calls: dict[str, str], stages: Sequence[str], clock: list[str], estimates: bool, *more: str
+) -> list[str]:
+    """The rest of a function that runs these stages of a sample; `more` are its own arguments."""
+    lines = clock if any(reads_clock(calls[name]) for name in stages) else []
+    if estimates:
+        lines = [*lines, "  controller_seen told;", "  controller_seen *seen = &told;"]
+    body = [f"  {calls[name]}" for name in stages]
     text = "\n".join(body)
     unused = [
         f"  (void){name};"
-        for name in ("p", "in", "now", "next", "out")
+        for name in ("p", "in", "now", "next", *more)
         if not re.search(rf"(?<!\w){name}(?!\w)", text)
     ]
-    return [*begin, *step, "", *unused, *body, "  *state = after;", "}"]
+    return [*lines, "", *unused, *body, "  *state = after;", "}"]

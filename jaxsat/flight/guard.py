@@ -1,0 +1,136 @@
+"""controller_guard.h: what keeps a controller from invalid measurements.
+
+The guard is the same for every law. It judges the measurements of a sample, and calls the
+controller only with valid ones. All fields that it knows are those of the program's structures.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from jaxsat.compiler.c.layout import Field
+from jaxsat.compiler.c.naming import comment
+from jaxsat.flight.program import FlightProgram
+
+HOLD_SAMPLES = 10
+"""Default number of samples for which commands are held."""
+
+RATE_LIMIT = 100.0
+"""Default of the largest valid rate about an axis, rad/s."""
+
+NORM_TOLERANCE = 1e-3
+"""Default of how far the square of a unit quaternion's norm may be from 1."""
+
+EVENTS = {
+    "SKIPPED": "sample numbers are missing before this one",
+    "REPEATED": "the sample number is not later than the last one",
+    "REJECTED": "a command or the next state was not a finite number, and was not used",
+    "HELD": "the controller made no step: the commands are those of the last step",
+    "ZERO": "the controller made no step: the commands are zero",
+}
+"""Bits of a status above those of the measurements, and what they mean."""
+
+FIRST_EVENT = 8
+
+
+@dataclass(frozen=True)
+class Group:
+    """The fields of one measurement, which are valid or invalid together."""
+
+    name: str
+    fields: tuple[Field, ...]
+
+    @property
+    def bit(self) -> str:
+        """The name of the status bit."""
+        return f"CONTROLLER_STATUS_INVALID_{self.name.upper()}"
+
+
+def groups(program: FlightProgram) -> list[Group]:
+    """All measurements of an input. `seen` is none: it tells whether an attitude has arrived."""
+    found: dict[str, list[Field]] = {}
+    for field in program.structs["input"].fields:
+        name = field.path.split(".")[0]
+        if name not in ("time", "sample", "seen"):
+            found.setdefault(name, []).append(field)
+    return [Group(name, tuple(fields)) for name, fields in found.items()]
+
+
+def status_bits(program: FlightProgram) -> dict[str, tuple[int, str]]:
+    """Names of status bits, with their numbers and meanings."""
+    bits = {
+        group.bit: (1 << place, f"{group.name} was flagged or found invalid")
+        for place, group in enumerate(groups(program))
+    }
+    events = enumerate(EVENTS.items(), FIRST_EVENT)
+    return bits | {f"CONTROLLER_STATUS_{name}": (1 << n, words) for n, (name, words) in events}
+
+
+def guard_header(program: FlightProgram, intro: Sequence[str]) -> str:
+    """The text of controller_guard.h."""
+    real = real_type(program)
+    lines = [*intro, "#ifndef CONTROLLER_GUARD_H", "#define CONTROLLER_GUARD_H", ""]
+    lines += ['#include "controller.h"', "", "/* Bits of a status; a sample without any is 0. */"]
+    for name, (number, words) in status_bits(program).items():
+        lines += [*comment(words), f"#define {name} ({number}u)"]
+    lines += ["", "/* Which measurements the caller takes for valid. */", "typedef struct {"]
+    lines += [f"  bool {group.name};" for group in groups(program)]
+    lines += ["} controller_validity;", "", "typedef struct {"]
+    about = {
+        "int32_t hold_samples": "calls in a row without a step for which commands are held, "
+        "before they are zero; 0: they are zero at once",
+        f"{real} rate_limit": "largest valid rate about an axis (rad/s)",
+        f"{real} norm_tolerance": "how far the square of a unit quaternion's norm may be from 1",
+    }
+    for field, words in about.items():
+        lines += [*comment(words, "  "), f"  {field};"]
+    lines += ["} controller_guard_parameters;", ""]
+    lines += ["extern const controller_guard_parameters controller_default_guard_parameters;", ""]
+    lines += ["typedef struct {", "  controller_state state;"]
+    lines += ["  controller_output last; /* the commands of the last call */"]
+    if program.estimates:
+        lines += [f"  {real} rate[3]; /* the last valid one (rad/s) */"]
+        lines += [f"  {real} attitude[4]; /* the first estimate */"]
+    lines += ["  int32_t sample; /* number of the last sample */"]
+    lines += ["  int32_t missed; /* calls in a row without a step */"]
+    lines += ["  uint32_t without_step; /* calls without a step since controller_guard_init */"]
+    lines += ["  bool called; /* whether there was a call */"]
+    lines += ["  bool begun; /* whether the controller has begun */", "} controller_guard;", ""]
+    lines += comment(
+        "Begins anew. The controller itself begins at the first sample whose measurements are "
+        "valid, from which its time and samples count; commands are zero until then."
+    )
+    if program.estimates:
+        lines += comment(
+            "attitude is the first estimate (unit quaternion, scalar first, relative to the orbit "
+            "frame). If it is not valid, the controller begins with the first valid measurement "
+            "of the attitude."
+        )
+    lines += [f"{init_head(program)};", ""]
+    lines += comment(
+        "One sample in the place of controller_step: returns its status, and always writes finite "
+        "commands. in->sample must count the periods."
+    )
+    lines += [*step_head(";"), "", "#endif /* CONTROLLER_GUARD_H */", ""]
+    return "\n".join(lines)
+
+
+def real_type(program: FlightProgram) -> str:
+    """The C type of floats."""
+    return "float" if program.single else "double"
+
+
+def init_head(program: FlightProgram) -> str:
+    """The head of the function that begins."""
+    attitude = f"const {real_type(program)} attitude[4], " if program.estimates else ""
+    return f"void controller_guard_init({attitude}controller_guard *guard)"
+
+
+def step_head(end: str) -> list[str]:
+    """The head of the function of a sample, and its end."""
+    return [
+        "uint32_t controller_guard_step(const controller_parameters *p,",
+        "                               const controller_guard_parameters *limits,",
+        "                               const controller_input *in,",
+        "                               const controller_validity *valid,",
+        f"                               controller_guard *guard, controller_output *out){end}",
+    ]
