@@ -40,6 +40,7 @@ from jaxsat.cli.terminal import (
     SUCCESS,
     USER_MISTAKE,
     FailedRun,
+    Terminated,
     UserMistake,
     print_problems,
     print_stderr,
@@ -102,7 +103,9 @@ def run(tokens: Sequence[str] | None = None) -> int:
             f"returns, got {ending_of(ended)}"
         )
         return USER_MISTAKE
-    except Exception as error:
+    except (KeyboardInterrupt, Terminated):
+        raise
+    except BaseException as error:  # also one that is no Exception, as panics of Rust are
         return report_error(error)
 
 
@@ -153,7 +156,7 @@ def ending_of(error: SystemExit) -> str:
     return f"sys.exit({code}){where}"
 
 
-def report_error(error: Exception) -> int:
+def report_error(error: BaseException) -> int:
     """Tell of an exception; gives the exit status.
 
     One line for a scenario or results that cannot be used, a failure of what was rightly asked for,

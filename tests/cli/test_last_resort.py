@@ -57,6 +57,8 @@ def failing(command_line, monkeypatch, tmp_path):
         (raising(ExceptionGroup("several", [ValueError("one")])), "ExceptionGroup: several"),
         (recursion, "RecursionError: maximum recursion depth exceeded"),
         (lambda: interruptibly(raising(LookupError("in a thread"))), "LookupError: in a thread"),
+        (raising(BaseException("no Exception")), "BaseException: no Exception"),
+        (lambda: interruptibly(raising(GeneratorExit())), "GeneratorExit"),
     ],
 )
 def test_a_bug_is_one_line_and_a_private_file(failing, tmp_path, action, message):
