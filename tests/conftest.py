@@ -45,10 +45,10 @@ pytest.register_assert_rewrite("scenario.mistakes", "compiler.rule_checks")
 def pytest_configure(config):
     """Set up the processes that run tests; xdist's controller only gives tests out."""
     if not getattr(config.option, "numprocesses", None):
-        _set_up()
+        _set_up(config)
 
 
-def _set_up() -> None:
+def _set_up(config) -> None:
     import jax
     from hypothesis import settings
 
@@ -56,7 +56,8 @@ def _set_up() -> None:
 
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_numpy_rank_promotion", "raise")
-    typechecking.install()
+    if config.option.markexpr != "slow":  # they cost 6 %; quick tests call the same functions
+        typechecking.install()
     # Tracing makes objects by the million, few of them in circles.
     gc.set_threshold(200_000, 50, 50)
     settings.register_profile("jaxsat", deadline=None, max_examples=50, derandomize=True)
