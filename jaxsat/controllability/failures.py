@@ -17,7 +17,8 @@ from jaxsat.controllability.judging import (
     judge_only,
 )
 from jaxsat.controllability.layout import TOLERANCE, Numbers
-from jaxsat.controllability.wording import both_signs_by, lost_words
+from jaxsat.controllability.rods import RodSet, judge_with_rods
+from jaxsat.controllability.wording import both_signs_by, lost_words, rod_torques
 from jaxsat.core.numerals import number_text
 
 COLUMNS = (
@@ -57,8 +58,13 @@ class FailureCase:
 
     @property
     def directions(self) -> int:
-        """Dimension of the torques of both signs available without brackets, 0 to 3."""
-        return self.judgement.cone.two_sided
+        """Dimension of the torques of both signs available without brackets, 0 to 3.
+
+        Of magnetorquers it is that at an instant.
+        """
+        orbit = self.judgement.orbit
+        across = 0 if orbit is None else min(orbit.rods, 2)
+        return min(self.judgement.cone.two_sided + across, 3)
 
 
 def failure_table(
@@ -68,18 +74,21 @@ def failure_table(
     names: Sequence[str] | None = None,
     tolerance: float | int = TOLERANCE,
     most_failed: int | None = None,
+    rods: RodSet | None = None,
 ) -> tuple[FailureCase, ...]:
-    """All subsets of failed actuators, fewest failures first.
+    """All subsets of failed actuators, magnetorquers included, fewest failures first.
 
     `inertia` (3,) or (3, 3) in kg m²; `actuators` an `ActuatorSet`, or torque axes (3, m) of both
-    signs with `names` (default g1, g2, …). `most_failed` ends the table at so many failures, 2 for
-    single and double ones. Brackets are computed once for the whole table. Raises ValueError as
-    `analyse`, and for more than 14 actuators (16384 cases) with `most_failed` left out.
+    signs with `names` (default g1, g2, …); `rods` are the magnetorquers beside them. `most_failed`
+    ends the table at so many failures, 2 for single and double ones. Brackets are computed once for
+    the whole table. Raises ValueError as `analyse`, and for more than 14 actuators (16384 cases)
+    with `most_failed` left out.
     """
     if not isinstance(actuators, ActuatorSet):
         actuators = actuator_set(actuators, two_sided=True, names=names)
     layout = actuator_layout(inertia, actuators)
-    labels, still = actuators.names, actuators.with_wheels_still
+    still, others = actuators.with_wheels_still, len(actuators.names)
+    labels = actuators.names if rods is None else (*actuators.names, *rods.names)
     count = len(labels)
     most = count if most_failed is None else min(most_failed, count)
     if sum(math.comb(count, size) for size in range(most + 1)) > MOST_SUBSETS:
@@ -88,13 +97,19 @@ def failure_table(
     for size in range(most + 1):
         for failed in itertools.combinations(range(count), size):
             working = tuple(i for i in range(count) if i not in failed)
-            judgement = judge_only(layout, actuators, working, tolerance)
+            sound = tuple(i for i in working if i < others)
+            left = [i - others for i in working if i >= others]
+            judgement = judge_only(layout, actuators, sound, tolerance)
             stopped_verdict = None
             if judgement.coasting:
-                later = judge_only(layout, still, working, tolerance)
+                later = judge_only(layout, still, sound, tolerance)
                 if np.any(actuators.rotors):  # of another body: that with the stopped ones locked
                     later = judge_once_stopped(judgement, tolerance) or later
+                if rods is not None:
+                    later = judge_with_rods(later, rods, left, tolerance)
                 stopped_verdict = later.verdict
+            if rods is not None:
+                judgement = judge_with_rods(judgement, rods, left, tolerance)
             cases.append(
                 FailureCase(
                     failed=tuple(labels[i] for i in failed),
@@ -105,6 +120,11 @@ def failure_table(
                 )
             )
     return tuple(cases)
+
+
+def torques_kind(judgement: Judgement) -> str:
+    """The shape of the set of torques, of magnetorquers at an instant."""
+    return judgement.cone.kind if judgement.orbit is None else rod_torques(judgement.orbit)
 
 
 def failure_records(cases: Sequence[FailureCase]) -> list[dict[str, str | int | float]]:
@@ -119,7 +139,7 @@ def failure_records(cases: Sequence[FailureCase]) -> list[dict[str, str | int | 
             "margin": case.judgement.margin,
             "turn_time_s": case.judgement.turn_time,
             "directions": case.directions,
-            "torques": case.judgement.cone.kind,
+            "torques": torques_kind(case.judgement),
             "both_signs_by": both_signs_by(case.judgement),
             "laws": case.judgement.laws,
             "lost": case.lost,

@@ -17,10 +17,28 @@ from jaxsat.controllability.wheels import (
 Verdict = Literal[
     "controllable", "by drift", "some attitudes", "not decided", "borderline", "uncontrollable"
 ]
-Laws = Literal["three torques", "two torques", "none"]
+Laws = Literal["three torques", "two torques", "magnetic", "none"]
 
 CONTROLLABLE = ("controllable", "by drift")
 """Verdicts by which every attitude and rate that the momentum allows can be reached."""
+
+
+@dataclass(frozen=True)
+class OrbitRank:
+    """What magnetorquers reach over an orbit together with wheels, about rest in the orbit frame.
+
+    `rods` is the number of independent axes of magnetorquers, `wheels` that of wheels. `rank` of
+    `dimension`: directions of attitude, rate and wheel momentum that are reached. `margin` is the
+    least over the largest singular value of a factor of the Gramian, the least and the largest as
+    the Earth turns. Without `rest` the orbit frame is no equilibrium, and the rank is not known.
+    """
+
+    rods: int
+    wheels: int
+    rank: int
+    dimension: int
+    margin: tuple[float, float]
+    rest: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,10 +49,12 @@ class Judgement:
 
     - "controllable": every attitude and rate of the level set, by the laws named in `laws`;
     - "by drift": rank 6 and a drift that returns are enough in principle, no law of jaxsat uses it;
+      or magnetorquers are, of fewer than three axes;
     - "some attitudes": two wheels with momentum left, which hold only attitudes n·CH = n·β;
     - "not decided": one wheel beside thrusters, rank 6, but less than two torques of both signs; or
-      thrusters that make less than three, beside a wheel that coasts;
-    - "borderline": the data or their rounding decide;
+      thrusters that make less than three, beside a wheel that coasts; or magnetorquers where rest
+      in the orbit frame is no equilibrium;
+    - "borderline": the data or their rounding decide, or the field hardly turns at times of a day;
     - "uncontrollable".
 
     Wheels that have failed coast, with the momentum `actuators.coasting` (β). `inertia` is without
@@ -45,7 +65,8 @@ class Judgement:
     wheels together. `barrier` is the unit vector m with m·Jω ≥ 0 for ever once it holds
     (`momentum_barrier`), `decision` the rank of the columns as torques of both signs, `level_set`
     what the wheels do alone; None where these do not decide. `margin` and `turn_time` as in
-    `Analysis`, of the torques that laws use; NaN turn time where wheels decide.
+    `Analysis`, of the torques that laws use; NaN turn time where wheels decide. Where magnetorquers
+    decide, `orbit` is what they reach and `without_rods` the judgement of the others; else None.
     """
 
     inertia: Float[np.ndarray, "3 3"]
@@ -60,6 +81,8 @@ class Judgement:
     decision: RankDecision | None = None
     barrier: Float[np.ndarray, "3"] | None = None
     level_set: MomentumLevelSet | None = None
+    orbit: OrbitRank | None = None
+    without_rods: "Judgement | None" = None
 
     @property
     def controllable(self) -> bool:

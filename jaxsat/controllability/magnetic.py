@@ -7,7 +7,6 @@ instant (Bhat, IEEE Trans. Automatic Control 50, 2005, pages 1725-1735). It is j
 Gramian, as brackets at one instant do not know how the field goes on.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import jax
@@ -15,7 +14,6 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.control.periodic_gain import (
-    TURNS,
     LinearMotion,
     floquet_multipliers,
     periodic_gain,
@@ -26,7 +24,6 @@ from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION, DipoleField
 
 DAY = 2 * np.pi / EARTH_ROTATION  # s
 STEPS = 128  # an orbit
-LEAST_MARGIN = 2e-3  # below which the field hardly turns
 HARDLY = 0.99  # of an error that is left after an orbit
 DEGREE = np.pi / 180
 
@@ -38,9 +35,6 @@ class MagneticAuthority:
     - `field`: smallest and largest size of B within a day, T.
     - `torque`: the mean over a day of the largest torque about body x, y, z, N m.
     - `largest`: the largest torque about one of them at any instant, N m.
-    - `rank`: that of the linear system over one orbit, of 6.
-    - `margin`: the least over the largest singular value of a factor of its Gramian over an orbit
-      while the Earth stands, the least and the largest of all turns of the Earth.
     - `effort`: to remove one degree about body x, y, z within one orbit, the root mean square of
       the dipoles in parts of their limits; infinite where it cannot be removed.
     """
@@ -48,8 +42,6 @@ class MagneticAuthority:
     field: tuple[float, float]
     torque: Float[np.ndarray, "3"]
     largest: float
-    rank: int
-    margin: tuple[float, float]
     effort: Float[np.ndarray, "3"]
 
 
@@ -77,33 +69,13 @@ def magnetic_authority(
     torques = np.cross((units * limits).T[None], there[:, None])  # instants, magnetorquers, body
     about = np.abs(torques).sum(axis=1)
     factor = _factor(state, to_rates, torques[:STEPS], rate)
-    values = np.linalg.svd(factor, compute_uv=False)
     sizes = np.linalg.norm(there, axis=1)
-    margins = _margins(field, lambda one: _factor(state, to_rates, one, rate), units * limits)
     return MagneticAuthority(
         field=(float(sizes.min()), float(sizes.max())),
         torque=about.mean(axis=0),
         largest=float(about.max()),
-        rank=int(np.sum(values > tolerance * values.max())),
-        margin=(min(margins), max(margins)),
         effort=_effort(factor, tolerance),
     )
-
-
-def _margins(
-    field: DipoleField,
-    factor: Callable[[np.ndarray], np.ndarray],
-    dipoles: Float[np.ndarray, "3 k"],
-) -> list[float]:
-    """The least over the largest singular value of a factor, for each turn of the Earth."""
-    instants = (np.arange(STEPS) + 0.5) * 2 * np.pi / STEPS / float(field.orbit.rate)
-    turns = np.arange(TURNS) * 2 * np.pi / TURNS
-    over = jax.jit(jax.vmap(jax.vmap(field.over, (0, None)), (None, 0)))
-    margins = []
-    for there in np.asarray(over(instants, turns)):
-        values = np.linalg.svd(factor(np.cross(dipoles.T[None], there[:, None])))[1]
-        margins.append(float(values[-1] / values[0]))
-    return margins
 
 
 def _factor(
@@ -143,26 +115,6 @@ def _effort(factor: Float[np.ndarray, "6 n"], tolerance: float) -> Float[np.ndar
     return efforts
 
 
-def magnetic_verdict(authority: MagneticAuthority) -> str:
-    """A sentence on three axes by magnetorquers alone."""
-    low, high = (f"{one:.2g}" for one in authority.margin)
-    if authority.rank < 6:
-        return (
-            f"Magnetorquers alone do not control all axes: rank {authority.rank} of 6 over an "
-            "orbit, however the field turns."
-        )
-    turns = f"margin {low} to {high} as the Earth turns (least over largest singular value)"
-    if authority.margin[0] < LEAST_MARGIN:
-        return (
-            "Magnetorquers alone control all axes only while the field turns in the orbit, not at "
-            f"all times of a day: rank 6 of 6 over an orbit, {turns}."
-        )
-    return (
-        "Magnetorquers alone control all axes over an orbit, as the field turns, by torques about "
-        f"two axes at any instant: rank 6 of 6, {turns}."
-    )
-
-
 def magnetic_words(authority: MagneticAuthority, thruster: float, wheels: bool) -> list[str]:
     """Sentences on magnetorquers beside wheels and thrusters.
 
@@ -178,11 +130,8 @@ def magnetic_words(authority: MagneticAuthority, thruster: float, wheels: bool) 
         f"Magnetorquers: at rest in the orbit frame at most {authority.largest:.2g} N m{beside}, "
         f"and on average {torques} N m about body x, y, z, in a field of {low} to {high} µT; none "
         f"about the field itself{unload}",
-        f"{magnetic_verdict(authority)} This holds for the linear system about the orbit frame; "
-        f"removing one degree about x, y, z within an orbit takes {efforts} % of their limits "
-        "(rms)",
-        "The margins, the momentum, and the table of failures are those of thrusters and wheels "
-        "without magnetorquers; with them the law magnetic, and others of three torques, fly",
+        f"Magnetorquers alone remove one degree about x, y, z within an orbit by {efforts} % of "
+        "their limits (rms), in the linear system about the orbit frame without gravity gradient",
     ]
 
 

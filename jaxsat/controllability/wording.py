@@ -5,12 +5,13 @@ from jaxtyping import Float
 
 from jaxsat.controllability.cone import TorqueCone, direction_words, torque_cone
 from jaxsat.controllability.decision import RankDecision
-from jaxsat.controllability.judgement import Judgement
+from jaxsat.controllability.judgement import Judgement, OrbitRank
 from jaxsat.core.numerals import fixed_text, number_text
 
 LAW_WORDS = {
     "three torques": "every law applies; the allocation distributes its torque among the actuators",
     "two torques": "the laws for two torques apply, in the plane of the torques of both signs",
+    "magnetic": "the law magnetic applies, and holds all axes as the field turns in the orbit",
     "none": "no law of jaxsat applies",
 }
 
@@ -90,6 +91,8 @@ def both_signs_by(judgement: Judgement) -> str:
 
     Nothing where no torque has both signs.
     """
+    if judgement.orbit is not None:
+        return "magnetorquers and wheels" if judgement.orbit.wheels else "magnetorquers"
     actuators, dimension = judgement.actuators, judgement.cone.two_sided
     wheels = np.ones(len(actuators.wheels), bool)
     makers = {
@@ -109,6 +112,8 @@ def _plane(normal: Float[np.ndarray, "3"]) -> str:
 def lost_words(judgement: Judgement) -> str:
     """The control authority that a failure removes."""
     wheels, cone = judgement.level_set, judgement.cone
+    if judgement.orbit is not None:
+        return _rods_lost(judgement, judgement.orbit)
     if _coasts_beside_thrusters(judgement):
         return f"every law, while wheels coast with {judgement.coasting:.3g} N m s"
     if judgement.decision is None:
@@ -152,8 +157,55 @@ def _wheels_lost(judgement: Judgement) -> str:
     return f"all but rotation about {direction_words(wheels.turned_about)}"
 
 
+def rod_torques(orbit: OrbitRank) -> str:
+    """The torques of magnetorquers, and of wheels beside them."""
+    few = "one torque" if orbit.rods == 1 else "two torques"
+    beside = f" and those about {orbit.wheels} axes of wheels" if orbit.wheels > 1 else ""
+    beside = " and that of a wheel" if orbit.wheels == 1 else beside
+    return f"{few} across the field{beside}"
+
+
+def _rod_sentence(judgement: Judgement, orbit: OrbitRank) -> str:
+    """The verdict where magnetorquers decide."""
+    makers = "Magnetorquers and wheels" if orbit.wheels else "Magnetorquers alone"
+    if not orbit.rest:
+        return (
+            f"Not decided: {makers[0].lower()}{makers[1:]} make {rod_torques(orbit)} at an "
+            "instant, but rest in the orbit frame is no equilibrium, about which jaxsat analyses "
+            "the motion over an orbit."
+        )
+    low, high = (number_text(one, 2) for one in orbit.margin)
+    rank = f"rank {orbit.rank} of {orbit.dimension}"
+    if judgement.verdict == "uncontrollable":
+        return f"{makers} do not control all axes: {rank} over an orbit, however the field turns."
+    torques = f"by {rod_torques(orbit)} at any instant"
+    how = f"{torques}: {rank}, margin {low} to {high} as the Earth turns"
+    if judgement.verdict == "borderline":
+        return (
+            f"Borderline: {makers[0].lower()}{makers[1:]} control all axes over an orbit, but at "
+            f"times of a day hardly, {how}."
+        )
+    text = f"{makers} control all axes over an orbit, as the field turns, {how}."
+    return text if judgement.laws != "none" else f"{text} No law of jaxsat is made for them."
+
+
+def _rods_lost(judgement: Judgement, orbit: OrbitRank) -> str:
+    """What is lost where magnetorquers decide."""
+    if not orbit.rest:
+        return "torque along the field; rest in the orbit frame"
+    if judgement.verdict == "uncontrollable":
+        return f"control over an orbit: rank {orbit.rank} of {orbit.dimension}"
+    lost = "torque along the field" if not orbit.wheels else "direct torque about one axis at times"
+    if judgement.verdict == "borderline":
+        return f"{lost}; nearly all authority about one axis, at times of a day at least"
+    lost += ", reached as the field turns"
+    return lost if judgement.laws != "none" else f"{lost}, by no law"
+
+
 def verdict_sentence(judgement: Judgement) -> str:
     """The verdict and why, in a sentence or two."""
+    if judgement.orbit is not None:
+        return _rod_sentence(judgement, judgement.orbit)
     if _coasts_beside_thrusters(judgement):
         start = {"by drift": "Controllable by drift", "not decided": "Not decided"}
         least = "" if judgement.rank == 6 else " at least"
@@ -287,6 +339,8 @@ def momentum_words(judgement: Judgement) -> str | None:
     if wheels is None:
         return None
     start = f"Momentum: {wheels.momentum:.3g} N m s in total at the start"
+    if judgement.orbit is not None and judgement.verdict != "not decided":
+        return f"{start}; magnetorquers take momentum across the field out of the wheels"
     if not np.any(judgement.actuators.torques):
         return f"{start}, conserved: no actuator removes momentum from the wheels"
     if wheels.axes == 1:

@@ -19,6 +19,7 @@ from jaxsat.controllability.wording import (
     cone_words,
     momentum_words,
     once_stopped_words,
+    rod_torques,
     verdict_sentence,
 )
 from jaxsat.core.numerals import number_text
@@ -122,6 +123,8 @@ def controllability_lines(
         net_force_words(net_force(judgement.actuators, jets)),
     ]
     verdict, torques = verdict_sentence(judgement), cone_words(judgement.cone)
+    if judgement.orbit is not None:
+        torques = f"{rod_torques(judgement.orbit)} at any instant"
     return [
         *([] if torques.lower() in verdict.lower() else [f"Torques: {torques}"]),
         f"Laws: {LAW_WORDS[judgement.laws]}",

@@ -11,14 +11,13 @@ from jaxsat.controllability.drift import energy_bound, energy_counterexample, re
 from jaxsat.controllability.failures import FailureCase, failure_csv, failure_records, failure_table
 from jaxsat.controllability.gyros import GyroCluster
 from jaxsat.controllability.judgement import Judgement
-from jaxsat.controllability.judging import judge, judge_once_stopped
+from jaxsat.controllability.judging import judge_once_stopped
 from jaxsat.controllability.lie import DriftField, pack
 from jaxsat.controllability.linear import NoEquilibriumError
 from jaxsat.controllability.magnetic import (
     MagneticAuthority,
     magnetic_authority,
     magnetic_law_words,
-    magnetic_verdict,
     magnetic_words,
 )
 from jaxsat.controllability.maps import (
@@ -29,6 +28,7 @@ from jaxsat.controllability.maps import (
     uncontrollable_single_directions,
 )
 from jaxsat.controllability.rank import Analysis, analyse
+from jaxsat.controllability.rods import judge_with_rods
 from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.report.controllability_document import (
     controllability_document,
@@ -39,7 +39,7 @@ from jaxsat.report.document import Document
 from jaxsat.report.printers import markdown_page
 from jaxsat.report.saving import save_figures
 from jaxsat.scenario import Scenario, dump
-from jaxsat.scenario.build.actuator_set import all_actuators
+from jaxsat.scenario.build.actuator_set import all_actuators, all_rods, judge_scenario
 from jaxsat.scenario.build.actuators import magnetic_context
 from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
 from jaxsat.scenario.parts.wheels import free_inertia
@@ -77,18 +77,18 @@ class ControllabilityStudy(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """A sentence; before it one of control moment gyros or magnetorquers, if there are any."""
+        """A sentence; before it one of control moment gyros, after it one without magnetorquers."""
         sentence, gyros = verdict_sentence(self.judgement), _gyro_cluster(self.scenario)
-        others = self.judgement.actuators.names
-        if gyros is None:
-            torquers = _magnetic_authority(self.scenario)
-            first = None if torquers is None else magnetic_verdict(torquers)
+        without, lacking = self.judgement.without_rods, "magnetorquers"
+        if gyros is not None:
+            first, without, lacking = gyros.verdict(), self.judgement, "them"
+        elif without is not None:
+            first, sentence = sentence, verdict_sentence(without)
         else:
-            first = gyros.verdict()
-        if first is None:
             return sentence
-        more = f"Without them: {sentence[0].lower()}{sentence[1:]}" if others else ""
-        return f"{first} {more}".strip()
+        if not without.actuators.names and without.orbit is None:
+            return first
+        return f"{first} Without {lacking}: {sentence[0].lower()}{sentence[1:]}"
 
     def document(self, failures: int | None = None) -> Document:
         """The verdict, every failure, or those of so many actuators, and the findings."""
@@ -132,7 +132,10 @@ def controllability_study(
     report("deciding controllability")
     judgement, analysis, cases = _analyse(scenario, tolerance)
     torque = scenario.spacecraft.torque_limit_N_m or 1.0
-    stopped = judge_once_stopped(judgement, tolerance)
+    stopped = judge_once_stopped(judgement.without_rods or judgement, tolerance)
+    rods, places = all_rods(scenario)
+    if stopped is not None and rods is not None:
+        stopped = judge_with_rods(stopped, rods, places, tolerance)
     lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
     gyros = _gyro_cluster(scenario)
     lines += [*_magnetic_lines(scenario), *([] if gyros is None else gyros.lines())]
@@ -154,9 +157,10 @@ def _analyse(
     inertia = scenario.spacecraft.inertia_kg_m2
     actuators, working = all_actuators(scenario)
     healthy = actuators.only(working)
-    judgement, analysis = judge(inertia, healthy, tolerance=tolerance), None
+    judgement, analysis = judge_scenario(scenario, tolerance=tolerance), None
     disturbance = scenario.disturbance.amplitude_N_m
-    if judgement.decision is not None and not judgement.coasting:
+    decided = judgement.decision is not None and not judgement.coasting
+    if decided and (judgement.orbit is None or healthy.columns.any()):
         analysis = analyse(
             judgement.inertia if healthy.free_rotors.any() else inertia,
             healthy.columns,
@@ -165,8 +169,15 @@ def _analyse(
             tolerance=tolerance,
             labels=healthy.names,
         )
-    most = None if len(actuators.names) <= MAX_ACTUATORS else 2
-    cases = failure_table(inertia, actuators, tolerance=tolerance, most_failed=most)
+    rods, _ = all_rods(scenario)
+    count = len(actuators.names) + (0 if rods is None else len(rods.names))
+    cases = failure_table(
+        inertia,
+        actuators,
+        tolerance=tolerance,
+        most_failed=None if count <= MAX_ACTUATORS else 2,
+        rods=rods,
+    )
     return judgement, analysis, cases
 
 
@@ -187,7 +198,7 @@ def _magnetic_authority(scenario: Scenario) -> MagneticAuthority | None:
 
 
 def _magnetic_lines(scenario: Scenario) -> list[str]:
-    """What magnetorquers add to a verdict that leaves them out."""
+    """How strong magnetorquers are, and what their law does."""
     if not scenario.magnetorquer:
         return []
     if all(one.failed for one in scenario.magnetorquer):
@@ -195,8 +206,8 @@ def _magnetic_lines(scenario: Scenario) -> list[str]:
     authority = _magnetic_authority(scenario)
     if authority is None:
         return [
-            "Magnetorquers: not analysed, and not part of the verdict and the table. The analysis "
-            "linearises about rest in the orbit frame, which is no equilibrium of this body"
+            "Magnetorquers: not analysed. The analysis linearises about rest in the orbit frame, "
+            "which is no equilibrium of this body"
         ]
     actuators, others = all_actuators(scenario)
     healthy = actuators.only(others)

@@ -8,7 +8,6 @@ from jaxsat.control.periodic_gain import linear_motion
 from jaxsat.controllability.magnetic import (
     magnetic_authority,
     magnetic_law_words,
-    magnetic_verdict,
     magnetic_words,
 )
 from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
@@ -50,7 +49,6 @@ def test_the_field_and_the_torques_are_those_of_an_independent_program():
     torques = np.cross((UNITS * LIMITS).T[None], fields[:, None])
     np.testing.assert_allclose(found.torque, np.abs(torques).sum(axis=1).mean(axis=0), rtol=2e-3)
     assert found.largest == pytest.approx(np.abs(torques).sum(axis=1).max(), rel=5e-3)
-    assert found.rank == 6
 
 
 @pytest.mark.slow
@@ -84,12 +82,10 @@ def test_the_effort_is_that_of_the_least_command_which_removes_a_degree():
 
 def test_a_dipole_along_the_orbit_normal_never_turns_the_body_about_it():
     found = found_of(np.eye(3)[:, 1:2], LIMITS[:1])
-    assert found.rank == 4
     assert found.torque[1] == 0
     assert np.isinf(found.effort[1])
     assert np.all(np.isfinite(found.effort[[0, 2]]))
     told = " ".join(magnetic_words(found, 0.01, wheels=True))
-    assert "Magnetorquers alone do not control all axes: rank 4 of 6" in told
     assert "unload wheel momentum" in told
     assert "of a thruster's" in told
 
@@ -101,11 +97,6 @@ def test_an_orbit_that_comes_to_the_magnetic_equator_is_told():
     east = np.arctan2(dipole[1], dipole[0])
     tilt = np.arccos(-dipole[2] / np.linalg.norm(dipole))
     near = DipoleField(CircularOrbit(RATE, tilt, east - np.pi / 2))
-    authority = magnetic_authority(INERTIA, AXES, LIMITS, near)
-    assert authority.margin[0] < 1e-4 < 2e-3 < authority.margin[1]
-    assert "only while the field turns in the orbit" in magnetic_verdict(authority)
-    normal = np.eye(3)[:, 1:2]
-    assert "rank 4 of 6" in magnetic_verdict(magnetic_authority(INERTIA, normal, LIMITS[:1], near))
     for place, told in ((near, "they hardly fall"), (polar(), "as the Earth turns (Floquet")):
         motion = linear_motion(
             np.diag(INERTIA), place, np.eye(3), np.zeros(3), gravity_gradient=True

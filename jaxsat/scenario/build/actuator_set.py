@@ -8,10 +8,15 @@ from jaxtyping import Float
 
 from jaxsat.controllability.actuators import ActuatorSet, actuator_set, thruster_torques
 from jaxsat.controllability.cone import ROUNDING
+from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.judging import judge
+from jaxsat.controllability.layout import TOLERANCE
+from jaxsat.controllability.rods import RodSet, judge_with_rods
 from jaxsat.controllability.wording import verdict_sentence
+from jaxsat.scenario.build.plant import place_of
 from jaxsat.scenario.parts.thrusters import ThrusterTable
 from jaxsat.scenario.schema import Scenario
+from jaxsat.spacecraft.environment.orbit import DipoleField
 from jaxsat.spacecraft.spacecraft import Spacecraft
 
 APART = 1e-3
@@ -50,6 +55,41 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
     return actuators, [place for place, gone in enumerate(failed) if not gone]
 
 
+def all_rods(scenario: Scenario) -> tuple[RodSet | None, list[int]]:
+    """All magnetorquers of a scenario, failed ones too, and the places of those that work.
+
+    None without any. Names differ from those of the other actuators.
+    """
+    tables = scenario.magnetorquer
+    if not tables:
+        return None, []
+    axes = np.array([one.axis for one in tables], float).T
+    names, others = _words([one.name for one in tables], "m"), all_actuators(scenario)[0].names
+    if len({*names, *others}) < len(names) + len(others):
+        names = [f"{name}-m{number}" for number, name in enumerate(names, 1)]
+    rods = RodSet(
+        names=tuple(names),
+        axes=axes / np.linalg.norm(axes, axis=0),
+        limits=np.array([one.dipole_limit_A_m2 for one in tables], float),
+        field=DipoleField(place_of(scenario.orbit)),
+        bias=0.0 if scenario.unloading is None else scenario.unloading.bias_N_m_s,
+        gravity_gradient=scenario.disturbance.gravity_gradient,
+    )
+    return rods, [place for place, one in enumerate(tables) if not one.failed]
+
+
+def judge_scenario(scenario: Scenario, *, tolerance: float | int = TOLERANCE) -> Judgement:
+    """Judge what all actuators that work at the start can do together.
+
+    Control moment gyros are left out. `tolerance` as in `judge`.
+    """
+    actuators, working = all_actuators(scenario)
+    inertia = scenario.spacecraft.inertia_kg_m2
+    judgement = judge(inertia, actuators.only(working), tolerance=tolerance)
+    rods, places = all_rods(scenario)
+    return judgement if rods is None else judge_with_rods(judgement, rods, places, tolerance)
+
+
 def borderline_words(scenario: Scenario) -> str | None:
     """What to say where the torques that are left are two or three by their last digits alone.
 
@@ -62,7 +102,8 @@ def borderline_words(scenario: Scenario) -> str | None:
     sines = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), compute_uv=False)
     if not np.any((sines > ROUNDING) & (sines < APART)):
         return None
-    judgement = judge(scenario.spacecraft.inertia_kg_m2, healthy)
+    judgement = judge_scenario(scenario)
+    judgement = judgement if judgement.controllable else judgement.without_rods or judgement
     if judgement.verdict != "borderline":
         return None
     key = "thruster" if scenario.thruster else "spacecraft.thruster_torque_axes"
@@ -101,13 +142,13 @@ def _names(
     thrusters: Sequence[str | None], wheels: Sequence[str | None]
 ) -> tuple[list[str], list[str]]:
     """Names in one word; g1, g2, … and w1, w2, … where there are none."""
-
-    def words(labels: Sequence[str | None], letter: str) -> list[str]:
-        clean_labels = [name and re.sub(r"[^\w.+-]+", "-", name.strip()) for name in labels]
-        return [name or f"{letter}{number}" for number, name in enumerate(clean_labels, 1)]
-
-    jets, wheel_names = words(thrusters, "g"), words(wheels, "w")
+    jets, wheel_names = _words(thrusters, "g"), _words(wheels, "w")
     if len({*jets, *wheel_names}) < len(jets) + len(wheel_names):
         jets = [f"{name}-g{number}" for number, name in enumerate(jets, 1)]
         wheel_names = [f"{name}-w{number}" for number, name in enumerate(wheel_names, 1)]
     return jets, wheel_names
+
+
+def _words(labels: Sequence[str | None], letter: str) -> list[str]:
+    clean_labels = [name and re.sub(r"[^\w.+-]+", "-", name.strip()) for name in labels]
+    return [name or f"{letter}{number}" for number, name in enumerate(clean_labels, 1)]

@@ -101,13 +101,12 @@ class Scale(NamedTuple):
 def working_actuators(scenario: Scenario) -> ActuatorSet:
     """The actuators that work at the start, for which a controller can be designed.
 
-    Raises `UnsuitableVehicle` where there are some that the verdict does not cover.
+    Raises `UnsuitableVehicle` where there are some for which none is designed.
     """
     for name in STEERED:
         if getattr(scenario, name):
             raise UnsuitableVehicle(
-                f"{name} must be omitted: jaxsat designs controllers for thrusters and wheels, "
-                f"and its verdict on controllability does not cover {name}s"
+                f"{name} must be omitted: jaxsat designs controllers for thrusters and wheels alone"
             )
     actuators, working = all_actuators(scenario)
     return actuators.only(working)

@@ -1,0 +1,160 @@
+"""What magnetorquers add to the wheels that are left, judged over an orbit.
+
+At an instant rods make two torques, across the Earth's field, and wheels those about their axes. As
+the field turns along the orbit, the linear motion of attitude, rate and wheel momentum about rest
+in the orbit frame can be controllable although at no instant it is. Its Gramian over an orbit
+decides (Bhat, IEEE Trans. Automatic Control 50, 2005, pages 1725-1735), by the motion of which the
+law `magnetic` has its gains (`jaxsat.control.periodic_gain`). Thrusters are not counted.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import jax
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.control.periodic_gain import TURNS, small_motion
+from jaxsat.controllability.judgement import Judgement, Laws, OrbitRank, Verdict
+from jaxsat.core.once import once_property
+from jaxsat.spacecraft.environment.orbit import DipoleField
+
+STEPS = 128
+"""Instants of an orbit."""
+
+LEAST_MARGIN = 2e-3
+"""A margin below which the field hardly turns."""
+
+SAME_AXIS = 1e-6
+"""Sine of an angle that counts as none."""
+
+NORMAL = np.array([0.0, -1.0, 0.0])
+"""The orbit normal at rest in the orbit frame, body axes."""
+
+
+@dataclass(frozen=True, eq=False)
+class RodSet:
+    """Magnetorquers that may fail, and where they fly.
+
+    `axes` are unit columns (body axes) and `limits` dipoles (A m²) in the Earth's `field`. `bias`
+    (N m s) is the momentum about the orbit normal that wheels are to keep; with `gravity_gradient`
+    its torque acts.
+    """
+
+    names: tuple[str, ...]
+    axes: Float[np.ndarray, "3 k"]
+    limits: Float[np.ndarray, " k"]
+    field: DipoleField
+    bias: float = 0.0
+    gravity_gradient: bool = False
+
+    def torques(self, places: Sequence[int]) -> Float[np.ndarray, "turns instants 3 n"]:
+        """Torques (N m) of some at their limits, at rest along an orbit, for turns of the Earth."""
+        dipoles = (self.axes * self.limits)[:, list(places)]
+        return np.cross(dipoles.T, self._fields[..., None, :]).swapaxes(-1, -2)
+
+    @once_property
+    def _fields(self) -> Float[np.ndarray, "turns instants 3"]:
+        instants = (np.arange(STEPS) + 0.5) * 2 * np.pi / STEPS / float(self.field.orbit.rate)
+        turns = np.arange(TURNS) * 2 * np.pi / TURNS
+        over = jax.jit(jax.vmap(jax.vmap(self.field.over, (0, None)), (None, 0)))
+        return np.asarray(over(instants, turns), float)
+
+
+def judge_with_rods(
+    without: Judgement, rods: RodSet, places: Sequence[int], tolerance: float | int
+) -> Judgement:
+    """The judgement of thrusters and wheels with the rods of these places, if these are needed.
+
+    They are not where thrusters and wheels make three torques, or thrusters two. Singular values
+    below `tolerance` of the largest are zero.
+    """
+    by_thrusters = without.laws == "two torques" and without.dimension == 6
+    if not places or without.laws == "three torques" or by_thrusters:
+        return without
+    inertia, basis = without.inertia, _basis(without.actuators.wheel_axes)
+    held = bool(np.linalg.norm(NORMAL - basis @ (basis.T @ NORMAL)) <= SAME_AXIS)
+    momentum = without.actuators.coasting + held * rods.bias * NORMAL
+    rate = float(rods.field.orbit.rate)
+    whole = rate * inertia @ NORMAL + momentum
+    across = np.linalg.norm(np.cross(NORMAL, whole))
+    aligned = bool(across <= SAME_AXIS * np.linalg.norm(whole))
+    independent = int(np.linalg.matrix_rank(rods.axes[:, list(places)], tol=SAME_AXIS))
+    dimension, rank, margin = 6 + basis.shape[1], 0, (0.0, 0.0)
+    if aligned:
+        values = orbit_singular_values(inertia, basis, momentum, rods, places)
+        rank = int(np.max(np.sum(values > tolerance * values[:, :1], axis=1)))
+        ratios = values[:, -1] / values[:, 0]
+        margin = (float(ratios.min()), float(ratios.max()))
+    verdict, laws = _verdict(aligned, rank == dimension, margin, independent == 3)
+    orbit = OrbitRank(independent, basis.shape[1], rank, dimension, margin, aligned)
+    if verdict != "controllable" and without.controllable:
+        return without
+    return dataclasses.replace(
+        without,
+        verdict=verdict,
+        rank=rank,
+        dimension=dimension,
+        laws=laws,
+        margin=margin[0],
+        turn_time=np.nan,
+        orbit=orbit,
+        without_rods=without,
+    )
+
+
+def _verdict(
+    aligned: bool, full: bool, margin: tuple[float, float], three: bool
+) -> tuple[Verdict, Laws]:
+    if not aligned:
+        return "not decided", "none"
+    if not full:
+        return "uncontrollable", "none"
+    if margin[0] < LEAST_MARGIN:
+        return "borderline", "magnetic" if three else "none"
+    return ("controllable", "magnetic") if three else ("by drift", "none")
+
+
+def _basis(axes: Float[np.ndarray, "3 k"]) -> Float[np.ndarray, "3 p"]:
+    """An orthonormal basis of the torques of wheels along `axes`."""
+    lengths = np.linalg.norm(axes, axis=0)
+    directions, values, _ = np.linalg.svd(axes[:, lengths > 0] / lengths[lengths > 0])
+    return directions[:, : int(np.sum(values > SAME_AXIS))]
+
+
+def orbit_singular_values(
+    inertia: Float[np.ndarray, "3 3"],
+    basis: Float[np.ndarray, "3 p"],
+    momentum: Float[np.ndarray, "3"],
+    rods: RodSet,
+    places: Sequence[int],
+) -> Float[np.ndarray, "turns x"]:
+    """Singular values of a factor of the Gramian over an orbit, for turns of the Earth.
+
+    `basis` (3, p) is that of the torques of wheels, whose `momentum` at rest is in N m s. The
+    state is (δθ, δω / ω0, η), as in `lvlh_linearisation`. Wheels are as strong as the strongest
+    torque of rods.
+    """
+    from scipy.linalg import expm  # takes its time
+
+    rate, moment = float(rods.field.orbit.rate), float(np.cbrt(np.linalg.det(inertia)))
+    scaled, count = inertia / moment, basis.shape[1]
+    state = small_motion(
+        scaled, basis, momentum / (moment * rate), gravity_gradient=rods.gravity_gradient
+    )
+    inverse, unmade = np.linalg.inv(scaled), np.eye(3) - basis @ basis.T
+    torques = rods.torques(places)
+    torques = torques / np.abs(torques).max()
+    own = np.concatenate([np.zeros((3, 3)), inverse @ unmade, basis.T])
+    wheels = np.concatenate([np.zeros((3, count)), inverse @ basis, -np.eye(count)])
+    shared = np.broadcast_to(wheels, (*torques.shape[:2], *wheels.shape))
+    inputs = np.concatenate([own @ torques, shared], axis=-1)
+    back, power = expm(-state * 2 * np.pi / STEPS), expm(-state * np.pi / STEPS)
+    inertial = np.eye(len(state))  # of rates relative to the orbit frame
+    inertial[3:6, :3] = np.cross(NORMAL, np.eye(3)).T
+    blocks = []
+    for instant in range(STEPS):
+        blocks.append(inertial @ power @ inputs[:, instant])
+        power = power @ back
+    return np.linalg.svd(np.concatenate(blocks, axis=-1), compute_uv=False)
