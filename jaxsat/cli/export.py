@@ -99,5 +99,6 @@ def _export(scenario: "Scenario", *, single: bool, libm: bool) -> "Export":
         provenance(),
         single,
         libm,
+        scenario.law.declaration.keys,
     )
     return export(request)

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from jaxsat.compiler.c.naming import comment
-from jaxsat.flight import templates
+from jaxsat.core.declaration.keys import Key
+from jaxsat.flight import interface, templates
 from jaxsat.flight.guard import guard_header
 from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.harness import library_source, records_header, test_program, vectors_file
 from jaxsat.flight.measure import ProcessorUse, measured
+from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.flight.readme import readme
 from jaxsat.flight.source import header, source
@@ -25,7 +27,8 @@ from jaxsat.spacecraft.dynamics import PlantState
 class Request:
     """What is to be exported: a loop, a start and the time (s) that test runs take.
 
-    `title`, `scenario` (TOML) and `provenance` (versions, platform, time) go into the files.
+    `title`, `scenario` (TOML) and `provenance` (versions, platform, time) go into the files. `keys`
+    are those that the law declares: they bound its parameters.
     """
 
     loop: AbstractLoop
@@ -36,6 +39,7 @@ class Request:
     provenance: Mapping[str, Any]
     single: bool = False
     libm: bool = False
+    keys: tuple[Key, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -63,7 +67,13 @@ def export(request: Request) -> Export:
         "controller.c": source(program, intro, libm=request.libm),
     }
     samples = vectors(program, request.loop, request.start, request.duration)
+    table = interface.parameters(program, request.loop, request.keys)
+    rows = interface.rows(program, table)
     texts |= {
+        "controller_parameters.h": parameters_header(table, intro),
+        "controller_parameters.c": parameters_source(program, table, intro),
+        "icd.csv": interface.as_csv(rows),
+        "icd.md": interface.as_markdown(request.title, rows),
         "controller_guard.h": guard_header(program, intro),
         "controller_guard.c": guard_source(program, intro),
         "controller_records.h": records_header(program, intro),

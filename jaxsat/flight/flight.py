@@ -20,6 +20,21 @@ from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
 from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 
+UNITS = {
+    "time": "s",
+    "attitude": "1",
+    "omega": "rad/s",
+    "rate": "rad/s",
+    "wheel_momentum": "N m s",
+    "torque": "N m",
+    "thrust": "N m",
+    "wheel_torque": "N m",
+    "valve_on": "s",
+    "valve_off": "s",
+    "level": "1",
+}
+"""Units of the fields of inputs and `SampleCommands`, where they have one."""
+
 
 class CannotExport(JaxsatError):
     """A closed loop has a part of which no flight code can be made; the message says which."""

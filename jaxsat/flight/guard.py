@@ -55,6 +55,16 @@ def groups(program: FlightProgram) -> list[Group]:
     return [Group(name, tuple(fields)) for name, fields in found.items()]
 
 
+def is_quaternion(field: Field) -> bool:
+    """Whether a field of an input is a unit quaternion."""
+    return field.path in ("attitude", "attitude.q") and field.shape == (4,)
+
+
+def is_rate(field: Field) -> bool:
+    """Whether a field of an input is an angular velocity."""
+    return field.path in ("rate", "omega")
+
+
 def status_bits(program: FlightProgram) -> dict[str, tuple[int, str]]:
     """Names of status bits, with their numbers and meanings."""
     bits = {

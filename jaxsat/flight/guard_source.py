@@ -10,6 +10,8 @@ from jaxsat.flight.guard import (
     Group,
     groups,
     init_head,
+    is_quaternion,
+    is_rate,
     real_type,
     step_head,
 )
@@ -69,7 +71,7 @@ def _zero_commands(program: FlightProgram) -> list[str]:
 
 
 def _unit_quaternion(program: FlightProgram) -> list[str]:
-    if not any(_is_quaternion(field) for group in groups(program) for field in group.fields):
+    if not any(is_quaternion(field) for group in groups(program) for field in group.fields):
         return []
     real, suffix = real_type(program), "f" if program.single else ""
     return [
@@ -83,10 +85,6 @@ def _unit_quaternion(program: FlightProgram) -> list[str]:
     ]
 
 
-def _is_quaternion(field: Field) -> bool:
-    return field.path in ("attitude", "attitude.q") and field.shape == (4,)
-
-
 def _judge(program: FlightProgram, group: Group) -> list[str]:
     """The function that tells whether a measurement is valid in itself."""
     suffix = "f" if program.single else ""
@@ -98,11 +96,10 @@ def _judge(program: FlightProgram, group: Group) -> list[str]:
         "  bool valid = true;",
         "",
     ]
-    is_rate = group.name in ("rate", "omega")
     for field in group.fields:
-        if _is_quaternion(field):
+        if is_quaternion(field):
             lines.append(f"  valid = valid && is_unit(x->{field.name}, limits->norm_tolerance);")
-        elif is_rate:  # false for what is not a number
+        elif is_rate(field):  # false for what is not a number
             condition = f"fabs{suffix}({{}}) <= limits->rate_limit"
             lines += _over(field, lambda x, text=condition: f"valid = valid && ({text.format(x)});")
         else:

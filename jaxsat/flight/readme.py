@@ -106,6 +106,10 @@ runs a study with this code in the place of the law{" and the estimator" * progr
 {_precision(program)}
 ## Parameters
 
+`controller_check_parameters` (`controller_parameters.h`) returns 0 for a table of parameters within
+the ranges of `icd.md`, else the number of the first that is not. `controller_parameter_checksum` is
+the CRC-32 of a table, and `CONTROLLER_DEFAULT_CHECKSUM` that of these numbers:
+
 {_parameters(program)}
 
 ## MISRA C:2012

@@ -1,7 +1,8 @@
 """Files that are the same for every controller."""
 
 BUILT = frozenset(f"build/{name}" for name in (
-    "controller.o", "controller_guard.o", "test_controller", "libcontroller.so", "test_sanitized",
+    "controller.o", "controller_guard.o", "controller_parameters.o",
+    "test_controller", "libcontroller.so", "test_sanitized",
     "cortex-m4-steps.elf", "cortex-m4-test.elf", "cortex-m7-steps.elf", "cortex-m7-test.elf",
     "libflight_controller.a", "CMakeCache.txt", "cmake_install.cmake",
     "CTestTestfile.cmake", "Makefile",
@@ -35,7 +36,8 @@ SHA256 = $(shell cat controller.h controller.c | { sha256sum 2>/dev/null || shas
 \t| cut -c 1-64)
 
 .PHONY: all test sanitize cppcheck cortex-m cortex-m4 cortex-m7 clean
-all: build/test_controller build/controller_guard.o build/libcontroller.so
+all: build/test_controller build/controller_guard.o build/controller_parameters.o \\
+\tbuild/libcontroller.so
 
 build:
 \tmkdir -p build
@@ -45,6 +47,9 @@ build/controller.o: controller.c controller.h | build
 
 build/controller_guard.o: controller_guard.c controller_guard.h controller.h | build
 \t$(CC) $(CFLAGS) $(STRICT) -c controller_guard.c -o $@
+
+build/controller_parameters.o: controller_parameters.c controller_parameters.h controller.h | build
+\t$(CC) $(CFLAGS) $(STRICT) -c controller_parameters.c -o $@
 
 build/test_controller: build/controller.o test_controller.c $(SOURCES)
 \t$(CC) $(CFLAGS) $(STRICT) test_controller.c build/controller.o -o $@ -lm
@@ -64,7 +69,7 @@ sanitize: | build
 cppcheck:
 \tcppcheck --quiet --std=c99 --enable=warning,portability,performance --error-exitcode=1 \\
 \t\t--addon=misra --suppressions-list=misra_deviations.txt \\
-\t\tcontroller.c controller_guard.c
+\t\tcontroller.c controller_guard.c controller_parameters.c
 
 cortex-m: cortex-m4 cortex-m7
 cortex-m4: PROCESSOR = -mcpu=cortex-m4 -mfpu=fpv4-sp-d16
@@ -90,7 +95,8 @@ set(CMAKE_C_STANDARD 99)
 set(CMAKE_C_EXTENSIONS OFF)
 add_compile_options(-Wall -Wextra -Wconversion -pedantic -Werror -ffp-contract=off)
 
-add_library(flight_controller STATIC controller.c controller_guard.c)
+add_library(flight_controller STATIC
+            controller.c controller_guard.c controller_parameters.c)
 target_include_directories(flight_controller PUBLIC ${CMAKE_CURRENT_SOURCE_DIR})
 target_link_libraries(flight_controller m)
 

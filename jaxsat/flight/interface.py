@@ -1,0 +1,205 @@
+"""icd.csv and icd.md: every field of the C structures, with type, size, unit, range and rate."""
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from jaxsat.compiler.c.helpers import TYPES
+from jaxsat.compiler.c.layout import Field
+from jaxsat.core.declaration.keys import Key, Numeric
+from jaxsat.flight.flight import UNITS, FlightController, as_type
+from jaxsat.flight.guard import (
+    HOLD_SAMPLES,
+    NORM_TOLERANCE,
+    RATE_LIMIT,
+    groups,
+    is_quaternion,
+    is_rate,
+    real_type,
+    status_bits,
+)
+from jaxsat.flight.program import FlightProgram
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A field of `controller_parameters` with its default and the bounds of its elements, both
+    inclusive; `key` is the declared key of `[control]` whose number it is, if there is one.
+
+    A float without declared bounds must be finite. Bounds contain the default, also where it is
+    infinite; `bounds` is None for what is no float, or where a default is not a number.
+    """
+
+    field: Field
+    default: np.ndarray
+    key: Key | None
+
+    @property
+    def bounds(self) -> tuple[np.floating, np.floating] | None:
+        """The least and the largest value, in the type of the field."""
+        if self.field.dtype.kind != "f" or np.isnan(self.default).any():
+            return None
+        kind = self.field.dtype.type
+        least, most = -np.finfo(kind).max, np.finfo(kind).max
+        declared = None if self.key is None else self.key.kind
+        if isinstance(declared, Numeric):
+            most = kind(declared.at_most)
+            if declared.at_least is not None:
+                least = kind(declared.at_least)
+            elif declared.above is not None:
+                least = np.nextafter(kind(declared.above), kind(np.inf))
+        return kind(min(least, self.default.min())), kind(max(most, self.default.max()))
+
+    @property
+    def range(self) -> str:
+        """The bounds in words."""
+        if self.bounds is None:
+            return "any"
+        least, most = self.bounds
+        largest = np.finfo(self.field.dtype).max
+        if (least, most) == (-largest, largest):
+            return "finite"
+        low = "above 0" if 0 < least <= np.nextafter(least * 0, least) else f"{least:.9g}"
+        return f"{low} to {most:.9g}"
+
+
+def parameters(program: FlightProgram, loop: object, keys: Sequence[Key]) -> list[Parameter]:
+    """All parameters of a program in the order of the structure; `keys` are those of its law."""
+    arrays = eqx.filter(as_type(FlightController.of(loop), np.float64), eqx.is_array)
+    paths = jax.tree_util.tree_leaves_with_path(arrays)
+    number_of = {
+        jax.tree_util.keystr(path): number
+        for (path, _), number in zip(paths, program.order, strict=True)
+    }
+    declared = {number_of.get(f".law.{key.tunable}"): key for key in keys if key.tunable}
+    return [
+        Parameter(field, np.asarray(program.parameters[field.number]), declared.get(field.number))
+        for field in program.structs["parameters"].fields
+    ]
+
+
+class Row(NamedTuple):
+    """What the document tells of one field: `bytes` without padding, `rate` in calls."""
+
+    structure: str
+    name: str
+    path: str
+    type: str
+    dimensions: str
+    bytes: int
+    unit: str
+    range: str
+    validity: str
+    rate: str
+
+
+def rows(program: FlightProgram, of_parameters: Sequence[Parameter]) -> list[Row]:
+    """All rows, structure by structure in the order of their fields."""
+    period = f"every {float(np.asarray(program.period)):.9g} s"
+    found = [
+        _row("controller_input", field, _unit(field), *_judged(field), period)
+        for field in program.structs["input"].fields
+    ]
+    found += [
+        Row("controller_validity", group.name, group.name, "bool", "", 1, "", "false, true",
+            "as the sensor tells", period)
+        for group in groups(program)
+    ]  # fmt: skip
+    for parameter in of_parameters:
+        key = parameter.key
+        unit = "" if key is None else key.unit or ""
+        path = parameter.field.path if key is None else f"control.{key.name}"
+        row = _row("controller_parameters", parameter.field, unit, parameter.range,
+                   "controller_check_parameters", "once")  # fmt: skip
+        found.append(row._replace(path=path))
+    found += _limits(program)
+    outputs = program.structs["output"].fields
+    found += [
+        _row("controller_output", field, _unit(field), _commanded(program, field),
+             "finite", period)
+        for field in outputs
+    ]  # fmt: skip
+    bits = status_bits(program).values()
+    status = f"sum of bits up to {sum(number for number, _ in bits)}"
+    found.append(
+        Row("controller_guard_step", "status", "status", "uint32_t", "", 4, "", status,
+            "always", period)
+    )  # fmt: skip
+    return found + [
+        _row("controller_state", field, _unit(field), "any", "no number is NaN", period)
+        for field in program.structs["state"].fields
+    ]
+
+
+def _row(structure: str, field: Field, unit: str, span: str, validity: str, rate: str) -> Row:
+    dimensions = " x ".join(map(str, field.shape))
+    size = field.size * field.dtype.itemsize
+    kind = TYPES[field.dtype]
+    return Row(
+        structure, field.name, field.path, kind, dimensions, size, unit, span, validity, rate
+    )
+
+
+def _unit(field: Field) -> str:
+    return UNITS.get(field.path.split(".")[0], "")
+
+
+def _judged(field: Field) -> tuple[str, str]:
+    """The range of an input, and when it is valid."""
+    if is_quaternion(field):
+        return "-1 to 1", f"square of the norm within {NORM_TOLERANCE:g} of 1"
+    if is_rate(field):
+        return f"{-RATE_LIMIT:g} to {RATE_LIMIT:g}", "within the range"
+    if field.dtype.kind == "b":
+        return "false, true", "always"
+    if field.path == "sample":
+        return "any", "later than the last one; may wrap around"
+    return "finite", "not checked" if field.path == "time" else "finite"
+
+
+def _commanded(program: FlightProgram, field: Field) -> str:
+    if field.path == "mode":
+        return ", ".join(f"{number} {name}" for name, number in program.modes.items())
+    return "finite"
+
+
+def _limits(program: FlightProgram) -> Iterator[Row]:
+    real = real_type(program)
+    size = 4 if program.single else 8
+    for name, kind, unit, default in (
+        ("hold_samples", "int32_t", "", HOLD_SAMPLES),
+        ("rate_limit", real, "rad/s", RATE_LIMIT),
+        ("norm_tolerance", real, "1", NORM_TOLERANCE),
+    ):
+        width = 4 if kind == "int32_t" else size
+        yield Row("controller_guard_parameters", name, name, kind, "", width, unit,
+                  f"at least 0; default {default:g}", "not checked", "once")  # fmt: skip
+
+
+def as_csv(table: Sequence[Row]) -> str:
+    """The rows as comma-separated values, with a line of names."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerows([Row._fields, *table])
+    return text.getvalue()
+
+
+def as_markdown(title: str, table: Sequence[Row]) -> str:
+    """The rows as a document with a table for each structure."""
+    lines = [f"# {title}: interface control document", ""]
+    lines += ["Quaternions have the scalar first. Bytes do not include padding. A parameter whose"]
+    lines += ["path begins with `control.` has the unit and the range of that key of the scenario."]
+    structure = None
+    for row in table:
+        if row.structure != structure:
+            structure = row.structure
+            lines += ["", f"## {structure}", "", f"| {' | '.join(Row._fields[1:])} |"]
+            lines.append("|---" * (len(Row._fields) - 1) + "|")
+        lines.append(f"| {' | '.join(str(cell) for cell in row[1:])} |")
+    return "\n".join([*lines, ""])

@@ -1,0 +1,122 @@
+"""What an export tells of its interface is what the C has, and its check refuses bad parameters."""
+
+import csv
+import subprocess
+import zlib
+
+import numpy as np
+import pytest
+
+from helpers.tools import needs
+from jaxsat.core.declaration.keys import number
+from jaxsat.flight.flight import UNITS
+from jaxsat.flight.guard import guard_header
+from jaxsat.flight.interface import as_csv, as_markdown, parameters, rows
+from jaxsat.flight.parameters import parameters_header, parameters_source
+from jaxsat.flight.program import flight_program
+from jaxsat.flight.source import header, source
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from tests.flight.laws import Filtered, loop_of, start
+
+KEYS = (number("gain", "Gains", "N m s", above=0, at_most=50, size=2, tunable=True),)
+STRICT = ["-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"]
+DRIVER = r"""
+#include "controller_parameters.h"
+#include <stdio.h>
+int main(void)
+{
+  double x;
+  controller_parameters p = controller_default_parameters;
+  printf("%d %u %u\n", (int)controller_check_parameters(&p),
+         (unsigned)controller_parameter_checksum(&p), CONTROLLER_DEFAULT_CHECKSUM);
+  while (scanf("%lf", &x) == 1) {
+    p = controller_default_parameters;
+    p.law_gain[1] = (@REAL@)x;
+    printf("%d %u\n", (int)controller_check_parameters(&p),
+           (unsigned)controller_parameter_checksum(&p));
+  }
+  return 0;
+}
+"""
+
+
+def _built(folder, program, table, driver):
+    files = {
+        "controller.h": header(program, []),
+        "controller.c": source(program, [], libm=False),
+        "controller_guard.h": guard_header(program, []),
+        "controller_parameters.h": parameters_header(table, []),
+        "controller_parameters.c": parameters_source(program, table, []),
+        "driver.c": driver,
+    }
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    words = ["gcc", *STRICT, "-ffp-contract=off", "driver.c", "controller.c"]
+    words += ["controller_parameters.c", "-o", "driver", "-lm"]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return lambda given: subprocess.run(
+        [folder / "driver"], input=given, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+
+
+@needs("gcc")
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+def test_the_check_tells_each_bad_parameter_and_the_checksum_is_that_of_zlib(tmp_path, single):
+    loop = loop_of(Filtered(gain=[3.0, 2.0]))
+    program = flight_program(loop, start(), single=single)
+    table = parameters(program, loop, KEYS)
+    run = _built(
+        tmp_path, program, table, DRIVER.replace("@REAL@", "float" if single else "double")
+    )
+    place = next(i for i, one in enumerate(table, 1) if one.field.path == "law.gain")
+    values = ["50", "50.001", "1e-30", "0", "-1", "nan", "inf", "-inf", "2.5"]
+    begin, *found = [[int(word) for word in line.split()] for line in run("\n".join(values))]
+    assert begin[0] == 0
+    assert begin[1] == begin[2]
+    assert [row[0] for row in found] == [0, place, 0, place, place, place, place, place, 0]
+    for text, (_, checksum) in zip(values, found, strict=True):
+        if text == "nan":  # which of its bits are set is the compiler's choice
+            continue
+        changed = [np.array(one.default) for one in table]
+        changed[place - 1][1] = float(text)
+        plain = b"".join(x.astype(x.dtype.newbyteorder("<")).tobytes() for x in changed)
+        assert checksum == zlib.crc32(plain)
+    unbounded = [one for one in table if one.key is None and one.field.dtype.kind == "f"]
+    assert unbounded
+    assert all(one.range == "finite" for one in unbounded)
+
+
+@needs("gcc")
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["two-torque-free", "cubesat-12u"])
+def test_rows_are_the_members_that_the_compiler_has(tmp_path, name):
+    scenario = load(name)
+    run = build(scenario)
+    program = flight_program(run.loop, run.start)
+    table = parameters(program, run.loop, scenario.law.declaration.keys)
+    read = list(csv.DictReader(as_csv(rows(program, table)).splitlines()))
+    assert all(UNITS[row["path"].split(".")[0]] for row in read
+               if row["structure"] == "controller_output" and row["type"] == "double")  # fmt: skip
+    members = [row for row in read if row["structure"] != "controller_guard_step"]
+    lines = "".join(
+        f'  printf("%u %u\\n", (unsigned)offsetof({row["structure"]}, {row["name"]}),\n'
+        f"         (unsigned)sizeof((({row['structure']} *)0)->{row['name']}));\n"
+        for row in members
+    )
+    driver = '#include "controller_guard.h"\n#include <stddef.h>\n#include <stdio.h>\n'
+    found = _built(
+        tmp_path, program, table, f"{driver}int main(void)\n{{\n{lines}  return 0;\n}}\n"
+    )
+    end, before = 0, None
+    for row, line in zip(members, found(""), strict=True):
+        offset, size = map(int, line.split())
+        end = end if row["structure"] == before else 0
+        assert size == int(row["bytes"])
+        assert end <= offset < end + 8  # no member between two rows
+        end, before = offset + size, row["structure"]
+    declared = [row for row in read if row["path"].startswith("control.")]
+    assert len(declared) >= 2
+    assert all(row["range"] not in ("finite", "any") for row in declared)
+    assert "## controller_output" in as_markdown("title", rows(program, table))
