@@ -111,7 +111,8 @@ def linear_motion(
     at their bias, `unloading` k in 1/s. With gravity gradient 3 ω0² n × Jn acts as well.
     """
     rate = float(field.orbit.rate)
-    moment = float(np.cbrt(np.linalg.det(inertia)))
+    size = np.abs(inertia).max()  # first, so that the root scales without rounding
+    moment = float(size * np.cbrt(np.linalg.det(inertia / size)))
     scaled, stored = inertia / moment, momentum / (moment * rate)
     vectors, values, _ = np.linalg.svd(np.eye(3) - unmade)
     basis = vectors[:, values > 0.5]

@@ -138,6 +138,20 @@ def test_gains_of_a_field_that_stands_are_those_of_an_algebraic_riccati_equation
     np.testing.assert_allclose(found[3:], expected, rtol=2e-4, atol=1e-3)
 
 
+@pytest.mark.parametrize("factor", [2.0, 2.0**6, 2.0**20, 2.0**-20])
+def test_the_motion_is_the_same_in_every_unit_of_mass(factor):
+    """Powers of two round nothing, so the gains that follow from it agree in the last bit."""
+    field, unmade = DipoleField(CircularOrbit(RATE, *PLACE)), np.eye(3) - np.outer(PITCH, PITCH)
+    one, other = (
+        linear_motion(mass * np.diag(INERTIA), field, unmade, mass * BIAS, gravity_gradient=True)
+        for mass in (1.0, factor)
+    )
+    assert other.moment == factor * one.moment
+    assert one.moment == pytest.approx(np.prod(INERTIA) ** (1 / 3), rel=1e-14)
+    for name in ("inverse", "state", "across", "stiffness"):
+        np.testing.assert_array_equal(getattr(other, name), getattr(one, name))
+
+
 @pytest.fixture(scope="module")
 def law():
     return build(load("rods-only")).loop.controller

@@ -54,6 +54,7 @@ def unit_of(field):
         "two-wheel-telescope",
         "wheels-fail",
         "hybrid-wheels",
+        "wheel-and-rods",
     ],
 )
 def test_a_flight_of_each_law_is_the_same_at_any_mass(name):
