@@ -137,11 +137,12 @@ class ExternalLaw(AbstractSampledController):
     def step(self, t: Array, state: PlantState, memory: PyTree) -> tuple[Array, PyTree]:
         """The library's torque (N m) and memory."""
         arrays = eqx.filter(self.law, eqx.is_array)
+        sample = jnp.asarray(jnp.round(t / self.period), jnp.int32)
         command = jax.eval_shape(self.law.step, t, state, memory)[0]
         law_input = Seen(state.attitude, state.omega, wheel_momentum(state))
         call = _Call(self.library, "control")
         return jax.pure_callback(
-            call, (command, memory), arrays, t, law_input, memory, vmap_method="broadcast_all"
+            call, (command, memory), arrays, sample, law_input, memory, vmap_method="broadcast_all"
         )
 
     def rate_error(self, state: PlantState, memory: PyTree) -> Float[Array, "2"]:
@@ -195,19 +196,18 @@ class _Call:
     def __init__(self, library: Library, stage: str):
         self.library, self.stage = library, stage
 
-    def __call__(self, arrays: PyTree, when: Any, inputs: PyTree, memory: PyTree) -> PyTree:
+    def __call__(self, arrays: PyTree, sample: Any, inputs: PyTree, memory: PyTree) -> PyTree:
         """The stage's results for all cases; rows are zero in what the stage has no part in."""
         program, controls = self.library.program, self.stage == "control"
         part = "law" if controls else "estimator"
-        when = np.asarray(when)
-        count = max(1, when.size)
+        sample = np.asarray(sample)
+        count = max(1, sample.size)
         structs = program.structs
         rows = [self._parameters(part, arrays, count)]
-        begin = (when, np.zeros_like(when)) if controls else (np.zeros_like(when), when)
-        input_rows = _rows((*begin, inputs), count)
+        input_rows = _rows((sample, inputs), count)
         if controls and program.estimates:
-            empty = np.zeros((count, structs["input"].size - 2))
-            rows += [input_rows[:, :2], empty, input_rows[:, 2:]]
+            empty = np.zeros((count, structs["input"].size - 1))
+            rows += [input_rows[:, :1], empty, input_rows[:, 1:]]
         else:
             rows.append(input_rows)
         before = np.zeros((count, structs["state"].size))
@@ -218,12 +218,12 @@ class _Call:
         output_rows, after = self.library.run(self.stage, rows, out)
         if controls:
             first = structs["output"].fields[0]
-            outputs: Any = output_rows[:, : first.size].reshape(*when.shape, -1)
+            outputs: Any = output_rows[:, : first.size].reshape(*sample.shape, -1)
             outputs = outputs.astype(jax.dtypes.canonicalize_dtype(float))
         else:
             like = Seen(Quaternion(inputs.attitude), inputs.rate, inputs.wheel_momentum)
-            outputs = _unpack(output_rows, like, when.shape)
-        return outputs, _unpack(after[:, place], memory, when.shape)
+            outputs = _unpack(output_rows, like, sample.shape)
+        return outputs, _unpack(after[:, place], memory, sample.shape)
 
     def _parameters(self, part: str, arrays: PyTree, count: int) -> np.ndarray:
         """The case's own arrays, and those of the scenario for what it does not have."""

@@ -56,27 +56,20 @@ class Seen(NamedTuple):
 
 
 class Input(NamedTuple):
-    """One sample: its time (s) and number, from any time and number on, and what was measured."""
+    """One sample: its number, from any number on, and what was measured."""
 
-    time: Float[Array, ""]
     sample: Int[Array, ""]
     measured: PyTree
 
 
-class Begin(NamedTuple):
-    """Time (s) and number of the sample at which the controller began, from which it counts."""
-
-    time: Float[Array, ""]
-    sample: Int[Array, ""]
-
-
 class State(NamedTuple):
-    """What the controller remembers from one sample to the next."""
+    """What the controller remembers from one sample to the next; `begin_sample` is the number of
+    the sample at which it began, from which it counts."""
 
     law: PyTree
     estimator: PyTree = None
     modulation: PyTree = None
-    begin: Begin | None = None
+    begin_sample: Int[Array, ""] | None = None
 
 
 class SampleCommands(NamedTuple):
@@ -139,8 +132,12 @@ class FlightController(eqx.Module):
         )
         return Seen(estimate.attitude, estimate.omega, now.measured.wheel_momentum), memory
 
-    def control(self, time: Array, law_input: Seen, memory: PyTree) -> tuple[Array, Array, PyTree]:
-        """The law's command (N m), its mode and its memory."""
+    def control(
+        self, sample: Array, law_input: Seen, memory: PyTree
+    ) -> tuple[Array, Array, PyTree]:
+        """The law's command (N m), its mode and its memory; sample 0 is at time 0."""
+        period = jnp.asarray(self.law.period)
+        time = jnp.asarray(sample, period.dtype) * period
         command, memory = self.law.step(time, law_input.as_state(), memory)
         return command, self.law.mode(memory), memory
 

@@ -50,7 +50,7 @@ def groups(program: FlightProgram) -> list[Group]:
     found: dict[str, list[Field]] = {}
     for field in program.structs["input"].fields:
         name = field.path.split(".")[0]
-        if name not in ("time", "sample", "seen"):
+        if name not in ("sample", "seen"):
             found.setdefault(name, []).append(field)
     return [Group(name, tuple(fields)) for name, fields in found.items()]
 
@@ -107,7 +107,7 @@ def guard_header(program: FlightProgram, intro: Sequence[str]) -> str:
     lines += ["  bool begun; /* whether the controller has begun */", "} controller_guard;", ""]
     lines += comment(
         "Begins anew. The controller itself begins at the first sample whose measurements are "
-        "valid, from which its time and samples count; commands are zero until then."
+        "valid, from which time and samples count; commands are zero until then."
     )
     if program.estimates:
         lines += comment(

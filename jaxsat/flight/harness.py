@@ -15,7 +15,7 @@ from jaxsat.flight.vectors import Vectors
 MAGIC = 0x4A585356
 """The first number of a file of vectors."""
 
-ABI = 1
+ABI = 2
 """The version of the functions of controller_library.c and of the rows that they take."""
 
 
@@ -271,8 +271,7 @@ def _batch(program: FlightProgram, stage: str, *, seen_in: bool) -> list[str]:
     if uses_out:
         lines.append("    (void)memset(&output, 0, sizeof(output));")
     if needs_clock:
-        real = "(float)" if program.single else ""
-        lines += [f"    clock.time = {real}input.time;", "    clock.sample = input.sample;"]
+        lines.append("    clock.sample = input.sample;")
     lines += ["    after = before;", f"    {_call(program, stage)}"]
     source = "told" if writes_seen else "output"
     lines += [

@@ -160,7 +160,7 @@ def _judged(field: Field) -> tuple[str, str]:
         return "false, true", "always"
     if field.path == "sample":
         return "any", "later than the last one; may wrap around"
-    return "finite", "not checked" if field.path == "time" else "finite"
+    return "finite", "finite"
 
 
 def _commanded(program: FlightProgram, field: Field) -> str:

@@ -16,7 +16,6 @@ from jaxsat.compiler.ir import Block, Value, uses
 from jaxsat.compiler.scalar_program import ScalarProgram, scalar_program
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.flight.flight import (
-    Begin,
     FlightController,
     Input,
     Measured,
@@ -46,10 +45,10 @@ class FlightProgram:
 
     `whole(parameters, input, state)` is the step as one function, the reference of the proof, and
     `start(parameters, attitude, input)` what is before the first; `parameters` are the arrays of
-    the structure, `now` and `begun` an input and a state for their shapes. These take time and
-    sample from the first on; the structures have them from any time on, in double precision, and
-    the state has when that was. `order` tells of each array of `FlightController` which of the
-    parameters it is. `calls` has the call of each stage in C, once that is written.
+    the structure, `now` and `begun` an input and a state for their shapes. These count samples from
+    the first on; the structures have them from any number on, and the state has the first. `order`
+    tells of each array of `FlightController` which of the parameters it is. `calls` has the call of
+    each stage in C, once that is written.
     """
 
     begin: list[ProgramStage]
@@ -95,7 +94,7 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
     law_input = Seen(start.attitude, start.omega, momentum)
     q = start.attitude.as_quaternion().q
     measured = Measured(law_input.omega, q, jnp.array(True), momentum) if estimates else law_input
-    now = Input(jnp.zeros((), dtype), jnp.zeros((), np.int32), measured)
+    now = Input(jnp.zeros((), np.int32), measured)
     begun: Any = State(
         jax.eval_shape(lambda p: controller(p).begin_law(law_input), defaults),
         jax.eval_shape(lambda p: controller(p).begin_estimator(q), defaults) if estimates else None,
@@ -107,7 +106,7 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
         law_input, memory = (
             flight.estimate(now, state.estimator) if estimates else (now.measured, state.estimator)
         )
-        command, mode, law = flight.control(now.time, law_input, state.law)
+        command, mode, law = flight.control(now.sample, law_input, state.law)
         commands, modulation = flight.allocate(law_input, command, state.modulation)
         return SampleCommands(command, mode, **commands), State(law, memory, modulation)
 
@@ -119,9 +118,8 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
 
     out = jax.eval_shape(whole, defaults, now, begun)[0]
     names = Names(fields=True)
-    instant: Any = jax.ShapeDtypeStruct((), np.float64), jax.ShapeDtypeStruct((), np.int32)
-    own = fields_of(Input(instant[0], instant[1], None), names)
-    remembered = begun._replace(begin=Begin(*instant))
+    own = fields_of(now._replace(measured=None), names)
+    remembered = begun._replace(begin_sample=now.sample)
     in_fields = (*own, *fields_of(measured, names))
     structs = {
         "parameters": Struct("controller_parameters", "Gains and what the law believes.", fields),
@@ -134,7 +132,7 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
         ),
         "clock": Struct(
             "controller_clock",
-            "Time (s) and number of a sample since the controller began.",
+            "The number of a sample since the controller began.",
             fields_of(now._replace(measured=None), Names(fields=True)),
         ),
         "seen": Struct("controller_seen", about(Seen), fields_of(law_input, Names(fields=True))),
@@ -173,7 +171,7 @@ def _stages(
     """The stages of a sample, and the stages before the first."""
     estimates = controller(defaults).estimator is not None
     p = structs["parameters"].elements("p->")
-    measured, clock = structs["input"].elements("in->")[2:], structs["clock"].elements("at->")
+    measured, clock = structs["input"].elements("in->")[1:], structs["clock"].elements("at->")
     law_elements = structs["seen"].elements("seen->") if estimates else measured
     state = {
         part: [text for one in _under(structs["state"], part) for text in one.elements("{}->")]
@@ -196,11 +194,11 @@ def _stages(
         stages.append(ProgramStage("estimate", "The estimator", program, inputs, outputs))
     program = scalar_program(
         "control",
-        lambda p, time, law_input, memory: controller(p).control(time, law_input, memory),
-        (defaults, now.time, law_input, begun.law),
+        lambda p, sample, law_input, memory: controller(p).control(sample, law_input, memory),
+        (defaults, now.sample, law_input, begun.law),
     )
     outputs = [*out["torque"], *out["mode"], *at("law", "next")]
-    inputs = [*p, clock[0], *law_elements, *at("law", "now")]
+    inputs = [*p, *clock, *law_elements, *at("law", "now")]
     stages.append(ProgramStage("control", "The law", program, inputs, outputs))
     command = program.outputs[0]
     program = scalar_program(

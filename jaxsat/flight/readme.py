@@ -71,7 +71,7 @@ controller_step(&controller_default_parameters, &in, &state, &out);             
 ```
 
 `controller.h` has every field with its unit and meaning, in the words of the Python classes. The
-period is {_period(program)} s. Time and sample count from those that `controller_init` is given.
+period is {_period(program)} s. Time and samples count from the sample of `controller_init`.
 
 ## Invalid measurements
 

@@ -73,8 +73,8 @@ def header(program: FlightProgram, intro: Sequence[str]) -> str:
         "                     controller_state *state);",
         "",
         *comment(
-            "One sample: reads the measurement, writes the commands and the next state. Time and "
-            "sample of the input may begin anywhere: they count from those of controller_init."
+            "One sample: reads the measurement, writes the commands and the next state. The "
+            "sample's number may begin anywhere: time and samples count from controller_init."
         ),
         "void controller_step(const controller_parameters *p, const controller_input *in,",
         "                     controller_state *state, controller_output *out);",
@@ -125,7 +125,7 @@ def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
 
 
 def reads_clock(call: str) -> bool:
-    """Whether a stage that is called so reads the time or the number of the sample."""
+    """Whether a stage that is called so reads the number of the sample."""
     return re.search(r"\bat\b", call) is not None
 
 
@@ -199,17 +199,16 @@ def _stage(unit: Unit, stage: ProgramStage) -> str:
     return f"{name}({', '.join(printed.pointers)});"
 
 
-def _clock(time: str, sample: str) -> list[str]:
+def _clock(sample: str) -> list[str]:
     """A clock and the pointer to it."""
     return [
-        f"  const controller_clock passed = {{.time = {time}, .sample = {sample}}};",
+        f"  const controller_clock passed = {{.sample = {sample}}};",
         "  const controller_clock *at = &passed;",
     ]
 
 
 def _entry_points(program: FlightProgram, calls: dict[str, str]) -> list[str]:
     real = "float" if program.single else "double"
-    zero, cast = ("0.0f", "(float)") if program.single else ("0.0", "")
     attitude = f"const {real} attitude[4], " if program.estimates else ""
     begin = [
         f"void controller_init(const controller_parameters *p, {attitude}"
@@ -218,9 +217,9 @@ def _entry_points(program: FlightProgram, calls: dict[str, str]) -> list[str]:
         "{",
         "  controller_state *next = state;",
     ]
-    body = ["  state->begin_time = in->time;", "  state->begin_sample = in->sample;"]
+    body = ["  state->begin_sample = in->sample;"]
     if program.estimates:
-        begin += _clock(zero, "0") if reads_clock(calls["estimate"]) else []
+        begin += _clock("0") if reads_clock(calls["estimate"]) else []
         body += [
             "  const controller_state *now = state;",
             "  controller_seen first;",
@@ -250,9 +249,7 @@ def _entry_points(program: FlightProgram, calls: dict[str, str]) -> list[str]:
         "  controller_state *next = &after;",
         "  const controller_state *now = state;",
     ]
-    clock = _clock(
-        f"{cast}(in->time - state->begin_time)", "sub_i32(in->sample, state->begin_sample)"
-    )
+    clock = _clock("sub_i32(in->sample, state->begin_sample)")
     stages = [name for name in ("estimate", "control", "allocate") if calls.get(name)]
     functions = [*begin, *step, *_sample(calls, stages, clock, program.estimates, "out")]
     if not program.estimates:

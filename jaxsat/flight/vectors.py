@@ -14,7 +14,7 @@ from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Mea
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.solvers import NamedSolver
-from jaxsat.flight.flight import Begin, Input, Measured, Seen, State
+from jaxsat.flight.flight import Input, Measured, Seen, State
 from jaxsat.flight.program import FlightProgram
 from jaxsat.simulation.engine.runge_kutta import explicit_step, tableau_of
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -27,9 +27,6 @@ CASES, SAMPLES, EDGES = 8, 1280, 512
 
 LONGEST = 20_000
 """Samples of a run."""
-
-BEGINS = (0.0, 1e4, 8e8)
-"""Times (s) at which controllers begin."""
 
 EXTREMES = (
     0.0, -0.0, 1.0, -1.0, 1e-300, -1e-300, 1e-12, 1e12, 1e300, -1e300, np.inf, -np.inf, np.nan,
@@ -53,17 +50,17 @@ class _Record(NamedTuple):
 
 
 class _RecordingLaw(AbstractSampledController):
-    """A law that also remembers time and state of its last sample."""
+    """A law that also remembers the state at its last sample."""
 
     law: AbstractSampledController
     period: Float[Array, ""]
 
     def init(self, state: PlantState) -> _Record:
-        return _Record(self.law.init(state), (jnp.zeros_like(state.omega[0]), state))
+        return _Record(self.law.init(state), state)
 
     def step(self, t, state, memory):
         command, following = self.law.step(t, state, memory.memory)
-        return command, _Record(following, (t, state))
+        return command, _Record(following, state)
 
 
 class _RecordingEstimator(AbstractEstimator):
@@ -90,21 +87,18 @@ def vectors(
     with jax.enable_x64(True):
         now, state = _closed_loops(loop, start, duration, seed)
         rng = np.random.default_rng(seed)
-        count = len(now.time)
-        instants: Any = rng.choice(BEGINS, count), rng.integers(0, 2**20, count, np.int32)
-        begin = Begin(*instants)
-        now = now._replace(time=begin.time + now.time, sample=begin.sample + now.sample)
-        state = state._replace(begin=begin)
+        begin: Any = rng.integers(-(2**31), 2**31, len(now.sample), np.int32)
+        now = now._replace(sample=begin + now.sample)  # which wraps
+        state = state._replace(begin_sample=begin)
         now, state = _with_edges(rng, now), _with_edges(rng, state)
     return Vectors(_rows((now, state)), expected(program, now, state))
 
 
 def expected(program: FlightProgram, now: Input, state: State) -> Float[np.ndarray, "n expected"]:
     """Outputs and next states of these samples (with a leading axis), as rows."""
-    begin: Any = state.begin
+    begin: Any = state.begin_sample
     with jax.enable_x64(not program.single), np.errstate(all="ignore"):
-        since = now.time - begin.time, now.sample - begin.sample
-        now, state = now._replace(time=since[0], sample=since[1]), state._replace(begin=None)
+        now, state = now._replace(sample=now.sample - begin), state._replace(begin_sample=None)
         now, state = (
             jax.tree.map(lambda x, like: np.asarray(x).astype(like.dtype), tree, example)
             for tree, example in ((now, program.now), (state, program.begun))
@@ -116,7 +110,7 @@ def expected(program: FlightProgram, now: Input, state: State) -> Float[np.ndarr
 
         reference = Mapped(step, examples, program.parameters, contract=False, kept=True)
         out, after = reference((now, state), [np.asarray(x) for x in program.parameters])
-    return _rows((out, after._replace(begin=begin)))
+    return _rows((out, after._replace(begin_sample=begin)))
 
 
 def _rows(tree: PyTree) -> Float[np.ndarray, "n numbers"]:
@@ -203,14 +197,14 @@ def _after(loop: SampledLoop, number, period: float, state):
 
 def _observation(loop: SampledLoop, number, before: Any, following: Any) -> tuple[Input, State]:
     """Input and state of one sample, from the loop's states before and after its period."""
-    time, plant_state = following.memory.last_input
+    plant_state = following.memory.last_input
     state = State(before.memory.memory, None, _modulation(loop, before.effectors))
     measured: Any = Seen(plant_state.attitude, plant_state.omega, wheel_momentum(plant_state))
     if before.navigation is not None:
         rate, attitude, has_attitude = following.navigation.memory.last_input
         measured = Measured(rate, attitude.q, has_attitude, wheel_momentum(plant_state))
         state = state._replace(estimator=before.navigation.memory.memory)
-    return Input(time, jnp.asarray(number, jnp.int32), measured), state
+    return Input(jnp.asarray(number, jnp.int32), measured), state
 
 
 def _with_edges(rng: np.random.Generator, tree: PyTree) -> PyTree:

@@ -184,7 +184,7 @@ class Flights:
             if told.navigation is not None:
                 momentum = wheel_momentum(told.state)
                 measured = told.navigation.memory._replace(wheel_momentum=momentum)
-            now = Input(number * self.length, number, measured)
+            now = Input(number, measured)
             leaves = [jnp.ravel(x).astype(float) for x in jax.tree.leaves(now)]
             return jnp.concatenate(leaves)
 

@@ -1,4 +1,4 @@
-"""What flies counts time and samples from its own begin."""
+"""What flies counts samples from its own begin."""
 
 import re
 import shutil
@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxsat.flight.flight import Begin, Input, Seen, State
+from jaxsat.flight.flight import Input, Seen, State
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import header, source
 from jaxsat.flight.vectors import expected
@@ -19,14 +19,13 @@ DRIVER = r"""
 #include <stdio.h>
 int main(void)
 {
-  static const double begins[3] = {0.0, 1e4, 8e8};
+  static const uint32_t begins[3] = {0u, 20000u, 1600000000u}; /* 0, 1e4 and 8e8 s */
   for (int which = 0; which < 3; which++) {
     controller_state state;
     controller_output out;
     controller_input in = {.attitude_q = {1.0}, .omega = {0.125, 0.25, 0.5}};
     for (int number = 0; number < 400; number++) {
-      in.time = begins[which] + 0.5 * number;
-      in.sample = (int32_t)(2147483000u * (uint32_t)which + (uint32_t)number);
+      in.sample = (int32_t)(begins[which] + (uint32_t)number);
       if (number == 0) {
         controller_init(&controller_default_parameters, &in, &state);
       }
@@ -42,7 +41,7 @@ int main(void)
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 @pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
 def test_commands_are_the_same_whenever_the_controller_begins(tmp_path, single):
-    """Also in single precision, whose numbers are 64 apart at 8e8."""
+    """Also in single precision, whose numbers are 64 apart at 8e8 s."""
     program = flight_program(loop_of(Clocked()), start(), single=single)
     (tmp_path / "controller.h").write_text(header(program, []))
     (tmp_path / "controller.c").write_text(source(program, [], libm=False))
@@ -61,17 +60,17 @@ def test_commands_are_the_same_whenever_the_controller_begins(tmp_path, single):
 @pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
 def test_what_is_expected_counts_from_the_begin(single):
     program = flight_program(loop_of(Clocked()), start(), single=single)
-    begin = Begin(np.array([0.0, 1e4, 8e8]), np.array([0, 5, 2**31 - 1], np.int32))
+    begin = np.array([0, 20_000, 2**31 - 1], np.int32)
     seen = jnp.array([[1.0, 0, 0, 0]] * 3), np.array([[0.125, 0.25, 0.5]] * 3)
     told = Seen(type(start().attitude)(seen[0]), seen[1])
-    now = Input(begin.time + 2.5, begin.sample + np.int32(5), told)
-    rows = expected(program, now, State(np.zeros(3), begin=begin))
+    now = Input(begin + np.int32(5), told)
+    rows = expected(program, now, State(np.zeros(3), begin_sample=begin))
     np.testing.assert_array_equal(rows[:, :2], [[2.5, 2.5 * 0.25]] * 3)
-    np.testing.assert_array_equal(rows[:, -2], begin.time)  # the state keeps it
+    np.testing.assert_array_equal(rows[:, -1], begin)  # the state keeps it
 
 
-def test_time_is_double_in_both_precisions():
-    for single in (False, True):
-        text = header(flight_program(loop_of(Clocked()), start(), single=single), [])
-        assert re.search(r"\bdouble time;", text)
-        assert re.search(r"\bdouble begin_time;", text)
+def test_no_absolute_time_is_part_of_the_interface():
+    text = header(flight_program(loop_of(Clocked()), start()), [])
+    assert re.search(r"\bint32_t sample;", text)
+    assert re.search(r"\bint32_t begin_sample;", text)
+    assert not re.search(r"\b(begin_)?time;", text)

@@ -10,7 +10,7 @@ import pytest
 from helpers.tools import needs
 from jaxsat.core.errors import LibraryError
 from jaxsat.flight.external import Library
-from jaxsat.flight.harness import library_source, records_header
+from jaxsat.flight.harness import ABI, library_source, records_header
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import header, source
 from jaxsat.flight.templates import MAKEFILE
@@ -73,7 +73,7 @@ def test_only_the_same_flight_code_continues_a_store(tmp_path):
     text = (folder / "controller.h").read_bytes() + (folder / "controller.c").read_bytes()
     assert kept["source_sha256"] == hashlib.sha256(text).hexdigest()
     assert kept["binary_sha256"] == hashlib.sha256(first.read_bytes()).hexdigest()
-    assert (kept["abi"], kept["precision"]) == (1, "double")
+    assert (kept["abi"], kept["precision"]) == (ABI, "double")
 
     head, end, functions = (folder / "controller.c").read_text().partition("\n};\n")
     assert "(x != 0.0)" in functions
@@ -121,9 +121,9 @@ def test_a_library_serves_other_studies_of_its_controller_alone(tmp_path):
     with pytest.raises(LibraryError, match=r"SHA-256 .* got none"):
         identity(without)
     text = (folder / "controller_library.c").read_text()
-    (folder / "controller_library.c").write_text(text.replace('return "1 ', 'return "7 '))
+    (folder / "controller_library.c").write_text(text.replace(f'return "{ABI} ', 'return "7 '))
     later = library(folder)
-    with pytest.raises(LibraryError, match="must have ABI version 1, got 7"):
+    with pytest.raises(LibraryError, match=f"must have ABI version {ABI}, got 7"):
         identity(later)
     with later.open("ab") as file:
         file.write(b"built again")

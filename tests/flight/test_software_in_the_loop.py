@@ -114,7 +114,7 @@ def test_closed_loops_with_the_compiled_law_are_the_same_to_the_bit(
         numbers = np.full(CASES, i, np.int32)
         told = guided((numbers, outside, commands, outside.memory.memory), []).memory.told
         seen = Seen(told[1].attitude, told[1].omega, wheel_momentum(told[1]))
-        command, memory = call(arrays, told[0], seen, outside.memory.memory)
+        command, memory = call(arrays, numbers, seen, outside.memory.memory)
         outside = guided((numbers, outside, command, memory), [])
         inside = plain((numbers, inside), [])
         modes.update(np.asarray(mode(inside.memory)).tolist())
