@@ -9,13 +9,11 @@ PhD thesis, Aalborg, 1996; Psiaki, J. Guidance, Control, and Dynamics 24(2), 200
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from jaxsat.core.array_types import RealScalar
-from jaxsat.core.attitude import skew
 from jaxsat.core.checks import as_float
 from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION, DipoleField
 
@@ -119,8 +117,7 @@ def linear_motion(
     state = small_motion(scaled, basis, stored, gravity_gradient=gravity_gradient)
     instants = np.arange(2 * PHASES * STEPS + 1) * np.pi / (PHASES * STEPS * rate)
     turns = np.arange(TURNS) * 2 * np.pi / TURNS
-    over = jax.jit(jax.vmap(jax.vmap(field.over, (0, None)), (None, 0)))
-    there = np.asarray(over(as_float(instants), as_float(turns)), float)
+    there = field.sampled(instants, turns[:, None])
     units = there / np.linalg.norm(there, axis=-1, keepdims=True)
     across = np.eye(3) - units[..., :, None] * units[..., None, :]
     stiffness = 1 + float(np.linalg.norm(stored))
@@ -297,7 +294,7 @@ def floquet_multipliers(motion: LinearMotion, gain: PeriodicGain) -> Complex[np.
 
 
 def _cross(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    return np.asarray(skew(as_float(vector)), float)
+    return np.cross(vector, np.eye(3)).T
 
 
 def _transitions(matrices: Matrices) -> Matrices:

@@ -9,7 +9,6 @@ Gramian, as brackets at one instant do not know how the field goes on.
 
 from dataclasses import dataclass
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -64,7 +63,7 @@ def magnetic_authority(
     state, to_rates = lvlh_linearisation(inertia, np.eye(3), rate)
     count = max(round(DAY / orbit * STEPS), STEPS)
     instants = (np.arange(count) + 0.5) * orbit / STEPS
-    there = np.asarray(jax.jit(jax.vmap(field))(instants))
+    there = field.sampled(instants, EARTH_ROTATION * instants)
     units = axes / np.linalg.norm(axes, axis=0)
     torques = np.cross((units * limits).T[None], there[:, None])  # instants, magnetorquers, body
     about = np.abs(torques).sum(axis=1)

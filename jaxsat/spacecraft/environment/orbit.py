@@ -9,6 +9,7 @@ import abc
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.core.attitude import AbstractAttitude
@@ -116,6 +117,22 @@ class DipoleField(eqx.Module):
         m = axes @ jnp.stack([x * east - y * north, x * north + y * east, z + 0 * angle])
         up = jnp.array([0.0, 0.0, -1.0], m.dtype)
         return (REFERENCE_RADIUS / self.orbit.radius) ** 3 * (-3 * m[2] * up - m)
+
+    def sampled(
+        self, t: Float[np.ndarray, "*#shape"], turn: Float[np.ndarray, "*#shape"]
+    ) -> Float[np.ndarray, "*both 3"]:
+        """`over` of broadcast arrays in NumPy, for tables: XLA takes longer to compile it."""
+        orbit = self.orbit
+        along = float(orbit.argument_of_latitude) + float(orbit.rate) * t
+        c, s, inclination = np.cos(along), np.sin(along), float(orbit.inclination)
+        ci, si = np.cos(inclination), np.sin(inclination)
+        angle, (x, y, z) = float(orbit.sidereal_angle - orbit.node) + turn, DIPOLE
+        east, north = np.cos(angle), np.sin(angle)
+        ascending, across = x * east - y * north, x * north + y * east
+        within, normal = across * ci + z * si, z * ci - across * si
+        forward, up = within * c - ascending * s, ascending * c + within * s
+        size = (REFERENCE_RADIUS / float(orbit.radius)) ** 3
+        return size * np.stack(np.broadcast_arrays(-forward, normal, -2 * up), axis=-1)
 
     def in_body(self, t: Float[Array, ""], attitude: AbstractAttitude) -> Float[Array, "3"]:
         """B at time `t` (s) in body axes, T."""

@@ -1,5 +1,6 @@
 """Dipole, drag and light: against a program that shares no code, and values worked out by hand."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import strategies as st
 
 from helpers.strategies import rotations, vectors
 from jaxsat.core.attitude import DCM, Quaternion
+from jaxsat.core.checks import as_float
 from jaxsat.core.earth import circular_orbit_rate
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
@@ -119,3 +121,13 @@ def test_a_scenario_has_them_where_it_asks_for_them():
 def test_what_cannot_be_is_told(changes, said):
     with pytest.raises(ScenarioError, match=said):
         load("free-third-rate", changes)
+
+
+def test_a_table_of_the_field_in_numpy_is_the_field():
+    orbit = CircularOrbit(1.1e-3, 1.2, 0.4, -0.7, 2.1)
+    field = DipoleField(orbit)
+    instants, turns = np.array([0.0, 700.0, 4321.0]), np.array([0.0, 2.5])
+    table = field.sampled(instants, turns[:, None])
+    over = jax.vmap(jax.vmap(field.over, (0, None)), (None, 0))
+    there = np.asarray(jax.jit(over)(as_float(instants), as_float(turns)))
+    np.testing.assert_allclose(table, there, rtol=0, atol=1e-13 * np.abs(there).max())
