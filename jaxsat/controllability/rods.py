@@ -11,7 +11,6 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
@@ -58,8 +57,7 @@ class RodSet:
     def _fields(self) -> Float[np.ndarray, "turns instants 3"]:
         instants = (np.arange(STEPS) + 0.5) * 2 * np.pi / STEPS / float(self.field.orbit.rate)
         turns = np.arange(TURNS) * 2 * np.pi / TURNS
-        over = jax.jit(jax.vmap(jax.vmap(self.field.over, (0, None)), (None, 0)))
-        return np.asarray(over(instants, turns), float)
+        return self.field.sampled(instants, turns[:, None])
 
 
 def judge_with_rods(
