@@ -6,6 +6,7 @@ each turn of the Earth: Wisniewski, Satellite Attitude Control Using Only Electr
 PhD thesis, Aalborg, 1996; Psiaki, J. Guidance, Control, and Dynamics 24(2), 2001.
 """
 
+from math import factorial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -26,9 +27,6 @@ STEPS, AT_ONCE = 32, 8
 FLOOR = 0.01
 """Of a torque along the field, what the gains are designed as if it were made. They stay bounded so
 where the field hardly turns: in orbits near the geomagnetic equator, for a part of a day."""
-
-SERIES = 9
-"""Terms of an exponential."""
 
 SETTLED, MOST_ORBITS = 1e-9, 400
 """Relative change in an orbit of a Riccati solution that has settled; it does within so many."""
@@ -301,8 +299,8 @@ def _transitions(matrices: Matrices) -> Matrices:
     """What dX/dτ = F X does to X in each step of an orbit: e^Ω, Ω by Magnus to the fourth order.
 
     Of fast motion, such as nutation about the momentum of wheels, that keeps the size (Blanes,
-    Casas, Oteo and Ros, Physics Reports 470, 2009). The series of e^Ω is taken of a part of Ω with
-    a norm below one half, and squared.
+    Casas, Oteo and Ros, Physics Reports 470, 2009). The series of e^Ω to the ninth order is taken
+    of a part of Ω with a norm below one half, and squared.
     """
     begin, middle, end = matrices[:, :-2:2], matrices[:, 1:-1:2], matrices[:, 2::2]
     step = 2 * np.pi / begin.shape[1]
@@ -310,9 +308,13 @@ def _transitions(matrices: Matrices) -> Matrices:
     change -= step**2 / 12 * (begin @ end - end @ begin)
     halvings = max(0, int(np.ceil(np.log2(2 * np.abs(change).sum(axis=-1).max()))))
     part, one = change / 2**halvings, np.eye(matrices.shape[-1])
-    grown = one + part / SERIES
-    for order in range(SERIES - 1, 0, -1):
-        grown = one + part @ grown / order
+    square = part @ part
+    cube = square @ part
+    first, second, third = (
+        one / factorial(order) + part / factorial(order + 1) + square / factorial(order + 2)
+        for order in (0, 3, 6)
+    )
+    grown = first + cube @ (second + cube @ (third + cube / factorial(9)))
     for _ in range(halvings):
         grown = grown @ grown
     return grown

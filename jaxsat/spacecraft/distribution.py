@@ -151,8 +151,10 @@ class WheelsFirst(AbstractDistribution):
         units = unit_columns(np.asarray(axes, float))
         working = [number not in failed for number in range(1, units.shape[1] + 1)]
         shares = np.zeros((units.shape[1], torques))
-        limit = None if wheel_limit is None else as_float(wheel_limit) * jnp.ones(units.shape[1])
-        limits = None if limit is None else np.asarray(limit)[working]
+        limit = limits = None
+        if wheel_limit is not None:
+            limits = np.broadcast_to(np.asarray(wheel_limit, float), units.shape[1])
+            limit, limits = as_float(limits), limits[working]
         shares[working] = least_squares_map(units[:, working], torques, limits)
         rest = what_is_left(units, shares)
         working_axes = units * np.array(working)

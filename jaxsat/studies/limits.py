@@ -89,8 +89,8 @@ def of_latency(loop: AbstractLoop) -> Limits:
 def of_omega(loop: AbstractLoop) -> Limits:
     """Limits of rates at the start; a held third rate begins at zero, and stays there."""
     third = 0.0 if loop.plant.third_rate_held else STATE_LIMIT
-    largest = as_float([STATE_LIMIT, STATE_LIMIT, third])
-    return Limits(-largest, largest)
+    largest = np.array([STATE_LIMIT, STATE_LIMIT, third])
+    return Limits(as_float(-largest), as_float(largest))
 
 
 def of_failed_thruster(loop: AbstractLoop) -> Limits:

@@ -126,12 +126,13 @@ class DipoleField(eqx.Module):
         along = float(orbit.argument_of_latitude) + float(orbit.rate) * t
         c, s, inclination = np.cos(along), np.sin(along), float(orbit.inclination)
         ci, si = np.cos(inclination), np.sin(inclination)
-        angle, (x, y, z) = float(orbit.sidereal_angle - orbit.node) + turn, DIPOLE
+        angle = float(orbit.sidereal_angle) - float(orbit.node) + turn
+        x, y, z = DIPOLE
         east, north = np.cos(angle), np.sin(angle)
         ascending, across = x * east - y * north, x * north + y * east
         within, normal = across * ci + z * si, z * ci - across * si
         forward, up = within * c - ascending * s, ascending * c + within * s
-        size = (REFERENCE_RADIUS / float(orbit.radius)) ** 3
+        size = REFERENCE_RADIUS**3 * float(orbit.rate) ** 2 / EARTH_GRAVITY
         return size * np.stack(np.broadcast_arrays(-forward, normal, -2 * up), axis=-1)
 
     def in_body(self, t: Float[Array, ""], attitude: AbstractAttitude) -> Float[Array, "3"]:
