@@ -9,7 +9,7 @@ from jaxsat.compiler.llvm.emitter import ALIGNMENT
 RUN = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 4)
 """The type of the drivers `run`."""
 
-HISTORY = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 7, *[ctypes.c_int64] * 2)
+HISTORY = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 7, *[ctypes.c_int64] * 3)
 """The type of the driver `history`."""
 
 
@@ -141,37 +141,35 @@ out:
 
 
 def history(lanes: int) -> str:
-    """`history(pointers, state, cases, wanted, places, instants, advance, count, stride)`.
+    """`history(pointers, state, cases, wanted, places, instants, advance, count, stride, before)`.
 
-    It observes a vector of cases at so many instants, and goes on by the entry point `advance` from
-    each to the next. What is seen of a case goes to its place, `stride` further each time.
+    From the instant `before` on it goes by the entry point `advance` to each of so many instants,
+    of which the first may be the same, and observes a vector of cases there. What is seen of a case
+    goes to its place, `stride` further each time.
     """
     spread = f"<{lanes} x i64> poison, <{lanes} x i32> zeroinitializer"
     parameters = "ptr %places, ptr %instants, ptr %advance"
+    numbers = "i64 %count, i64 %stride, i64 %before"
     return f"""
-define void @history({_WHERE}, ptr %wanted, {parameters}, i64 %count, i64 %stride) #0 {{
+define void @history({_WHERE}, ptr %wanted, {parameters}, {numbers}) #0 {{
 entry:
   %one = insertelement <{lanes} x i64> poison, i64 %stride, i64 0
   %further = shufflevector <{lanes} x i64> %one, {spread}
-  %last = sub i64 %count, 1
-  br label %head
-head:
+  br label %work
+work:
   %i = phi i64 [ 0, %entry ], [ %next, %work ]
+  %from = phi i64 [ %before, %entry ], [ %number, %work ]
   %here = getelementptr i64, ptr %instants, i64 %i
   %number = load i64, ptr %here
+  %by = sub i64 %number, %from
+  call void %advance({_WHERE}, ptr %wanted, i64 %from, i64 %by)
   call void @observe(ptr %pointers, ptr %state, ptr %places, ptr %wanted, i64 %number, i64 0)
   %place = load <{lanes} x i64>, ptr %places
   %moved = add <{lanes} x i64> %place, %further
   store <{lanes} x i64> %moved, ptr %places
-  %more = icmp slt i64 %i, %last
-  br i1 %more, label %work, label %out
-work:
   %next = add i64 %i, 1
-  %there = getelementptr i64, ptr %instants, i64 %next
-  %following = load i64, ptr %there
-  %by = sub i64 %following, %number
-  call void %advance({_WHERE}, ptr %wanted, i64 %number, i64 %by)
-  br label %head
+  %more = icmp slt i64 %next, %count
+  br i1 %more, label %work, label %out
 out:
   ret void
 }}"""

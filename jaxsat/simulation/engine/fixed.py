@@ -6,6 +6,7 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Bool
 
 from jaxsat.core.checks import require_counts
 from jaxsat.core.solvers import NamedSolver, Solver, class_name
@@ -110,32 +111,45 @@ class SampledStepper(AbstractStepper):
 
     def begin(self, program, case):
         """The progress at time zero."""
-        progress = _initial(program, case)
-        return progress._replace(held=HeldTorque.none(progress.state.plant.omega))
+        progress, loop = _initial(program, case), _sampled_loop(case)
+        progress = progress._replace(held=HeldTorque.none(progress.state.plant.omega))
+        if not program.detailed:
+            return progress
+        zero = jnp.array(0)
+        seen = jax.eval_shape(lambda: loop.signals(zero, program.time_of(zero), progress.state))
+        return progress._replace(seen=jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), seen))
 
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress after so many periods, of which alone it keeps what the torque was.
 
+        A detailed program goes through one period more, of which it keeps only the signals at its
+        begin, so that a sample is compiled once and not again for `signals`.
+
         In a batch the noise of sensors is drawn for `NOISE_BLOCK` samples at a time, which takes
         less time than one after the other. The numbers are the same.
         """
-        loop = _sampled_loop(case)
+        loop, end = _sampled_loop(case), None
         sensors = loop.sensors
+        if program.detailed:
+            end, count = first + count, count + 1
         progress = progress._replace(held=HeldTorque.none(progress.state.plant.omega))
         if axis_name is None or not isinstance(sensors, Sensors):
-            return self._periods(program, loop, progress, first, count)
+            return self._periods(program, loop, progress, first, count, end)
 
         def block(number, progress):
             begin = first + number * NOISE_BLOCK
             block_sensors = sensors.drawn(begin, NOISE_BLOCK, progress.state.plant.omega.dtype)
             block_loop = dataclasses.replace(loop, sensors=block_sensors)
             samples = jnp.minimum(NOISE_BLOCK, count - number * NOISE_BLOCK)
-            return self._periods(program, block_loop, progress, begin, samples)
+            return self._periods(program, block_loop, progress, begin, samples, end)
 
         blocks = (count + NOISE_BLOCK - 1) // NOISE_BLOCK
         return jax.lax.fori_loop(0, blocks, block, progress)
 
-    def _periods(self, program: Program, loop: SampledLoop, progress, first, count) -> Progress:
+    def _periods(
+        self, program: Program, loop: SampledLoop, progress, first, count, end
+    ) -> Progress:
+        """The progress after so many periods; one that begins at sample `end` is only seen."""
         tableau, judge = tableau_of(self.solver), _judge(program, loop)
         alone = partial(_steps_alone, tableau)
         estimate = HalvedSteps(program, alone, loop.substeps, loop.plant, lambda t, plant: plant)
@@ -160,7 +174,7 @@ class SampledStepper(AbstractStepper):
             return plant, (integrals, since, held, error)
 
         def period(i, progress):
-            progress, number = restored(progress), first + i
+            progress, number = restored(progress)._replace(seen=None), first + i
             t = program.time_of(number)
             since = (progress.settled, progress.rest)
             carry = (progress.integrals, since, progress.held, progress.error)
@@ -174,8 +188,11 @@ class SampledStepper(AbstractStepper):
                 failures = progress.failures.observe(t, signals, program.tolerances)
                 candidate = candidate._replace(failures=failures)
             checked = (state.plant, loop.controller.judged(state.memory))
-            after = _unless_ended(program, progress, candidate, state, halved(checked), carry, t)
-            return halved(after)
+            wanted = None if end is None else number < end
+            after = _unless_ended(
+                program, progress, candidate, state, halved(checked), carry, t, wanted
+            )
+            return halved(after if end is None else after._replace(seen=signals))
 
         return restored(jax.lax.fori_loop(0, count, period, halved(progress)))
 
@@ -187,7 +204,9 @@ class SampledStepper(AbstractStepper):
         """Signals of sample `number`, and the range of the torque since the last observation."""
         t = program.time_of(number)
         assert progress.held is not None
-        signals = _sampled_loop(case).signals(number, t, progress.state)
+        signals = progress.seen
+        if signals is None:
+            signals = _sampled_loop(case).signals(number, t, progress.state)
         return dataclasses.replace(signals, torque_range=progress.held.range())
 
 
@@ -242,15 +261,20 @@ def _steps_alone(tableau, rate, t, length, count: int, state):
     return _equal_steps(tableau, rate, t, length, count, (state, None), lambda since, *_: since)[0]
 
 
-def _unless_ended(program, before, candidate, state, checked, carry, t) -> Progress:
+def _unless_ended(
+    program, before, candidate, state, checked, carry, t, wanted: Bool[Array, ""] | None = None
+) -> Progress:
     """The next progress, or the last good one where the case has ended or now ends.
 
-    It ends where what is `checked` of the state, see `within_limit`, passes the limit.
+    It ends where what is `checked` of the state, see `within_limit`, passes the limit. Where the
+    next progress is not `wanted`, that before remains.
     """
     integrals, (settled, rest), held, error = carry
     moves, *finite = checked
     good = within_limit(moves, program.state_limit, *finite, integrals.cost)
     running = before.code == int(Outcome.SUCCESS)
+    if wanted is not None:
+        running = running & wanted
     code = jnp.where(running & ~good, int(Outcome.STATE_LIMIT), before.code)
     after = candidate._replace(
         state=state,

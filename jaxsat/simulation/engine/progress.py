@@ -18,7 +18,7 @@ from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gra
 from jaxsat.simulation.engine.details import Details
 from jaxsat.simulation.engine.failure_record import FailureRecord
 from jaxsat.simulation.held_torque import HeldTorque, Unmade
-from jaxsat.simulation.trajectory import Outcome
+from jaxsat.simulation.trajectory import Outcome, Signals
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
@@ -145,7 +145,8 @@ class Progress(NamedTuple):
     `held` is what the torque of a sampled loop was since it was last observed, None for others.
     `rest` tells since when the inertial rate has been small, and `forced` counts the smallest steps
     taken in spite of their error, where steps are adaptive; both in a detailed program alone.
-    `unmade` is kept of sampled loops that tell it.
+    `unmade` is kept of sampled loops that tell it. `seen` are the signals at the instant up to
+    which a sampled loop has come, in a detailed program alone.
     """
 
     state: PyTree
@@ -163,6 +164,7 @@ class Progress(NamedTuple):
     rest: SettlingTracker | None = None
     forced: Int[Array, ""] | None = None
     unmade: Unmade | None = None
+    seen: Signals | None = None
 
 
 class Outputs(NamedTuple):

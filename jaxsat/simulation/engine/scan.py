@@ -59,11 +59,10 @@ class ScanEngine(AbstractBatchEngine):
         work = (self.stepper, program.of_any_length(), cases, gains)
         progress = _begin(*work)
         history = []
-        for number, following in itertools.pairwise([*instants.tolist(), program.intervals]):
-            first, count = jnp.array(number), jnp.array(following - number)
-            history.append(_to_host(_observe(*work, progress, first)))
-            if following > number:
-                progress = _advance(*work, progress, first, count)
+        for before, number in itertools.pairwise([0, *instants.tolist()]):
+            first, count = jnp.array(before), jnp.array(number - before)
+            progress = _advance(*work, progress, first, count)
+            history.append(_to_host(_observe(*work, progress, jnp.array(number))))
         signals = jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)
         outputs = _finish(*work, progress, jnp.array(program.intervals))
         return outputs, with_ranges_ahead(signals)

@@ -59,7 +59,10 @@ class AbstractStepper(eqx.Module):
     def signals(
         self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
     ) -> Signals:
-        """Signals at the beginning of interval `number`, up to which a trajectory has come."""
+        """Signals at the beginning of interval `number`, up to which a trajectory has come.
+
+        It has come there by `advance`, at time zero by that of no intervals.
+        """
 
     def observe(
         self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]

@@ -168,11 +168,10 @@ class Kernel:
                 for piece in range(0, len(numbers), WATCHED):
                     if stopped.is_set():
                         return
-                    if piece:
-                        advance(*where, numbers[piece - 1], numbers[piece] - numbers[piece - 1])
                     there = numbers[piece : piece + WATCHED]
                     driver_arguments = (places.ctypes.data, there.ctypes.data, _address(advance))
-                    history(*where, *driver_arguments, len(there), count)
+                    before = numbers[max(piece - 1, 0)]
+                    history(*where, *driver_arguments, len(there), count, before)
                 finish(*where, 0, numbers[-1])
 
         in_own_thread(work)
