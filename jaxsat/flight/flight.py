@@ -21,7 +21,6 @@ from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
 from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 
 UNITS = {
-    "time": "s",
     "attitude": "1",
     "omega": "rad/s",
     "rate": "rad/s",
