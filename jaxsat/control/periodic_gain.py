@@ -107,8 +107,7 @@ def linear_motion(
     at their bias, `unloading` k in 1/s. With gravity gradient 3 ω0² n × Jn acts as well.
     """
     rate = float(field.orbit.rate)
-    size = np.abs(inertia).max()  # first, so that the root scales without rounding
-    moment = float(size * np.cbrt(np.linalg.det(inertia / size)))
+    moment = reference_moment(inertia)
     scaled, stored = inertia / moment, momentum / (moment * rate)
     vectors, values, _ = np.linalg.svd(np.eye(3) - unmade)
     basis = vectors[:, values > 0.5]
@@ -121,6 +120,12 @@ def linear_motion(
     stiffness = 1 + float(np.linalg.norm(stored))
     inverse = np.linalg.inv(scaled)
     return LinearMotion(moment, rate, inverse, basis, unloading / rate, stiffness, state, across)
+
+
+def reference_moment(inertia: Float[np.ndarray, "3 3"]) -> float:
+    """The cube root of det J, kg m², which scales by powers of two without rounding."""
+    size = np.abs(inertia).max()
+    return float(size * np.cbrt(np.linalg.det(inertia / size)))
 
 
 def small_motion(

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.periodic_gain import TURNS, small_motion
+from jaxsat.control.periodic_gain import TURNS, reference_moment, small_motion
 from jaxsat.controllability.judgement import Judgement, Laws, OrbitRank, Verdict
 from jaxsat.core.once import once_property
 from jaxsat.spacecraft.environment.orbit import DipoleField
@@ -136,7 +136,7 @@ def orbit_singular_values(
     """
     from scipy.linalg import expm  # takes its time
 
-    rate, moment = float(rods.field.orbit.rate), float(np.cbrt(np.linalg.det(inertia)))
+    rate, moment = float(rods.field.orbit.rate), reference_moment(inertia)
     scaled, count = inertia / moment, basis.shape[1]
     state = small_motion(
         scaled, basis, momentum / (moment * rate), gravity_gradient=rods.gravity_gradient

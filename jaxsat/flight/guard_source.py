@@ -117,30 +117,36 @@ def _begin(program: FlightProgram) -> list[str]:
 
 
 def _step(program: FlightProgram) -> list[str]:
-    found = groups(program)
     estimates = program.estimates
     lines = [
         *step_head(""),
         "{",
         "  controller_input checked = *in;",
         "  controller_state after = guard->state;",
+        "  const uint32_t passed = (uint32_t)in->sample - (uint32_t)guard->sample;",
+        "  const bool repeated = guard->called && ((passed == 0u) || (passed > 0x7FFFFFFFu));",
+        "  uint32_t status = 0u;",
+        "  bool steps;",
+        "",
     ]
-    lines += ["  const uint32_t passed = (uint32_t)in->sample - (uint32_t)guard->sample;"]
-    lines += [
-        "  const bool repeated = guard->called && ((passed == 0u) || (passed > 0x7FFFFFFFu));"
-    ]
-    lines += ["  uint32_t status = 0u;", "  bool steps;", ""]
-    for group in found:
-        seen = "in->seen && " if estimates and group.name == "attitude" else ""
+    vital = []
+    for group in groups(program):
+        may_be_missing = estimates and group.name == "attitude"
+        seen = "in->seen && " if may_be_missing else ""
+        vital += [] if may_be_missing else [group.bit]
         lines += [
             f"  if ({seen}!(valid->{group.name} && is_valid_{group.name}(in, limits))) {{",
             f"    status |= {group.bit};",
             "  }",
         ]
-    vital = [group.bit for group in found if not (estimates and group.name == "attitude")]
     lines += [f"  steps = !repeated && ((status & ({' | '.join(vital)})) == 0u);"]
     lines += _substitutes() if estimates else []
-    lines += [
+    return [*lines, *_count(), *_first(estimates), *_controller_step(estimates), *_finish()]
+
+
+def _count() -> list[str]:
+    """The number of the sample against that of the last one."""
+    return [
         "  if (repeated) {",
         "    status |= CONTROLLER_STATUS_REPEATED;",
         "  } else {",
@@ -150,10 +156,15 @@ def _step(program: FlightProgram) -> list[str]:
         "    guard->sample = in->sample;",
         "    guard->called = true;",
         "  }",
-        "  if (!guard->begun && steps) {",
     ]
-    if estimates:
-        lines += [
+
+
+def _first(estimates: bool) -> list[str]:
+    """The controller begins at the first valid sample."""
+    if not estimates:
+        begin = ["    controller_init(p, &checked, &after);"]
+    else:
+        begin = [
             "    if (!is_unit(guard->attitude, limits->norm_tolerance) && checked.seen) {",
             "      (void)memcpy(guard->attitude, checked.attitude, sizeof(guard->attitude));",
             "    }",
@@ -162,16 +173,18 @@ def _step(program: FlightProgram) -> list[str]:
             "      controller_init(p, guard->attitude, &checked, &after);",
             "    }",
         ]
-    else:
-        lines.append("    controller_init(p, &checked, &after);")
-    lines += [
-        "  }",
+    return ["  if (!guard->begun && steps) {", *begin, "  }"]
+
+
+def _controller_step(estimates: bool) -> list[str]:
+    """The step of the controller, or of its estimator alone."""
+    lines = [
         "  if (steps) {",
         "    controller_step(p, &checked, &after, out);",
         "    steps = is_usable_output(out) && is_usable_state(&after);",
         "    status |= steps ? 0u : CONTROLLER_STATUS_REJECTED;",
+        "  }",
     ]
-    lines.append("  }")
     if estimates:
         lines += [
             "  if (!steps && guard->begun && !repeated) {",
@@ -182,7 +195,12 @@ def _step(program: FlightProgram) -> list[str]:
             "    }",
             "  }",
         ]
-    lines += [
+    return lines
+
+
+def _finish() -> list[str]:
+    """State, commands and status after a step, or without one."""
+    return [
         "  if (steps) {",
         "    guard->begun = true;",
         "    guard->state = after;",
@@ -203,7 +221,6 @@ def _step(program: FlightProgram) -> list[str]:
         "}",
         "",
     ]
-    return lines
 
 
 def _substitutes() -> list[str]:
