@@ -8,7 +8,7 @@ from typing import Any
 
 from jaxsat.compiler.c.naming import comment
 from jaxsat.core.declaration.keys import Key
-from jaxsat.flight import interface, templates
+from jaxsat.flight import interface
 from jaxsat.flight.guard import guard_header
 from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.harness import library_source, records_header, test_program, vectors_file
@@ -17,6 +17,7 @@ from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.flight.readme import readme
 from jaxsat.flight.source import header, source
+from jaxsat.flight.templates import DEVIATIONS, template
 from jaxsat.flight.vectors import Vectors, vectors
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -69,6 +70,7 @@ def export(request: Request) -> Export:
     samples = vectors(program, request.loop, request.start, request.duration)
     table = interface.parameters(program, request.loop, request.keys)
     rows = interface.rows(program, table)
+    ulp = "1e18" if request.libm else "0"
     texts |= {
         "controller_parameters.h": parameters_header(table, intro),
         "controller_parameters.c": parameters_source(program, table, intro),
@@ -79,10 +81,10 @@ def export(request: Request) -> Export:
         "controller_records.h": records_header(program, intro),
         "test_controller.c": test_program(program, intro),
         "controller_library.c": library_source(program, intro),
-        "cortex_m.c": templates.CORTEX_M,
-        "misra_deviations.txt": "".join(f"{rule}\n" for rule in templates.DEVIATIONS),
-        "Makefile": templates.MAKEFILE.replace("@ULP@", "0" if not request.libm else "1e18"),
-        "CMakeLists.txt": templates.CMAKE.replace("@ULP@", "0" if not request.libm else "1e18"),
+        "cortex_m.c": template("cortex_m.c"),
+        "misra_deviations.txt": "".join(f"{rule}\n" for rule in DEVIATIONS),
+        "Makefile": template("Makefile", ULP=ulp),
+        "CMakeLists.txt": template("CMakeLists.txt", ULP=ulp),
         "scenario.toml": request.scenario,
         "export.json": _record(request, program, texts["controller.h"] + texts["controller.c"]),
     }

@@ -10,6 +10,7 @@ from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.layout import Field, Struct
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.source import reads_clock
+from jaxsat.flight.templates import template
 from jaxsat.flight.vectors import Vectors
 
 MAGIC = 0x4A585356
@@ -89,108 +90,13 @@ def _each(field: Field, statement: str, place: int) -> list[str]:
     return [*lines, indent + statement.format(index)]
 
 
-TEST_PROGRAM = r"""
-#include "controller_records.h"
-
-#include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#define MAGIC (%(magic)d.0)
-#define GIVEN (CONTROLLER_INPUT_SIZE + CONTROLLER_STATE_SIZE)
-#define EXPECTED (CONTROLLER_OUTPUT_SIZE + CONTROLLER_STATE_SIZE)
-
-/* Numbers of the controller's type in order: neighbours differ by one, and so do both zeros. */
-static int64_t ordered(double x)
-{
-  const %(real)s number = (%(real)s)x;
-  %(word)s bits;
-  memcpy(&bits, &number, sizeof(bits));
-  return (bits < 0) ? ((int64_t)%(least)s - (int64_t)bits - 1) : (int64_t)bits;
-}
-
-/* How many numbers lie between two; not a number is the same as another one. */
-static double distance(double x, double y)
-{
-  if (isnan(x) || isnan(y)) {
-    return (isnan(x) && isnan(y)) ? 0.0 : HUGE_VAL;
-  }
-  const int64_t first = ordered(x);
-  const int64_t second = ordered(y);
-  const uint64_t apart = (first > second) ? ((uint64_t)first - (uint64_t)second)
-                                          : ((uint64_t)second - (uint64_t)first);
-  return (double)apart;
-}
-
-static void skip_comment(const char *name)
-{
-  fprintf(stderr, "%%s: cannot be read, or belongs to another controller\n", name);
-  exit(2);
-}
-
-/* test_controller [FILE [ULP]]: compares every sample of the file, allowing so many units in the
-   last place. */
-int main(int count, char **words)
-{
-  const char *name = (count > 1) ? words[1] : "test_vectors.bin";
-  const double allowed = (count > 2) ? atof(words[2]) : 0.0;
-  double head[4];
-  double row[GIVEN + EXPECTED];
-  double found[EXPECTED];
-  double largest = 0.0;
-  long wrong = 0;
-  long rows;
-  FILE *file = fopen(name, "rb");
-
-  if ((file == NULL) || (fread(head, sizeof(double), 4, file) != 4)) {
-    skip_comment(name);
-  }
-  if ((head[0] != MAGIC) || (head[2] != GIVEN) || (head[3] != EXPECTED)) {
-    skip_comment(name);
-  }
-  rows = (long)head[1];
-  for (long number = 0; number < rows; number++) {
-    controller_input in;
-    controller_state state;
-    controller_output out;
-    if (fread(row, sizeof(double), GIVEN + EXPECTED, file) != GIVEN + EXPECTED) {
-      skip_comment(name);
-    }
-    read_controller_input(row, &in);
-    read_controller_state(row + CONTROLLER_INPUT_SIZE, &state);
-    controller_step(&controller_default_parameters, &in, &state, &out);
-    write_controller_output(&out, found);
-    write_controller_state(&state, found + CONTROLLER_OUTPUT_SIZE);
-    for (int i = 0; i < EXPECTED; i++) {
-      const double off = distance(found[i], row[GIVEN + i]);
-      if (off > largest) {
-        largest = off;
-      }
-      if (off > allowed) {
-        if (wrong < 10) {
-          printf("sample %%ld, number %%d: %%.17g, expected %%.17g\n", number, i, found[i],
-                 row[GIVEN + i]);
-        }
-        wrong++;
-      }
-    }
-  }
-  fclose(file);
-  printf("%%ld samples, %%ld numbers differ, largest difference %%g units in the last place\n",
-         rows, wrong, largest);
-  return (wrong == 0) ? 0 : 1;
-}
-"""
-
-
 def test_program(program: FlightProgram, intro: Sequence[str]) -> str:
     """The text of test_controller.c."""
     real, word, least = (
         ("float", "int32_t", "INT32_MIN") if program.single else ("double", "int64_t", "INT64_MIN")
     )
-    text = TEST_PROGRAM % {"magic": MAGIC, "real": real, "word": word, "least": least}
-    return "\n".join(intro) + text.replace("skip_comment", "fail")
+    text = template("test_controller.c", MAGIC=MAGIC, REAL=real, WORD=word, LEAST=least)
+    return "\n".join([*intro, text])
 
 
 STAGES = ("estimate", "control")

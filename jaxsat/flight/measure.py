@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Int
 
 from jaxsat.compiler.llvm import cache
-from jaxsat.flight.templates import BLOCKS
+from jaxsat.flight.templates import template
 
 ARM, QEMU = "arm-none-eabi-gcc", "qemu-system-arm"
 LONGEST = 120.0
@@ -89,7 +89,7 @@ def _entry(files: Mapping[str, bytes]) -> str:
         place = shutil.which(tool)
         status = None if place is None else Path(place).stat()
         tools.append(None if status is None else (place, status.st_size, status.st_mtime_ns))
-    origin = (Path(__file__).read_bytes(), BLOCKS, tools, *files.items())
+    origin = (Path(__file__).read_bytes(), template("blocks.c"), tools, *files.items())
     return f"{hashlib.sha256(repr(origin).encode()).hexdigest()}.measured"
 
 
@@ -129,7 +129,7 @@ def samples_worth_emulating(folder: Path) -> Int[np.ndarray, " chosen"]:
     """Numbers of the samples of the export in a folder that run a block of code for the first time,
     or most blocks; of all samples where this machine has no compiler that counts blocks."""
     count = int(np.fromfile(folder / "test_vectors.bin", "<f8", 4)[1])
-    (folder / "blocks.c").write_text(BLOCKS)
+    (folder / "blocks.c").write_text(template("blocks.c"))
     options = ["-std=gnu99", "-ffp-contract=off", "-O0"]
     coverage = "-fsanitize-coverage=trace-pc"
     try:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxsat.flight.guard import HOLD_SAMPLES, RATE_LIMIT, groups, status_bits
 from jaxsat.flight.measure import DEAREST, ProcessorUse
 from jaxsat.flight.program import FlightProgram
-from jaxsat.flight.templates import DEVIATIONS
+from jaxsat.flight.templates import DEVIATIONS, template
 from jaxsat.flight.vectors import EDGES, Vectors
 
 if TYPE_CHECKING:
@@ -29,95 +29,32 @@ def readme(
     versions = request.provenance["versions"]
     version_rows = "\n".join(f"| {name} | {version} |" for name, version in versions.items())
     functions = "the C library's" if request.libm else "in controller.c, those of the native engine"
-    return f"""# {request.title}: flight code
-
-The controller of `scenario.toml` as C99: {_parts(program)}. One call of `controller_step` a
-period; no allocation, no recursion, no global state that changes, every loop bounded.
-
-| | |
-|---|---|
-| traced program | `{program.hash}` |
-| precision | {"single" if program.single else "double"} |
-| elementary functions | {functions} |
-| lines of controller.c | {lines} |
-{version_rows}
-| exported | {request.provenance["created"]} on {request.provenance["platform"]} |
-
-## Build and test
-
-    make test           # gcc or clang: CC=clang make test
-    make sanitize       # undefined behaviour and addresses
-    make cppcheck       # static analysis with the MISRA add-on
-    make cortex-m       # on an emulated Cortex-M4F and M7 (arm-none-eabi-gcc, qemu-system-arm)
-
-or `cmake -S . -B build && cmake --build build && ctest --test-dir build`.
-
-`test_vectors.bin` holds {len(vectors.given)} samples, of closed-loop runs and {EDGES} of them again
-with extreme numbers (zeros of both signs, infinities, NaN, the largest and least numbers). Each is
-an input and a state, and the output and next state that the simulator's compiled engine makes of
-them without fused operations. {_agreement(request)}
-
-Compile without `-ffast-math`, and without fused operations (`-ffp-contract=off`): then every
-processor with IEEE 754 arithmetic gives the same bits.
-
-## Use
-
-```c
-controller_state state;
-controller_input in = {{...}};
-controller_output out;
-controller_init(&controller_default_parameters, {_attitude(program)}&in, &state); /* once */
-controller_step(&controller_default_parameters, &in, &state, &out);              /* each period */
-```
-
-`controller.h` has every field with its unit and meaning, in the words of the Python classes. The
-period is {_period(program)} s. Time and samples count from the sample of `controller_init`.
-
-## Invalid measurements
-
-```c
-controller_guard guard;
-const controller_validity valid = {{{_flags(program)}}}; /* what the sensors say of themselves */
-controller_guard_init({_attitude(program)}&guard);                              /* once */
-status = controller_guard_step(&controller_default_parameters,         /* each period */
-                               &controller_default_guard_parameters, &in, &valid, &guard, &out);
-```
-
-These take the place of `controller_init` and `controller_step`. A measurement is invalid if it is
-flagged or not finite, if a rate exceeds `rate_limit` ({RATE_LIMIT:g} rad/s), or if a quaternion is
-not a unit quaternion. Then the guard holds the commands for `hold_samples` ({HOLD_SAMPLES}) calls,
-after which they are zero. Valid measurements give the bits of `controller_step`. The status is a
-sum of
-
-{_status(program)}
-
-## Instructions and stack (-O2, floating-point unit on)
-
-The unit of the Cortex-M4F computes in single precision only, that of the Cortex-M7 in both.
-
-{_measurements(uses, vectors)}
-
-## Software in the loop
-
-    make
-    jaxsat montecarlo scenario.toml --controller build/libcontroller.so
-
-runs a study with this code in the place of the law{" and the estimator" * program.estimates}.
-{_precision(program)}
-## Parameters
-
-`controller_check_parameters` (`controller_parameters.h`) returns 0 for a table of parameters within
-the ranges of `icd.md`, else the number of the first that is not. `controller_parameter_checksum` is
-the CRC-32 of a table, and `CONTROLLER_DEFAULT_CHECKSUM` that of these numbers:
-
-{_parameters(program)}
-
-## MISRA C:2012
-
-Deviations, which `misra_deviations.txt` has for cppcheck:
-
-{chr(10).join(f"- {rule}: {why}" for rule, why in DEVIATIONS.items())}
-"""
+    return template(
+        "README.md",
+        TITLE=request.title,
+        PARTS=_parts(program),
+        PROGRAM=program.hash,
+        PRECISION="single" if program.single else "double",
+        FUNCTIONS=functions,
+        LINES=lines,
+        VERSIONS=version_rows,
+        CREATED=request.provenance["created"],
+        PLATFORM=request.provenance["platform"],
+        SAMPLES=len(vectors.given),
+        EDGES=EDGES,
+        AGREEMENT=_agreement(request),
+        ATTITUDE=_attitude(program),
+        PERIOD=_period(program),
+        FLAGS=_flags(program),
+        RATE_LIMIT=f"{RATE_LIMIT:g}",
+        HOLD_SAMPLES=HOLD_SAMPLES,
+        STATUS=_status(program),
+        MEASUREMENTS=_measurements(uses, vectors),
+        ESTIMATOR=" and the estimator" * program.estimates,
+        SINGLE=_precision(program),
+        PARAMETERS=_parameters(program),
+        DEVIATIONS="\n".join(f"- {rule}: {why}" for rule, why in DEVIATIONS.items()),
+    )
 
 
 def _precision(program: FlightProgram) -> str:

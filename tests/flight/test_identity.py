@@ -13,7 +13,7 @@ from jaxsat.flight.external import Library
 from jaxsat.flight.harness import ABI, library_source, records_header
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import header, source
-from jaxsat.flight.templates import MAKEFILE
+from jaxsat.flight.templates import template
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
@@ -35,7 +35,7 @@ def exported(folder: Path, *changes: str, single: bool = False) -> Path:
         "controller.c": source(program, [], libm=False),
         "controller_records.h": records_header(program, []),
         "controller_library.c": library_source(program, []),
-        "Makefile": MAKEFILE,
+        "Makefile": template("Makefile", ULP="0"),
     }
     folder.mkdir()
     for name, text in texts.items():

@@ -1,0 +1,62 @@
+static uint32_t with_byte(uint32_t sum, uint8_t byte)
+{
+  uint32_t next = sum ^ (uint32_t)byte;
+
+  for (int32_t bit = 0; bit < 8; bit++) {
+    next = ((next & 1u) != 0u) ? ((next >> 1) ^ 0xEDB88320u) : (next >> 1);
+  }
+  return next;
+}
+
+/* The bits of an element of 1, 4 or 8 bytes, whichever byte the processor keeps first. */
+static uint64_t bits_of(const uint8_t *place, uint32_t size)
+{
+  uint64_t bits = 0u;
+  uint32_t word = 0u;
+
+  if (size == 8u) {
+    (void)memcpy(&bits, place, sizeof(bits));
+  } else if (size == 4u) {
+    (void)memcpy(&word, place, sizeof(word));
+    bits = word;
+  } else {
+    bits = *place;
+  }
+  return bits;
+}
+
+int32_t controller_check_parameters(const controller_parameters *p)
+{
+  const uint8_t *bytes = (const uint8_t *)p;
+  int32_t wrong = 0;
+
+  for (int32_t number = 0; (number < PARAMETERS) && (wrong == 0); number++) {
+    const parameter_row *row = &rows[number];
+    for (uint32_t i = 0u; row->checked && (i < row->count); i++) {
+      @REAL@ x;
+      (void)memcpy(&x, &bytes[row->offset + (i * row->size)], sizeof(x));
+      if (!((x >= row->least) && (x <= row->most))) { /* true for what is not a number */
+        wrong = number + 1;
+      }
+    }
+  }
+  return wrong;
+}
+
+uint32_t controller_parameter_checksum(const controller_parameters *p)
+{
+  const uint8_t *bytes = (const uint8_t *)p;
+  uint32_t sum = 0xFFFFFFFFu;
+
+  for (int32_t number = 0; number < PARAMETERS; number++) {
+    const parameter_row *row = &rows[number];
+    for (uint32_t i = 0u; i < row->count; i++) {
+      uint64_t bits = bits_of(&bytes[row->offset + (i * row->size)], row->size);
+      for (uint32_t place = 0u; place < row->size; place++) {
+        sum = with_byte(sum, (uint8_t)(bits & 0xFFu));
+        bits >>= 8;
+      }
+    }
+  }
+  return sum ^ 0xFFFFFFFFu;
+}
