@@ -65,8 +65,6 @@ def bound(
         Longest duration in seconds; by default that of the scenario.
     seed
         Seed of the guesses.
-    overrides
-        KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
     output.out
         JSON file for the thrusts, the states and the result; by default none.
     output.overwrite

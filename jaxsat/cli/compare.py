@@ -83,8 +83,6 @@ def compare(
     scenario
         A name from `jaxsat scenarios list`, or a TOML file, with a [dispersion] table; without one
         the acceptance set.
-    overrides
-        KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
     law
         Laws to compare: three-slew, oscillatory, switching, three-axis, rate, or all for these;
         planned, which takes longer than they do; your own law as module:Class; an installed law; or

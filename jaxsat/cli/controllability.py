@@ -29,9 +29,6 @@ def controllability(
     ----------
     scenario
         A name from `jaxsat scenarios list`, or a TOML file. [spacecraft] is enough.
-    overrides
-        KEY=VALUE that replaces a value of the scenario, such as spacecraft.failed_thrusters=[2,3];
-        may be given several times.
     failures
         List only cases of so many failures; by default all.
     drift

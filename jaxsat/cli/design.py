@@ -58,9 +58,6 @@ def design(
     scenario
         A name from `jaxsat scenarios list`, or a TOML file. [spacecraft] is enough: the command
         assumes the rest and lists the assumptions.
-    overrides
-        KEY=VALUE that replaces a value of the scenario, such as spacecraft.failed_thrusters=[2];
-        may be given several times.
     law
         The law to design, all for every law that fits, or quick for those that are verified within
         minutes; by default that of the scenario, or quick if it names none.

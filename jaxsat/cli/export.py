@@ -36,8 +36,6 @@ def export(
     ----------
     scenario
         A name from `jaxsat scenarios list`, or a TOML file.
-    overrides
-        KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
     output.out
         Output folder; by default jaxsat-NAME-flight in the current folder.
     float_

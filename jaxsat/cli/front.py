@@ -67,8 +67,6 @@ def front(
     end
         Where plans end. settled: within the tolerances of the scenario's [settled], as laws do;
         rest: exactly at rest, which laws do not reach.
-    overrides
-        KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
     output.out
         Folder for the numbers and the figure; by default jaxsat-front.
     """

@@ -107,8 +107,6 @@ def montecarlo(
         Number of cases.
     seed
         Seed of the study; by default that of the scenario.
-    overrides
-        KEY=VALUE that replaces a value of the scenario, as for `jaxsat simulate`.
     until_ci
         Stop when the half width of the interval of the settled fraction is below this, such as
         0.5%.

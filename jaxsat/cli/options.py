@@ -138,7 +138,15 @@ StartsOrNone = Annotated[int, Parameter(converter=whole(0, MAX_STARTS))]
 OptionalPath = Annotated[Path | None, Parameter(converter=_converter(place))]
 Text = Annotated[str | None, Parameter(converter=_converter(something))]
 Flag = Annotated[bool, Parameter(negative="")]
-Overrides = Annotated[tuple[str, ...], Parameter(name="--set", negative="")]
+Overrides = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--set",
+        negative="",
+        help="KEY=VALUE that replaces a value of the scenario, such as simulation.duration_s=600; "
+        "may be given several times.",
+    ),
+]
 
 
 @Parameter(name="*")

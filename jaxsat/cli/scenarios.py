@@ -92,8 +92,6 @@ def check(
     ----------
     files
         TOML files, or names from the library.
-    overrides
-        KEY=VALUE that replaces a value of the files, as for `jaxsat simulate`.
     printed.quiet
         Print only warnings and errors.
     """

@@ -51,9 +51,6 @@ def simulate(
     ----------
     scenario
         A name from `jaxsat scenarios list`, or a TOML file.
-    overrides
-        KEY=VALUE that replaces a value of the scenario, such as control.k3=0.07; may be given
-        several times.
     """
     chosen = load_scenario(scenario, overrides)
     target = results.out or Path(f"jaxsat-{Path(scenario).stem}")

@@ -34,9 +34,6 @@ def tune(
     ----------
     scenario
         A name from `jaxsat scenarios list`, or a TOML file, with [dispersion] and [tuning] tables.
-    overrides
-        KEY=VALUE that replaces a value of the scenario, such as tuning.steps=20; may be given
-        several times.
     batch_size
         Cases per pass of the compiled loop.
     baselines
