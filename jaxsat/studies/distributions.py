@@ -1,8 +1,10 @@
 """Distributions, each by its quantile function, so that any design of points can drive them."""
 
 import abc
+from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import ndtr, ndtri
@@ -24,21 +26,24 @@ class AbstractDistribution(eqx.Module):
     Parameters are one number for all components or one for each.
     """
 
+    end_names: ClassVar[tuple[str, ...]] = ("low", "high")
+    """Names of the parameters that are `ends`."""
+
     @abc.abstractmethod
     def quantile(self, u: Float[Array, " dimension"]) -> Float[Array, " size"]:
         """The values at coordinates `u` in the open unit cube."""
 
-    @abc.abstractmethod
     def ends(self) -> dict[str, Float[Array, "*n"]]:
         """The parameters, by name, that say where what is drawn lies: see `is_bounded`."""
+        return {name: getattr(self, name) for name in self.end_names}
 
     def is_bounded(self) -> bool:
         """Whether nothing is drawn below or above all of `ends`."""
         return True
 
-    @abc.abstractmethod
     def components(self) -> int | None:
         """How many components the parameters are given for; None where any number will do."""
+        return _components(*jax.tree.leaves(self))
 
     def dimension(self, size: int) -> int:
         """How many unit coordinates `size` components take."""
@@ -60,18 +65,11 @@ class Uniform(AbstractDistribution):
         """The values low + (high - low) u."""
         return self.low + (self.high - self.low) * u
 
-    def ends(self) -> dict[str, Float[Array, "*n"]]:
-        """The bounds `low` and `high`."""
-        return {"low": self.low, "high": self.high}
-
-    def components(self) -> int | None:
-        """How many components the bounds are given for."""
-        return _components(self.low, self.high)
-
 
 class Normal(AbstractDistribution):
     """Gaussian with `mean` and standard deviation `sigma`."""
 
+    end_names = ("mean",)
     mean: Float[Array, "*n"] = eqx.field(converter=as_float)
     sigma: Float[Array, "*n"] = eqx.field(converter=as_float)
 
@@ -84,17 +82,9 @@ class Normal(AbstractDistribution):
         """The Gaussian quantile."""
         return self.mean + self.sigma * ndtri(u)
 
-    def ends(self) -> dict[str, Float[Array, "*n"]]:
-        """The mean, as there are no bounds."""
-        return {"mean": self.mean}
-
     def is_bounded(self) -> bool:
         """False: a Gaussian has tails."""
         return False
-
-    def components(self) -> int | None:
-        """How many components mean and deviation are given for."""
-        return _components(self.mean, self.sigma)
 
 
 class TruncatedNormal(AbstractDistribution):
@@ -136,18 +126,11 @@ class TruncatedNormal(AbstractDistribution):
         x = jnp.clip(ndtri(below + u * (above - below)), lower, upper)
         return self.mean + self.sigma * jnp.where(mirrored, -x, x)
 
-    def ends(self) -> dict[str, Float[Array, "*n"]]:
-        """The bounds `low` and `high`."""
-        return {"low": self.low, "high": self.high}
-
-    def components(self) -> int | None:
-        """How many components the parameters are given for."""
-        return _components(self.mean, self.sigma, self.low, self.high)
-
 
 class Discrete(AbstractDistribution):
     """Each component one of `values`, with probabilities in the proportion of `weights`."""
 
+    end_names = ("values",)
     values: Float[Array, " k"] = eqx.field(converter=as_float)
     weights: Float[Array, " k"] = eqx.field(converter=as_float)
 
@@ -167,10 +150,6 @@ class Discrete(AbstractDistribution):
         bounds = jnp.cumsum(self.weights / jnp.sum(self.weights))[:-1]
         return self.values[jnp.sum(u[:, None] >= bounds[None, :], axis=1)]
 
-    def ends(self) -> dict[str, Float[Array, "*n"]]:
-        """All values that may be drawn."""
-        return {"values": self.values}
-
     def components(self) -> int | None:
         """None: any number of components will do."""
         return None
@@ -181,6 +160,8 @@ class RandomAttitude(AbstractDistribution):
 
     K. Shoemake, Uniform random rotations, Graphics Gems III, 1992.
     """
+
+    end_names = ()
 
     def quantile(self, u: Float[Array, "3"]) -> Float[Array, "4"]:
         """The quaternion of three unit coordinates."""
@@ -194,10 +175,6 @@ class RandomAttitude(AbstractDistribution):
                 far * jnp.cos(second),
             ]
         )
-
-    def ends(self) -> dict[str, Float[Array, "*n"]]:
-        """No ends: a rotation has no bounds."""
-        return {}
 
     def components(self) -> int | None:
         """The four components of a quaternion."""
