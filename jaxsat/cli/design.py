@@ -112,7 +112,7 @@ def design(
 def _print_result(result: "ControllerDesign", target: Path, quiet: bool) -> int:
     """Print the page; the status says whether the required fraction settles."""
     from jaxsat.report.design_document import design_document
-    from jaxsat.synthesis.controller_design.files import design_record
+    from jaxsat.synthesis.controller_design.run import design_record
 
     record = design_record(result)
     if not quiet:

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import stats
 
-from jaxsat.core.pointing import pointing_error
+from jaxsat.core.attitude import pointing_error
 from jaxsat.report import study_plots
 from jaxsat.report.figure_painter import paint
 from jaxsat.report.saving import save_figures

@@ -1,12 +1,179 @@
-"""Holds of a sampled loop divided where something fails, or an effector comes to an edge."""
+"""Holds of a sampled loop divided where something fails, or an effector comes to an edge or leaves
+its mode: a wheel comes to rest or its limit, or goes.
+
+When a mode is left depends on how the body turns. So a hold is integrated to its end, and where an
+effector has left the mode that it was in the instant is searched by false position (the Illinois
+rule), each time integrated from the last such instant on.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from jaxsat.simulation.located_edges import Integrate, through_located_parts
+from jaxsat.core.array_types import RealScalar
+from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody
 from jaxsat.spacecraft.held_effector import Hold
+
+Integrate = Callable[[RealScalar, Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
+
+RESOLUTION = 1e-13
+"""Of a hold: how well instants are located in it."""
+
+TRIES = 12
+"""Integrations for each part of a hold, at most on the average."""
+
+SLOW = 8
+"""After so many tries to locate an instant every other one halves the bracket."""
+
+
+class _Bracket(NamedTuple):
+    """Where an instant is searched, in s from the begin of the hold, and the least margins there.
+
+    `open` tells whether there is one, `side` at which end (-1 or 1) the last try came to lie. After
+    `tries` the bracket may be `closed`: `correction` (s) is zero, and has the derivative of the
+    instant.
+    """
+
+    low: RealScalar
+    high: RealScalar
+    at_low: RealScalar
+    at_high: RealScalar
+    side: RealScalar
+    tries: Int[Array, ""]
+    correction: RealScalar
+    open: Bool[Array, ""]
+    closed: Bool[Array, ""]
+
+    def following(self, x: RealScalar, margin: RealScalar, correction: RealScalar, tolerance):
+        """The bracket after a try at x, `closed` once it is no wider than twice the tolerance."""
+        outside = margin < 0
+        again = jnp.where(outside, 1.0, -1.0) == self.side  # the Illinois rule
+        at_low = jnp.where(outside & again, self.at_low / 2, self.at_low)
+        at_high = jnp.where(~outside & again, self.at_high / 2, self.at_high)
+        low, high = jnp.where(outside, self.low, x), jnp.where(outside, x, self.high)
+        return _Bracket(
+            low,
+            high,
+            jnp.where(outside, at_low, margin),
+            jnp.where(outside, margin, at_high),
+            jnp.where(outside, 1.0, -1.0),
+            self.tries + 1,
+            jnp.where(outside, correction, self.correction),
+            jnp.array(True),
+            high - low <= 2 * tolerance,
+        )
+
+    def next_try(self, end: RealScalar, tolerance: RealScalar) -> RealScalar:
+        """Where to integrate to: the `end` of the hold without a bracket."""
+        slope = self.at_high - self.at_low
+        share = self.at_low / jnp.where(slope < 0, -slope, 1.0)
+        halves = (self.tries > SLOW) & (self.tries % 2 == 0)
+        share = jnp.where(halves | (slope >= 0), 0.5, share)
+        x = self.low + share * (self.high - self.low)
+        x = jnp.clip(x, self.low + tolerance, self.high - tolerance)
+        x = jnp.where(self.closed, self.high, x)
+        return jnp.where(self.open, jax.lax.stop_gradient(x) + self.correction, end)
+
+
+class _Search(NamedTuple):
+    """How far a hold has come: an instant (s from its begin), all there, and what is searched."""
+
+    begin: RealScalar
+    plant: PlantState
+    carry: PyTree
+    modes: OfEach
+    bracket: _Bracket
+
+
+class _Judgement(NamedTuple):
+    """Margins of each effector and of all in a row, d/dt of those before a jump, and dω/dt."""
+
+    margins: OfEach
+    flat: Float[Array, " m"]
+    speeds: Float[Array, " m"]
+    acceleration: Float[Array, "3"]
+
+
+def through_located_parts(
+    body: RigidBody,
+    commands: OfEach,
+    t: RealScalar,
+    hold: Hold,
+    plant: PlantState,
+    integrate: Integrate,
+    carry: PyTree,
+) -> tuple[PlantState, PyTree]:
+    """The plant and the carry at the end of a hold that begins at time `t` (s).
+
+    The effectors of the `body` fail no more. The hold is integrated at most `TRIES` times for each
+    of its edges and once more, the last time to its end.
+    """
+    end = hold.length
+    edges = sum(one.edge_count for one in body.effectors)
+    tolerance, rounds = RESOLUTION * end, TRIES * (1 + edges)
+
+    def judge(elapsed, plant: PlantState, modes: OfEach) -> _Judgement:
+        pieces = body.later(body.pieces(modes, commands), elapsed)
+        acceleration = body.acceleration(t + elapsed, plant, pieces=pieces)
+        parts = list(zip(body.effectors, modes, plant.of_each, commands, strict=True))
+        margins = tuple(one.margins(m, s, c, acceleration) for one, m, s, c in parts)
+        speeds = tuple(one.approach(m, s, c, acceleration) for one, m, s, c in parts)
+        return _Judgement(margins, _flat(margins), _flat(speeds), acceleration)
+
+    def begin(elapsed, plant, carry, modes: OfEach) -> _Search:
+        modes = body.modes(t + elapsed, plant, body.later(commands, elapsed), modes)
+        least = jnp.min(judge(elapsed, plant, modes).flat)
+        zero, no = jnp.zeros_like(end), jnp.array(False)
+        bracket = _Bracket(elapsed, end, least, least, zero, jnp.array(0), zero, no, no)
+        return _Search(elapsed, plant, carry, modes, jax.lax.stop_gradient(bracket))
+
+    def part(number, now: _Search) -> _Search:
+        last, bracket = number == rounds - 1, now.bracket
+        x = jnp.where(last, end, bracket.next_try(end, tolerance))
+        one = hold.part(now.begin, x - now.begin)
+        one = one._replace(pieces=body.later(body.pieces(now.modes, commands), now.begin))
+        plant, carry = integrate(t + now.begin, one, now.plant, now.carry)
+        judgement = judge(x, plant, now.modes)
+        least = jnp.min(judgement.flat)
+        still, place, margin = jax.lax.stop_gradient((bracket, x, least))
+        correction = _correction(judgement.flat, judgement.speeds)
+        narrower = still.following(place, margin, correction, jax.lax.stop_gradient(tolerance))
+        there = last | bracket.closed | (~bracket.open & (least >= 0))
+        modes = body.modes_after(now.modes, plant, commands, judgement.acceleration)
+        parts = zip(body.effectors, now.modes, plant.of_each, judgement.margins, strict=True)
+        states = tuple(
+            one.come(mode, own, jnp.where(bracket.closed, margins, jnp.inf))
+            for one, mode, own, margins in parts
+        )
+        plant = PlantState(plant.attitude, plant.omega, states)
+        return choose(there, begin(x, plant, carry, modes), now._replace(bracket=narrower))
+
+    def one(number, now: _Search) -> _Search:
+        return jax.lax.cond(now.begin < end, lambda x: part(number, x), lambda x: x, now)
+
+    zero = jnp.zeros_like(end)
+    modes = body.modes(t, plant, commands)
+    search = jax.lax.fori_loop(0, rounds, one, begin(zero, plant, carry, modes))
+    return search.plant, search.carry
+
+
+def _flat(parts: OfEach) -> Float[Array, " margins"]:
+    return jnp.concatenate([one.ravel() for one in parts])
+
+
+def _correction(margins: Float[Array, " m"], speeds: Float[Array, " m"]) -> RealScalar:
+    """Zero (s), with the derivative of the instant at which the least margin of all is zero.
+
+    One without a speed needs none: nothing jumps there.
+    """
+    decides = (margins == jnp.min(margins)) & (speeds != 0)
+    speeds = jax.lax.stop_gradient(jnp.where(decides, speeds, 1.0))
+    finite = jnp.where(decides, margins, 0.0)
+    return -jnp.sum((finite - jax.lax.stop_gradient(finite)) / speeds)
 
 
 def through_hold(

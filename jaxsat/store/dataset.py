@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.control.sampled import mode_label
-from jaxsat.core.pointing import SEQUENCE, euler_angles, pointing_error
+from jaxsat.core.attitude import SEQUENCE, euler_angles, pointing_error
 from jaxsat.core.text import clean
 from jaxsat.core.tolerances import Tolerances, within
 from jaxsat.simulation.trajectory import Signals, Trajectory

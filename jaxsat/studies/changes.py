@@ -1,10 +1,11 @@
-"""How dispersed numbers go into body, environment, the law's model and the start."""
+"""A loop that is dispersed, and how numbers go into body, environment, law's model and start."""
 
 import dataclasses
 from collections.abc import Callable
-from typing import cast
+from typing import NamedTuple, TypeVar, cast
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -13,7 +14,11 @@ from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.ripple import RippleFilter, RippleObserver
 from jaxsat.control.three_axis import InternalModel
 from jaxsat.core.attitude import DCM, WZ, AbstractAttitude, Quaternion
-from jaxsat.simulation.loops import AbstractLoop, parts_of
+from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
+from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop, parts_of
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.environment.disturbances import (
     ConstantTorque,
     PeriodicTorque,
@@ -23,14 +28,48 @@ from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.sensors import turned_slightly
 from jaxsat.spacecraft.spacecraft import Spacecraft
 from jaxsat.spacecraft.wheels import Wheels
-from jaxsat.studies.perturbed import (
-    PerturbedLoop,
-    Values,
-    controller_of,
-    in_loop,
-    map_parts,
-    with_controller,
-)
+
+
+class PerturbedLoop(NamedTuple):
+    """A closed loop and its start, as far as they have been dispersed, and the nominal loop."""
+
+    loop: AbstractLoop
+    start: PlantState
+    nominal: AbstractLoop
+
+
+Values = Float[Array, " size"]
+
+Kind = TypeVar("Kind", bound=AbstractEffector)
+
+
+def effector_of(loop: AbstractLoop, kind: type[Kind]) -> Kind:
+    """The plant's effector of this class, which `obstacle` has made sure of."""
+    return cast(Kind, loop.plant.find(kind))
+
+
+def controller_of(loop: AbstractLoop):
+    """The controller of any loop."""
+    if isinstance(loop, ErrorCoordinateLoop):
+        return loop.law
+    return cast(ContinuousLoop | SampledLoop, loop).controller
+
+
+def with_controller(loop: AbstractLoop, controller) -> AbstractLoop:
+    """The loop with another controller."""
+    return eqx.tree_at(controller_of, loop, controller)
+
+
+def in_loop(perturbed: PerturbedLoop, where, new) -> PerturbedLoop:
+    """The perturbed loop with `new` in the place that `where` finds in it."""
+    loop = eqx.tree_at(where, perturbed.loop, new, is_leaf=lambda part: part is None)
+    return perturbed._replace(loop=loop)
+
+
+def map_parts(change, kind: type | tuple[type, ...], tree):
+    """The tree with every part of a kind changed."""
+    return jax.tree.map(change, tree, is_leaf=lambda part: isinstance(part, kind))
+
 
 LEAST_TORQUE = 1e-30
 """N m: tells frequencies apart where no torque does."""

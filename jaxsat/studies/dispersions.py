@@ -17,11 +17,17 @@ from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.sensors import Sensors
-from jaxsat.studies.changes import follow_frequency, possible_belief, possible_body
+from jaxsat.studies.changes import (
+    PerturbedLoop,
+    controller_of,
+    follow_frequency,
+    possible_belief,
+    possible_body,
+    with_controller,
+)
 from jaxsat.studies.designs import open_uniform
 from jaxsat.studies.dispersion_problems import dispersion_problems, limits_of
 from jaxsat.studies.distributions import AbstractDistribution
-from jaxsat.studies.perturbed import PerturbedLoop, controller_of, with_controller
 from jaxsat.studies.quantities import QUANTITIES
 
 Tree = TypeVar("Tree")

@@ -10,10 +10,10 @@ from typing import Any
 import jax
 import numpy as np
 
+from jaxsat.core.attitude import pointing_error
 from jaxsat.core.checks import require_counts
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.once import once_property
-from jaxsat.core.pointing import pointing_error
 from jaxsat.simulation.engine.interface import AbstractEngine, Replay, program_identity
 from jaxsat.simulation.engine.program import Program
 from jaxsat.simulation.engine.progress import Outputs

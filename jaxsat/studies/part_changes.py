@@ -16,7 +16,7 @@ from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.thrusters import ThrusterSet
-from jaxsat.studies.perturbed import (
+from jaxsat.studies.changes import (
     PerturbedLoop,
     Values,
     in_loop,

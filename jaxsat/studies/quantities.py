@@ -22,22 +22,8 @@ from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.spacecraft import Spacecraft
 from jaxsat.studies import changes, limits, part_changes
-from jaxsat.studies.obstacles import (
-    always,
-    needs_delay,
-    needs_disturbance,
-    needs_effector,
-    needs_failures,
-    needs_latency,
-    needs_model,
-    needs_navigation,
-    needs_reference,
-    needs_sensor,
-    needs_thrusters,
-    needs_torque_level,
-)
+from jaxsat.studies.changes import PerturbedLoop, Values, effector_of
 from jaxsat.studies.part_changes import set_field, set_in_effector, thruster_count, thrusters_of
-from jaxsat.studies.perturbed import PerturbedLoop, Values, effector_of
 
 
 class Quantity(NamedTuple):
@@ -104,7 +90,7 @@ def _of_sensors() -> dict[str, Quantity]:
         one.name: _of_field(
             one,
             attrgetter(place),
-            needs_sensor(place, sensor.summary),
+            limits.needs_sensor(place, sensor.summary),
             f"the {sensor.summary} has no",
         )
         for place, sensor in SENSED.items()
@@ -116,7 +102,7 @@ def _of_sensors() -> dict[str, Quantity]:
 def _of_disturbances() -> dict[str, Quantity]:
     return {
         one.name: _of_field(
-            one, functools.partial(_disturbance, kind), needs_disturbance(kind, part.summary)
+            one, functools.partial(_disturbance, kind), limits.needs_disturbance(kind, part.summary)
         )
         for place, part in DISTURBANCES.items()
         for kind in [pkgutil.resolve_name(place)]
@@ -140,13 +126,13 @@ def _of_effectors() -> dict[str, Quantity]:
 
 def _of_effector(kind: type[AbstractEffector], one: DispersibleQuantity) -> Quantity:
     if one.field is not None:
-        obstacle, lacks = needs_effector(kind), f"no {kind.kind} has a"
+        obstacle, lacks = limits.needs_effector(kind), f"no {kind.kind} has a"
         return _of_field(one, lambda loop: effector_of(loop, kind), obstacle, lacks)
     own = kind.dispersible[one.name]
     return Quantity(
         lambda loop: own.each * effector_of(loop, kind).count,
         set_in_effector(kind, own),
-        needs_effector(kind),
+        limits.needs_effector(kind),
         lambda loop: own.limits(effector_of(loop, kind)),
     )
 
@@ -161,7 +147,7 @@ def _of_failed(actuator: ActuatorDeclaration) -> Quantity:
     return Quantity(
         _failures(actuator.name),
         part_changes.set_failure("number", actuator.name),
-        needs_failures(actuator.name),
+        limits.needs_failures(actuator.name),
         number,
     )
 
@@ -171,86 +157,97 @@ _QUANTITIES: dict[str, Quantity] = {
     "inertia": Quantity(
         _fixed(3),
         changes.set_inertia,
-        needs_torque_level,
+        limits.needs_torque_level,
         limits.changing(ranges.MOMENT, limits.moments_of),
     ),
     "products_of_inertia": Quantity(
-        _fixed(3), changes.set_products, needs_torque_level, limits.of_products
+        _fixed(3), changes.set_products, limits.needs_torque_level, limits.of_products
     ),
     "misalignment": Quantity(
         _thrusters(2),
         part_changes.set_misalignment,
-        needs_thrusters,
+        limits.needs_thrusters,
         limits.between(ranges.MISALIGNMENT),
     ),
     "torque_gain": Quantity(
         _thrusters(1),
         part_changes.set_torque_gain,
-        needs_thrusters,
+        limits.needs_thrusters,
         limits.between(ranges.CHANGE_OF_TORQUE),
     ),
     "constant_torque": Quantity(
-        _fixed(3), changes.set_constant_torque, always, limits.of_constant_torque
+        _fixed(3), changes.set_constant_torque, limits.always, limits.of_constant_torque
     ),
     "model_inertia": Quantity(
         _fixed(3),
         changes.set_model_inertia,
-        needs_model(Spacecraft),
+        limits.needs_model(Spacecraft),
         limits.changing(ranges.MOMENT, limits.believed_moments),
     ),
     "model_orbit_rate": Quantity(
         _fixed(1),
         changes.set_model_orbit_rate,
-        needs_model(AbstractOrbit),
+        limits.needs_model(AbstractOrbit),
         limits.changing(ranges.ORBIT_RATE, limits.believed_orbit_rate),
     ),
     "tracker_update_period": Quantity(
         _fixed(1),
         part_changes.set_tracker_samples("every", 1),
-        needs_navigation,
+        limits.needs_navigation,
         limits.of_update_period,
     ),
     "tracker_latency": Quantity(
         _fixed(1),
         part_changes.set_tracker_samples("arrival", 0),
-        needs_latency,
+        limits.needs_latency,
         limits.of_latency,
     ),
     "failure_time": Quantity(
         _failures(),
         part_changes.set_failure("at"),
-        needs_failures(),
+        limits.needs_failures(),
         limits.between(ranges.FROM_ZERO),
     ),
     "failure_kind": Quantity(
-        _failures(), part_changes.set_failure("kind"), needs_failures(), limits.of_failure_kind
+        _failures(),
+        part_changes.set_failure("kind"),
+        limits.needs_failures(),
+        limits.of_failure_kind,
     ),
     "failure_amount": Quantity(
-        _failures(), part_changes.set_failure("amount"), needs_failures(), limits.of_failure_amount
+        _failures(),
+        part_changes.set_failure("amount"),
+        limits.needs_failures(),
+        limits.of_failure_amount,
     ),
-    "delay": Quantity(_fixed(1), part_changes.set_delay, needs_delay, limits.of_delay),
-    "attitude": Quantity(_fixed(4), changes.set_attitude, always, limits.between(Range(-1.0, 1.0))),
+    "delay": Quantity(_fixed(1), part_changes.set_delay, limits.needs_delay, limits.of_delay),
+    "attitude": Quantity(
+        _fixed(4), changes.set_attitude, limits.always, limits.between(Range(-1.0, 1.0))
+    ),
     "tilt": Quantity(
         _fixed(1),
         changes.set_tilt_by(changes.resized),
-        always,
+        limits.always,
         limits.between(Range(0.0, STATE_LIMIT)),
     ),
     "tilt_direction": Quantity(
-        _fixed(1), changes.set_tilt_by(changes.redirected), always, limits.between(ranges.ANGLE)
+        _fixed(1),
+        changes.set_tilt_by(changes.redirected),
+        limits.always,
+        limits.between(ranges.ANGLE),
     ),
     "turn": Quantity(
         _fixed(1),
         changes.set_tilt_by(lambda wz, turn: WZ(wz.w, turn[0])),
-        always,
+        limits.always,
         limits.between(limits.STATE),
     ),
     "attitude_error": Quantity(
-        _fixed(3), changes.set_attitude_error, always, limits.between(ranges.ROTATION)
+        _fixed(3), changes.set_attitude_error, limits.always, limits.between(ranges.ROTATION)
     ),
-    "omega": Quantity(_fixed(3), changes.set_omega, always, limits.of_omega),
+    "omega": Quantity(_fixed(3), changes.set_omega, limits.always, limits.of_omega),
     "rate_error": Quantity(
-        _fixed(2), changes.set_rate_error, needs_reference, limits.between(limits.STATE)
+        _fixed(2), changes.set_rate_error, limits.needs_reference, limits.between(limits.STATE)
     ),
     **_of_disturbances(),
     **_of_effectors(),

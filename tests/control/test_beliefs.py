@@ -16,8 +16,7 @@ from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build_loop
 from jaxsat.scenario.build.study import build_study
-from jaxsat.studies.changes import follow_frequency
-from jaxsat.studies.perturbed import controller_of
+from jaxsat.studies.changes import controller_of, follow_frequency
 
 INERTIA = (449.5, 264.6, 312.5)
 

@@ -17,8 +17,8 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.build.run import build_loop
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.studies.changes import controller_of
 from jaxsat.studies.dispersions import number_at
-from jaxsat.studies.perturbed import controller_of
 
 SAMPLES = 12
 """Of a sampled law, so that its estimators have had an interval."""

@@ -4,8 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from jaxsat.core.attitude import Quaternion
-from jaxsat.core.pointing import euler_angles, pointing_error
+from jaxsat.core.attitude import Quaternion, euler_angles, pointing_error
 from jaxsat.store.dataset import pointing
 
 RANDOM = np.random.default_rng(0).normal(size=(200, 4))

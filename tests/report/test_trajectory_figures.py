@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from jaxsat.core.pointing import euler_angles, pointing_error
+from jaxsat.core.attitude import euler_angles, pointing_error
 from jaxsat.report.figures import (
     pointing_figure,
     rates_figure,

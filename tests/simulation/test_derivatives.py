@@ -35,8 +35,8 @@ from jaxsat.scenario.plugins import ESTIMATOR
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.studies.changes import controller_of
 from jaxsat.studies.dispersions import number_at
-from jaxsat.studies.perturbed import controller_of
 from jaxsat.synthesis.tuning.forms import throttled
 from scenario.packages import PACKAGE, forget_package, install_package
 

@@ -17,8 +17,8 @@ from jaxsat.scenario.build.run import build, build_loop, build_tolerances
 from jaxsat.scenario.checks import SOLVER_KEYS
 from jaxsat.scenario.control import known_law
 from jaxsat.scenario.errors import key_of
+from jaxsat.studies.changes import controller_of
 from jaxsat.studies.dispersions import number_at
-from jaxsat.studies.perturbed import controller_of
 from jaxsat.synthesis.controller_design.request import ALL, QUICK
 from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict, scale_of
 

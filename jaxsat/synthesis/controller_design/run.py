@@ -1,16 +1,24 @@
-"""A design in one call, with the folder of the way: `design`."""
+"""A design in one call, with the folder of the way, every file whole: `design`."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import jaxsat
+from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.process import processors
-from jaxsat.scenario import Scenario
+from jaxsat.report.design_document import DESIGNED, LINES, design_document
+from jaxsat.report.printers import markdown_page
+from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.control import required_law
+from jaxsat.store.provenance import provenance
+from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.executors import Serial, Threads
 from jaxsat.studies.work import Work
 from jaxsat.synthesis.controller_design.candidates import GAINS
-from jaxsat.synthesis.controller_design.files import write_files
+from jaxsat.synthesis.controller_design.explanation import drawn_numbers
 from jaxsat.synthesis.controller_design.request import (
     ALL,
     QUICK,
@@ -22,11 +30,130 @@ from jaxsat.synthesis.controller_design.request import (
     Vehicle,
     law_asked_for,
 )
-from jaxsat.synthesis.controller_design.result import ControllerDesign
+from jaxsat.synthesis.controller_design.result import ControllerDesign, Step
 from jaxsat.synthesis.controller_design.steps import DesignRun
 from jaxsat.synthesis.controller_design.studies import Studies
 from jaxsat.synthesis.controller_design.tuning import TUNED_CASES
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from jaxsat.report.study_figures import DrawnNumber
+
+PAGE, RECORD = "design.md", "design.json"
+
+
+def design_record(design: ControllerDesign) -> dict[str, Any]:
+    """The record of a design, of which its document is made."""
+    return {"title": design.original.title, "headline": design.headline, **design.as_data()}
+
+
+def design_comment(design: ControllerDesign, version: str) -> str:
+    """Lines for the head of the designed scenario: where it comes from and what it is proven on."""
+    verification = design.verification
+    assert verification is not None
+    lines = [
+        f"Designed by jaxsat {version} for: {design.original.title}",
+        *[f"  {line}" for line in design.verdict.lines()],
+        design.headline,
+        f"Verification: seed {design.settings.seeds.verification}, by "
+        f"`jaxsat montecarlo {DESIGNED} --seed {design.settings.seeds.verification} "
+        f"-n {design.settings.cases}`.",
+    ]
+    if design.assumed:
+        lines += [f"{LINES['assumed']}:"]
+        lines += [f"  {line}" for line in design.assumed]
+    if design.misses_attitude is not None:
+        lines.append(design.misses_attitude)
+    elif design.settings.attitude == "nearest" and not design.verdict.holds:
+        lines.append(
+            "Body axes are turned so that the nearest attitude that can be held is the target."
+        )
+    if not design.gains:
+        lines.append("The gains are functions of inertia, torque limit and control period.")
+    return "".join(f"# {line}\n" for line in lines)
+
+
+def write_files(design: ControllerDesign, folder: ResumableFolder) -> None:
+    """The page, the designed scenario, the record as JSON, and figures."""
+    folder.write(PAGE, markdown_page(design_document(design_record(design))))
+    if design.scenario is not None:
+        comment = design_comment(design, jaxsat.__version__)
+        folder.write(DESIGNED, comment + dump(design.scenario))
+    record = design_record(design) | provenance()
+    folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
+    if design.verification is not None:
+        from jaxsat.report.saving import save_figures
+
+        save_figures(lambda: _figures(design), folder.write)
+
+
+def _figures(design: ControllerDesign) -> "dict[str, Figure]":
+    from jaxsat.report.figure_painter import paint
+    from jaxsat.report.study_figures import study_figures
+    from jaxsat.report.tuning_plots import gain_plots, loss_plots
+    from jaxsat.synthesis.tuning.history import history_dataset
+
+    assert design.verification is not None
+    assert design.scenario is not None
+    columns, title = design.verification.columns, design.scenario.title
+    figures = study_figures(columns, _map_axes(design), title)
+    figures["laws"] = _laws_figure(design)
+    if design.tuned is not None:
+        plan, state = design.tuned.plan, design.tuned.state
+        history = history_dataset(plan, state, title, dump(design.scenario))
+        figures["loss"] = paint(loss_plots(history), f"{title}: loss of tuning")
+        figures["gains"] = paint(gain_plots(history), f"{title}: gains in tuning", 1.9)
+    return figures
+
+
+def _laws_figure(design: ControllerDesign) -> "Figure":
+    from jaxsat.report.comparison_figures import settling_comparison
+
+    steps: dict[str, Step | None] = {
+        "screening": design.screening,
+        "validation": design.validation,
+    }
+    panels, horizons = {}, {}
+    for name, step in steps.items():
+        if step is None:
+            continue
+        key = (name, step.rows[0].setting.torque_limit)
+        panels[key] = {row.setting.law: row.settling_times for row in step.rows}
+        assert design.scenario is not None
+        horizons[key] = design.scenario.simulation.duration_s
+    return settling_comparison(
+        panels, horizons, f"{design.original.title}: screening and validation"
+    )
+
+
+def _map_axes(design: ControllerDesign) -> "dict[str, DrawnNumber]":
+    """The two numbers on which settling depends most, or the cost where all cases settle."""
+    from jaxsat.report.study_figures import DrawnNumber
+
+    verification = design.verification
+    assert verification is not None
+    assert design.scenario is not None
+    numbers = drawn_numbers(
+        design.scenario, verification.columns, design.verdict.judgement.laws == "two torques"
+    )
+    names = [one.name for one in verification.separations] + [
+        entry.name for entry in verification.summary.ranking if entry.matters
+    ]
+    axes = {}
+    for label in list(dict.fromkeys(names))[:2]:
+        quantity = DISPERSIBLE.get(label.partition("[")[0])
+        unit, meaning = (quantity.unit, quantity.meaning) if quantity else _DERIVED[label]
+        axes[label] = DrawnNumber(numbers[label], unit, meaning)
+    return axes
+
+
+_DERIVED = {
+    "size of omega": ("rad/s", "size of the initial angular velocity"),
+    "coupling c": ("1", "difference of the reduced moments over the third"),
+}
+
 
 KIND = "design"
 """The kind of the output folder."""

@@ -25,8 +25,8 @@ from jaxsat.simulation.engine.native import NativeEngine, process_obstacle
 from jaxsat.simulation.engine.program import Program
 from jaxsat.simulation.engine.progress import AttitudeCost, RunningCost, Unsettled
 from jaxsat.simulation.engine.scan import ScanEngine
+from jaxsat.studies.changes import controller_of
 from jaxsat.studies.dispersions import number_at
-from jaxsat.studies.perturbed import controller_of
 from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator, TrajectoryCounter
 from jaxsat.synthesis.tuning.forms import in_one_form, refined, throttled, with_control
 from jaxsat.synthesis.tuning.parameters import Parameter, SearchSpace, Values

@@ -14,9 +14,9 @@ from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
 from jaxsat.synthesis.comparison.verdict import choose_law, comparison_row
 from jaxsat.synthesis.controller_design import steps
 from jaxsat.synthesis.controller_design.candidates import Candidate
-from jaxsat.synthesis.controller_design.files import design_record
 from jaxsat.synthesis.controller_design.request import DesignSettings
 from jaxsat.synthesis.controller_design.result import Step
+from jaxsat.synthesis.controller_design.run import design_record
 from jaxsat.synthesis.controller_design.studies import Studies
 from jaxsat.synthesis.execution import Listener
 

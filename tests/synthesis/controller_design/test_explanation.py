@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 import jaxsat
-from jaxsat.studies.changes import set_inertia, set_products
-from jaxsat.studies.perturbed import PerturbedLoop
+from jaxsat.studies.changes import PerturbedLoop, set_inertia, set_products
 from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.controller_design.explanation import (
     COUPLING,

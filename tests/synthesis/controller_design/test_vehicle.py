@@ -13,8 +13,8 @@ from jaxsat.scenario.build.run import build_loop
 from jaxsat.scenario.holding import missing_torque
 from jaxsat.scenario.layout import believed_axes
 from jaxsat.scenario.quantities import inertia_matrix
+from jaxsat.studies.changes import controller_of
 from jaxsat.studies.dispersions import number_at
-from jaxsat.studies.perturbed import controller_of
 from jaxsat.synthesis.controller_design.candidates import (
     GAINS,
     Candidate,

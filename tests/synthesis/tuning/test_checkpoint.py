@@ -12,7 +12,7 @@ import pytest
 from corruption import corrupt
 from jaxsat.control.rate import RateLaw
 from jaxsat.store.files import OutputError
-from jaxsat.studies.perturbed import controller_of
+from jaxsat.studies.changes import controller_of
 from jaxsat.synthesis.tuning.build import build_plan
 from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity
 from jaxsat.synthesis.tuning.descent import descend, descent_step, initial_state

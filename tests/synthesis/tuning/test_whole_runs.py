@@ -6,8 +6,8 @@ import pytest
 from helpers.every_law import PLACES, UPSIDE_DOWN, scenario_of
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.build.run import build_loop
+from jaxsat.studies.changes import controller_of
 from jaxsat.studies.dispersions import number_at
-from jaxsat.studies.perturbed import controller_of
 from jaxsat.synthesis.tuning.build import build_plan
 from jaxsat.synthesis.tuning.receipt import check_gradients
 
