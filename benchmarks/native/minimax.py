@@ -4,7 +4,8 @@
 
 Each row of `FITS` is a function, its interval and the number of coefficients. `mpmath.chebyfit`
 gives the polynomial of the Chebyshev expansion, within a small factor of the minimax error. Printed
-are the coefficients, lowest power first, as the source files hold them, and the error of the fit.
+are the coefficients, lowest power first, as `coefficients.toml` of `jaxsat.compiler.functions` has
+them, and the error of the fit.
 """
 
 import sys
@@ -129,10 +130,10 @@ def main() -> None:
         function, interval, count = FITS[name]
         coefficients, error = mp.chebyfit(function, interval, count, error=True)
         print(f"# {name}: error {float(error):.2e} = 2^{float(mp.log(error, 2)):.1f}")
-        print(f"_{name} = (")
+        print(f"{name} = [")
         for coefficient in reversed(coefficients):
             print(f"    {float(coefficient)!r},")
-        print(")", flush=True)
+        print("]", flush=True)
 
 
 if __name__ == "__main__":

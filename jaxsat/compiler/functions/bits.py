@@ -6,7 +6,9 @@ factors cut to 26 bits (by masking, which no compiler undoes) or of a constant w
 hence exact, and fusing an exact product changes nothing. Two-sums have no products.
 """
 
+import tomllib
 from collections.abc import Sequence
+from importlib import resources
 
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +24,9 @@ Truth = Bool[Array, "*n"]
 _UPPER_26 = np.int64(-(2**27))
 _UPPER_17 = np.int64(-(2**36))
 _ROUNDER_BITS = np.float64(ROUNDER).view(np.int64)
+_COEFFICIENTS = tomllib.loads(
+    (resources.files("jaxsat.compiler.functions") / "coefficients.toml").read_text("utf-8")
+)
 
 
 def double_of(bits: Integer) -> Double:
@@ -112,6 +117,11 @@ def quotient(num: Double, num_low: ArrayLike, den: Double, den_low: ArrayLike) -
     remainder = (num - estimate * den_upper) - estimate * ((den - den_upper) + den_low)
     fine = estimate + (remainder + num_low) * inverse
     return select(lax.abs(num) > 2.0**-900, fine, plain)
+
+
+def fitted(name: str) -> tuple[float, ...]:
+    """Coefficients of a polynomial of `coefficients.toml`, lowest power first."""
+    return tuple(_COEFFICIENTS[name])
 
 
 def polynomial(x: Double, coefficients: Sequence[float]) -> Double:

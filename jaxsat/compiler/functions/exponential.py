@@ -17,6 +17,7 @@ from jaxsat.compiler.functions.bits import (
     Double,
     Integer,
     fast_two_sum,
+    fitted,
     mantissa_and_exponent,
     polynomial,
     power_of_two,
@@ -31,20 +32,8 @@ LOG2_UPPER, LOG2_LOWER = 0.6931471805598903, 5.497923018708371e-14
 LOG2_E = math.log2(math.e)
 _LOG2 = math.log(2.0)
 
-# (exp(r) - 1 - r)/r^2
-_EXPONENTIAL = (
-    0.5,
-    0.1666666666666667,
-    0.04166666666666667,
-    0.008333333333326084,
-    0.0013888888888883711,
-    0.0001984126987500228,
-    2.480158732567746e-05,
-    2.755725517000089e-06,
-    2.755727347871858e-07,
-    2.5105312729622103e-08,
-    2.09147553258932e-09,
-)
+_EXPONENTIAL = fitted("EXPONENTIAL")
+_LOGARITHM = fitted("LOGARITHM")
 
 
 def exp(x: Double) -> Double:
@@ -117,15 +106,6 @@ def _reduced(x: Double, low: Double | None = None) -> tuple[Double, Double, Inte
 
 SQRT_HALF = 0.7071067811865476
 MIN_NORMAL = 2.0**-1022
-_LOGARITHM = (
-    0.666666666666667,
-    0.3999999999989889,
-    0.28571428626253836,
-    0.22222211089379496,
-    0.1818289243253687,
-    0.15331611722055008,
-    0.14617807153417325,
-)
 
 
 def log(x: Double) -> Double:

@@ -13,6 +13,7 @@ from jaxsat.compiler.functions.bits import (
     bits_of,
     double_of,
     fast_two_sum,
+    fitted,
     mantissa_and_exponent,
     negative,
     polynomial,
@@ -35,25 +36,8 @@ from jaxsat.compiler.functions.exponential import (
 )
 
 _TWO_THIRDS, _TWO_THIRDS_LOW = 0.6666666666666666, 3.700743415417188e-17
-# (log((1 + s)/(1 - s))/s - 2)/s^2 - 2/3, over s^2
-_LOGARITHM_REST = (
-    0.4,
-    0.2857142857142937,
-    0.22222222221652765,
-    0.18181818336099848,
-    0.1538459488700718,
-    0.1333480879881234,
-    0.11706126464563398,
-    0.11724327060846747,
-)
-_RECIPROCAL_CUBE_ROOT = (
-    1.7776471684890054,
-    -1.5540274077106597,
-    1.2271496200207155,
-    -0.5865141615889806,
-    0.15224956438221762,
-    -0.016511679091286462,
-)
+_LOGARITHM_REST = fitted("LOGARITHM_REST")
+_RECIPROCAL_CUBE_ROOT = fitted("RECIPROCAL_CUBE_ROOT")
 
 
 def pow(x: Double, y: Double) -> Double:
