@@ -95,16 +95,11 @@ def provenance_facts(attributes: Mapping[str, Any], command: str = "") -> Facts:
         for key, value in attributes.items()
         if key.endswith("_version")
     }
-    rows = {
-        "command": command,
-        "scenario (SHA-256)": hashlib.sha256(text.encode()).hexdigest() if text else "",
-        "seed": str(attributes.get("seed", "")),
-        "made": str(attributes.get("created", "")),
-        "versions": ", ".join(f"{name} {version}" for name, version in versions.items()),
-        "platform": str(attributes.get("platform", "")),
-        "steps": str(attributes.get("steps", "")),
-    }
-    return Facts("Provenance", {label: value for label, value in rows.items() if value})
+    digest = hashlib.sha256(text.encode()).hexdigest() if text else ""
+    record = {**attributes, "command": command, "versions": versions}
+    facts = record_provenance(record, **{"scenario (SHA-256)": digest}).rows
+    steps = str(attributes.get("steps", ""))
+    return Facts("Provenance", {**facts, **({"steps": steps} if steps else {})})
 
 
 def record_provenance(record: Mapping[str, Any], **more: str) -> Facts:

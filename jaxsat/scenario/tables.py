@@ -177,6 +177,15 @@ class SolverTable(ScenarioTable):
         1e-2,
     )
 
+    @property
+    def tolerance(self) -> dict[str, float]:
+        """What is given of adaptive steps, by the names of `jaxsat.simulation.methods.adaptive`."""
+        return {
+            key.removesuffix("_s"): value
+            for key in ADAPTIVE_STEP_KEYS
+            if (value := getattr(self, key)) is not None
+        }
+
 
 class SettledTable(ScenarioTable):
     """`[settled]`: within what, and for how long, a case counts as settled."""

@@ -203,16 +203,10 @@ def _method(table: SolverTable, loop: AbstractLoop) -> Method:
     solver = NamedSolver(table.name) if table.name else None
     if table.steps == "fixed" or table.step_s is not None:
         return fixed(cast(float, table.step_s), solver)
-    numbers = {
-        "rtol": table.rtol,
-        "atol": table.atol,
-        "min_step": table.min_step_s,
-        "max_steps": table.max_steps,
-    }
-    numbers = {name: value for name, value in numbers.items() if value is not None}
-    if table.steps is None and not numbers:
+    if table.steps is None and not table.tolerance:
         return default_method(loop, solver)
-    return adaptive(solver=solver, **{"min_step": MIN_STEP, **numbers})
+    numbers: dict[str, Any] = {"min_step": MIN_STEP, **table.tolerance}
+    return adaptive(solver=solver, **numbers)
 
 
 def _require_few_steps(scenario: Scenario, loop: AbstractLoop, method: Method) -> None:

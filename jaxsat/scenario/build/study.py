@@ -22,7 +22,6 @@ from jaxsat.scenario.parts.actuator import names_of
 from jaxsat.scenario.parts.thrusters import signs
 from jaxsat.scenario.resolution import Errors, refined
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.tables import SolverTable
 from jaxsat.simulation.assessment import Assessment, IntegrationError
 from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
 from jaxsat.simulation.engine.fixed import FixedStepper
@@ -263,8 +262,10 @@ def _engine(
         return ReferenceEngine(method=run.method, batch_size=batch_size), None
     method = solver.name or ("dopri8" if adaptive else "tsit5")
     if adaptive:
-        tolerance = _tolerance(solver, ADAPTIVE_SOLVERS.get(method))
-        stepper = AdaptiveStepper(NamedSolver(method), tolerance)
+        usual = ADAPTIVE_SOLVERS.get(method)
+        numbers: dict[str, Any] = {} if usual is None else {"rtol": usual, "atol": usual}
+        numbers |= solver.tolerance
+        stepper = AdaptiveStepper(NamedSolver(method), Tolerance(**numbers))
     else:
         substeps = round(_interval(scenario) / (solver.step_s or SMOOTH_STEP))
         stepper = FixedStepper(NamedSolver(method), max(1, substeps))
@@ -291,17 +292,6 @@ def _adaptive(scenario: Scenario, run: Run) -> bool:
         return solver.steps == "adaptive" and not isinstance(loop, SampledLoop)
     smooth = isinstance(loop, ContinuousLoop) and loop.is_smooth()
     return not smooth or solver.name in (None, *ADAPTIVE_SOLVERS)
-
-
-def _tolerance(solver: SolverTable, usual: float | None) -> Tolerance:
-    """The scenario's own numbers, and what they are in studies where it names none."""
-    numbers = {
-        "rtol": solver.rtol or usual,
-        "atol": solver.atol or usual,
-        "min_step": solver.min_step_s,
-        "max_steps": solver.max_steps,
-    }
-    return Tolerance(**{name: value for name, value in numbers.items() if value is not None})
 
 
 def replay_case(scenario: Scenario, study: Study, number: int) -> "xr.Dataset":
