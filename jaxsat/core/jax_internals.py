@@ -9,53 +9,23 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import jax
-from jax.core import Tracer
-from jax.extend.core import (
-    ClosedJaxpr,
-    DropVar,
-    Jaxpr,
-    JaxprEqn,
-    Literal,
-    Primitive,
-    Var,
-    jaxpr_as_fun,
-)
-from jax.interpreters import ad, batching, mlir
+from jax.core import Tracer as Tracer
+from jax.extend.core import ClosedJaxpr as ClosedJaxpr
+from jax.extend.core import DropVar as DropVar
+from jax.extend.core import Jaxpr as Jaxpr
+from jax.extend.core import JaxprEqn as JaxprEqn
+from jax.extend.core import Literal as Literal
+from jax.extend.core import Primitive as Primitive
+from jax.extend.core import Var as Var
+from jax.extend.core import jaxpr_as_fun as jaxpr_as_fun
+from jax.interpreters import ad as ad
+from jax.interpreters import batching as batching
+from jax.interpreters import mlir as mlir
 
 try:
     from jax._src import source_info_util
 except ImportError:  # private
     source_info_util = None
-
-__all__ = [
-    "CALL",
-    "IDENTICAL",
-    "LAYOUTS",
-    "TESTED",
-    "WISH",
-    "ClosedJaxpr",
-    "DropVar",
-    "EquationLayout",
-    "Expanded",
-    "Jaxpr",
-    "JaxprEqn",
-    "Literal",
-    "OpenJaxpr",
-    "Place",
-    "Primitive",
-    "Tracer",
-    "Var",
-    "ad",
-    "batching",
-    "is_tested",
-    "jaxpr_as_fun",
-    "key_functions",
-    "layout_of",
-    "mlir",
-    "place_of",
-    "summary_of",
-    "versions",
-]
 
 TESTED = ("0.10.0", "0.12.0.1")
 """The oldest and the newest JAX that the tests have run with."""

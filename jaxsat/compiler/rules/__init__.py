@@ -1,27 +1,12 @@
 """The rules by which primitives are lowered, by what kind of primitive they are for."""
 
-from jaxsat.compiler.rules import (
-    calls,
-    control,
-    elementwise,
-    indexing,
-    linear_algebra,
-    mathematics,
-    random,
-    reductions,
-    structural,
-    windows,
-)
-
-__all__ = [
-    "calls",
-    "control",
-    "elementwise",
-    "indexing",
-    "linear_algebra",
-    "mathematics",
-    "random",
-    "reductions",
-    "structural",
-    "windows",
-]
+from jaxsat.compiler.rules import calls as calls
+from jaxsat.compiler.rules import control as control
+from jaxsat.compiler.rules import elementwise as elementwise
+from jaxsat.compiler.rules import indexing as indexing
+from jaxsat.compiler.rules import linear_algebra as linear_algebra
+from jaxsat.compiler.rules import mathematics as mathematics
+from jaxsat.compiler.rules import random as random
+from jaxsat.compiler.rules import reductions as reductions
+from jaxsat.compiler.rules import structural as structural
+from jaxsat.compiler.rules import windows as windows
