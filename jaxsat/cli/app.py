@@ -40,7 +40,6 @@ from jaxsat.cli.terminal import (
     SUCCESS,
     USER_MISTAKE,
     FailedRun,
-    Terminated,
     UserMistake,
     print_problems,
     print_stderr,
@@ -103,7 +102,7 @@ def run(tokens: Sequence[str] | None = None) -> int:
             f"returns, got {ending_of(ended)}"
         )
         return USER_MISTAKE
-    except (KeyboardInterrupt, Terminated):
+    except KeyboardInterrupt:
         raise
     except BaseException as error:  # also one that is no Exception, as panics of Rust are
         return report_error(error)

@@ -194,6 +194,7 @@ def _in_scenario(
 
 def _compute(out: Path, work: Callable[[], Result]) -> Result:
     """Do the work; its errors become mistakes, and an interruption tells of `out`."""
+    from jaxsat.scenario.errors import MissingTable
     from jaxsat.synthesis.comparison.run import UnsuitableLaw, UnsuitableSetting
 
     try:
@@ -201,7 +202,7 @@ def _compute(out: Path, work: Callable[[], Result]) -> Result:
             return interruptibly(work)
     except UnsuitableLaw as error:
         raise option_mistake(error, ["law"], "--law: ") from None
-    except (UnsuitableSetting, ModuleNotFoundError) as error:
+    except (MissingTable, UnsuitableSetting, ModuleNotFoundError) as error:
         raise UserMistake(str(error)) from None
 
 

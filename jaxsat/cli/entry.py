@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
+from typing import NoReturn
 
 from jaxsat.cli.progress import showing_progress
 from jaxsat.cli.terminal import Terminated, finish, make_streams_safe, print_stderr
@@ -23,8 +24,9 @@ def main(tokens: Sequence[str] | None = None) -> None:
         os.environ["MATPLOTLIBRC"] = os.devnull  # one that is damaged would leave no figure
     with _signals_as_exceptions() as received:
         try:
-            status = _status(tokens, received)
-        except (KeyboardInterrupt, Terminated):  # a second one, while the first was told of
+            with _no_exit_unsaid():
+                status = _status(tokens, received)
+        except KeyboardInterrupt:  # a second one, while the first was told of
             status = _signal_status(received)
         if received:
             os._exit(status)  # a computation may still hold a thread
@@ -41,10 +43,31 @@ def _status(tokens: Sequence[str] | None, received: list[int]) -> int:
             from jaxsat.cli.app import run
 
             return finish(run(tokens))
-    except (KeyboardInterrupt, Terminated) as stop:
+    except KeyboardInterrupt as stop:
         word = "terminated" if isinstance(stop, Terminated) else "interrupted"
         print_stderr(f"{word}; {stop.args[0] if stop.args else 'nothing was written'}")
         return _signal_status(received)
+
+
+@contextmanager
+def _no_exit_unsaid() -> Iterator[None]:
+    """Inside, `os._exit` raises `SystemExit`, as `sys.exit` does, so that it is told.
+
+    Code of a user's own could end a command with status 0 otherwise. Processes that are forked
+    inside end by it as ever.
+    """
+    end, process = os._exit, os.getpid()
+
+    def exit_or_raise(status: int) -> NoReturn:
+        if os.getpid() != process:
+            end(status)
+        raise SystemExit(f"os._exit({status})")
+
+    os._exit = exit_or_raise
+    try:
+        yield
+    finally:
+        os._exit = end
 
 
 def _signal_status(received: Sequence[int]) -> int:
@@ -58,11 +81,12 @@ def _signals_as_exceptions() -> Iterator[list[int]]:
     One that is ignored from the start, as under `nohup`, stays so.
     """
     received: list[int] = []
+    end = os._exit
 
     def handle(number: int, frame: object) -> None:
         received.append(number)
         if len(received) > 2:
-            os._exit(_signal_status(received))
+            end(_signal_status(received))
         raise KeyboardInterrupt if number == signal.SIGINT else Terminated
 
     before = {}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from jaxsat.cli.options import Resumable
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import Terminated, print_stderr, print_warning
+from jaxsat.cli.terminal import print_stderr, print_warning
 from jaxsat.cli.work import require_approval
 
 if TYPE_CHECKING:
@@ -80,6 +80,6 @@ def resumed_later(target: Path, what: str = "the results so far are in {}") -> I
     """Inside, an interruption tells that what is in `target` is resumed, if anything is."""
     try:
         yield
-    except (KeyboardInterrupt, Terminated) as stop:
+    except KeyboardInterrupt as stop:
         lines = [f"{what.format(target)}; the same command resumes"] if target.exists() else []
         raise type(stop)(*lines) from None

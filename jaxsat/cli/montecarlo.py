@@ -35,7 +35,6 @@ from jaxsat.cli.study_files import (
 )
 from jaxsat.cli.terminal import (
     SUCCESS,
-    Terminated,
     UserMistake,
     print_document,
     print_stderr,
@@ -237,8 +236,8 @@ def _write_study(
         if saved.csv is not None:
             show_progress("writing the table")
             write_csv(saved.csv, target, count, overwrite=results.overwrite)
-    except (KeyboardInterrupt, Terminated) as stop:
-        with contextlib.suppress(KeyboardInterrupt, Terminated):  # a second one does not wait
+    except KeyboardInterrupt as stop:
+        with contextlib.suppress(KeyboardInterrupt):  # a second one does not wait
             executor.stop()
         raise type(stop)(_interruption_text(target)) from None
     excess = excessive_error((summary.rate_error, summary.attitude_error), scenario)

@@ -128,10 +128,12 @@ def _verdict(file: str, overrides: Sequence[str]) -> list[str]:
 
 def refusals(scenario: "Scenario") -> Iterator[str]:
     """A line for each group of commands that refuse the scenario, by what they themselves ask."""
+    from jaxsat.scenario.errors import MissingTable
+
     if scenario.dispersion is None:
-        yield "not for compare, montecarlo and tune: dispersion must be given, got nothing"
+        yield f"not for compare, montecarlo and tune: {MissingTable('dispersion')}"
     elif scenario.tuning is None:
-        yield "not for tune: tuning must be given, got nothing"
+        yield f"not for tune: {MissingTable('tuning')}"
     from jaxsat.synthesis.bounds.run import required_manoeuvre
 
     trials: dict[str, Callable[[], object]] = {

@@ -23,7 +23,7 @@ class FailedRun(Exception):
     """Something that failed although it was rightly asked for: a full disk, workers that died."""
 
 
-class Terminated(BaseException):
+class Terminated(KeyboardInterrupt):
     """SIGTERM or SIGHUP, turned into an exception so that temporary files are removed."""
 
 

@@ -1,5 +1,7 @@
 """The class that all errors of jaxsat derive from, and those that need no other import."""
 
+import sys
+
 
 class JaxsatError(Exception):
     """An error of jaxsat's own; the message says what happened and what to do.
@@ -19,8 +21,13 @@ class JaxsatError(Exception):
     """Whether something failed although it was rightly asked for, such as a full disk."""
 
 
-FOREIGN = (Exception, SystemExit)
-"""What code that is not jaxsat's may end with: also by `sys.exit`, which is no success here."""
+def foreign_exceptions() -> tuple[type[BaseException], ...]:
+    """What an `except` clause catches of code that is not jaxsat's: all but what a signal raised.
+
+    So also `SystemExit`, which is no success here, and what derives from `BaseException` alone, as
+    panics of libraries in Rust do. An `except` clause calls it while the exception is on its way.
+    """
+    return () if isinstance(sys.exc_info()[1], KeyboardInterrupt) else (BaseException,)
 
 
 class ArgumentError(JaxsatError, ValueError):

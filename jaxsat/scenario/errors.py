@@ -64,6 +64,13 @@ class ScenarioError(JaxsatError):
         super().__init__("\n".join(lines))
 
 
+class MissingTable(JaxsatError, ValueError):
+    """A scenario without a table that something needs; the text is "[table] must be given, …"."""
+
+    def __init__(self, table: str):
+        super().__init__(f"[{table}] must be given, got nothing")
+
+
 class ScenarioWarning(UserWarning):
     """Something about a scenario that is allowed and yet is likely a mistake."""
 

@@ -22,7 +22,7 @@ from types import ModuleType
 from typing import Any
 
 from jaxsat.core.declaration import LawDeclaration, PartDeclaration
-from jaxsat.core.errors import FOREIGN, JaxsatError
+from jaxsat.core.errors import JaxsatError, foreign_exceptions
 from jaxsat.core.once import once
 
 _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
@@ -227,7 +227,7 @@ def _import(module: str) -> ModuleType:
         raise failures[module]
     try:
         return importlib.import_module(module)
-    except FOREIGN as error:
+    except foreign_exceptions() as error:
         if failures is not None and not _is_missing(module, error):
             failures[module] = error
         raise
@@ -252,7 +252,7 @@ def _import_module(kind: PluginKind, name: str, module: str) -> ModuleType:
                 " beside the scenario, in the current folder or among the installed packages",
             ) from None
         raise _of_their_code(kind, name, module, error) from error
-    except FOREIGN as error:
+    except foreign_exceptions() as error:
         raise _of_their_code(kind, name, module, error) from error
 
 

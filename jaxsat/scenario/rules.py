@@ -8,7 +8,7 @@ from typing import Any
 
 import jaxsat.core.declaration as declaration
 from jaxsat.core.declaration.laws import LAWS, Law
-from jaxsat.core.errors import FOREIGN
+from jaxsat.core.errors import foreign_exceptions
 from jaxsat.scenario.control import is_plugin, known_law
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.plugins import place_in
@@ -98,7 +98,7 @@ def declared_rule(declared: declaration.Rule, law: Law | None = None) -> Scenari
         try:
             arguments = (str(values[key]) if key == "control.law" else values[key] for key in keys)
             return [at(*one) for one in declared.check(*arguments)]
-        except FOREIGN as error:
+        except foreign_exceptions() as error:
             if law is None or not is_plugin(law.name):
                 raise
             place = place_in(inspect.getfile(law.controller), error)

@@ -1,5 +1,7 @@
 """Laws whose code ends Python: told as their fault, never a success."""
 
+import os
+import subprocess
 import sys
 
 import pytest
@@ -68,3 +70,35 @@ def test_it_is_told_of_the_law(command_line, tmp_path, where, code):
         assert "SystemExit" in err
         assert f"{module}.py:" in err
     assert not (tmp_path / "jaxsat-mine").exists()
+
+
+@pytest.mark.parametrize(
+    ("statement", "told"),
+    [
+        ("import os; os._exit(0)", "os._exit(0)"),
+        ("raise BaseException('odd')", "BaseException: odd"),
+    ],
+)
+def test_no_end_of_a_module_is_a_success(tmp_path, statement, told):
+    """Also one that no exception goes with, in a process of its own, which it would end."""
+    (tmp_path / "ends.py").write_text(f"pass\n{statement}")
+    (tmp_path / "mine.toml").write_text(SCENARIO.format(module="ends"))
+    command = (sys.executable, "-m", "jaxsat", "scenarios", "check", "mine.toml")
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 2, (done.stdout, done.stderr)
+    assert "mine.toml:12: key control.law: must name a module that can be" in done.stderr
+    assert f"{told} ({tmp_path / 'ends.py'}:2)" in done.stderr
+
+
+def test_processes_that_are_forked_end_as_ever(command_line, monkeypatch):
+    def fork(_):
+        child = os.fork()
+        if child == 0:
+            os._exit(7)
+        statuses.append(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+
+    statuses, end = [], os._exit
+    monkeypatch.setattr("jaxsat.cli.scenarios.print_text", fork)
+    assert command_line("scenarios", "schema")[0] == 0
+    assert statuses == [7]
+    assert os._exit is end

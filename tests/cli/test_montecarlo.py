@@ -73,7 +73,7 @@ def test_a_study_is_written_gone_on_with_and_replayed(jaxsat, tmp_path):
 @pytest.mark.parametrize(
     ("tokens", "message"),
     [
-        (["switching"], "[dispersion] table"),
+        (["switching"], "[dispersion] must be given, got nothing"),
         ([*SHORT, "--until-ci", "half"], "--until-ci: must be a half width"),
         (
             [*SHORT, "--set", "dispersion.design=latin-hypercube", "--until-ci", "1%"],

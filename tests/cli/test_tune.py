@@ -108,7 +108,7 @@ def test_mistakes_exit_with_two(jaxsat, change, message):
 def test_a_scenario_without_the_table_is_refused(jaxsat):
     status, _, err = jaxsat("paper-rate")
     assert status == 2
-    assert "[tuning] table" in err
+    assert "[tuning] must be given, got nothing" in err
 
 
 def test_a_full_disk_is_a_failure_and_no_mistake(jaxsat, monkeypatch):

@@ -8,7 +8,7 @@ from jaxsat.core.declaration.gimbals import GIMBAL
 from jaxsat.core.declaration.magnetorquers import MAGNETORQUER
 from jaxsat.core.declaration.thrusters import THRUSTER
 from jaxsat.core.declaration.wheels import WHEEL
-from jaxsat.core.errors import FOREIGN
+from jaxsat.core.errors import foreign_exceptions
 
 OWN: tuple[ActuatorDeclaration, ...] = (THRUSTER, WHEEL, MAGNETORQUER, GIMBAL)
 """The actuators that come with jaxsat."""
@@ -24,7 +24,7 @@ def _installed() -> tuple[ActuatorDeclaration, ...]:
         try:
             one = entry.load()
             _require_usable(one, (*OWN, *declarations.values()))
-        except FOREIGN as error:
+        except foreign_exceptions() as error:
             reason = f"{type(error).__name__}: {error}"
             text = f"Entry point {entry.name} of {GROUP}, {entry.value}, is left out: {reason}"
             warnings.warn(text, stacklevel=2)

@@ -6,7 +6,7 @@ from jaxsat.control.controller import AbstractController, LawContext, Unsuitable
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.laws import Law
-from jaxsat.core.errors import FOREIGN
+from jaxsat.core.errors import foreign_exceptions
 from jaxsat.scenario.build.actuators import magnetic_context, wheel_context
 from jaxsat.scenario.build.errors import BuildError
 from jaxsat.scenario.build.plant import orbit_of, orbit_rate, periodic_torque
@@ -48,7 +48,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         controller = law.from_table(values, context)
     except UnsuitableModel as error:
         raise BuildError(_model_issue(law, table, error)) from error
-    except FOREIGN as error:
+    except foreign_exceptions() as error:
         if not is_plugin(law.name):
             raise
         raise BuildError(

@@ -15,7 +15,7 @@ from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Mea
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.laws import Law
-from jaxsat.core.errors import FOREIGN
+from jaxsat.core.errors import foreign_exceptions
 from jaxsat.scenario.build.errors import BuildError
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.parts.named import PartTable
@@ -39,7 +39,7 @@ def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
         memory = eqx.filter_eval_shape(controller.init, start)
         outcome = eqx.filter_eval_shape(_run, controller, start)
         answers = eqx.filter_eval_shape(_answers, controller, start)
-    except FOREIGN as error:
+    except foreign_exceptions() as error:
         raise BuildError(broken(law, LAW, law.controller, error)) from error
     method = _method(controller)
     if not (isinstance(outcome, tuple) and len(outcome) == 2):
@@ -77,7 +77,7 @@ def made_part(part: Part, location: Location, table: PartTable, context: Any) ->
     """What a part's `from_table` makes of a checked table; raises `BuildError` otherwise."""
     try:
         instance = part.made.from_table(values_of(part.declaration.keys, table), context)
-    except FOREIGN as error:
+    except foreign_exceptions() as error:
         raise BuildError(broken(part, location, part.made, error, "can be built")) from error
     if not isinstance(instance, part.made):
         _refuse(part, location, "is made by its `from_table`", instance)
@@ -91,7 +91,7 @@ def require_torque(
     """Raise `BuildError` where a part, called once, raises or gives no torque of shape (3,)."""
     try:
         value = eqx.filter_eval_shape(torque, *arguments)
-    except FOREIGN as error:
+    except foreign_exceptions() as error:
         raise BuildError(broken(part, location, part.made, error)) from error
     place = _place_of_method(part.made, "__call__")
     _require_shape(part, location, value, (3,), f"gives {{}}, a torque in N m{place}")
@@ -110,7 +110,7 @@ def require_estimates(
     try:
         memory = eqx.filter_eval_shape(estimator.init, upright, zero)
         outcome = eqx.filter_eval_shape(estimator.step, jnp.array(0), period, measurement, memory)
-    except FOREIGN as error:
+    except foreign_exceptions() as error:
         raise BuildError(broken(part, location, part.made, error)) from error
     place = _place_of_method(part.made, "step")
     if not (isinstance(outcome, tuple) and len(outcome) == 2 and isinstance(outcome[0], Estimate)):
@@ -135,7 +135,7 @@ def require_events(
         count = actuators.event_count
         values = eqx.filter_eval_shape(actuators.event_functions, *arguments)
         piece = actuators.smooth_piece(jnp.ones(count, bool))
-    except FOREIGN as error:
+    except foreign_exceptions() as error:
         raise BuildError(broken(part, location, part.made, error)) from error
     rule = "gives {} from `event_functions`, as `event_count` says"
     _require_shape(

@@ -18,6 +18,7 @@ from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
 from jaxsat.scenario.dump import dump
+from jaxsat.scenario.errors import MissingTable
 from jaxsat.scenario.parts.actuator import names_of
 from jaxsat.scenario.parts.thrusters import signs
 from jaxsat.scenario.resolution import Errors, refined
@@ -102,7 +103,7 @@ def build_study(
     `LibraryError` for one that is not of this scenario's controller.
     """
     if scenario.dispersion is None:
-        raise ValueError("The scenario must have a [dispersion] table, but got none.")
+        raise MissingTable("dispersion")
     require_counts(count=count, batch_size=batch_size, chunk=1 if chunk is None else chunk)
     run = build(scenario)
     description: dict[str, Any] = {"scenario": _numbers(scenario)}

@@ -10,6 +10,7 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import refined_study
 from jaxsat.scenario.control import law_names, required_law
+from jaxsat.scenario.errors import MissingTable
 from jaxsat.store.labels import named_store
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.store.tables import open_study
@@ -21,7 +22,6 @@ from jaxsat.synthesis.comparison.run import (
     KIND,
     ComparisonRun,
     UnsuitableLaw,
-    UnsuitableSetting,
     scenario_figures,
     write_record,
 )
@@ -100,11 +100,11 @@ def compare_in_scenario(
 
     Case i has the same spacecraft, start, failures and noise under every law. With `out` the
     studies are kept in that folder, with the record and the figures that `jaxsat compare` writes,
-    and the same call resumes them. Raises `UnsuitableLaw`, `UnsuitableSetting` for a scenario
+    and the same call resumes them. Raises `UnsuitableLaw`, `MissingTable` for a scenario
     without dispersions, and as `scenario_under` and `run_study` do.
     """
     if scenario.dispersion is None:
-        raise UnsuitableSetting("The scenario must have a [dispersion] table, but got none.")
+        raise MissingTable("dispersion")
     tell = listener.remark
     studies = {
         law: _study(scenario, law, count, tell, seed=seed, engine=execution.engine)

@@ -50,7 +50,7 @@ CASE = 400
 
 
 class UnsuitableSetting(JaxsatError, ValueError):
-    """An engine for a law with which the acceptance set cannot be run, or no dispersed cases."""
+    """An engine for a law with which the acceptance set cannot be run."""
 
 
 class UnsuitableLaw(JaxsatError, ValueError):

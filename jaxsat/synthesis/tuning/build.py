@@ -16,6 +16,7 @@ from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.errors import BuildError, at_key
 from jaxsat.scenario.build.run import build, build_loop
 from jaxsat.scenario.build.study import EngineName, build_study, tolerances_of
+from jaxsat.scenario.errors import MissingTable
 from jaxsat.scenario.optimisers import DERIVATIVE_FREE, OptimiserSettings
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
@@ -55,7 +56,7 @@ def build_plan(
     """
     table = scenario.tuning
     if table is None:
-        raise ValueError("The scenario must have a [tuning] table, but got none.")
+        raise MissingTable("tuning")
     _require_optimiser(table)
     forms = _forms_of(scenario, table)
     scenario, smooth, widths = forms.scenario, forms.smooth, forms.widths

@@ -4,8 +4,8 @@ import pytest
 
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
+from jaxsat.scenario.errors import MissingTable
 from jaxsat.synthesis.comparison.in_scenario import compare_in_scenario, scenario_under
-from jaxsat.synthesis.comparison.run import UnsuitableSetting
 
 LAWS = ("quaternion-feedback", "fault-tolerant")
 
@@ -34,7 +34,7 @@ def test_laws_that_do_not_suit_are_refused():
 
 
 def test_a_scenario_without_dispersed_cases_is_no_fault_of_a_law():
-    with pytest.raises(UnsuitableSetting, match=r"must have a \[dispersion\] table"):
+    with pytest.raises(MissingTable, match=r"\[dispersion\] must be given"):
         compare_in_scenario(load("switching"), ["switching"], count=2)
 
 
