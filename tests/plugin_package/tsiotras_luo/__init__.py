@@ -11,8 +11,8 @@ from jaxsat.spacecraft.dynamics import RigidBody
 
 Scalar = Float[Array, ""]
 
-SMALLEST = 1e-30
-"""Keeps the quotient of two zeros finite: at the target."""
+TILT = 1e-4
+"""Least |w|² in η, which has no limit at w = 0: below it the turn about z fades."""
 
 
 class ReducedEffortLaw(AbstractSampledController):
@@ -52,7 +52,7 @@ class ReducedEffortLaw(AbstractSampledController):
     def reference(self, attitude):
         """ω_d about x and y, rad/s."""
         wz = attitude.as_wz()
-        (w1, w2), eta = wz.w, wz.z / (jnp.sum(wz.w**2) + SMALLEST)
+        (w1, w2), eta = wz.w, wz.z / jnp.maximum(jnp.sum(wz.w**2), TILT)
         share = jnp.arctan(self.rho * (1 - eta**2)) / jnp.pi
         kappa, mu = 2 * self.kappa_c * share, self.mu_c * (share + 0.5)
         return -kappa * wz.w - mu * eta * jnp.stack([-w2, w1])
