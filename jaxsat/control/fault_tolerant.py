@@ -19,6 +19,7 @@ from jaxsat.control.tolerant_actuators import (
     TolerantMode,
 )
 from jaxsat.control.tolerant_mix import Mix, MixMemory
+from jaxsat.control.tolerant_rods import RodMemory, TolerantRods
 from jaxsat.control.tolerant_wheels import TolerantWheels
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
@@ -31,24 +32,28 @@ from jaxsat.spacecraft.wheels import wheel_momentum
 class FaultTolerantMemory(NamedTuple):
     """The memory of the law of three axes, that of each kind of actuator, and the mode.
 
-    `mix` is that of several kinds together, None for one alone.
+    `mix` is that of several kinds together, None for one alone, `rods` that of magnetorquers, None
+    without any.
     """
 
     healthy: QuaternionFeedbackMemory
     actuators: tuple[TolerantMemory, ...]
     mix: MixMemory | None
     mode: Int[Array, ""]
+    rods: RodMemory | None = None
 
 
 class FaultTolerant(AbstractSampledController):
     """Quaternion feedback, diagnosis of the actuators, and the best law for those that are left.
 
-    The command is that of each actuator: duties of thrusters, torques (N m) of wheels on the body.
+    The command is that of each actuator: duties of thrusters, torques (N m) of wheels on the body,
+    dipoles (A m²) of magnetorquers.
     The law sees estimates of attitude and rate, tachometers of wheels and its own commands, nothing
     else. What is left decides: three axes go on under quaternion feedback; what leaves torques in a
     plane settles by a law of its own, see `AbstractTolerantActuators`; else rates are damped. Of
     several kinds, see `Mix`, wheels make what they can of a torque and thrusters the rest, which
-    also take momentum out of wheels that are full.
+    also take momentum out of wheels that are full. Magnetorquers, `rods`, do so all the time while
+    there are three axes.
     """
 
     declaration: ClassVar[LawDeclaration] = FAULT_TOLERANT
@@ -58,6 +63,7 @@ class FaultTolerant(AbstractSampledController):
     diagnosis: Diagnosis
     actuators: tuple[AbstractTolerantActuators, ...]
     period: RealScalar = eqx.field(converter=as_float)
+    rods: TolerantRods | None = None
 
     def __check_init__(self):
         require_positive("period", self.period)
@@ -73,13 +79,14 @@ class FaultTolerant(AbstractSampledController):
         )
         mode = jnp.array(int(TolerantMode.THREE_AXES))
         mix = MixMemory.begin() if len(self.actuators) > 1 else None
-        return FaultTolerantMemory(self.healthy.init(state), memories, mix, mode)
+        rods = None if self.rods is None else RodMemory.begin()
+        return FaultTolerantMemory(self.healthy.init(state), memories, mix, mode, rods)
 
     def step(
         self, t: RealScalar, state: PlantState, memory: FaultTolerantMemory
     ) -> tuple[Float[Array, " m"], FaultTolerantMemory]:
         """The command of each actuator, those of one kind after those of the other."""
-        reading = _reading(state)
+        reading = _reading(state, memory.rods)
         pairs = list(zip(self.actuators, memory.actuators, strict=True))
         able = [
             one.able(state, reading, self.healthy, self._diagnosed(one, reading, before), before)
@@ -92,6 +99,8 @@ class FaultTolerant(AbstractSampledController):
         for one in self.actuators:
             stored = one.stored(reading)
             torque = torque if stored is None else torque + jnp.cross(state.omega, stored)
+        dipoles, made, rods = self._rods(t, state, reading, able, three, memory.rods)
+        torque = torque if made is None else torque - made
         following, unloading = self._unloading(state, reading, able, three, mix, memory.mix)
         commands, memories = [], []
         demands, unmade = mix.demands(torque, unloading, three)
@@ -101,8 +110,28 @@ class FaultTolerant(AbstractSampledController):
             commands.append(command)
             memories.append(after)
         mode = self._mode(three, memories)
-        memory = FaultTolerantMemory(healthy, tuple(memories), following, mode)
-        return jnp.concatenate(commands), memory
+        memory = FaultTolerantMemory(healthy, tuple(memories), following, mode, rods)
+        return jnp.concatenate([*commands, *dipoles]), memory
+
+    def _rods(
+        self,
+        t: RealScalar,
+        state: PlantState,
+        reading: Reading,
+        able: list[TolerantMemory],
+        three: Bool[Array, ""],
+        before: RodMemory | None,
+    ) -> tuple[list[Float[Array, " k"]], Float[Array, "3"] | None, RodMemory | None]:
+        """The dipoles of magnetorquers (A m²), their torque (N m) and their memory, if there are
+        any."""
+        if self.rods is None or before is None:
+            return [], None, None
+        bias, field = self.rods.bias, self.rods.field(t, state)
+        pairs = zip(self.actuators, able, strict=True)
+        excess = sum((one.unloadable(reading, now, bias, field) for one, now in pairs), 0 * bias)
+        excess = jnp.where(three, excess, 0.0)
+        dipoles, made, after = self.rods.unload(field, excess, self.period, before)
+        return [dipoles], made, after
 
     def _slowed(
         self,
@@ -209,6 +238,6 @@ class FaultTolerant(AbstractSampledController):
         return memory.mode
 
 
-def _reading(state: PlantState) -> Reading:
-    """What is read of the body and its wheels."""
-    return Reading(state.omega, wheel_momentum(state))
+def _reading(state: PlantState, rods: RodMemory | None = None) -> Reading:
+    """What is read of the body and its wheels, and what magnetorquers made meanwhile."""
+    return Reading(state.omega, wheel_momentum(state), None if rods is None else rods.acting)

@@ -40,6 +40,7 @@ from jaxsat.control.reconfiguration import (
 )
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.tolerant_actuators import AbstractTolerantActuators
+from jaxsat.control.tolerant_rods import TolerantRods
 from jaxsat.control.tolerant_thrusters import SettlingLaws, TolerantThrusters
 from jaxsat.control.tolerant_wheels import TolerantWheels
 from jaxsat.control.two_wheels import TwoWheels
@@ -159,7 +160,16 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
         ),
         actuators=tuple(actuators),
         period=values["period_s"],
+        rods=_tolerant_rods(context),
     )
+
+
+def _tolerant_rods(context: LawContext) -> TolerantRods | None:
+    """Magnetorquers that take momentum out of wheels; None without either."""
+    magnetic, wheels = context.magnetic, context.wheels
+    if magnetic is None or wheels is None:
+        return None
+    return TolerantRods(magnetic.steering, wheels.delay)
 
 
 def _tolerant_thrusters(

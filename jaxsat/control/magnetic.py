@@ -161,7 +161,7 @@ class MagneticLaw(AbstractSampledController):
         slews = self._slew(state, turn, relative)
         pull = jnp.where(mode == int(MagneticMode.POINTING), points, slews) - residual
         torque = jnp.where(stopped, pull, -self.damping * relative)
-        dipoles = self.steering.unlimited(field, state, torque)
+        dipoles = self.steering.unlimited(field, self.steering.wanted_torque(state, torque))
         within = jnp.all(jnp.abs(dipoles) <= self.steering.dipole_limit)
         outside = jnp.cross(self.steering.axes @ dipoles, field) + residual + constant
         outside = outside + self.model.disturbance_torque(t, state)

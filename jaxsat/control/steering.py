@@ -155,11 +155,19 @@ class MagneticSteering(AbstractSteering):
     ) -> tuple[Float[Array, " k"], Float[Array, "3"]]:
         """The dipole of each magnetorquer (A m²), and the command left to others (N m)."""
         field = self.field.in_body(t, state.attitude)
-        shares = self.unlimited(field, state, command)
+        dipoles, made = self.within_limits(field, self.wanted_torque(state, command))
+        return dipoles, command - made
+
+    def within_limits(
+        self, field: Float[Array, "3"], torque: Float[Array, "3"]
+    ) -> tuple[Float[Array, " k"], Float[Array, "3"]]:
+        """The dipole of each (A m²) for a torque (N m) in a field (T, body axes), and what they
+        make of it."""
         across = jnp.cross(self.axes, field[:, None], axis=0)
         limit = jnp.where(jnp.any(self.shares != 0, axis=1), self.dipole_limit, 0.0)
+        shares = self.unlimited(field, torque)
         dipoles = allocate(Reach(across, -limit, limit), across @ shares).use
-        return dipoles, command - across @ dipoles
+        return dipoles, across @ dipoles
 
     def within_reach(
         self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]
@@ -167,13 +175,14 @@ class MagneticSteering(AbstractSteering):
         """What dipoles make that have no limits (N m): none of it is along the field."""
         field = self.field.in_body(t, state.attitude)
         across = jnp.cross(self.axes, field[:, None], axis=0)
-        return across @ self.unlimited(field, state, torque)
+        return across @ self.unlimited(field, self.wanted_torque(state, torque))
 
-    def unlimited(
-        self, field: Float[Array, "3"], state: PlantState, command: Float[Array, "3"]
-    ) -> Float[Array, " k"]:
-        """The dipole of each (A m²) in a field (T, body axes) if it had no limit."""
-        torque = self.wanted @ command - self.unloading * self.excess(state)
+    def wanted_torque(self, state: PlantState, command: Float[Array, "3"]) -> Float[Array, "3"]:
+        """The torque (N m) that dipoles are to make for a command of the law (N m)."""
+        return self.wanted @ command - self.unloading * self.excess(state)
+
+    def unlimited(self, field: Float[Array, "3"], torque: Float[Array, "3"]) -> Float[Array, " k"]:
+        """The dipole of each (A m²) for a torque in a field (T, body axes) if it had no limit."""
         return self.shares @ (jnp.cross(field, torque) / jnp.sum(field**2))
 
     def excess(self, state: PlantState) -> Float[Array, "3"]:

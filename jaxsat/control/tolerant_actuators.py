@@ -137,6 +137,17 @@ class AbstractTolerantActuators(eqx.Module):
     def stored(self, reading: Reading) -> Float[Array, "3"] | None:
         """The momentum (N m s) that they hold; None for none ever."""
 
+    def unloadable(
+        self,
+        reading: Reading,
+        memory: TolerantMemory,
+        bias: Float[Array, "3"],
+        field: Float[Array, "3"],
+    ) -> Float[Array, "3"]:
+        """The momentum (N m s) beyond a `bias` that they hold, and can do without alone: against
+        a torque that takes it out across the Earth's `field` (T), they make all torques."""
+        return jnp.zeros_like(bias)
+
     def overfull(
         self,
         state: PlantState,

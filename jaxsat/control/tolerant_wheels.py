@@ -150,6 +150,17 @@ class TolerantWheels(AbstractTolerantActuators):
             high = jnp.minimum(usable, jnp.maximum(limit + momentum, 0.0) * rate)
         return Reach(self.filter.wheels.axes, low, high, jnp.zeros_like(usable))
 
+    def unloadable(
+        self,
+        reading: Reading,
+        memory: TolerantMemory,
+        bias: Float[Array, "3"],
+        field: Float[Array, "3"],
+    ) -> Float[Array, "3"]:
+        """What wheels in use hold beyond the bias."""
+        momentum = momentum_with_rotors(self.filter.wheels, reading)
+        return self.allocation.unloadable(memory.ability, momentum, bias, field)
+
     def overfull(
         self,
         state: PlantState,

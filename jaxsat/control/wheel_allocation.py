@@ -33,6 +33,10 @@ LEAST_MOMENTUM = 0.02
 SLIGHT = 0.1
 """Of what friction holds back of a wheel at rest: the least torque for which it is to turn."""
 
+PARALLEL = 1e-3
+"""Sine of the angle between the Earth's field and the normal of two wheels' plane that is none:
+magnetorquers then take nothing out of them."""
+
 SMALLEST = 1e-30
 """Keeps a quotient of two zeros finite."""
 
@@ -133,6 +137,27 @@ class WheelAllocation(eqx.Module):
         idle = held - wheeled.shares @ (self.wheels.axes @ held)
         idle = jnp.where(wheeled.left == Left.THREE_AXES, unloading * idle, 0.0)
         return nearest + idle * within(wheeled.usable, nearest, idle)
+
+    def unloadable(
+        self,
+        wheeled: Wheeled,
+        momentum: OfEach,
+        bias: Float[Array, "3"],
+        field: Float[Array, "3"],
+    ) -> Float[Array, "3"]:
+        """What wheels in use hold of their momenta (N m s) beyond a `bias`, as far as they make all
+        torques against one that takes it out across the Earth's `field` (T).
+
+        Of two wheels that is the part along the one direction in their plane that is across the
+        field, of one it is nothing.
+        """
+        excess = self.wheels.axes @ jnp.where(wheeled.working, momentum, 0.0) - bias
+        direction = jnp.cross(wheeled.normal, field)
+        squares = jnp.sum(direction**2)
+        parallel = squares <= PARALLEL**2 * jnp.sum(field**2)
+        along = direction @ excess / jnp.where(parallel, jnp.inf, squares)
+        plane = jnp.where(wheeled.left == Left.PLANE, along * direction, 0.0)
+        return jnp.where(wheeled.left == Left.THREE_AXES, excess, plane)
 
     def commands(self, condition: ActuatorCondition, momentum: OfEach, torque: OfEach) -> OfEach:
         """Motor torques (N m), within the limits, that do `torque` (N m) to the body.

@@ -17,6 +17,7 @@ from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.distribution import AbstractDistribution
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import AbstractEffector
+from jaxsat.spacecraft.magnetorquers import Magnetorquers
 from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
 from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 
@@ -28,6 +29,7 @@ UNITS = {
     "torque": "N m",
     "thrust": "N m",
     "wheel_torque": "N m",
+    "dipole": "A m2",
     "valve_on": "s",
     "valve_off": "s",
     "level": "1",
@@ -76,9 +78,10 @@ class SampleCommands(NamedTuple):
 
     `torque` is what the law commands (N m) about the first two body axes, or about each of the
     three. `thrust` is the torque of each thruster (N m); `wheel_torque` what each wheel is to put
-    on the body (N m). `valve_on` and `valve_off` are the instants (s from the sample) at which each
-    valve opens and closes, row by row, none where off is not later than on; `level` is the thrust
-    meanwhile in parts of the full one. `mode` is the part of the law that is at work.
+    on the body (N m); `dipole` that of each magnetorquer (A m²). `valve_on` and `valve_off` are the
+    instants (s from the sample) at which each valve opens and closes, row by row, none where off is
+    not later than on; `level` is the thrust meanwhile in parts of the full one. `mode` is the part
+    of the law that is at work.
     """
 
     torque: Float[Array, " torques"]
@@ -88,6 +91,7 @@ class SampleCommands(NamedTuple):
     valve_on: Float[Array, "p m"] | None = None
     valve_off: Float[Array, "p m"] | None = None
     level: Float[Array, "p m"] | None = None
+    dipole: Float[Array, " k"] | None = None
 
 
 class FlightController(eqx.Module):
@@ -150,6 +154,8 @@ class FlightController(eqx.Module):
         for one, use in zip(self.effectors, uses, strict=True):
             if isinstance(one, Wheels):
                 commands["wheel_torque"] = use
+            elif isinstance(one, Magnetorquers):
+                commands["dipole"] = use
             elif isinstance(one, Actuators):
                 commands["thrust"] = one.thrust(use)
             elif isinstance(one, PulsedThrusters):

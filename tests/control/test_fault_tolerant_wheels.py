@@ -183,7 +183,11 @@ def test_a_failure_at_another_scale_goes_the_same_way(tmp_path):
     [
         ("wheel=[{axis=[0, 0, 1], torque_limit_N_m=1.0}]", "wheel"),
         ("spacecraft.thruster_torque_axes=[[1.0, 0.0, 0.0]]", "spacecraft.thruster_torque_axes"),
-        ("magnetorquer=[{axis=[0, 0, 1], dipole_limit_A_m2=1.0}]", "magnetorquer"),
+        (
+            "gimbal=[{axis=[0, 0, 1], spin_axis=[1, 0, 0], rotor_momentum_N_m_s=1, "
+            "rate_limit_rad_s=1}]",
+            "gimbal",
+        ),
         (
             "wheel=[{axis=[1, 0, 0]}, {axis=[0, 1, 0]}, {axis=[0, 0, 1]}]",
             "wheel.torque_limit_N_m",

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 
 from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
@@ -135,3 +136,24 @@ def test_the_loop_has_no_factorisation():
     made = allocation()
     text = jax.jit(lambda h: made.find(condition(4), h)).lower(jnp.zeros(4)).as_text()
     assert "custom_call" not in text
+
+
+@pytest.mark.parametrize("failed", [(), (1,), (0, 2), (0, 1, 2)])
+def test_magnetorquers_take_out_what_wheels_alone_can_make_up_for(failed):
+    """The part of the momentum in the span of the wheels in use and, of two, across the field."""
+    rng = np.random.default_rng(5)
+    made, momentum, bias = allocation(), rng.normal(size=4), np.array([0.0, -0.3, 0.0])
+    found = find(made, condition(4, failed), jnp.asarray(momentum))
+    used = np.delete(np.arange(4), failed)
+    axes = np.asarray(made.wheels.axes)[:, used]
+    excess = axes @ momentum[used] - bias
+    for field in 3e-5 * rng.normal(size=(3, 3)):
+        taken = made.unloadable(found, jnp.asarray(momentum), jnp.asarray(bias), jnp.asarray(field))
+        expected = excess if len(used) > 2 else np.zeros(3)
+        if len(used) == 2:
+            way = null_space(np.stack([null_space(axes.T)[:, 0], field / np.linalg.norm(field)]))
+            expected = way @ (way.T @ excess)
+        np.testing.assert_allclose(taken, expected, atol=1e-12)
+    normal = jnp.asarray(3e-5 * np.asarray(found.normal))
+    along = made.unloadable(found, jnp.asarray(momentum), jnp.asarray(bias), normal)
+    np.testing.assert_allclose(along, excess if len(used) > 2 else np.zeros(3), atol=1e-12)

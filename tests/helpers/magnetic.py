@@ -9,8 +9,9 @@ TORQUERS = ([1.0, 0.0, 0.1], [0.0, 1.0, 0.0], [0.2, 0.0, 1.0])
 WHEELS = ([1.0, 0.2, 0.0], [0.0, 1.0, 0.0], [0.0, 0.3, 1.0])
 
 
-def document(wheels: int = 0, failing: bool = False) -> dict:
-    """A scenario as data: magnetorquers with so many wheels."""
+def document(wheels: int = 0, failing: bool = False, tolerant: bool = False) -> dict:
+    """A scenario as data: magnetorquers with so many wheels, under the fault-tolerant law if it
+    is asked for."""
     found = {
         "title": "magnetorquers",
         "spacecraft": {
@@ -39,6 +40,10 @@ def document(wheels: int = 0, failing: bool = False) -> dict:
     }
     if wheels:
         found["unloading"] = {"time_constant_s": 500.0}
+    if tolerant:
+        found["control"]["law"] = "fault-tolerant"
+        for one in found["wheel"]:
+            one["torque_limit_N_m"] = 0.1
     if failing:
         found["failure"] = [
             {"of": f"magnetorquer {which + 1}", "at_s": at, "kind": kind}
@@ -48,6 +53,6 @@ def document(wheels: int = 0, failing: bool = False) -> dict:
     return found
 
 
-def scenario(wheels: int = 0, failing: bool = False) -> Scenario:
+def scenario(wheels: int = 0, failing: bool = False, tolerant: bool = False) -> Scenario:
     """The same, checked."""
-    return Scenario.model_validate(document(wheels, failing))
+    return Scenario.model_validate(document(wheels, failing, tolerant))

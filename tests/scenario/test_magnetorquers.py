@@ -151,10 +151,7 @@ def _unknown(data):
     [
         (_renamed, "must be a name of its own"),
         (_law, 'commands three torques .*"quaternion-feedback"'),
-        (
-            _tolerant,
-            'got "fault-tolerant", which commands and diagnoses thrusters and wheels alone',
-        ),
+        (_tolerant, 'must be given under the law "fault-tolerant", which diagnoses them, or'),
         (_inertial, "must be that of an orbit above the ground"),
         (_all_failed, "must leave one that works"),
         (_unloading, r"got time_constant_s = 10.0 without \[\[wheel\]\]"),

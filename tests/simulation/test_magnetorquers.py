@@ -1,5 +1,7 @@
 """Magnetorquers alone, and beside wheels: against a SciPy program that shares no code."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -12,10 +14,13 @@ INERTIA = np.array([[0.05, 0.002, -0.001], [0.002, 0.04, 0.003], [-0.001, 0.003,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("wheels", [0, 2, 3])
-@pytest.mark.parametrize("failing", [False, True])
-def test_runs_are_those_of_an_independent_program(wheels, failing):
-    chosen = scenario(wheels, failing)
+@pytest.mark.parametrize(
+    ("wheels", "failing", "tolerant"),
+    [*itertools.product([0, 2, 3], [False, True], [False]), (3, True, True)],
+)
+def test_runs_are_those_of_an_independent_program(wheels, failing, tolerant):
+    """Under quaternion feedback, and the fault-tolerant law where nothing fails that it sees."""
+    chosen = scenario(wheels, failing, tolerant)
     run = build(chosen)
     found = run.simulate()
     count = len(found.times) - 1

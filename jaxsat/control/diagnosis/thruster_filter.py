@@ -186,13 +186,13 @@ class ThrusterFilter(AbstractResidualFilter):
         period: RealScalar,
         memory: FilterMemory,
     ) -> Prediction:
-        """What the on-times (s) in the period, and the gyroscopic torque, are believed to make."""
+        """What on-times (s) in the period, unwatched and gyroscopic torque are believed to make."""
         on_time, body = commanded, self.model.spacecraft
         inverse = body.inverse_inertia
         effect = inverse @ self.thrusters.torque
         turned = self._turned(reading)
         middle = (memory.estimate[:, 0] + self.read(reading)[:, 0]) / 2
-        turning = middle if turned is None else middle - turned
+        turning = middle if turned is None else middle - (memory.own.turned + turned) / 2
         gyroscopic = -period * (inverse @ jnp.cross(turning, body.inertia @ middle))
         expected = condition.part * on_time + condition.flow * period
         besides = self.believed(condition, period)
@@ -200,6 +200,9 @@ class ThrusterFilter(AbstractResidualFilter):
         squares = jnp.sum((effect * expected[None]) ** 2) + jnp.sum(gyroscopic**2)
         if turned is not None:
             squares = squares + jnp.sum((turned - memory.own.turned) ** 2)
+        if reading.unwatched is not None:
+            unwatched = period * (inverse @ reading.unwatched)
+            change, squares = change + unwatched, squares + jnp.sum(unwatched**2)
         missing = jnp.where(condition.failed, 1 - condition.part, -condition.part) * on_time
         return Prediction(
             change[:, None],

@@ -24,6 +24,7 @@ class LawDeclaration:
       thrusters left, in whatever plane these are, instead of body x and y.
     - `commands_actuators`: the law allocates its torques itself and commands the duty of each
       `[[thruster]]` and the torque of each `[[wheel]]`.
+    - `steers`: the kinds of actuators with a steering of their own that such a law commands, too.
     - `has_model`: whether the table `[control.model]` may say what the controller believes.
     - `measures_disturbance`: whether the key `measured_disturbance` may add the periodic
       disturbance to the model.
@@ -47,6 +48,7 @@ class LawDeclaration:
     torques: Literal[0, 1, 2, 3] = 2
     any_plane: bool = False
     commands_actuators: bool = False
+    steers: tuple[str, ...] = ()
     has_model: bool = True
     measures_disturbance: bool = False
     ordered: tuple[tuple[str, str], ...] = ()

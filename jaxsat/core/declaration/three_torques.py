@@ -81,4 +81,5 @@ FAULT_TOLERANT = LawDeclaration(
     ),
     torques=3,
     commands_actuators=True,
+    steers=("magnetorquer",),
 )

@@ -75,13 +75,13 @@ def build_thrusters(scenario: Scenario) -> AbstractEffector | None:
 def build_distribution(scenario: Scenario, plant: RigidBody) -> AbstractDistribution:
     """Which effector does what of the law's command: steering first, then wheels, thrusters."""
     declaration = scenario.law.declaration
+    if declaration.commands_actuators:
+        return Direct()
     rest: AbstractDistribution | None = Direct()
-    thrusters = any(one.kind == "thruster" for one in plant.effectors)
-    if not (scenario.wheel and declaration.commands_actuators):
-        if scenario.wheel and declaration.torques:
-            rest = _wheels_first(scenario)
-        elif not thrusters:
-            rest = None
+    if scenario.wheel and declaration.torques:
+        rest = _wheels_first(scenario)
+    elif not any(one.kind == "thruster" for one in plant.effectors):
+        rest = None
     steering = _steering(scenario, plant)
     return Steered(steering, rest) if steering or rest is None else rest
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from jaxsat.core.declaration.actuator import ActuatorDeclaration
 from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
+from jaxsat.core.declaration.law import LawDeclaration
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import names_of, table_of_device
@@ -44,9 +45,9 @@ def _declare_rules(actuator: ActuatorDeclaration) -> None:
 
     @rule(name, "control.law")
     def _law_commands_three_torques(tables, law):
-        if tables and actuator.steering and not _suits(law.declaration):
-            own = ", which commands and diagnoses thrusters and wheels alone"
-            names = (f'"{name}"' for name, one in LAWS.items() if _suits(one.declaration))
+        if tables and actuator.steering and not _suits(actuator, law.declaration):
+            own = ", which commands thrusters, wheels and magnetorquers alone"
+            names = (f'"{name}"' for name, one in LAWS.items() if _suits(actuator, one.declaration))
             yield at(
                 name,
                 "must belong to a sampled law that commands three torques "
@@ -66,9 +67,10 @@ def _declare_rules(actuator: ActuatorDeclaration) -> None:
         RULES.append(declared_rule(declared))
 
 
-def _suits(declaration) -> bool:
-    """Whether a law commands three torques once a period, of whatever actuators."""
-    return declaration.sampled and declaration.torques == 3 and not declaration.commands_actuators
+def _suits(actuator: ActuatorDeclaration, declaration: LawDeclaration) -> bool:
+    """Whether a law commands three torques once a period, of any actuators or of this one too."""
+    commands = not declaration.commands_actuators or actuator.name in declaration.steers
+    return declaration.sampled and declaration.torques == 3 and commands
 
 
 for _one in ACTUATORS:

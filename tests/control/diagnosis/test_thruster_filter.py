@@ -1,0 +1,60 @@
+"""What thrusters' filter expects of a body that turns with wheels, against SciPy."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from helpers.thruster_layouts import canted
+from jaxsat.control.diagnosis.residual import ActuatorCondition, Reading
+from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter, ThrusterModel
+from jaxsat.spacecraft.dynamics import RigidBody
+from jaxsat.spacecraft.environment.orbit import ExactOrbit
+from jaxsat.spacecraft.modulation import PulseWidth
+from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.wheels import Wheels
+
+INERTIA = np.array([[0.05, 0.002, -0.001], [0.002, 0.04, 0.003], [-0.001, 0.003, 0.03]])
+AXES = np.array([[1.0, 0.2, 0.1], [0.0, 1.0, 0.3], [0.2, -0.1, 1.0]])
+AXES = AXES / np.linalg.norm(AXES, axis=0)
+OMEGA, MOMENTUM = np.array([0.03, -0.05, 0.02]), np.array([0.02, -0.03, 0.01])
+MOTOR, BY_RODS = np.array([2e-3, -1e-3, 1.5e-3]), np.array([2e-3, 1e-3, -3e-3])
+
+
+def after(period):
+    """Rate and momenta after a period under torques of motors and magnetorquers."""
+
+    def rate(_, y):
+        omega, h = y[:3], y[3:]
+        total = INERTIA @ omega + AXES @ h
+        torque = BY_RODS + AXES @ MOTOR - np.cross(omega, total)
+        return np.concatenate([np.linalg.solve(INERTIA, torque), -MOTOR])
+
+    begin = np.concatenate([OMEGA, MOMENTUM])
+    found = solve_ivp(rate, (0, period), begin, method="DOP853", rtol=1e-12, atol=1e-15).y[:, -1]
+    return found[:3], found[3:]
+
+
+def test_wheels_and_magnetorquers_are_not_taken_for_thrusters():
+    """What is left falls with the cube of the period, as of a rule of the second order."""
+    torque, none = canted(force=0.01)[0], np.zeros(8)
+    model = ThrusterModel(torque, none, none, none, PulseWidth())
+    body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0))
+    watch = ThrusterFilter(body, model, 1e-5, Wheels(AXES, 0.1))
+
+    @jax.jit
+    def missed(begin, end, period):
+        memory = watch.init(begin)._replace(started=jnp.array(True))
+        sound = ActuatorCondition.sound(8)
+        return watch.step(end, jnp.zeros(8), sound, period, memory, jnp.array(0.1))[0].innovation
+
+    begin, sizes = Reading(jnp.asarray(OMEGA), jnp.asarray(MOMENTUM)), []
+    for period in (0.4, 0.2):
+        omega, momentum = map(jnp.asarray, after(period))
+        end = Reading(omega, momentum, jnp.asarray(BY_RODS))
+        sizes.append(float(np.linalg.norm(missed(begin, end, jnp.array(period)))))
+        by_rods = np.linalg.norm(np.linalg.solve(INERTIA, BY_RODS)) * period
+        assert sizes[-1] < 1e-2 * by_rods
+        silent = missed(begin, end._replace(unwatched=jnp.zeros(3)), jnp.array(period))
+        np.testing.assert_allclose(np.linalg.norm(silent), by_rods, rtol=2e-2)
+    assert 7 < sizes[0] / sizes[1] < 9
