@@ -6,7 +6,7 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, PyTree
 
 from jaxsat.core.checks import require_counts
 from jaxsat.core.solvers import NamedSolver, Solver, class_name
@@ -122,34 +122,36 @@ class SampledStepper(AbstractStepper):
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress after so many periods, of which alone it keeps what the torque was.
 
-        A detailed program goes through one period more, of which it keeps only the signals at its
-        begin, so that a sample is compiled once and not again for `signals`.
+        A detailed program keeps the signals at the begin of the first one, so that a sample is
+        compiled once and not again for `signals`. For them, it goes through a period without
+        keeping more where it is to go through none.
 
         In a batch the noise of sensors is drawn for `NOISE_BLOCK` samples at a time, which takes
         less time than one after the other. The numbers are the same.
         """
-        loop, end = _sampled_loop(case), None
+        loop, sampled = _sampled_loop(case), (first, first + count)
         sensors = loop.sensors
         if program.detailed:
-            end, count = first + count, count + 1
+            count = jnp.maximum(count, 1)
         progress = progress._replace(held=HeldTorque.none(progress.state.plant.omega))
         if axis_name is None or not isinstance(sensors, Sensors):
-            return self._periods(program, loop, progress, first, count, end)
+            return self._periods(program, loop, progress, first, count, sampled)
 
         def block(number, progress):
             begin = first + number * NOISE_BLOCK
             block_sensors = sensors.drawn(begin, NOISE_BLOCK, progress.state.plant.omega.dtype)
             block_loop = dataclasses.replace(loop, sensors=block_sensors)
             samples = jnp.minimum(NOISE_BLOCK, count - number * NOISE_BLOCK)
-            return self._periods(program, block_loop, progress, begin, samples, end)
+            return self._periods(program, block_loop, progress, begin, samples, sampled)
 
         blocks = (count + NOISE_BLOCK - 1) // NOISE_BLOCK
         return jax.lax.fori_loop(0, blocks, block, progress)
 
     def _periods(
-        self, program: Program, loop: SampledLoop, progress, first, count, end
+        self, program: Program, loop: SampledLoop, progress, first, count, sampled
     ) -> Progress:
-        """The progress after so many periods; one that begins at sample `end` is only seen."""
+        """The progress after so many periods; a detailed program sees the first of those `sampled`
+        (from one number to another), also where there is none."""
         tableau, judge = tableau_of(self.solver), _judge(program, loop)
         alone = partial(_steps_alone, tableau)
         estimate = HalvedSteps(program, alone, loop.substeps, loop.plant, lambda t, plant: plant)
@@ -174,7 +176,8 @@ class SampledStepper(AbstractStepper):
             return plant, (integrals, since, held, error)
 
         def period(i, progress):
-            progress, number = restored(progress)._replace(seen=None), first + i
+            progress, number = restored(progress), first + i
+            progress, seen = progress._replace(seen=None), progress.seen
             t = program.time_of(number)
             since = (progress.settled, progress.rest)
             carry = (progress.integrals, since, progress.held, progress.error)
@@ -188,11 +191,15 @@ class SampledStepper(AbstractStepper):
                 failures = progress.failures.observe(t, signals, program.tolerances)
                 candidate = candidate._replace(failures=failures)
             checked = (state.plant, loop.controller.judged(state.memory))
-            wanted = None if end is None else number < end
+            wanted = None if seen is None else number < sampled[1]
             after = _unless_ended(
                 program, progress, candidate, state, halved(checked), carry, t, wanted
             )
-            return halved(after if end is None else after._replace(seen=signals))
+            if seen is not None:
+                here, ended = number == sampled[0], progress.code != int(Outcome.SUCCESS)
+                now = partial(_unless, ended, signals)
+                after = after._replace(seen=jax.lax.cond(here, now, lambda: seen))
+            return halved(after)
 
         return restored(jax.lax.fori_loop(0, count, period, halved(progress)))
 
@@ -204,10 +211,21 @@ class SampledStepper(AbstractStepper):
         """Signals of sample `number`, and the range of the torque since the last observation."""
         t = program.time_of(number)
         assert progress.held is not None
-        signals = progress.seen
-        if signals is None:
-            signals = _sampled_loop(case).signals(number, t, progress.state)
+        signals = _sampled_loop(case).signals(number, t, progress.state)
         return dataclasses.replace(signals, torque_range=progress.held.range())
+
+    def observe(self, program, case, progress, number):
+        """Signals of sample `number`; those that were seen where the program is detailed."""
+        if progress.seen is None:
+            return super().observe(program, case, progress, number)
+        held, ended = progress.held, progress.code != int(Outcome.SUCCESS)
+        assert held is not None
+        return dataclasses.replace(progress.seen, torque_range=_unless(ended, held.range()))
+
+
+def _unless(ended: Bool[Array, ""], signals: PyTree) -> PyTree:
+    """Signals, NaN where the case has ended."""
+    return jax.tree.map(lambda x: jnp.where(ended, jnp.nan, x), signals)
 
 
 def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper:

@@ -1,6 +1,7 @@
 """What every engine offers."""
 
 import abc
+from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple
 
 import equinox as eqx
@@ -106,15 +107,29 @@ class AbstractEngine(eqx.Module):
         return self.observed(program, cases, gains, program.instants(every))[1]
 
 
-def with_ranges_ahead(signals: Signals) -> Signals:
+def stops(instants: Sequence[int], behind: bool) -> Sequence[int]:
+    """Where cases are stopped, one after the other from the first of `instants` on, to be observed
+    there.
+
+    Those whose signals lie `behind`, at the begin of the last advance, stop at the next instant; at
+    the end by going nowhere.
+    """
+    return [*instants[1:], instants[-1]] if behind else instants
+
+
+def with_ranges_ahead(signals: Signals, behind: bool) -> Signals:
     """Histories (cases, times) whose ranges of the torque go to the next instant, not from before.
 
-    At the last instant they are the torque there.
+    At the last instant they are the torque there. Signals that lie `behind`, see `stops`, have them
+    at the others.
     """
     ranges = signals.torque_range
     if ranges is None:
         return signals
-    ahead = jax.tree.map(lambda x: np.concatenate([x[:, 1:], signals.torque[:, -1:]], 1), ranges)
+    others = slice(None, -1) if behind else slice(1, None)
+    ahead = jax.tree.map(
+        lambda x: np.concatenate([x[:, others], signals.torque[:, -1:]], 1), ranges
+    )
     return eqx.tree_at(lambda one: one.torque_range, signals, ahead)
 
 

@@ -145,8 +145,8 @@ class Progress(NamedTuple):
     `held` is what the torque of a sampled loop was since it was last observed, None for others.
     `rest` tells since when the inertial rate has been small, and `forced` counts the smallest steps
     taken in spite of their error, where steps are adaptive; both in a detailed program alone.
-    `unmade` is kept of sampled loops that tell it. `seen` are the signals at the instant up to
-    which a sampled loop has come, in a detailed program alone.
+    `unmade` is kept of sampled loops that tell it. `seen` are the signals of a sampled loop at the
+    instant from which it came here at last, in a detailed program alone.
     """
 
     state: PyTree

@@ -18,7 +18,7 @@ from jaxsat.core.checks import require_counts
 from jaxsat.simulation.engine.adaptive import AdaptiveStepper
 from jaxsat.simulation.engine.batches import AbstractBatchEngine
 from jaxsat.simulation.engine.fixed import FixedStepper, stepper_for
-from jaxsat.simulation.engine.interface import CostGradient, Mode, with_ranges_ahead
+from jaxsat.simulation.engine.interface import CostGradient, Mode, stops, with_ranges_ahead
 from jaxsat.simulation.engine.program import Program
 from jaxsat.simulation.engine.progress import Outputs, Progress
 from jaxsat.simulation.engine.stepper import AbstractStepper
@@ -59,13 +59,14 @@ class ScanEngine(AbstractBatchEngine):
         work = (self.stepper, program.of_any_length(), cases, gains)
         progress = _begin(*work)
         history = []
-        for before, number in itertools.pairwise([0, *instants.tolist()]):
+        behind = progress.seen is not None
+        for before, number in itertools.pairwise([0, *stops(instants.tolist(), behind)]):
             first, count = jnp.array(before), jnp.array(number - before)
             progress = _advance(*work, progress, first, count)
             history.append(_to_host(_observe(*work, progress, jnp.array(number))))
         signals = jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)
         outputs = _finish(*work, progress, jnp.array(program.intervals))
-        return outputs, with_ranges_ahead(signals)
+        return outputs, with_ranges_ahead(signals, behind)
 
     def differentiate_batch(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode

@@ -59,15 +59,15 @@ class AbstractStepper(eqx.Module):
     def signals(
         self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
     ) -> Signals:
-        """Signals at the beginning of interval `number`, up to which a trajectory has come.
-
-        It has come there by `advance`, at time zero by that of no intervals.
-        """
+        """Signals at the beginning of interval `number`, up to which a trajectory has come."""
 
     def observe(
         self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
     ) -> Signals:
-        """Signals at the beginning of interval `number`; NaN after the end of a failed run."""
+        """Signals at the beginning of interval `number`; NaN after the end of a failed run.
+
+        Where the progress has `seen` signals, they are those at the beginning of its last advance.
+        """
         signals = self.signals(program, case, progress, number)
         ended = progress.code != int(Outcome.SUCCESS)
         return jax.tree.map(lambda x: jnp.where(ended, jnp.nan, x), signals)

@@ -112,7 +112,7 @@ class NativeEngine(AbstractEngine):
         """`evaluate`, to the same bits, and signals at `instants`; in one thread."""
         kernel = self.kernel(program, cases, gains)
         outputs, signals = kernel.replay(self.trees(cases, program, gains), instants.tolist())
-        return outputs, with_ranges_ahead(signals)
+        return outputs, with_ranges_ahead(signals, kernel.behind)
 
     def gradient(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode = "forward"

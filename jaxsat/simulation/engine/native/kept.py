@@ -64,6 +64,7 @@ class MadeKernel:
     outputs: PyTree
     signals: PyTree
     going: int | None
+    behind: bool
     operations: str
 
 

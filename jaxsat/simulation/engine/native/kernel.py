@@ -25,6 +25,7 @@ from jaxsat.compiler.llvm.entry_points import emit_entry_point
 from jaxsat.compiler.llvm.threads import in_own_thread, in_threads
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.core.once import once_property
+from jaxsat.simulation.engine.interface import stops
 from jaxsat.simulation.engine.native.kept import MadeKernel, MadeObserver, kept_or_made
 from jaxsat.simulation.engine.native.trajectory import LoweredTrajectory
 
@@ -68,6 +69,11 @@ class Kernel:
         return self._made.operations or fingerprint(self.trajectory.jaxprs)
 
     @property
+    def behind(self) -> bool:
+        """Whether signals lie behind the state, see `stops`."""
+        return self._made.behind
+
+    @property
     def text(self) -> str:
         """The LLVM code of the kernel."""
         return self._module.text(target.host().attributes())
@@ -87,6 +93,7 @@ class Kernel:
             trajectory.outputs,
             trajectory.signals,
             trajectory.going,
+            trajectory.behind,
             fingerprint(trajectory.jaxprs) if whole else "",
         )
 
@@ -154,7 +161,8 @@ class Kernel:
         signals, rows = _room(self._made.signals, len(instants) * count)
         begin, advance, finish = (self._functions[name] for name in ("begin", "advance", "finish"))
         history, arena_size = self._observing
-        numbers = np.array(instants, np.int64)
+        numbers = np.array(stops(instants, self.behind), np.int64)
+        begins = [instants[0], *numbers.tolist()]
 
         def work(stopped: threading.Event) -> None:
             arena = AlignedMemory(max(self._made.arena, arena_size))
@@ -170,8 +178,7 @@ class Kernel:
                         return
                     there = numbers[piece : piece + WATCHED]
                     driver_arguments = (places.ctypes.data, there.ctypes.data, _address(advance))
-                    before = numbers[max(piece - 1, 0)]
-                    history(*where, *driver_arguments, len(there), count, before)
+                    history(*where, *driver_arguments, len(there), count, begins[piece])
                 finish(*where, 0, numbers[-1])
 
         in_own_thread(work)

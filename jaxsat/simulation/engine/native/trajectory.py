@@ -24,6 +24,7 @@ from jaxsat.compiler.lowering import Elements, arrays_of, lower, number_type, sc
 from jaxsat.core.jaxprs import Jaxpr, jaxpr_and_shapes
 from jaxsat.core.process import no_collection
 from jaxsat.simulation.engine.native.phases import AbstractPhases, zero_leaves
+from jaxsat.simulation.engine.progress import Progress
 
 del rules  # imported for the table it fills
 
@@ -35,6 +36,7 @@ class LoweredTrajectory:
     Arrays from outside are numbered in the order: those of cases, of the program, of the gains
     (the `arguments`), the outputs, what is observed. Where every trajectory has its
     own pace, `going` is the location of the bytes in the state that tell which lanes are to go on.
+    `behind` tells whether signals lie behind the state, see `interface.stops`.
     """
 
     entry_points: list[EntryPoint]
@@ -44,6 +46,7 @@ class LoweredTrajectory:
     signals: PyTree
     jaxprs: dict[str, Jaxpr]
     going: int | None
+    behind: bool
 
 
 @dataclass(frozen=True)
@@ -112,6 +115,7 @@ def lower_trajectory(
         signals,
         jaxprs,
         going,
+        isinstance(moving, Progress) and moving.seen is not None,
     )
 
 

@@ -138,7 +138,7 @@ def test_code_of_others_has_no_name(monkeypatch):
 
 
 def made(number):
-    return kept.MadeKernel(b"%d" % number, 0, 0, Arguments({}, []), None, None, None, "")
+    return kept.MadeKernel(b"%d" % number, 0, 0, Arguments({}, []), None, None, None, False, "")
 
 
 def test_an_entry_is_made_once_and_again_when_damaged(folder):
