@@ -1,10 +1,16 @@
 """One motion in every unit: the settling laws have no number with a dimension of their own."""
 
+import tomllib
+
 import numpy as np
 import pytest
 
+from cli.test_your_own_law import PAGE, blocks
+from helpers import gyros
+from helpers.units import in_units
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
+from jaxsat.scenario.schema import Scenario
 
 BASE = {
     "spacecraft.inertia_kg_m2": (449.5, 264.6, 312.5),
@@ -56,3 +62,34 @@ def test_mass_and_time_may_be_of_any_unit(law):
         np.testing.assert_allclose(found[0], quaternion, atol=1e-7)
         np.testing.assert_allclose(found[1], omega, atol=1e-8)
         np.testing.assert_array_equal(found[2], mode)
+
+
+def of_the_page(folder, monkeypatch):
+    """The law that docs/your-own-law.md writes, and its scenario."""
+    text = PAGE.read_text(encoding="utf-8")
+    (folder / "quaternion_pd.py").write_text(blocks(text, "python")[0], encoding="utf-8")
+    monkeypatch.syspath_prepend(folder)
+    found = tomllib.loads(blocks(text, "toml")[0])
+    return {key: found[key] for key in found if key not in ("dispersion", "tuning")}
+
+
+UNITS = ((2.0**20, 1.0, 1.0), (2.0**-20, 1.0, 1.0), (1.0, 2.0**8, 1.0), (1.0, 1.0, 2.0**12))
+"""Of mass, length and time: powers of two, which rounding does not see."""
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
+@pytest.mark.parametrize("name", ["gyros", "a law of a user's own"])
+def test_every_declared_unit_may_be_another(name, tmp_path, monkeypatch):
+    """All keys times what their units become, defaults included: the motion is the same."""
+    data = gyros.document() if name == "gyros" else of_the_page(tmp_path, monkeypatch)
+    data["orbit"] = {"rate_rad_s": 0.0011}
+    data["simulation"] |= {"duration_s": 10.0}
+    scenario = Scenario.model_validate(data, context={"law": True})
+    own = build(scenario).simulate().signals
+    assert np.abs(np.diff(own.quaternion, axis=0)).max() > 1e-3
+    for units in UNITS:
+        other = build(in_units(scenario, units)).simulate().signals
+        np.testing.assert_allclose(other.quaternion, own.quaternion, atol=1e-13)
+        omega = np.asarray(other.omega) * units[2]
+        np.testing.assert_allclose(omega, own.omega, atol=1e-13)

@@ -30,8 +30,8 @@ STANDARD_GRAVITY = 9.80665
 MAX_THRUSTERS = 24
 """Thrusters of which the table of bases stays small."""
 
-NO_TORQUE = 1e-12
-"""N m; a force through the centre of mass makes less by rounding."""
+NO_ARM = 1e-12
+"""Over the distance of a thruster; a force through the centre of mass has less by rounding."""
 
 
 class ThrusterTable(table_of_device(THRUSTER)):
@@ -133,7 +133,8 @@ def _each_thruster_is_whole(thrusters):
     for number, one in enumerate(thrusters):
         keys = {key for key in by_force + by_torque if getattr(one, key) is not None}
         if keys in (set(by_force), set(by_torque)):
-            if np.abs(one.torque()).max() <= NO_TORQUE:
+            arm = NO_ARM * np.linalg.norm(one.position_m or 0.0)
+            if np.abs(one.torque()).max() <= arm * np.linalg.norm(one.force()):
                 message = "must have a force that does not point through the centre of mass"
                 yield Issue(("thruster", number, "direction"), f"{message}, got no torque")
             continue

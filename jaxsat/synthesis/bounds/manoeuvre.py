@@ -75,6 +75,11 @@ class Manoeuvre:
         """(2) at time `t` (s) plus the constant, N m."""
         return self.amplitude * np.sin(self.frequency * t + self.phase) + self.constant
 
+    @property
+    def tau(self) -> float:
+        """Unit of time √(J/Tm), s, of the mean moment of inertia and one thruster's torque."""
+        return math.sqrt(float(np.trace(self.inertia)) / 3 / self.limit)
+
     def slew_time(self) -> float:
         """Seconds for the tilt and turn of the start as one slew with one thruster."""
         angle = 2 * math.acos(min(1.0, abs(float(self.quaternion[0]))))

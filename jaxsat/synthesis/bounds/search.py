@@ -23,8 +23,8 @@ from jaxsat.synthesis.bounds.transcription import BoundObjective, BoundTranscrip
 
 TOLERANCE = 1e-11
 
-MAX_ANGLE, MAX_RATE = 1e-4, 1e-5
-"""A flight arrives at rest if it ends so near it (rad, rad/s)."""
+MAX_ANGLE = 1e-4
+"""A flight arrives at rest if it ends so near it, in rad and in rad per τ of the manoeuvre."""
 
 MAX_EXCESS = 0.01
 """A flight arrives within tolerances if it exceeds none of them by more than this part."""
@@ -48,7 +48,7 @@ class EndError(NamedTuple):
     def arrives(self, manoeuvre: Manoeuvre) -> bool:
         """Whether the flight ends where the manoeuvre does."""
         if manoeuvre.ends_at_rest:
-            angles, ends = (self.angle,), (MAX_ANGLE, MAX_RATE)
+            angles, ends = (self.angle,), (MAX_ANGLE, MAX_ANGLE / manoeuvre.tau)
         else:
             angles = (self.tilt, abs(self.turn))
             ends = tuple((1 + MAX_EXCESS) * one for one in manoeuvre.end)

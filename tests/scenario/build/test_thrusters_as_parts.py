@@ -196,6 +196,22 @@ def test_mistakes_are_told(tmp_path, old, new, key, message):
     assert any(key in line and message in line for line in told), told
 
 
+PAIR = """\
+[[thruster]]
+position_m = [0, 0, 2e-4]
+direction = {}
+force_N = 1e-9
+two_sided = true
+"""
+
+
+@pytest.mark.filterwarnings("ignore::jaxsat.scenario.ScenarioWarning")
+def test_no_torque_is_too_small_for_a_small_spacecraft(tmp_path):
+    text = f"{HEAD}{PAIR.format([0, -1, 0])}{PAIR.format([1, 0, 0])}{REST}"
+    torques = [one.torque() for one in load(written(tmp_path, text), purpose="text").thruster]
+    np.testing.assert_allclose(torques, [[2e-13, 0, 0], [0, 2e-13, 0]], rtol=1e-12)
+
+
 def test_the_default_is_pulse_width(tmp_path):
     scenario = load(written(tmp_path, HEAD, PAIRS, REST))
     modulation = build(scenario).loop.plant.effectors[0].modulation

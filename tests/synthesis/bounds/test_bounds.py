@@ -21,7 +21,7 @@ from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance
 from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre, manoeuvre_of
-from jaxsat.synthesis.bounds.search import best_of_starts, plans_of, propagate
+from jaxsat.synthesis.bounds.search import EndError, best_of_starts, plans_of, propagate
 from jaxsat.synthesis.bounds.transcription import BoundObjective, BoundTranscription, Solution
 
 pytest.importorskip("casadi")
@@ -68,6 +68,15 @@ def planar(angle, rate, limit=5.0):
     return Manoeuvre(
         np.diag(INERTIA), np.eye(3)[:, :2], limit, 0.0, quaternion, omega, NONE, NONE, NONE, NONE
     )
+
+
+@pytest.mark.parametrize("second", [1e-6, 1.0, 1e6])
+def test_rest_is_judged_alike_in_every_unit_of_time(second):
+    """1e-4 rad per √(J/Tm), which is 1.2e-5 rad/s for the paper's spacecraft at 5 N m."""
+    manoeuvre = planar(0.1, 0.0, limit=5.0 / second**2)
+    for rate, rests in ((1.1e-5, True), (1.3e-5, False)):
+        end = EndError(9e-5, rate / second, 0.0, 0.0, 0.0, 0.0)
+        assert end.arrives(manoeuvre) is rests
 
 
 def test_rest_to_rest_is_bang_bang():
