@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatterSciNotation
+from matplotlib.ticker import AutoLocator, LogFormatterSciNotation
 from matplotlib.transforms import ScaledTranslation
 
 from jaxsat.core.text import clean
@@ -56,8 +57,8 @@ NAME = 12
 MARK_ROWS, MARK_STEP = 9, 0.1
 """Rows of names of instants, and what one takes of the height of a panel."""
 
-STRIP_PARTS = 300
-"""Into how many parts the time of strips is divided."""
+STRIP_PARTS, SHADES = 300, 256
+"""Into how many parts the time of strips is divided, and a bar of shades."""
 
 POWER = re.compile(r"\$\\mathdefault\{(-?)(?:(.+)\\times)?10\^\{(-?\d+)\}\}\$")
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -257,24 +258,28 @@ def _paint_line(panel: Axes, line: Line, number: int, log: bool, shade: float) -
 def _paint_strips(figure: Figure, panel: Axes, plot: Plot, strips: Strips) -> None:
     """A strip in shades of grey for each component; a bar tells what the shades mean.
 
-    Each shade is of the largest value of a time that is wide enough to be seen.
+    Each shade is of the largest value of a time that is wide enough to be seen. Both are images,
+    which are drawn in a tenth of the time of meshes.
     """
     begins, largest = largest_of_parts(strips.values, STRIP_PARTS)
-    count = len(strips.labels)
-    mesh = panel.pcolormesh(
-        np.append(strips.x[begins], strips.x[-1]),
-        np.arange(count + 1) + 0.5,
-        largest.T,
-        cmap="Greys",
-        rasterized=True,
-    )
+    count, finite = len(strips.labels), largest[np.isfinite(largest)]
+    ends = (finite.min(), finite.max()) if len(finite) else (0.0, 1.0)
+    low, high = AutoLocator().nonsingular(*ends)
+    look: dict[str, Any] = {"cmap": "Greys", "vmin": low, "vmax": high, "zorder": 1.0}
+    times, rows = np.append(strips.x[begins], strips.x[-1]), np.arange(count + 1) + 0.5
+    panel.pcolorfast(times, rows, largest.T, **look)
     names = [escape_mathematics(clean(label, NAME)) for label in strips.labels]
     panel.set_yticks(np.arange(1, count + 1), names, fontsize=7)
     panel.grid(visible=False)
     left, bottom, width, height = panel.get_position().bounds
     place = (left + width + 0.1 / WIDTH, bottom, 0.12 / WIDTH, height)
-    bar = figure.colorbar(mesh, cax=figure.add_axes(place))
-    bar.ax.tick_params(labelsize=7)
+    bar = figure.add_axes(place, axes_class=SharedTicksAxes)
+    bar.pcolorfast((0, 1), (low, high), np.linspace(low, high, SHADES)[:, None], **look)
+    bar.spines[:].set_visible(True)
+    bar.grid(visible=False)
+    bar.set_xticks([])
+    bar.yaxis.tick_right()
+    bar.tick_params(labelsize=7)
 
 
 def _name_marks(panel: Axes, timeline: Timeline) -> None:
@@ -283,6 +288,7 @@ def _name_marks(panel: Axes, timeline: Timeline) -> None:
     A name is right of its mark, or left of it where it would leave the panel.
     """
     taken: list[list[tuple[float, float]]] = [[] for _ in range(MARK_ROWS)]
+    measuring = RendererAgg(1, 1, panel.figure.dpi)
     for at, name in timeline.marks:
         if not name:
             continue
@@ -296,7 +302,7 @@ def _name_marks(panel: Axes, timeline: Timeline) -> None:
             clip_on=True,
             bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1},
         )
-        span = text.get_window_extent()
+        span = text.get_window_extent(measuring)
         begin, end, edge = span.x0, span.x1, panel.get_window_extent()
         if end > edge.x1 and begin - span.width > edge.x0:
             text.set_horizontalalignment("right")

@@ -5,6 +5,8 @@ drawing itself.
 """
 
 import io
+import struct
+import zlib
 from collections.abc import Iterator
 from typing import Any
 
@@ -13,14 +15,12 @@ from matplotlib.backend_bases import GraphicsContextBase, RendererBase
 from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.backends.backend_svg import RendererSVG
 from matplotlib.figure import Figure
-from matplotlib.image import imsave
 from matplotlib.transforms import Affine2D, IdentityTransform, TransformedBbox, TransformedPath
 
-PNG_OPTIONS = {"compress_level": 2}
-"""Options of Pillow: PNG files a tenth larger than with all effort, in a third of the time."""
+COMPRESSION = 3
+"""Of zlib: PNG files a fifth larger than with the usual effort of 6, in half of the time."""
 
-NO_SOFTWARE: Any = {"Software": None}
-"""Metadata that keep the version of matplotlib out of a PNG file."""
+INCHES_PER_METRE = 1 / 0.0254
 
 POINTS_PER_INCH = 72
 """The unit of an SVG file; pixels are the unit of all that a figure gives to a renderer."""
@@ -28,20 +28,37 @@ POINTS_PER_INCH = 72
 
 def png_and_svg(figure: Figure) -> tuple[bytes, bytes]:
     """The PNG and the SVG file of a figure, without a date."""
-    with io.StringIO() as text, io.BytesIO() as png:
+    with io.StringIO() as text:
         renderer = _PngAndSvgRenderer(figure, text)
         figure.draw(renderer)
         renderer.svg.finalize()
-        imsave(
-            png,
-            np.asarray(renderer.pixels.buffer_rgba()),
-            format="png",
-            origin="upper",
-            dpi=figure.dpi,
-            metadata=NO_SOFTWARE,
-            pil_kwargs=PNG_OPTIONS,
-        )
-        return png.getvalue(), text.getvalue().encode()
+        pixels = np.asarray(renderer.pixels.buffer_rgba())
+        return _png(pixels, figure.dpi), text.getvalue().encode()
+
+
+def _png(pixels: np.ndarray, dpi: float | int) -> bytes:
+    """A PNG file (ISO/IEC 15948) of colours (rows, columns, 4) with opacity, a byte each.
+
+    Its rows are not filtered. That suits charts, large areas of one colour: to choose a filter for
+    each row, as Pillow does, takes longer than the compression, and does not make them smaller.
+    """
+    rows, columns, _ = pixels.shape
+    unfiltered = np.zeros((rows, 1 + 4 * columns), np.uint8)
+    unfiltered[:, 1:] = pixels.reshape(rows, -1)
+    density = round(dpi * INCHES_PER_METRE)
+    chunks = (
+        (b"IHDR", struct.pack(">IIBBBBB", columns, rows, 8, 6, 0, 0, 0)),
+        (b"pHYs", struct.pack(">IIB", density, density, 1)),
+        (b"IDAT", zlib.compress(unfiltered.tobytes(), COMPRESSION)),
+        (b"IEND", b""),
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(content))
+        + kind
+        + content
+        + struct.pack(">I", zlib.crc32(kind + content))
+        for kind, content in chunks
+    )
 
 
 class _PngAndSvgRenderer(RendererBase):

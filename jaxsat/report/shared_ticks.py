@@ -84,6 +84,22 @@ class _SharedTicks(Axis):
             ]
         return places
 
+    _is_drawn = False
+
+    def draw(self, renderer: Any) -> None:
+        """Draw the axis, and meanwhile measure numbers only where something is placed by them."""
+        self._is_drawn = True
+        super().draw(renderer)
+        self._is_drawn = False
+
+    def _get_ticklabel_bboxes(self, ticks: list[Any], renderer: Any) -> tuple[list[Any], list[Any]]:
+        """What the numbers at the ticks cover."""
+        axis: Any = self
+        followed = axis._autolabelpos and axis.label.get_text()
+        if self._is_drawn and not (followed or axis.major.formatter.get_offset()):
+            return [], []
+        return Axis._get_ticklabel_bboxes(axis, ticks, renderer)  # pyright: ignore[reportAttributeAccessIssue]
+
     def get_majorticklabels(self) -> list[Any]:
         """The numbers at the ticks, an object each."""
         Axis._update_ticks(self)  # pyright: ignore[reportAttributeAccessIssue]

@@ -118,7 +118,7 @@ def test_any_further_signal_gets_a_panel_with_its_name_and_unit():
     assert [text.get_text() for text in first.get_legend().get_texts()] == ["x", "y", "z", "±3σ"]
     assert first.get_ylabel().split("\n")[-1] == "(rad/s)"
     assert second.get_ylabel().endswith("(kg)")
-    (strips,) = third.collections  # more components than lines can be told apart
+    (strips,) = third.images  # more components than lines can be told apart
     np.testing.assert_array_equal(strips.get_array(), pulses.T)
     assert third.get_ylabel().replace("\n", " ") == "Pulses of each thruster (–)"
     assert shades.get_position().x0 > third.get_position().x1, "a bar beside it"
