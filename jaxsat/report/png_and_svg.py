@@ -15,7 +15,11 @@ from matplotlib.backend_bases import GraphicsContextBase, RendererBase
 from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.backends.backend_svg import RendererSVG
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import TextToPath
 from matplotlib.transforms import Affine2D, IdentityTransform, TransformedBbox, TransformedPath
+
+from jaxsat.core.once import latest
 
 COMPRESSION = 3
 """Of zlib: PNG files a fifth larger than with the usual effort of 6, in half of the time."""
@@ -61,6 +65,40 @@ def _png(pixels: np.ndarray, dpi: float | int) -> bytes:
     )
 
 
+class _Outlines(TextToPath):
+    """Outlines of lines of text, each set once: figures of a run share most of their texts.
+
+    What they look like hangs on settings of matplotlib, which `save_figures` sets to the same.
+    """
+
+    def __init__(self):
+        super().__init__()
+        self._known: dict[tuple[str, str, str], tuple[Any, Any, Any]] = {}
+
+    def get_glyphs_with_font(
+        self, font, s, glyph_map=None, return_new_glyphs_only=False, **look
+    ) -> tuple[Any, Any, Any]:
+        """Places of glyphs, the glyphs (only those that are not in the map, or all), and boxes."""
+        key = (font.fname, s, repr(look))
+        if key not in self._known:
+            self._known[key] = super().get_glyphs_with_font(font, s, **look)
+        places, glyphs, boxes = self._known[key]
+        before = glyph_map or {}
+        new = {name: glyph for name, glyph in glyphs.items() if name not in before}
+        return places, new if return_new_glyphs_only else {**before, **new}, boxes
+
+
+_OUTLINES = _Outlines()
+
+
+@latest(4096)
+def _text_size(
+    text: str, font: FontProperties, ismath: Any, dpi: Any
+) -> tuple[float, float, float]:
+    """Width, height and descent of a line of text in pixels, measured once for all figures."""
+    return RendererAgg(1, 1, dpi).get_text_width_height_descent(text, font, ismath)
+
+
 class _PngAndSvgRenderer(RendererBase):
     """Gives all that is drawn to two renderers: in pixels, and in points to the one of SVG.
 
@@ -78,6 +116,7 @@ class _PngAndSvgRenderer(RendererBase):
         self._image: RendererAgg | None = None
         size = (self.width * self._scale, self.height * self._scale)
         self.svg = RendererSVG(*size, file, image_dpi=self.dpi, metadata={"Date": None})
+        self.svg._text2path = _OUTLINES
 
     def _new_pixels(self) -> RendererAgg:
         return RendererAgg(self.width, self.height, self.dpi)
@@ -184,7 +223,7 @@ class _PngAndSvgRenderer(RendererBase):
 
     def get_text_width_height_descent(self, s, prop, ismath) -> tuple[float, float, float]:
         """The size of a line of text in pixels."""
-        return self.pixels.get_text_width_height_descent(s, prop, ismath)
+        return _text_size(s, prop.copy(), ismath, self.dpi)
 
     def points_to_pixels(self, points: Any) -> Any:
         """A length in pixels."""

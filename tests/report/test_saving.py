@@ -101,3 +101,29 @@ def test_one_drawing_gives_the_files_that_matplotlib_draws_apart():
                 for each in (one, other)
             )
             np.testing.assert_allclose(places, expected, atol=2e-2)
+
+
+def texts() -> Figure:
+    """A figure whose texts share letters, and differ in size, weight and direction."""
+    drawn = Figure(figsize=(3, 2))
+    drawn.suptitle("One and two", weight="bold")
+    axes = drawn.add_subplot()
+    axes.set_xlabel("two")
+    axes.set_ylabel("two", size=14)
+    axes.text(0.2, 0.5, "one² & <two>")
+    return drawn
+
+
+@mpl.rc_context({"svg.hashsalt": "jaxsat"})
+def test_texts_are_those_of_matplotlib_also_when_they_are_known():
+    with io.StringIO() as file:
+        FigureCanvasSVG(texts()).print_svg(file, metadata={"Date": None})
+        apart = ElementTree.fromstring(file.getvalue())
+    first, second = png_and_svg(texts()), png_and_svg(texts())
+    assert first == second
+    drawn = ElementTree.fromstring(second[1])
+    link = "{http://www.w3.org/1999/xlink}href"
+    for one, other in zip(drawn.iter(), apart.iter(), strict=True):
+        assert (one.tag, one.get(link)) == (other.tag, other.get(link))
+        if one.tag.endswith("use"):
+            assert one.get("transform") == other.get("transform")
