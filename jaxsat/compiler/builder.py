@@ -9,21 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.compiler.ir import (
-    Block,
-    BlockSwitch,
-    Call,
-    Function,
-    Load,
-    Loop,
-    Memory,
-    Operation,
-    Scalar,
-    Source,
-    Store,
-    Value,
-    is_uniform,
-)
+from jaxsat.compiler import ir
 from jaxsat.compiler.operations import BOOL, INT, OPERATIONS, evaluate
 from jaxsat.compiler.passes.branching import are_cheap
 from jaxsat.compiler.passes.simplify import Ranges, identity, simplified
@@ -35,11 +21,11 @@ class Builder:
 
     def __init__(self, like: "Builder | None" = None):
         """Begin a program, or a function that the program of the builder `like` calls."""
-        self.block = Block()
+        self.block = ir.Block()
         self.compact = like is not None and like.compact  # functions are called, never written out
         self.trace: Trace | None = None if like is None else like.trace
-        self.mask: Scalar | None = None
-        self.functions: dict[tuple, Function] = {}
+        self.mask: ir.Scalar | None = None
+        self.functions: dict[tuple, ir.Function] = {}
         self.repeated: dict[int, Any] = {}
         self.outlined: dict[int, Any] = {}  # jaxprs of Python functions, by identity
         self.variants: dict[tuple, Any] = {}  # functions made of these, and loops, by their kinds
@@ -50,20 +36,21 @@ class Builder:
             self.outlined, self.variants, self.kept = like.outlined, like.variants, like.kept
             self.cutter = like.cutter
         self.sine_and_cosine: set[Any] = set()  # variables of jaxprs
-        self._negated: dict[int, Scalar] = {}  # what a value is the negative of
-        self.factors: dict[int, tuple[Scalar, Scalar]] = {}  # of products in a compact program
+        self._negated: dict[int, ir.Scalar] = {}  # what a value is the negative of
+        # of products in a compact program
+        self.factors: dict[int, tuple[ir.Scalar, ir.Scalar]] = {}
         self.ranges = Ranges()
         self.truths: set[int] = set()  # numbers made of bools: 0 or 1
         self.written = 0  # operations so far
 
-    def operation(self, name: str, *args: Scalar, dtype: np.dtype | None = None) -> Scalar:
+    def operation(self, name: str, *args: ir.Scalar, dtype: np.dtype | None = None) -> ir.Scalar:
         """One arithmetic operation; `dtype` is the result's where the operands do not tell it."""
         if dtype is None:
             compares = name == "any" or (name in OPERATIONS and OPERATIONS[name].compares)
             dtype = BOOL if compares else args[-1].dtype
         constant = uniform = True
         for arg in args:
-            if isinstance(arg, Value):
+            if isinstance(arg, ir.Value):
                 constant, uniform = False, uniform and arg.uniform
         if constant:
             return dtype.type(np.asarray(evaluate(name, args, dtype)).astype(dtype)[()])
@@ -77,8 +64,8 @@ class Builder:
         key = (name, dtype.char, *map(identity, args))
         value = self.block.find(key)
         if value is None:
-            value = Value(dtype, uniform or name == "any")
-            self.block.steps.append(Operation(name, args, value))
+            value = ir.Value(dtype, uniform or name == "any")
+            self.block.steps.append(ir.Operation(name, args, value))
             self._note(value)
             self.written += 1
             self.block.known[key] = value
@@ -92,9 +79,9 @@ class Builder:
                     self.truths.add(value.number)
         return value
 
-    def _with_sign_outside(self, name: str, args: Sequence[Scalar]) -> Scalar | None:
+    def _with_sign_outside(self, name: str, args: Sequence[ir.Scalar]) -> ir.Scalar | None:
         """The same value with a negation taken in or handed on, or None; equal in all bits."""
-        inner = [self._negated.get(x.number) if isinstance(x, Value) else None for x in args]
+        inner = [self._negated.get(x.number) if isinstance(x, ir.Value) else None for x in args]
         if not any(x is not None for x in inner):
             return None
         match name, args, inner:
@@ -111,36 +98,36 @@ class Builder:
                 return whole if a is not None and b is not None else self.operation("neg", whole)
         return None
 
-    def select(self, predicate: Scalar, yes: Scalar, no: Scalar) -> Scalar:
+    def select(self, predicate: ir.Scalar, yes: ir.Scalar, no: ir.Scalar) -> ir.Scalar:
         """`yes` where the predicate holds, else `no`."""
         return self.operation("select", predicate, yes, no)
 
-    def convert(self, x: Scalar, dtype: np.dtype) -> Scalar:
+    def convert(self, x: ir.Scalar, dtype: np.dtype) -> ir.Scalar:
         """`x` as a number of another type."""
         return x if x.dtype == dtype else self.operation("convert", x, dtype=dtype)
 
-    def any(self, predicate: Scalar) -> Scalar:
+    def any(self, predicate: ir.Scalar) -> ir.Scalar:
         """Whether a predicate holds in any lane."""
-        return predicate if is_uniform(predicate) else self.operation("any", predicate)
+        return predicate if ir.is_uniform(predicate) else self.operation("any", predicate)
 
-    def negation(self, predicate: Scalar) -> Scalar:
+    def negation(self, predicate: ir.Scalar) -> ir.Scalar:
         """The opposite of a predicate."""
         return self.operation("xor", predicate, np.True_)
 
-    def load(self, memory: Memory, index: Scalar) -> Scalar:
+    def load(self, memory: ir.Memory, index: ir.Scalar) -> ir.Scalar:
         """An element of a memory that is not written any more."""
         key = ("load", memory.number, identity(index))
         value = self.block.find(key)
         if value is None:
-            value = Value(memory.dtype, memory.uniform and is_uniform(index))
-            self.block.steps.append(Load(memory, index, value))
+            value = ir.Value(memory.dtype, memory.uniform and ir.is_uniform(index))
+            self.block.steps.append(ir.Load(memory, index, value))
             self._note(value)
             self.block.known[key] = value
         return value
 
-    def store(self, memory: Memory, index: Scalar, value: Scalar) -> None:
+    def store(self, memory: ir.Memory, index: ir.Scalar, value: ir.Scalar) -> None:
         """Put a value at an element of a memory."""
-        self.block.steps.append(Store(memory, index, value))
+        self.block.steps.append(ir.Store(memory, index, value))
         self.written += 1
 
     def at(self, frames: tuple[Frame, ...]):
@@ -148,7 +135,7 @@ class Builder:
         return nullcontext() if self.trace is None else self.trace.at(frames)
 
     @contextmanager
-    def inside(self, block: Block, mask: Scalar | None):
+    def inside(self, block: ir.Block, mask: ir.Scalar | None):
         """Append to another block while lanes outside `mask` do not matter."""
         before = self.block, self.mask
         self.block, self.mask = block, mask
@@ -159,37 +146,39 @@ class Builder:
 
     def while_loop(
         self,
-        before: Sequence[Scalar],
+        before: Sequence[ir.Scalar],
         uniform: Sequence[bool],
-        condition: Callable[[list[Scalar]], Scalar],
-        body: Callable[[list[Scalar]], list[Scalar]],
+        condition: Callable[[list[ir.Scalar]], ir.Scalar],
+        body: Callable[[list[ir.Scalar]], list[ir.Scalar]],
         varying: bool,
-    ) -> list[Scalar]:
+    ) -> list[ir.Scalar]:
         """A loop over scalars of which `uniform` tells what they stay, with a `varying` condition.
 
         Raises `AssertionError` where the body makes a uniform one varying.
         """
-        params = [Value(x.dtype, u) for x, u in zip(before, uniform, strict=True)]
-        test, work = Block(self.block), Block(self.block)
+        params = [ir.Value(x.dtype, u) for x, u in zip(before, uniform, strict=True)]
+        test, work = ir.Block(self.block), ir.Block(self.block)
         with self.inside(test, self.mask):
             active = condition(list(params))
             if varying and self.mask is not None:
                 active = self.operation("and", active, self.mask)
         work.outer = test
-        with self.inside(work, self.mask if is_uniform(active) else active):
+        with self.inside(work, self.mask if ir.is_uniform(active) else active):
             after = body(list(params))
-            if not is_uniform(active):
+            if not ir.is_uniform(active):
                 after = [self.select(active, a, p) for a, p in zip(after, params, strict=True)]
         self._note(*params)
         for value, param in zip(after, params, strict=True):
-            assert is_uniform(value) or not param.uniform, "a uniform carry became varying"
+            assert ir.is_uniform(value) or not param.uniform, "a uniform carry became varying"
             assert value.dtype == param.dtype, f"{param} became {value.dtype}"
-        self.block.steps.append(Loop(params, list(before), test, active, work, after))
+        self.block.steps.append(ir.Loop(params, list(before), test, active, work, after))
         return list(params)
 
-    def switch(self, index: Scalar, branches: Sequence[Callable[[], list[Scalar]]]) -> list[Scalar]:
+    def switch(
+        self, index: ir.Scalar, branches: Sequence[Callable[[], list[ir.Scalar]]]
+    ) -> list[ir.Scalar]:
         """The results of the branch whose number is `index`, which is in range."""
-        if not isinstance(index, Value):
+        if not isinstance(index, ir.Value):
             return branches[int(index)]()
         masks = None
         if not index.uniform:
@@ -198,7 +187,7 @@ class Builder:
                 masks = [self.operation("and", mask, self.mask) for mask in masks]
         blocks, yields = [], []
         for number, branch in enumerate(branches):
-            block = Block(self.block)
+            block = ir.Block(self.block)
             with self.inside(block, masks[number] if masks else self.mask):
                 yields.append(branch())
             blocks.append(block)
@@ -206,49 +195,51 @@ class Builder:
             return self._switch(index, blocks, yields)
         return self._everywhere(index, masks, blocks, yields)
 
-    def cold_branch(self, predicate: Scalar, cold: Callable[[], Scalar], hot: Scalar) -> Scalar:
+    def cold_branch(
+        self, predicate: ir.Scalar, cold: Callable[[], ir.Scalar], hot: ir.Scalar
+    ) -> ir.Scalar:
         """`cold` where the predicate holds, which is jumped over unless it does in some lane."""
         if self.mask is not None:
             predicate = self.operation("and", predicate, self.mask)
-        if not isinstance(predicate, Value):
+        if not isinstance(predicate, ir.Value):
             return cold() if predicate else hot
-        block = Block(self.block)
+        block = ir.Block(self.block)
         with self.inside(block, predicate):
             result = self.select(predicate, cold(), hot)
         branch = self.convert(self.any(predicate), INT)
-        blocks = [Block(self.block), block]
+        blocks = [ir.Block(self.block), block]
         return self._switch(branch, blocks, [[hot], [result]], cold=True)[0]
 
     def loop(
         self,
         kind: str,
-        args: Sequence[Scalar],
+        args: Sequence[ir.Scalar],
         shapes: Sequence[tuple[int, ...]],
         out: tuple[tuple[int, ...], np.dtype],
         axes: tuple[int, int] = (0, 0),
-    ) -> list[Scalar]:
+    ) -> list[ir.Scalar]:
         """A call of an operation on arrays that is written as a loop (see `Source`)."""
         shape, dtype = out
         key = (kind, *shapes, shape, args[0].dtype.char, dtype.char, axes)
         if key not in self.variants:
-            params = [Value(arg.dtype, True) for arg in args]
-            results: list[Scalar] = [Value(dtype, True) for _ in range(int(np.prod(shape)))]
-            source = Source(kind, "", shapes, [shape], kind, axes)
+            params = [ir.Value(arg.dtype, True) for arg in args]
+            results: list[ir.Scalar] = [ir.Value(dtype, True) for _ in range(int(np.prod(shape)))]
+            source = ir.Source(kind, "", shapes, [shape], kind, axes)
             label = f"{kind}.{len(self.variants)}"
-            self.variants[key] = Function(label, params, Block(), results, source=source)
+            self.variants[key] = ir.Function(label, params, ir.Block(), results, source=source)
         outs = self.call(self.variants[key], args)
         if kind in ("argmin", "argmax"):
             self.ranges.note(outs[0], 0, len(args) - 1)  # pyright: ignore
         return outs
 
-    def call(self, function: Function, args: Sequence[Scalar]) -> list[Scalar]:
+    def call(self, function: ir.Function, args: Sequence[ir.Scalar]) -> list[ir.Scalar]:
         """The results of a function for these arguments."""
         key = ("call", function.name, *map(identity, args))
         cached = self.block.find(key)
         if cached is not None:
             return list(cached)  # pyright: ignore[reportArgumentType]
-        outs = [Value(result.dtype, is_uniform(result)) for result in function.results]
-        self.block.steps.append(Call(function, list(args), outs))
+        outs = [ir.Value(result.dtype, ir.is_uniform(result)) for result in function.results]
+        self.block.steps.append(ir.Call(function, list(args), outs))
         self._note(*outs)
         self.block.known[key] = outs  # pyright: ignore[reportArgumentType]
         return list(outs)
@@ -264,21 +255,21 @@ class Builder:
         self.kept += [program, outline]
         return program
 
-    def _note(self, *values: Value) -> None:
+    def _note(self, *values: ir.Value) -> None:
         if self.trace is not None:
             self.trace.places.update((value.number, self.trace.now) for value in values)
 
-    def _switch(self, index, blocks, yields, *, cold: bool = False) -> list[Scalar]:
+    def _switch(self, index, blocks, yields, *, cold: bool = False) -> list[ir.Scalar]:
         kinds = zip(*yields, strict=True)
-        outs = [Value(several[0].dtype, all(map(is_uniform, several))) for several in kinds]
-        self.block.steps.append(BlockSwitch(index, blocks, yields, outs, cold))
+        outs = [ir.Value(several[0].dtype, all(map(ir.is_uniform, several))) for several in kinds]
+        self.block.steps.append(ir.BlockSwitch(index, blocks, yields, outs, cold))
         self._note(*outs)
         return list(outs)
 
-    def _everywhere(self, index, masks, blocks, yields) -> list[Scalar]:
+    def _everywhere(self, index, masks, blocks, yields) -> list[ir.Scalar]:
         """Cheap branches in all lanes, others where any lane needs them; each lane gets its own."""
         whole = are_cheap(blocks)
-        chosen: list[Scalar] | None = None
+        chosen: list[ir.Scalar] | None = None
         dear = []
         for number in reversed(range(len(blocks))):
             block, results = blocks[number], yields[number]
@@ -299,6 +290,6 @@ class Builder:
             with self.inside(block, mask):
                 merged = [self.select(mask, a, b) for a, b in zip(results, chosen, strict=True)]
             branch = self.convert(self.any(mask), INT)
-            chosen = self._switch(branch, [Block(self.block), block], [chosen, merged])
+            chosen = self._switch(branch, [ir.Block(self.block), block], [chosen, merged])
         assert chosen is not None
         return chosen

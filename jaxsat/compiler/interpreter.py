@@ -8,23 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.compiler.ir import (
-    Block,
-    BlockSwitch,
-    Call,
-    Function,
-    Load,
-    Loop,
-    Memory,
-    Operation,
-    Store,
-    Value,
-    is_uniform,
-)
+from jaxsat.compiler import ir
 from jaxsat.compiler.operations import evaluate
 
 
-def interpret(function: Function, args: Sequence[np.ndarray | np.generic]) -> list[np.ndarray]:
+def interpret(function: ir.Function, args: Sequence[np.ndarray | np.generic]) -> list[np.ndarray]:
     """The results of a function for these arguments."""
     lanes = max((np.size(arg) for arg in args), default=1)
     run = _Run(lanes)
@@ -43,9 +31,9 @@ class _Run:
         self.memories: dict[int, np.ndarray] = {}
 
     def value(self, x) -> Any:
-        return self.values[x.number] if isinstance(x, Value) else x
+        return self.values[x.number] if isinstance(x, ir.Value) else x
 
-    def memory(self, memory: Memory) -> np.ndarray:
+    def memory(self, memory: ir.Memory) -> np.ndarray:
         if memory.number not in self.memories:
             if memory.initial is not None:
                 self.memories[memory.number] = memory.initial
@@ -54,29 +42,29 @@ class _Run:
                 self.memories[memory.number] = np.zeros(shape, memory.dtype)
         return self.memories[memory.number]
 
-    def block(self, block: Block) -> None:
+    def block(self, block: ir.Block) -> None:
         for step in block.steps:
             match step:
-                case Operation():
+                case ir.Operation():
                     args = tuple(self.value(arg) for arg in step.args)
                     array = np.asarray(evaluate(step.name, args, step.out.dtype))
                     self.values[step.out.number] = array.astype(step.out.dtype)
-                case Load():
+                case ir.Load():
                     cells, index = self.memory(step.memory), self.value(step.index)
-                    if not is_uniform(step.index) and not step.memory.uniform:
+                    if not ir.is_uniform(step.index) and not step.memory.uniform:
                         self.values[step.out.number] = cells[index, np.arange(self.lanes)]
                     else:
                         self.values[step.out.number] = cells[index].copy()
-                case Store():
+                case ir.Store():
                     self.memory(step.memory)[self.value(step.index)] = self.value(step.value)
-                case Loop():
+                case ir.Loop():
                     self._loop(step)
-                case BlockSwitch():
+                case ir.BlockSwitch():
                     number = int(self.value(step.index))
                     self.block(step.blocks[number])
                     for out, result in zip(step.outs, step.yields[number], strict=True):
                         self._set(out, self.value(result))
-                case Call():
+                case ir.Call():
                     inner = _Run(self.lanes)
                     for param, arg in zip(step.function.params, step.args, strict=True):
                         inner._set(param, self.value(arg))
@@ -84,13 +72,13 @@ class _Run:
                     for out, result in zip(step.outs, step.function.results, strict=True):
                         self._set(out, inner.value(result))
 
-    def _set(self, target: Value, value) -> None:
+    def _set(self, target: ir.Value, value) -> None:
         value = np.asarray(value, target.dtype)
         self.values[target.number] = (
             value if target.uniform else np.broadcast_to(value, (self.lanes,))
         )
 
-    def _loop(self, step: Loop) -> None:
+    def _loop(self, step: ir.Loop) -> None:
         for param, first in zip(step.params, step.before, strict=True):
             self._set(param, self.value(first))
         while True:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from jaxsat.compiler import ir
 from jaxsat.compiler.c.body import Body
 from jaxsat.compiler.c.contexts import base_of, has_rows
 from jaxsat.compiler.c.expressions import UNARY, Expression
@@ -12,7 +13,6 @@ from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.naming import element_of, name_of
 from jaxsat.compiler.c.tidying import braced, dimensions
 from jaxsat.compiler.c.unit import AbstractUnit
-from jaxsat.compiler.ir import Block, Load, Memory, Scalar, Store, Value, blocks_in
 
 CONSTANT = ("p", "in", "now")
 """Structures that are only read."""
@@ -27,7 +27,7 @@ class Arrays:
         self._gathered: dict[tuple[int, str], str] = {}
         self._constant = {one.text.split("[")[0] for one in body.expressions.values()}
 
-    def memory(self, memory: Memory) -> str:
+    def memory(self, memory: ir.Memory) -> str:
         """The name of an array that is indexed."""
         if memory.elements:
             return self.argument(memory.elements, (memory.size,)).text
@@ -39,26 +39,28 @@ class Arrays:
             self._body.line(f"{TYPES[memory.dtype]} {name}[{memory.size}];")
         return self._memories[memory.number]
 
-    def declare(self, blocks: Iterable[Block]) -> None:
+    def declare(self, blocks: Iterable[ir.Block]) -> None:
         """Arrays that blocks inside use are there before them."""
         for block in blocks:
             for step in block.steps:
                 match step:
-                    case Load(memory=memory) | Store(memory=memory) if not memory.elements:
+                    case ir.Load(memory=memory) | ir.Store(memory=memory) if not memory.elements:
                         self.memory(memory)
                     case _:
-                        self.declare(blocks_in(step))
+                        self.declare(ir.blocks_in(step))
 
-    def argument(self, array: Sequence[Scalar], shape: tuple[int, ...]) -> Expression:
+    def argument(self, array: Sequence[ir.Scalar], shape: tuple[int, ...]) -> Expression:
         """A number, or an array of C with these elements."""
         if not shape:
             return self._body.operands(array)[0]
-        if not any(isinstance(x, Value) for x in array):
+        if not any(isinstance(x, ir.Value) for x in array):
             return Expression(self._unit.table(array, shape, "constant"))  # pyright: ignore
         self._complete(array, shape)
         expressions = self._body.expressions
         texts = [
-            expressions[x.number].text if isinstance(x, Value) and x.number in expressions else None
+            expressions[x.number].text
+            if isinstance(x, ir.Value) and x.number in expressions
+            else None
             for x in array
         ]
         base = base_of(texts, shape)
@@ -71,7 +73,7 @@ class Arrays:
         return Expression(base)
 
     def receiver(
-        self, array: Sequence[Value], shape: tuple[int, ...], after: list[tuple[str, str]]
+        self, array: Sequence[ir.Value], shape: tuple[int, ...], after: list[tuple[str, str]]
     ) -> Expression:
         """Where a function writes an array of results; `after` it some are copied elsewhere."""
         body = self._body
@@ -91,7 +93,7 @@ class Arrays:
                 body.expressions[out.number] = Expression(text)
         return Expression(base)
 
-    def _gather(self, array: Sequence[Scalar], shape: tuple[int, ...]) -> str:
+    def _gather(self, array: Sequence[ir.Scalar], shape: tuple[int, ...]) -> str:
         """The name of a new array of these elements; equal ones of a block are one."""
         numbers = braced([self._body.operand(x).text for x in array], shape)
         key = (self._body.scope, numbers)
@@ -102,10 +104,10 @@ class Arrays:
             self._body.wrapped(f"const {kind} {name}{dimensions(shape)} = {numbers};")
         return self._gathered[key]
 
-    def _complete(self, array: Sequence[Scalar], shape: tuple[int, ...]) -> None:
+    def _complete(self, array: Sequence[ir.Scalar], shape: tuple[int, ...]) -> None:
         """Put what is no element of an array of C yet, but should be, into one."""
         trace = self._body.trace
-        elements = [element_of(trace, x) if isinstance(x, Value) else None for x in array]
+        elements = [element_of(trace, x) if isinstance(x, ir.Value) else None for x in array]
         first = elements[0]
         if first is None:
             return
@@ -116,7 +118,7 @@ class Arrays:
         if first.shape[len(row) :] != shape:
             return
 
-        def belongs(value: Value) -> bool:
+        def belongs(value: ir.Value) -> bool:
             element = element_of(trace, value)
             return element is not None and element.array == first.array
 

@@ -8,23 +8,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
+from jaxsat.compiler import ir
 from jaxsat.compiler.c.expressions import Expression, literal
 from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.naming import Names, comment, element_of, wish_of
 from jaxsat.compiler.c.tidying import WIDTH, in_lines, tidied
-from jaxsat.compiler.ir import (
-    Block,
-    BlockSwitch,
-    Call,
-    Load,
-    Loop,
-    Operation,
-    Scalar,
-    Step,
-    Store,
-    Value,
-    definitions,
-)
 from jaxsat.compiler.trace import Trace
 
 LINE = 100
@@ -37,54 +25,54 @@ class Uses:
     `makers` are the operations that make values, by the number of the value.
     """
 
-    def __init__(self, block: Block, results: Iterable[Scalar]):
-        self.makers: dict[int, Operation] = {}
+    def __init__(self, block: ir.Block, results: Iterable[ir.Scalar]):
+        self.makers: dict[int, ir.Operation] = {}
         self._count: Counter[int] = Counter()
         self._elsewhere: set[int] = set()
         self._block(block, results)
 
-    def is_once(self, value: Value) -> bool:
+    def is_once(self, value: ir.Value) -> bool:
         """Whether a value is used once, in the block that makes it."""
         return self._count[value.number] == 1 and value.number not in self._elsewhere
 
-    def _block(self, block: Block, results: Iterable[Scalar]) -> None:
+    def _block(self, block: ir.Block, results: Iterable[ir.Scalar]) -> None:
         local_values: set[int] = set()
         for step in block.steps:
-            if isinstance(step, Operation):
+            if isinstance(step, ir.Operation):
                 self.makers[step.out.number] = step
             self._read(_read_by(step), local_values)
             match step:
-                case BlockSwitch():
+                case ir.BlockSwitch():
                     for inside, yields in zip(step.blocks, step.yields, strict=True):
                         self._block(inside, yields)
-                case Loop():
+                case ir.Loop():
                     self._block(step.condition, [step.active])
                     self._block(step.body, step.after)
                 case _:
                     pass
-            local_values.update(out.number for out in definitions(step))
+            local_values.update(out.number for out in ir.definitions(step))
         self._read(results, local_values)
 
-    def _read(self, scalars: Iterable[Scalar], local_values: set[int]) -> None:
+    def _read(self, scalars: Iterable[ir.Scalar], local_values: set[int]) -> None:
         for scalar in scalars:
-            if isinstance(scalar, Value):
+            if isinstance(scalar, ir.Value):
                 self._count[scalar.number] += 1
                 if scalar.number not in local_values:
                     self._elsewhere.add(scalar.number)
 
 
-def _read_by(step: Step) -> Sequence[Scalar]:
+def _read_by(step: ir.Step) -> Sequence[ir.Scalar]:
     """The scalars that a step itself reads, without those of its blocks."""
     match step:
-        case Operation(args=args) | Call(args=args):
+        case ir.Operation(args=args) | ir.Call(args=args):
             return args
-        case Load(index=index, memory=memory):
+        case ir.Load(index=index, memory=memory):
             return [index, *memory.elements]
-        case Store(index=index, value=value):
+        case ir.Store(index=index, value=value):
             return [index, value]
-        case BlockSwitch(index=index):
+        case ir.BlockSwitch(index=index):
             return [index]
-        case Loop(before=before):
+        case ir.Loop(before=before):
             return before
 
 
@@ -114,7 +102,7 @@ class Body:
         self.shapes = dict(shapes or {})
         self._scopes = 0
         self._depth = 1
-        self._pending: dict[int, tuple[Expression, Value, int]] = {}
+        self._pending: dict[int, tuple[Expression, ir.Value, int]] = {}
         self._section = self._own_name = function_name
         self._arrays: dict[tuple[int, int], str] = {}
         self._parts: dict[str, list[str]] = {}
@@ -148,7 +136,7 @@ class Body:
         self.scope, self._section = outer
         self._depth -= 1
 
-    def tell(self, out: Value) -> None:
+    def tell(self, out: ir.Value) -> None:
         """Add a comment where another function of the source begins."""
         frames = self.trace.places.get(out.number, ())
         if frames and frames[-1].function != self._section:
@@ -165,17 +153,17 @@ class Body:
         }
         return tidied(self.lines, self._own_name, single)
 
-    def operand(self, x: Scalar) -> Expression:
+    def operand(self, x: ir.Scalar) -> Expression:
         """A value or constant as an expression."""
-        if not isinstance(x, Value):
+        if not isinstance(x, ir.Value):
             return literal(x)
         if x.number in self._pending:
             return self._pending.pop(x.number)[0]
         return self.expressions[x.number]
 
-    def operands(self, scalars: Sequence[Scalar]) -> list[Expression]:
+    def operands(self, scalars: Sequence[ir.Scalar]) -> list[Expression]:
         """Values or constants as expressions; the longest get names if all do not fit one line."""
-        waiting = {x.number: x for x in scalars if isinstance(x, Value)}
+        waiting = {x.number: x for x in scalars if isinstance(x, ir.Value)}
         while True:
             there = [n for n in waiting if n in self._pending]
             size = sum(len(self._pending[n][0].text) for n in there)
@@ -187,23 +175,23 @@ class Body:
             self.name(waiting[longest], self._pending.pop(longest)[0])
         return [self.operand(x) for x in scalars]
 
-    def is_pending(self, value: Value) -> bool:
+    def is_pending(self, value: ir.Value) -> bool:
         """Whether the expression of a value waits for the one that needs it."""
         return value.number in self._pending
 
-    def drop(self, x: Scalar) -> None:
+    def drop(self, x: ir.Scalar) -> None:
         """Forget a value that waits and that nothing needs."""
-        if isinstance(x, Value):
+        if isinstance(x, ir.Value):
             self._pending.pop(x.number, None)
 
-    def name_pending(self, is_wanted: Callable[[Value], bool]) -> None:
+    def name_pending(self, is_wanted: Callable[[ir.Value], bool]) -> None:
         """Give names to the values that wait in this block and are wanted."""
         waiting = [value for _, value, scope in self._pending.values() if scope == self.scope]
         for value in waiting:
             if is_wanted(value):
                 self.name(value, self._pending.pop(value.number)[0])
 
-    def keep(self, out: Value, expression: Expression) -> None:
+    def keep(self, out: ir.Value, expression: Expression) -> None:
         """Keep an expression for the one who needs it, or give it a name."""
         fits = len(expression.text) <= WIDTH
         if fits and self.uses.is_once(out) and out.number not in self.places:
@@ -211,7 +199,7 @@ class Body:
         else:
             self.name(out, expression)
 
-    def name(self, out: Value, expression: Expression) -> None:
+    def name(self, out: ir.Value, expression: Expression) -> None:
         """Give a value a name: a local constant, or its place if others read it later."""
         self.tell(out)
         place = self.places.get(out.number)
@@ -222,7 +210,7 @@ class Body:
             self.assign(place, expression)
         self.expressions[out.number] = Expression(place)
 
-    def place(self, out: Value, first: str | None = None) -> str:
+    def place(self, out: ir.Value, first: str | None = None) -> str:
         """The variable for a value that is assigned further on."""
         place, undeclared = self.places.get(out.number), False
         if place is None:
@@ -236,7 +224,7 @@ class Body:
         self.expressions[out.number] = Expression(place)
         return place
 
-    def _local(self, out: Value) -> tuple[str, bool]:
+    def _local(self, out: ir.Value) -> tuple[str, bool]:
         """A variable of this function for a value, and whether it is still to be declared."""
         frames = self.trace.places.get(out.number, ())
         element = element_of(self.trace, out)

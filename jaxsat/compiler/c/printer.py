@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxsat.compiler import ir
 from jaxsat.compiler.c.arrays import Arrays
 from jaxsat.compiler.c.body import Body, Uses
 from jaxsat.compiler.c.contexts import arrays_in, squeezed
@@ -13,20 +14,6 @@ from jaxsat.compiler.c.expressions import UNARY, Expression, called, operation
 from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.naming import Names
 from jaxsat.compiler.c.unit import POINTERS, AbstractUnit
-from jaxsat.compiler.ir import (
-    Block,
-    BlockSwitch,
-    Call,
-    Function,
-    Load,
-    Loop,
-    Operation,
-    Scalar,
-    Source,
-    Step,
-    Store,
-    Value,
-)
 from jaxsat.compiler.lowering import CannotLower
 from jaxsat.compiler.trace import Trace
 
@@ -42,7 +29,7 @@ class Printer:
         self,
         unit: AbstractUnit,
         trace: Trace,
-        function: Function,
+        function: ir.Function,
         names: Names,
         expressions: Mapping[int, Expression],
         places: Mapping[int, str] | None = None,
@@ -61,37 +48,37 @@ class Printer:
         read = {one for one in POINTERS if re.search(rf"(?<![\w>.]){one}(->|\[)", text)}
         return read | self._pointers
 
-    def block(self, block: Block) -> None:
+    def block(self, block: ir.Block) -> None:
         """The statements of a block."""
         for step in block.steps:
             self._step(step)
 
-    def _step(self, step: Step) -> None:
+    def _step(self, step: ir.Step) -> None:
         match step:
-            case Operation():
+            case ir.Operation():
                 args = self.body.operands(step.args)
                 kinds = [x.dtype for x in step.args]
                 need = self._unit.need
                 self.body.keep(step.out, operation(step.name, args, kinds, step.out.dtype, need))
-            case Load():
+            case ir.Load():
                 index = self.body.operand(step.index)
                 memory = self._arrays.memory(step.memory)
                 self.body.name(step.out, Expression(f"{memory}[{index.text}]"))
-            case Store():
+            case ir.Store():
                 index, value = self.body.operand(step.index), self.body.operand(step.value)
                 memory = self._arrays.memory(step.memory)
                 self.body.line(f"{memory}[{index.text}] = {value.text};")
-            case BlockSwitch():
+            case ir.BlockSwitch():
                 self._switch(step)
-            case Loop():
+            case ir.Loop():
                 self._loop(step)
-            case Call(function=Function(source=None)):
+            case ir.Call(function=ir.Function(source=None)):
                 self._elementary_call(step)
-            case Call(function=Function(source=source)):
+            case ir.Call(function=ir.Function(source=source)):
                 assert source is not None
                 self._python_call(step, source)
 
-    def _elementary_call(self, step: Call) -> None:
+    def _elementary_call(self, step: ir.Call) -> None:
         args = self.body.operands(step.args)
         name = self._unit.elementary(step.function, self._trace)
         if len(step.outs) == 1:
@@ -100,7 +87,7 @@ class Printer:
         pointers = [Expression(f"&{self.body.place(out)}") for out in step.outs]
         self.body.line(f"{called(name, *args, *pointers).text};")
 
-    def _python_call(self, step: Call, source: Source) -> None:
+    def _python_call(self, step: ir.Call, source: ir.Source) -> None:
         """A call of a function that takes arrays and gives some."""
         printed = self._unit.python(step.function, self._trace)
         self._pointers.update(printed.pointers)
@@ -129,7 +116,7 @@ class Printer:
         for place, text in after:
             self.body.line(f"{place} = {text};")
 
-    def _switch(self, step: BlockSwitch) -> None:
+    def _switch(self, step: ir.BlockSwitch) -> None:
         body = self.body
         self._arrays.declare(step.blocks)
         condition = self._condition(step.index) if len(step.blocks) == 2 else None
@@ -157,19 +144,19 @@ class Printer:
             body.line("}")
         body.line("}")
 
-    def _branch(self, step: BlockSwitch, number: int, places: Sequence[str]) -> None:
+    def _branch(self, step: ir.BlockSwitch, number: int, places: Sequence[str]) -> None:
         with self.body.inside():
             self.block(step.blocks[number])
             for place, result in zip(places, step.yields[number], strict=True):
                 self.body.assign(place, self.body.operand(result))
 
-    def _condition(self, index: Scalar) -> str | None:
+    def _condition(self, index: ir.Scalar) -> str | None:
         """The bool that a branch of two is chosen by, behind the steps that make a number of it."""
         expressions = self.body.expressions
-        while isinstance(index, Value) and index.number in self._uses.makers:
+        while isinstance(index, ir.Value) and index.number in self._uses.makers:
             maker = self._uses.makers[index.number]
-            values = [x for x in maker.args if isinstance(x, Value)]
-            others = [x for x in maker.args if not isinstance(x, Value)]
+            values = [x for x in maker.args if isinstance(x, ir.Value)]
+            others = [x for x in maker.args if not isinstance(x, ir.Value)]
             if maker.name == "convert" and values and values[0].dtype == np.dtype(bool):
                 return self._bool_of(index, values[0])
             within = {"max": lambda x: x <= 0, "min": lambda x: x >= 1}.get(maker.name)
@@ -180,7 +167,7 @@ class Printer:
             index = values[0]
         return None
 
-    def _bool_of(self, number: Value, flag: Value) -> str | None:
+    def _bool_of(self, number: ir.Value, flag: ir.Value) -> str | None:
         """The text of a bool that was made a number, which waits for its use."""
         if not self.body.is_pending(number):
             return None
@@ -192,7 +179,7 @@ class Printer:
         text = text.removesuffix(" ? 1 : 0")
         return text[1:-1] if _is_enclosed(text) else text
 
-    def _loop(self, step: Loop) -> None:
+    def _loop(self, step: ir.Loop) -> None:
         body = self.body
         bound = bound_of(step, self._uses.makers)
         if bound is None:
@@ -219,7 +206,7 @@ class Printer:
             self._carry_over(step, bound.counter)
         body.line("}")
 
-    def _carry_over(self, step: Loop, counter: int) -> None:
+    def _carry_over(self, step: ir.Loop, counter: int) -> None:
         """The params of the next turn, all computed before the first is assigned."""
         body = self.body
         moves = []
@@ -227,7 +214,7 @@ class Printer:
         for i, (param, after) in enumerate(zip(step.params, step.after, strict=True)):
             if i == counter:
                 body.drop(after)
-            elif not isinstance(after, Value):
+            elif not isinstance(after, ir.Value):
                 moves.append((param, body.operand(after).text))
             elif after.number == param.number:
                 continue
@@ -260,34 +247,34 @@ class CountedLoop(NamedTuple):
     is_whole: bool
 
 
-def bound_of(step: Loop, makers: Mapping[int, Operation]) -> CountedLoop | None:
+def bound_of(step: ir.Loop, makers: Mapping[int, ir.Operation]) -> CountedLoop | None:
     """The bound of a loop that counts up from a constant to another; None of any other."""
     for name in _conjuncts(step.active, makers):
         maker = makers.get(name)
-        if maker is None or maker.name != "lt" or isinstance(maker.args[1], Value):
+        if maker is None or maker.name != "lt" or isinstance(maker.args[1], ir.Value):
             continue
         for i, (param, before, after) in enumerate(
             zip(step.params, step.before, step.after, strict=True)
         ):
-            turn = makers.get(after.number) if isinstance(after, Value) else None
+            turn = makers.get(after.number) if isinstance(after, ir.Value) else None
             counts = (
                 maker.args[0] is param
-                and not isinstance(before, Value)
+                and not isinstance(before, ir.Value)
                 and turn is not None
                 and turn.name == "add"
                 and turn.args[0] is param
-                and not isinstance(turn.args[1], Value)
+                and not isinstance(turn.args[1], ir.Value)
                 and turn.args[1] == 1
             )
             if counts:
-                whole = isinstance(step.active, Value) and step.active.number == name
+                whole = isinstance(step.active, ir.Value) and step.active.number == name
                 return CountedLoop(i, int(maker.args[1]), whole)  # pyright: ignore
     return None
 
 
-def _conjuncts(active: Scalar, makers: Mapping[int, Operation]) -> list[int]:
+def _conjuncts(active: ir.Scalar, makers: Mapping[int, ir.Operation]) -> list[int]:
     """Numbers of the conditions that must all hold."""
-    if not isinstance(active, Value):
+    if not isinstance(active, ir.Value):
         return []
     maker = makers.get(active.number)
     if maker is not None and maker.name == "and":

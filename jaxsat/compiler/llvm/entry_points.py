@@ -16,15 +16,7 @@ from itertools import compress
 
 import numpy as np
 
-from jaxsat.compiler.ir import (
-    Function,
-    Operation,
-    Scalar,
-    Value,
-    is_uniform,
-    numbers_of,
-    uses,
-)
+from jaxsat.compiler import ir
 from jaxsat.compiler.llvm.drivers import copy_text, gather_text, scatter_text
 from jaxsat.compiler.llvm.emitter import (
     ALIGNMENT,
@@ -56,7 +48,7 @@ from jaxsat.compiler.passes.scheduling import merge_cold_branches, move_invarian
 class EntryPoint:
     """A program and the locations of its parameters and results."""
 
-    function: Function
+    function: ir.Function
     inputs: list[Location]
     outputs: list[Location]
 
@@ -97,12 +89,12 @@ def emit_entry_point(module: Module, entry: EntryPoint) -> None:
     moved = [
         (result, location)
         for result, location in zip(entry.function.results, entry.outputs, strict=True)
-        if not (isinstance(result, Value) and locations.get(result.number) == location)
+        if not (isinstance(result, ir.Value) and locations.get(result.number) == location)
     ]
     of_cases = {x.number: place for x, place in inputs if isinstance(place, PerCase)}
     copies, moved = _copies(moved, of_cases)
-    read = {number for step in entry.function.block.steps for number in uses(step)}
-    read.update(numbers_of(result for result, _ in moved))
+    read = {number for step in entry.function.block.steps for number in ir.uses(step)}
+    read.update(ir.numbers_of(result for result, _ in moved))
     for param, location in inputs:
         if param.number not in of_cases or param.number in read:
             body.read(param, location)
@@ -110,7 +102,7 @@ def emit_entry_point(module: Module, entry: EntryPoint) -> None:
     chosen = {
         step.out.number: step
         for step in entry.function.block.steps
-        if isinstance(step, Operation) and step.name == "select"
+        if isinstance(step, ir.Operation) and step.name == "select"
     }
     masked = [(*_new(result, location, locations, chosen), location) for result, location in moved]
     for result, conditions, _ in masked:
@@ -136,13 +128,13 @@ _Copy = tuple[str, PerCase, Slot, int]
 
 
 def _copies(
-    moved: Sequence[tuple[Scalar, Location]], of_cases: Mapping[int, PerCase]
-) -> tuple[list[_Copy], list[tuple[Scalar, Location]]]:
+    moved: Sequence[tuple[ir.Scalar, Location]], of_cases: Mapping[int, PerCase]
+) -> tuple[list[_Copy], list[tuple[ir.Scalar, Location]]]:
     """What an entry point only copies from arrays of cases into the state, row by row; the rest."""
     copies: list[_Copy] = []
     rest = []
     for result, location in moved:
-        source = of_cases.get(result.number) if isinstance(result, Value) else None
+        source = of_cases.get(result.number) if isinstance(result, ir.Value) else None
         if source is None or not isinstance(location, Slot):
             rest.append((result, location))
             continue
@@ -158,18 +150,18 @@ def _copies(
 
 
 def _new(
-    result: Scalar,
+    result: ir.Scalar,
     location: Location,
     locations: Mapping[int, Location],
-    chosen: Mapping[int, Operation],
-) -> tuple[Scalar, list[Scalar]]:
+    chosen: Mapping[int, ir.Operation],
+) -> tuple[ir.Scalar, list[ir.Scalar]]:
     """What is new of a result where several conditions hold; elsewhere its location is kept."""
-    conditions: list[Scalar] = []
-    while isinstance(result, Value) and result.number in chosen:
+    conditions: list[ir.Scalar] = []
+    while isinstance(result, ir.Value) and result.number in chosen:
         condition, yes, no = chosen[result.number].args
-        if not (isinstance(no, Value) and locations.get(no.number) == location):
+        if not (isinstance(no, ir.Value) and locations.get(no.number) == location):
             break
-        if is_uniform(condition):
+        if ir.is_uniform(condition):
             break
         conditions.append(condition)
         result = yes
@@ -186,7 +178,7 @@ class _EntryPointEmitter(FunctionEmitter):
         self.line(f"%bytes = load <{lanes} x i8>, ptr %wanted, align 1")
         self.line(f"%lane = icmp ne <{lanes} x i8> %bytes, zeroinitializer")
 
-    def read(self, param: Value, location: Location) -> None:
+    def read(self, param: ir.Value, location: Location) -> None:
         """Give a parameter its value, now or where it is needed."""
         match location:
             case ScalarArgument(name=name):
@@ -228,19 +220,19 @@ class _EntryPointEmitter(FunctionEmitter):
         self.line(f"{moved} = add {wide} {scaled}, splat (i64 {location.element})")
         return moved
 
-    def _lanes(self, conditions: Sequence[Scalar]) -> str:
+    def _lanes(self, conditions: Sequence[ir.Scalar]) -> str:
         """The wanted lanes in which conditions hold."""
         mask, bits = "%lane", f"<{self.module.lanes} x i1>"
         for condition in conditions:
 
-            def both(out: str, mask: str = mask, condition: Scalar = condition) -> None:
+            def both(out: str, mask: str = mask, condition: ir.Scalar = condition) -> None:
                 self.line(f"{out} = and {bits} {mask}, {self.operand(condition)}")
 
-            assert isinstance(condition, Value)
+            assert isinstance(condition, ir.Value)
             mask = self.once_in_block((mask, condition.number), both)
         return mask
 
-    def write(self, result: Scalar, conditions: Sequence[Scalar], location: Location) -> None:
+    def write(self, result: ir.Scalar, conditions: Sequence[ir.Scalar], location: Location) -> None:
         """Put a result where it belongs, for the wanted lanes in which conditions hold."""
         dtype, lanes = result.dtype, self.module.lanes
         wide = vector_type(dtype, lanes)
@@ -266,7 +258,7 @@ class _EntryPointEmitter(FunctionEmitter):
             f"<{lanes} x {kind}> {value}, <{lanes} x i1> %lane)"
         )
 
-    def _put_some(self, where: str, result: Scalar, lane: str) -> None:
+    def _put_some(self, where: str, result: ir.Scalar, lane: str) -> None:
         """Write the lanes of a vector that `lane` tells."""
         dtype, lanes = result.dtype, self.module.lanes
         wide = vector_type(dtype, lanes)

@@ -10,22 +10,7 @@ from itertools import chain
 
 import numpy as np
 
-from jaxsat.compiler.ir import (
-    Block,
-    BlockSwitch,
-    Call,
-    Function,
-    Load,
-    Loop,
-    NativeBug,
-    Operation,
-    Scalar,
-    Store,
-    Value,
-    is_uniform,
-    numbers_of,
-    reads,
-)
+from jaxsat.compiler import ir
 from jaxsat.compiler.llvm.emitter import (
     COLD,
     AbstractEmitter,
@@ -51,7 +36,7 @@ RANGE_LANES = 8
 """Doubles in one of its registers."""
 
 
-def internal(module: Module, function: Function, known: Known) -> tuple[str, bool]:
+def internal(module: Module, function: ir.Function, known: Known) -> tuple[str, bool]:
     """The name of an internal function of a module, and whether it needs the module's arena.
 
     It is printed if it was not. Parameters whose places are `known` it reads itself.
@@ -68,7 +53,7 @@ def internal(module: Module, function: Function, known: Known) -> tuple[str, boo
     return entry[0], entry[2]
 
 
-def _printed(module: Module, name: str, function: Function, known: Known) -> tuple[str, bool]:
+def _printed(module: Module, name: str, function: ir.Function, known: Known) -> tuple[str, bool]:
     body = FunctionEmitter(module)
     params = [CONTEXT] if known else []
     for param in function.params:
@@ -86,13 +71,13 @@ def _printed(module: Module, name: str, function: Function, known: Known) -> tup
     return "\n".join([head, *body.text(), "}"]), body.in_arena
 
 
-def result_type(results: Sequence[Scalar], lanes: int) -> str:
+def result_type(results: Sequence[ir.Scalar], lanes: int) -> str:
     """What a function of these results returns: one value, or a structure of several."""
     types = [type_of(result, lanes) for result in results]
     return types[0] if len(types) == 1 else f"{{ {', '.join(types)} }}"
 
 
-def aggregate(body: AbstractEmitter, results: Sequence[Scalar], names: Sequence[str]) -> str:
+def aggregate(body: AbstractEmitter, results: Sequence[ir.Scalar], names: Sequence[str]) -> str:
     """Type and name of all results put together."""
     types = [type_of(result, body.module.lanes) for result in results]
     if len(types) == 1:
@@ -113,36 +98,36 @@ class FunctionEmitter(AbstractEmitter):
         self.known = known or {}
         self._reads: Counter[int] = Counter()  # of values, in a module that fuses
 
-    def program(self, function: Function) -> None:
+    def program(self, function: ir.Function) -> None:
         """All steps of a function."""
         if self.module.fuses:
-            self._reads.update(chain(reads(function.block), numbers_of(function.results)))
+            self._reads.update(chain(ir.reads(function.block), ir.numbers_of(function.results)))
         self.steps(function.block)
 
-    def steps(self, block: Block) -> None:
+    def steps(self, block: ir.Block) -> None:
         """The steps of a block."""
         fused = fused_products(block.steps, self._reads)
         within = {product.out.number for product in fused.values()}
         for step in block.steps:
             match step:
-                case Operation(out=out) if out.number in within:
+                case ir.Operation(out=out) if out.number in within:
                     pass
-                case Operation(out=out) if out.number in fused:
+                case ir.Operation(out=out) if out.number in fused:
                     self._fused(step, fused[out.number])
-                case Operation():
+                case ir.Operation():
                     self._operation(step)
-                case Load():
+                case ir.Load():
                     self._load(step)
-                case Store():
+                case ir.Store():
                     self._store(step)
-                case Loop():
+                case ir.Loop():
                     self._loop(step)
-                case BlockSwitch():
+                case ir.BlockSwitch():
                     self._switch(step)
-                case Call():
+                case ir.Call():
                     self._call(step)
 
-    def _operation(self, step: Operation) -> None:
+    def _operation(self, step: ir.Operation) -> None:
         lanes = None if step.out.uniform else self.module.lanes
         out, name = self.name(step.out), step.name
         if name == "any":
@@ -166,7 +151,7 @@ class FunctionEmitter(AbstractEmitter):
             case _:
                 self._arithmetic(out, name, step.args[0].dtype, args, types[0], lanes)
 
-    def _fused(self, step: Operation, product: Operation) -> None:
+    def _fused(self, step: ir.Operation, product: ir.Operation) -> None:
         """A sum or difference as one operation with a product that it reads."""
         lanes = None if step.out.uniform else self.module.lanes
         kind, (one, other) = type_of(step.out, self.module.lanes), step.args
@@ -181,7 +166,7 @@ class FunctionEmitter(AbstractEmitter):
     def _arithmetic(self, out, name, dtype, args, kind, lanes) -> None:
         word = OPERATIONS[name].word(dtype)
         if word is None:
-            raise NativeBug("printing", f"no {name} of {dtype} numbers")
+            raise ir.NativeBug("printing", f"no {name} of {dtype} numbers")
         if name in RANGE and dtype == DOUBLE and lanes == RANGE_LANES and self.module.masks:
             self._extremum(out, name, args, kind)
         elif word.startswith("llvm."):
@@ -206,7 +191,7 @@ class FunctionEmitter(AbstractEmitter):
         nan = f"{kind} splat (double {constant(DOUBLE.type(np.nan))})"
         self.line(f"{out} = select {bits} {nans}, {nan}, {kind} {ranged}")
 
-    def _any(self, out: str, predicate: Scalar) -> None:
+    def _any(self, out: str, predicate: ir.Scalar) -> None:
         lanes = self.module.lanes
         bits = self.fresh()
         self.line(f"{bits} = bitcast <{lanes} x i1> {self.operand(predicate)} to i{lanes}")
@@ -223,7 +208,7 @@ class FunctionEmitter(AbstractEmitter):
             return
         self.line(f"{out} = {conversion(old, new)} {before} {x} to {after}")
 
-    def _call(self, step: Call) -> None:
+    def _call(self, step: ir.Call) -> None:
         known = self.known.get(id(step.function), {})
         name, in_arena = internal(self.module, step.function, known)
         passed = [CONTEXT.replace("noalias ", "")] if known else []
@@ -244,7 +229,7 @@ class FunctionEmitter(AbstractEmitter):
         for number, out in enumerate(step.outs):
             self.line(f"{self.name(out)} = extractvalue {returned} {whole}, {number}")
 
-    def _loop(self, step: Loop) -> None:
+    def _loop(self, step: ir.Loop) -> None:
         entry, number = self.label, self.fresh("")[1:]
         head, work, out = f"head{number}", f"work{number}", f"out{number}"
         before = self._operands(step.before, step.params)
@@ -254,7 +239,7 @@ class FunctionEmitter(AbstractEmitter):
         self.spread.append({})
         self.steps(step.condition)
         going = self.operand(step.active)
-        if not is_uniform(step.active):
+        if not ir.is_uniform(step.active):
             going = self.fresh()
             self._any(going, step.active)
         self.line(f"br i1 {going}, label %{work}, label %{out}")
@@ -272,10 +257,10 @@ class FunctionEmitter(AbstractEmitter):
         ]
         self.begin(out)
 
-    def _operands(self, scalars: Sequence[Scalar], to: Sequence[Value]) -> list[str]:
+    def _operands(self, scalars: Sequence[ir.Scalar], to: Sequence[ir.Value]) -> list[str]:
         return [self.operand(x, not out.uniform) for x, out in zip(scalars, to, strict=True)]
 
-    def _switch(self, step: BlockSwitch) -> None:
+    def _switch(self, step: ir.BlockSwitch) -> None:
         number = self.fresh("")[1:]
         labels = [f"case{number}.{i}" for i in range(len(step.blocks))]
         out, kind = f"out{number}", scalar_type(step.index.dtype)
@@ -297,19 +282,19 @@ class FunctionEmitter(AbstractEmitter):
             pairs = ", ".join(f"[ {operands[i]}, %{label} ]" for operands, label in sources)
             self.line(f"{self.name(value)} = phi {type_of(value, self.module.lanes)} {pairs}")
 
-    def _store(self, step: Store) -> None:
+    def _store(self, step: ir.Store) -> None:
         wide = not step.memory.uniform
         value = self.operand(step.value, wide)
         self.put(self.address(step.memory, step.index), value, step.memory.dtype, wide)
 
-    def _load(self, step: Load) -> None:
-        if is_uniform(step.index):
+    def _load(self, step: ir.Load) -> None:
+        if ir.is_uniform(step.index):
             place = self.address(step.memory, step.index)
             self.get(self.name(step.out), place, step.memory.dtype, not step.memory.uniform)
             return
         self.gather(step)
 
-    def gather(self, step: Load) -> None:
+    def gather(self, step: ir.Load) -> None:
         """Every lane's own element, lane by lane."""
         memory, lanes = step.memory, self.module.lanes
         index, kind = self.operand(step.index), memory_type(memory.dtype)

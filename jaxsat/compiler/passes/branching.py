@@ -7,21 +7,7 @@ predicate become a switch.
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from jaxsat.compiler.ir import (
-    Block,
-    BlockSwitch,
-    Call,
-    Function,
-    Loop,
-    Operation,
-    Scalar,
-    Step,
-    Value,
-    definitions,
-    memories,
-    numbers_of,
-    uses,
-)
+from jaxsat.compiler import ir
 from jaxsat.compiler.operations import INT
 
 DEAR = 100.0
@@ -36,9 +22,9 @@ CHEAP = 24
 """Branches of at most so many operations in all are computed in every lane, not jumped over."""
 
 
-def are_cheap(blocks: Sequence[Block]) -> bool:
+def are_cheap(blocks: Sequence[ir.Block]) -> bool:
     """Whether branches are sooner computed than jumped over."""
-    plain = all(isinstance(step, Operation) for block in blocks for step in block.steps)
+    plain = all(isinstance(step, ir.Operation) for block in blocks for step in block.steps)
     return plain and sum(len(block.steps) for block in blocks) <= CHEAP
 
 
@@ -46,17 +32,17 @@ def are_cheap(blocks: Sequence[Block]) -> bool:
 class _Choice:
     """Selections of one predicate that can be made together, and what either side alone needs."""
 
-    selections: dict[int, Operation]
+    selections: dict[int, ir.Operation]
     sides: tuple[set[int], set[int]]
     cost: float
 
 
-def with_branches(function: Function) -> None:
+def with_branches(function: ir.Function) -> None:
     """Put the branches into a function, and into those made of Python functions that it calls."""
     _with_branches(function, set())
 
 
-def _with_branches(function: Function, visited: set[int]) -> None:
+def _with_branches(function: ir.Function, visited: set[int]) -> None:
     visited.add(id(function))
     _branched(function.block, function.results)
     for call in function.block.calls():
@@ -65,8 +51,8 @@ def _with_branches(function: Function, visited: set[int]) -> None:
             _with_branches(call.function, visited)
 
 
-def _branched(block: Block, results: Sequence[Scalar]) -> None:
-    if any(not memory.elements for step in block.steps for memory in memories(step)):
+def _branched(block: ir.Block, results: Sequence[ir.Scalar]) -> None:
+    if any(not memory.elements for step in block.steps for memory in ir.memories(step)):
         return  # what is stored is not moved
     while True:
         choice = max(_choices(block, results), key=lambda one: one.cost, default=None)
@@ -74,25 +60,25 @@ def _branched(block: Block, results: Sequence[Scalar]) -> None:
             break
         _put_in(block, choice)
     for step in block.steps:
-        if isinstance(step, BlockSwitch):
+        if isinstance(step, ir.BlockSwitch):
             for inside, yields in zip(step.blocks, step.yields, strict=True):
                 _branched(inside, yields)
-        elif isinstance(step, Loop):
+        elif isinstance(step, ir.Loop):
             _branched(step.body, step.after)
 
 
-def _choices(block: Block, results: Sequence[Scalar]) -> Iterable[_Choice]:
+def _choices(block: ir.Block, results: Sequence[ir.Scalar]) -> Iterable[_Choice]:
     """All choices in a block."""
     readers: dict[int, set[int]] = {}  # of values, by the numbers of steps; results are read last
     for number, step in enumerate(block.steps):
-        for value in uses(step):
+        for value in ir.uses(step):
             readers.setdefault(value, set()).add(number)
-    for value in numbers_of(results):
+    for value in ir.numbers_of(results):
         readers.setdefault(value, set()).add(len(block.steps))
-    predicates: dict[int, dict[int, Operation]] = {}
+    predicates: dict[int, dict[int, ir.Operation]] = {}
     for number, step in enumerate(block.steps):
         match step:
-            case Operation(name="select", args=(Value(number=predicate), _, _)):
+            case ir.Operation(name="select", args=(ir.Value(number=predicate), _, _)):
                 predicates.setdefault(predicate, {})[number] = step
             case _:
                 pass
@@ -101,28 +87,32 @@ def _choices(block: Block, results: Sequence[Scalar]) -> Iterable[_Choice]:
             yield _choice(block, group, readers)
 
 
-def _independent(block: Block, selections: dict[int, Operation]) -> list[dict[int, Operation]]:
+def _independent(
+    block: ir.Block, selections: dict[int, ir.Operation]
+) -> list[dict[int, ir.Operation]]:
     """The selections in groups, none of which needs another one of its group."""
     depths: dict[int, int] = {}
-    groups: list[dict[int, Operation]] = []
+    groups: list[dict[int, ir.Operation]] = []
     for number, step in enumerate(block.steps):
-        depth = max((depths.get(value, 0) for value in uses(step)), default=0)
+        depth = max((depths.get(value, 0) for value in ir.uses(step)), default=0)
         if number in selections:
             groups += [{} for _ in range(depth + 1 - len(groups))]
             groups[depth][number] = selections[number]
             depth += 1
-        depths.update((out.number, depth) for out in definitions(step))
+        depths.update((out.number, depth) for out in ir.definitions(step))
     return groups
 
 
-def _choice(block: Block, group: dict[int, Operation], readers: dict[int, set[int]]) -> _Choice:
+def _choice(
+    block: ir.Block, group: dict[int, ir.Operation], readers: dict[int, set[int]]
+) -> _Choice:
     """What only one side of these selections needs."""
     sides: list[set[int]] = []
     for side in (1, 2):
         alone: set[int] = set()
         for number in reversed(range(max(group))):
             step = block.steps[number]
-            outs = [out.number for out in definitions(step) if readers.get(out.number)]
+            outs = [out.number for out in ir.definitions(step) if readers.get(out.number)]
             if number in group or not outs:
                 continue
             if all(
@@ -132,52 +122,54 @@ def _choice(block: Block, group: dict[int, Operation], readers: dict[int, set[in
             ):
                 alone.add(number)
         sides.append(alone)
-    side_values = {out.number for i in sides[0] | sides[1] for out in definitions(block.steps[i])}
+    side_values = {
+        out.number for i in sides[0] | sides[1] for out in ir.definitions(block.steps[i])
+    }
     selections = {
-        number: one for number, one in group.items() if side_values & set(numbers_of(one.args))
+        number: one for number, one in group.items() if side_values & set(ir.numbers_of(one.args))
     }
     cost = _total(block.steps[number] for number in sides[0] | sides[1])
     return _Choice(selections, (sides[0], sides[1]), cost)
 
 
-def _reads_on(selection: Operation, value: int, side: int) -> bool:
+def _reads_on(selection: ir.Operation, value: int, side: int) -> bool:
     """Whether a selection needs a value on this side alone."""
-    return [x.number for x in selection.args if isinstance(x, Value)].count(value) == 1 and (
+    return [x.number for x in selection.args if isinstance(x, ir.Value)].count(value) == 1 and (
         getattr(selection.args[side], "number", None) == value
     )
 
 
-def _put_in(block: Block, choice: _Choice) -> None:
+def _put_in(block: ir.Block, choice: _Choice) -> None:
     """Put a switch in the place of the selections."""
     first = next(iter(choice.selections.values()))
-    index = Value(INT, True)
-    yes, no = Block(block), Block(block)
+    index = ir.Value(INT, True)
+    yes, no = ir.Block(block), ir.Block(block)
     for inside, side in ((yes, choice.sides[0]), (no, choice.sides[1])):
         inside.steps = [block.steps[number] for number in sorted(side)]
     yields = [[one.args[side] for one in choice.selections.values()] for side in (2, 1)]
     outs = [one.out for one in choice.selections.values()]
     gone = choice.sides[0] | choice.sides[1] | choice.selections.keys()
     last = max(choice.selections)
-    steps: list[Step] = []
+    steps: list[ir.Step] = []
     for number, step in enumerate(block.steps):
         if number not in gone:
             steps.append(step)
         if number == last:
-            steps.append(Operation("convert", (first.args[0],), index))
-            steps.append(BlockSwitch(index, [no, yes], yields, outs))
+            steps.append(ir.Operation("convert", (first.args[0],), index))
+            steps.append(ir.BlockSwitch(index, [no, yes], yields, outs))
     block.steps = _in_order(steps)
 
 
-def _in_order(steps: Sequence[Step]) -> list[Step]:
+def _in_order(steps: Sequence[ir.Step]) -> list[ir.Step]:
     """The steps, each after what it needs, else in their order."""
-    makers = {out.number: i for i, step in enumerate(steps) for out in definitions(step)}
-    order: list[Step] = []
+    makers = {out.number: i for i, step in enumerate(steps) for out in ir.definitions(step)}
+    order: list[ir.Step] = []
     visited: set[int] = set()
     for number in range(len(steps)):
         waiting = [number]
         while waiting:
             here = waiting[-1]
-            needs = {makers[value] for value in uses(steps[here]) if value in makers} - visited
+            needs = {makers[value] for value in ir.uses(steps[here]) if value in makers} - visited
             if here in visited or not needs:
                 waiting.pop()
                 if here not in visited:
@@ -188,24 +180,24 @@ def _in_order(steps: Sequence[Step]) -> list[Step]:
     return order
 
 
-def _cost(step: Step) -> float:
+def _cost(step: ir.Step) -> float:
     """About how many operations a step takes."""
     match step:
-        case Operation(name=name):
+        case ir.Operation(name=name):
             return _COSTS.get(name, 1.0)
-        case Call(function=function):
+        case ir.Call(function=function):
             if function.source is None:
                 return ELEMENTARY
             if function.source.loop:
                 return float(len(function.params))
             return _total(function.block.steps)
-        case BlockSwitch(blocks=blocks):
+        case ir.BlockSwitch(blocks=blocks):
             return max(_total(block.steps) for block in blocks)
-        case Loop(condition=condition, body=body):
+        case ir.Loop(condition=condition, body=body):
             return 10 * _total([*condition.steps, *body.steps])
         case _:
             return 1.0
 
 
-def _total(steps: Iterable[Step]) -> float:
+def _total(steps: Iterable[ir.Step]) -> float:
     return sum(map(_cost, steps), 0.0)

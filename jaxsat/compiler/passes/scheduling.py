@@ -11,51 +11,38 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from heapq import heappop, heappush
 from itertools import chain
 
-from jaxsat.compiler.ir import (
-    Block,
-    BlockSwitch,
-    Loop,
-    Operation,
-    Scalar,
-    Step,
-    Value,
-    blocks_in,
-    definitions,
-    memories,
-    numbers_of,
-    uses,
-)
+from jaxsat.compiler import ir
 from jaxsat.compiler.operations import INT
 
 DEAR = ("div", "sqrt")
 """Operations that cost more than keeping their result through a loop."""
 
 
-def move_invariants(block: Block) -> None:
+def move_invariants(block: ir.Block) -> None:
     """Hoist dear operations out of the loops of a block, and of the blocks inside.
 
     LLVM does not hoist them: their operands are rematerialised (`locations`), so they are loaded
     inside the loop, and often under a branch, where LLVM must not load earlier.
     """
-    steps: list[Step] = []
+    steps: list[ir.Step] = []
     for step in block.steps:
-        for inside in blocks_in(step):
+        for inside in ir.blocks_in(step):
             move_invariants(inside)
-        if isinstance(step, Loop):
+        if isinstance(step, ir.Loop):
             steps += _moved_out(step)
         steps.append(step)
     block.steps = steps
 
 
-def _moved_out(loop: Loop) -> list[Step]:
+def _moved_out(loop: ir.Loop) -> list[ir.Step]:
     """The dear invariant operations of a loop, and the invariant ones that they need."""
     blocks = [*_blocks(loop.condition), *_blocks(loop.body)]
-    inside = {out.number for block in blocks for s in block.steps for out in definitions(s)}
+    inside = {out.number for block in blocks for s in block.steps for out in ir.definitions(s)}
     inside.update(param.number for param in loop.params)
-    alike: dict[int, Operation] = {}  # the invariant ones, in order
+    alike: dict[int, ir.Operation] = {}  # the invariant ones, in order
     for block in blocks:
         for step in block.steps:
-            if isinstance(step, Operation) and _needs(step) & inside <= alike.keys():
+            if isinstance(step, ir.Operation) and _needs(step) & inside <= alike.keys():
                 alike[step.out.number] = step
     hoisted: set[int] = set()
     for number, step in reversed(alike.items()):
@@ -66,42 +53,42 @@ def _moved_out(loop: Loop) -> list[Step]:
     return [step for number, step in alike.items() if number in hoisted]
 
 
-def _is_in(step: Step, numbers: set[int]) -> bool:
-    return isinstance(step, Operation) and step.out.number in numbers
+def _is_in(step: ir.Step, numbers: set[int]) -> bool:
+    return isinstance(step, ir.Operation) and step.out.number in numbers
 
 
-def _blocks(block: Block) -> Iterator[Block]:
+def _blocks(block: ir.Block) -> Iterator[ir.Block]:
     """A block and those inside, each after what it may read."""
     yield block
     for step in block.steps:
-        for inside in blocks_in(step):
+        for inside in ir.blocks_in(step):
             yield from _blocks(inside)
 
 
-def _needs(step: Operation) -> set[int]:
-    return set(numbers_of(step.args))
+def _needs(step: ir.Operation) -> set[int]:
+    return set(ir.numbers_of(step.args))
 
 
-def merge_cold_branches(block: Block) -> None:
+def merge_cold_branches(block: ir.Block) -> None:
     """Merge the cold switches of a block, and of the blocks inside: one jump in place of many.
 
     At each jump the register allocator spills what is live. The cold switches of a block that need
     no results of one another become one, as early as the last of them can be.
     """
     for step in block.steps:
-        for inside in blocks_in(step):
+        for inside in ir.blocks_in(step):
             merge_cold_branches(inside)
-    if not any(isinstance(step, BlockSwitch) and step.cold for step in block.steps):
+    if not any(isinstance(step, ir.BlockSwitch) and step.cold for step in block.steps):
         return
     depths: dict[int, int] = {}  # by value and memory: how many switches one after the other
-    plain: dict[int, list[Step]] = defaultdict(list)
-    cold: dict[int, list[BlockSwitch]] = defaultdict(list)
+    plain: dict[int, list[ir.Step]] = defaultdict(list)
+    cold: dict[int, list[ir.BlockSwitch]] = defaultdict(list)
     for step in block.steps:
-        touched = [memory.number for memory in memories(step)]
-        depth = max((depths.get(n, 0) for n in chain(uses(step), touched)), default=0)
-        is_cold = isinstance(step, BlockSwitch) and step.cold
+        touched = [memory.number for memory in ir.memories(step)]
+        depth = max((depths.get(n, 0) for n in chain(ir.uses(step), touched)), default=0)
+        is_cold = isinstance(step, ir.BlockSwitch) and step.cold
         (cold if is_cold else plain)[depth].append(step)  # pyright: ignore
-        after = [out.number for out in definitions(step)]
+        after = [out.number for out in ir.definitions(step)]
         depths.update(dict.fromkeys(chain(after, touched), depth + is_cold))
     block.steps = []
     for depth in range(max([*plain, *cold], default=-1) + 1):
@@ -109,39 +96,39 @@ def merge_cold_branches(block: Block) -> None:
         block.steps += _together(cold[depth])
 
 
-def _together(switches: Sequence[BlockSwitch]) -> Sequence[Step]:
+def _together(switches: Sequence[ir.BlockSwitch]) -> Sequence[ir.Step]:
     if len(switches) < 2:
         return switches
-    index: Scalar = switches[0].index
-    steps: list[Step] = []
+    index: ir.Scalar = switches[0].index
+    steps: list[ir.Step] = []
     for switch in switches[1:]:
-        either = Value(INT, True)
-        steps.append(Operation("or", (index, switch.index), either))
+        either = ir.Value(INT, True)
+        steps.append(ir.Operation("or", (index, switch.index), either))
         index = either
-    blocks = [Block(), Block()]
+    blocks = [ir.Block(), ir.Block()]
     for number, block in enumerate(blocks):
         block.steps = list(chain(*(switch.blocks[number].steps for switch in switches)))
     yields = [list(chain(*(switch.yields[number] for switch in switches))) for number in (0, 1)]
     outs = list(chain(*(switch.outs for switch in switches)))
-    return [*steps, BlockSwitch(index, blocks, yields, outs, cold=True)]
+    return [*steps, ir.BlockSwitch(index, blocks, yields, outs, cold=True)]
 
 
 _CYCLES = {"div": 13, "sqrt": 20, "add": 4, "sub": 4, "mul": 4, "round": 8}
 
 
-def schedule(block: Block, results: Iterable[Scalar]) -> None:
+def schedule(block: ir.Block, results: Iterable[ir.Scalar]) -> None:
     """Put the steps of a block in order, and of those inside; `results` are used after it."""
     for step in block.steps:
         match step:
-            case Loop():
+            case ir.Loop():
                 schedule(step.condition, [step.active])
                 schedule(step.body, step.after)
-            case BlockSwitch():
+            case ir.BlockSwitch():
                 for inside, yields in zip(step.blocks, step.yields, strict=True):
                     schedule(inside, yields)
             case _:
                 pass
-    outputs = set(numbers_of(results))
+    outputs = set(ir.numbers_of(results))
     block.steps = _list_scheduled(_nodes(block.steps, outputs))
 
 
@@ -150,17 +137,17 @@ class _Node:
 
     __slots__ = ("after", "before", "cycles", "height", "reads", "start", "steps")
 
-    def __init__(self, steps: list[Step], reads: set[int]):
+    def __init__(self, steps: list[ir.Step], reads: set[int]):
         self.steps, self.reads = steps, reads
         self.before: set[int] = set()
         self.after: list[int] = []
         last = steps[-1]
-        self.cycles = _CYCLES.get(last.name, 1) if isinstance(last, Operation) else 4
+        self.cycles = _CYCLES.get(last.name, 1) if isinstance(last, ir.Operation) else 4
         self.height = 0.0  # cycles from its begin to the end of the block
         self.start = 0.0  # when its operands are there
 
 
-def _list_scheduled(nodes: list[_Node]) -> list[Step]:
+def _list_scheduled(nodes: list[_Node]) -> list[ir.Step]:
     for number, node in enumerate(nodes):
         for earlier in node.before:
             nodes[earlier].after.append(number)
@@ -169,7 +156,7 @@ def _list_scheduled(nodes: list[_Node]) -> list[Step]:
     missing = [len(node.before) for node in nodes]
     waiting = [(0.0, number) for number, count in enumerate(missing) if not count]
     ready: list[tuple[float, int]] = []
-    order: list[Step] = []
+    order: list[ir.Step] = []
     now = 0.0
     while waiting or ready:
         while waiting and waiting[0][0] <= now:
@@ -188,8 +175,8 @@ def _list_scheduled(nodes: list[_Node]) -> list[Step]:
     return order
 
 
-def _nodes(steps: Sequence[Step], outputs: set[int]) -> list[_Node]:
-    reads = [set(uses(step)) for step in steps]
+def _nodes(steps: Sequence[ir.Step], outputs: set[int]) -> list[_Node]:
+    reads = [set(ir.uses(step)) for step in steps]
     counts = Counter(chain(*reads, outputs, outputs))
     nodes: list[_Node] = []
     maker: dict[int, int] = {}
@@ -199,36 +186,36 @@ def _nodes(steps: Sequence[Step], outputs: set[int]) -> list[_Node]:
     for step, needs in zip(steps, reads, strict=True):
         if id(step) in products:
             continue
-        product = fused.get(step.out.number) if isinstance(step, Operation) else None
+        product = fused.get(step.out.number) if isinstance(step, ir.Operation) else None
         if product is None:
             node = _Node([step], needs)
         else:
-            node = _Node([product, step], (needs - {product.out.number}) | set(uses(product)))
+            node = _Node([product, step], (needs - {product.out.number}) | set(ir.uses(product)))
         number = len(nodes)
         nodes.append(node)
         node.before = {maker[n] for n in node.reads if n in maker}
-        for memory in {memory.number for memory in memories(step)}:
+        for memory in {memory.number for memory in ir.memories(step)}:
             node.before.update({touched[memory]} if memory in touched else ())
             touched[memory] = number
-        maker.update((out.number, number) for out in definitions(step))
+        maker.update((out.number, number) for out in ir.definitions(step))
     return nodes
 
 
-def fused_products(steps: Sequence[Step], reads: Mapping[int, int]) -> dict[int, Operation]:
+def fused_products(steps: Sequence[ir.Step], reads: Mapping[int, int]) -> dict[int, ir.Operation]:
     """Products that become one operation with a sum or difference, by the number of the latter.
 
     It alone reads them, by these `reads` of values; of two products it is the first one.
     """
-    products: dict[int, Operation] = {}
-    fused: dict[int, Operation] = {}
+    products: dict[int, ir.Operation] = {}
+    fused: dict[int, ir.Operation] = {}
     for step in steps:
         match step:
-            case Operation(name="mul", out=out) if out.dtype.kind == "f":
+            case ir.Operation(name="mul", out=out) if out.dtype.kind == "f":
                 if reads.get(out.number) == 1:
                     products[out.number] = step
-            case Operation(name="add" | "sub", args=args, out=out):
+            case ir.Operation(name="add" | "sub", args=args, out=out):
                 for arg in args:
-                    product = products.get(arg.number) if isinstance(arg, Value) else None
+                    product = products.get(arg.number) if isinstance(arg, ir.Value) else None
                     if product is not None and product.out.uniform == out.uniform:
                         fused[out.number] = product
                         break
