@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 import jaxsat.core.ranges as ranges
 from jaxsat.control.controller import AbstractBacksteppingLaw
 from jaxsat.core.checks import as_float, concrete, numpy_if_known
+from jaxsat.core.declaration.actuator import ActuatorDeclaration
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.core.ranges import STATE_LIMIT, Range
@@ -28,8 +29,8 @@ from jaxsat.spacecraft.environment.disturbances import ConstantTorque, PeriodicT
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.failures import AbstractFailures
 from jaxsat.spacecraft.spacecraft import Spacecraft
-from jaxsat.studies.changes import controller_of, effector_of
-from jaxsat.studies.part_changes import navigation_of, thruster_count, thrusters_of
+from jaxsat.studies.changes import controller_of
+from jaxsat.studies.part_changes import navigation_of, thrusters_of
 
 STATE = Range(-STATE_LIMIT, STATE_LIMIT)
 """Rates (rad/s) and angles (rad) with which a run goes on."""
@@ -92,15 +93,14 @@ def of_omega(loop: AbstractLoop) -> Limits:
     return Limits(as_float(-largest), as_float(largest))
 
 
-def of_failed_thruster(loop: AbstractLoop) -> Limits:
-    """Limits of numbers that are rounded to those of the thrusters."""
-    (thrusters,) = thrusters_of(loop)
-    return Limits(as_float(-0.5), as_float(thruster_count(thrusters) - 0.5))
+def of_failed(actuator: ActuatorDeclaration) -> Callable[[AbstractLoop], Limits]:
+    """Limits of numbers that are rounded to those of the devices of an actuator."""
 
+    def limits(loop: AbstractLoop) -> Limits:
+        (devices,) = [one for one in loop.plant.effectors if one.kind == actuator.name]
+        return Limits(as_float(-0.5), as_float(devices.count - 0.5))
 
-def of_failed(kind: type[AbstractEffector]) -> Callable[[AbstractLoop], Limits]:
-    """Limits of numbers that are rounded to those of the devices of an effector."""
-    return lambda loop: Limits(as_float(-0.5), as_float(effector_of(loop, kind).count - 0.5))
+    return limits
 
 
 def of_failure_kind(loop: AbstractLoop) -> Limits:

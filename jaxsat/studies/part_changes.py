@@ -30,18 +30,11 @@ def thrusters_of(loop: AbstractLoop) -> list[Actuators | ThrusterSet]:
     return [*parts_of(Actuators, effectors), *parts_of(ThrusterSet, effectors)]
 
 
-def thruster_count(thrusters: Actuators | ThrusterSet) -> int:
-    """How many thrusters there are; a two-sided one that pushes either way counts as two."""
-    if isinstance(thrusters, ThrusterSet):
-        return thrusters.count
-    return thrusters.torque_axes.shape[1]
-
-
 def set_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
     """The case with torque axes turned; the command is shared as in the nominal loop."""
 
     def turned(thrusters: Actuators | ThrusterSet) -> Actuators | ThrusterSet:
-        pairs = angles.reshape(thruster_count(thrusters), 2)
+        pairs = angles.reshape(thrusters.count, 2)
         if isinstance(thrusters, ThrusterSet):
             return thrusters.misaligned(pairs)
         return thrusters.misaligned(pairs, jnp.zeros(len(pairs), angles.dtype))

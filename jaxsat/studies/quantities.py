@@ -23,7 +23,7 @@ from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.spacecraft import Spacecraft
 from jaxsat.studies import changes, limits, part_changes
 from jaxsat.studies.changes import PerturbedLoop, Values, effector_of
-from jaxsat.studies.part_changes import set_field, set_in_effector, thruster_count, thrusters_of
+from jaxsat.studies.part_changes import set_field, set_in_effector, thrusters_of
 
 
 class Quantity(NamedTuple):
@@ -47,7 +47,7 @@ def _fixed(size: int) -> Callable[[AbstractLoop], int]:
 def _thrusters(each: int) -> Callable[[AbstractLoop], int]:
     def size(loop: AbstractLoop) -> int:
         (thrusters,) = thrusters_of(loop)
-        return each * thruster_count(thrusters)
+        return each * thrusters.count
 
     return size
 
@@ -139,16 +139,11 @@ def _of_effector(kind: type[AbstractEffector], one: DispersibleQuantity) -> Quan
 
 def _of_failed(actuator: ActuatorDeclaration) -> Quantity:
     """The number of what fails."""
-    number = (
-        limits.of_failed_thruster
-        if actuator.maker is None
-        else lambda loop: limits.of_failed(actuator.effector)(loop)
-    )
     return Quantity(
         _failures(actuator.name),
         part_changes.set_failure("number", actuator.name),
         limits.needs_failures(actuator.name),
-        number,
+        limits.of_failed(actuator),
     )
 
 

@@ -8,32 +8,7 @@ over τ is always known, and the gains are functions of it.
 They were tuned for the paper's spacecraft, section 5, at thrusters of 1, 5 and 20 N m: τ = 18.57,
 8.305 and 4.153 s. With its orbit, disturbance and sensors the period over τ tells these apart.
 
-How they were found:
-
-- Oscillatory law, 5 N m: `jaxsat tune oscillatory-dispersed`, rounded. It tunes all but `rest` and
-  `enter_rate`.
-- Oscillatory law, 1 N m: the same, rates and frequencies times √(1/5), rounded.
-- Three slews: `benchmarks/preset_gains.py` (CMA-ES on settling times at all three levels), rounded;
-  `approach`, `tilt_gain`, `ratio`, `lost_rate` and the inner `rate_gain` of slews and fine stage by
-  searches older than that. The commands of these are not known any more.
-- Oscillatory law, 20 N m, its `rest` and `enter_rate`: the same older searches.
-
-Descent from those of the oscillatory law at 1 and 20 N m found nothing better
-(`docs/tuning-results.md`).
-This checks them all; `docs/laws.md` has what it gives:
-
-    jaxsat compare --law three-slew --law oscillatory --level all --torque-limit all \\
-        --seed 90417 -n 2000
-
-This tunes those of the oscillatory law again, once mine.toml has the torque limit wanted and none
-of the seven gains in `[control]`, so that it starts from those there; times τ they go into
-`tuned_gains.toml`:
-
-    jaxsat scenarios show oscillatory-dispersed > mine.toml
-    jaxsat tune mine.toml
-
-Of the three slews the keys of `[control]` are the gains that decide how long they take; the others
-(tolerances, hand-over, gains of inner loops) are changed there alone.
+`tuned_gains.toml` has them, and how they were found.
 """
 
 import math
