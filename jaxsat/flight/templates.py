@@ -1,7 +1,6 @@
 """Files that are nearly the same for every controller, and what is built of them."""
 
-import re
-from importlib import resources
+import jaxsat.core.package_files as package_files
 
 BUILT = frozenset(f"build/{name}" for name in (
     "controller.o", "controller_guard.o", "controller_parameters.o",
@@ -23,8 +22,7 @@ def is_built(name: str) -> bool:
 
 def template(name: str, **values: object) -> str:
     """The text of a file in `assets`, with each `@NAME@` replaced by the value of that name."""
-    text = (resources.files("jaxsat.flight") / "assets" / name).read_text("utf-8")
-    return re.sub(r"@([A-Z_]+)@", lambda match: str(values[match[1]]), text)
+    return package_files.template("jaxsat.flight", f"assets/{name}", **values)
 
 
 DEVIATIONS = {

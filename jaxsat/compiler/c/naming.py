@@ -4,15 +4,14 @@ the values of a program are called in Python."""
 
 import ast
 import re
-import tomllib
 import unicodedata
 from collections.abc import Iterable, Iterator
-from importlib import resources
 from pathlib import Path
 
 from jaxsat.compiler.ir import Scalar, Value
 from jaxsat.compiler.trace import Element, Frame, Trace
 from jaxsat.core.once import once
+from jaxsat.core.package_files import data_of
 
 _LETTERS = {
     "×": "x", "·": "*", "⊗": "(x)", "→": "->", "∫": "integral ", "Σ": "sum ", "√": "sqrt ",
@@ -160,9 +159,7 @@ def _tree(file: str) -> ast.Module | None:
         return None
 
 
-_RESERVED = tomllib.loads(
-    (resources.files("jaxsat.compiler.c") / "reserved.toml").read_text("utf-8")
-)
+_RESERVED = data_of("jaxsat.compiler.c", "reserved.toml")
 WORDS, LIBRARY = (frozenset(_RESERVED[name].split()) for name in ("words", "library"))
 """Keywords and macros; names of the libraries."""
 

@@ -6,15 +6,14 @@ factors cut to 26 bits (by masking, which no compiler undoes) or of a constant w
 hence exact, and fusing an exact product changes nothing. Two-sums have no products.
 """
 
-import tomllib
 from collections.abc import Sequence
-from importlib import resources
 
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jaxtyping import Array, ArrayLike, Bool, Float64, Int64
 
+from jaxsat.core.package_files import data_of
 from jaxsat.core.trigonometry import ROUNDER, SIGN, bits_of
 
 Double = Float64[Array, "*n"]
@@ -24,9 +23,7 @@ Truth = Bool[Array, "*n"]
 _UPPER_26 = np.int64(-(2**27))
 _UPPER_17 = np.int64(-(2**36))
 _ROUNDER_BITS = np.float64(ROUNDER).view(np.int64)
-_COEFFICIENTS = tomllib.loads(
-    (resources.files("jaxsat.compiler.functions") / "coefficients.toml").read_text("utf-8")
-)
+_COEFFICIENTS = data_of("jaxsat.compiler.functions", "coefficients.toml")
 
 
 def double_of(bits: Integer) -> Double:

@@ -1,11 +1,11 @@
 """Where a law was verified, in dimensionless numbers, and what was measured beyond."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib import resources
 from types import MappingProxyType
 from typing import NamedTuple
+
+from jaxsat.core.package_files import data_of
 
 ENOUGH = 0.98
 """Fraction of the cases of a sweep that must settle for its value to count as verified."""
@@ -89,9 +89,7 @@ class Sweep:
         return min(outside, key=lambda one: abs(one[0] - value), default=None)
 
 
-_SWEEPS = tomllib.loads(
-    (resources.files("jaxsat.core.declaration") / "verified.toml").read_text("utf-8")
-)
+_SWEEPS = data_of("jaxsat.core.declaration", "verified.toml")
 
 
 def sweeps_of(law: str) -> tuple[Sweep, ...]:

@@ -12,12 +12,12 @@ They were tuned for the paper's spacecraft, section 5, at thrusters of 1, 5 and 
 """
 
 import math
-import tomllib
 from collections.abc import Callable, Mapping
-from importlib import resources
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
+
+from jaxsat.core.package_files import data_of
 
 STEPS = (0.005384806676, 0.01204079377, 0.02408158755)
 """Control periods over τ that the gains are tuned for.
@@ -151,9 +151,7 @@ def _rows(table: str, kind: Callable[..., Row], **parts: Callable[..., Any]) -> 
     return {row.pop("step"): kind(**row) for row in rows}
 
 
-_TABLES = tomllib.loads(
-    (resources.files("jaxsat.core.declaration") / "tuned_gains.toml").read_text("utf-8")
-)
+_TABLES = data_of("jaxsat.core.declaration", "tuned_gains.toml")
 
 MORIN_SAMSON = _rows("morin_samson", FineGains, demand=MorinSamsonGains)
 """Gains of the oscillatory law, by the period over τ."""

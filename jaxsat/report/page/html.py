@@ -1,6 +1,5 @@
 """The complete page: sections to self-contained HTML."""
 
-import importlib.resources
 import importlib.util
 from collections.abc import Sequence
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any
 
 import jaxsat
 from jaxsat.core.errors import JaxsatError
+from jaxsat.core.package_files import text_of
 from jaxsat.report.document import Chart, Charts, Document, Shown, cell_text, is_number, prose
 
 PACKAGES = ("bokeh", "jinja2")
@@ -132,5 +132,4 @@ def _inks(charts: Sequence[Chart]) -> dict[str, list[str]]:
 
 
 def _asset(name: str) -> str:
-    place = importlib.resources.files("jaxsat.report.page") / "assets" / name
-    return place.read_text(encoding="utf-8")
+    return text_of("jaxsat.report.page", f"assets/{name}")

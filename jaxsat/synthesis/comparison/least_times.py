@@ -9,11 +9,11 @@ as settling times do, or at rest.
 import json
 import math
 from collections.abc import Sequence
-from importlib import resources
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxsat.core.package_files import text_of
 from jaxsat.scenario.build.run import build
 from jaxsat.store.files import parse_json
 from jaxsat.store.resumable import ResumableFolder
@@ -43,7 +43,7 @@ def median_least_time(
     seed: int, torque_limit: float, count: int, end: End = "settled"
 ) -> float | None:
     """The median least time (s) of the first `count` random starts of a seed; None if unknown."""
-    for table in json.loads((resources.files("jaxsat.synthesis.comparison") / STORED).read_text()):
+    for table in json.loads(text_of("jaxsat.synthesis.comparison", STORED)):
         times = [np.inf if one is None else one for one in table["least_times_s"]]
         of_table = (table["seed"], table["torque_limit_N_m"], table["end"])
         if of_table == (seed, torque_limit, end) and 0 < count <= len(times):
