@@ -195,7 +195,7 @@ def two_sided_torques(torque: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 
     if not torque.shape[1]:
         return torque
     possible, _ = _bases(torque, np.ones(torque.shape[1]), -torque)
-    feasible = [np.min(duties, axis=0) >= -BASIS_TOLERANCE for duties in possible]
+    feasible = np.min(possible, axis=1) >= -BASIS_TOLERANCE
     return torque[:, np.any(feasible, axis=0)]
 
 
@@ -203,24 +203,20 @@ def _bases(
     torque: Float[np.ndarray, "3 m"],
     cost: Float[np.ndarray, " m"],
     command_map: Float[np.ndarray, "3 k"],
-) -> tuple[list[np.ndarray], list[np.ndarray]]:
+) -> tuple[Float[np.ndarray, "bases m k"], Float[np.ndarray, "optimal m k"]]:
     """Duties a unit of command of all bases of the columns, and of those that may be optimal."""
-    rows = _independent_rows(torque)
+    rows, count = _independent_rows(torque), torque.shape[1]
     reduced, commands = rows @ torque, rows @ command_map
-    size = _size(torque)
     price = np.maximum(cost / np.max(cost), BASIS_TOLERANCE)
-    possible, optimal = [], []
-    for basis in map(list, itertools.combinations(range(torque.shape[1]), len(rows))):
-        square = reduced[:, basis]
-        if abs(np.linalg.det(square / size)) < BASIS_TOLERANCE:
-            continue
-        duties = np.zeros((torque.shape[1], command_map.shape[1]))
-        duties[basis] = np.linalg.solve(square, commands)
-        possible.append(duties)
-        dual = np.linalg.solve(square.T, price[basis])
-        if np.all(dual @ reduced <= price * (1 + BASIS_TOLERANCE) + BASIS_TOLERANCE):
-            optimal.append(duties)
-    return possible, optimal
+    bases = np.array(list(itertools.combinations(range(count), len(rows))))
+    squares = np.moveaxis(reduced[:, bases], 1, 0)
+    regular = np.abs(np.linalg.det(squares / _size(torque))) >= BASIS_TOLERANCE
+    bases, squares = bases[regular], squares[regular]
+    possible = np.zeros((len(bases), count, command_map.shape[1]))
+    np.put_along_axis(possible, bases[:, :, None], np.linalg.solve(squares, commands), axis=1)
+    dual = np.linalg.solve(np.swapaxes(squares, 1, 2), price[bases][:, :, None])[:, :, 0]
+    optimal = dual @ reduced <= price * (1 + BASIS_TOLERANCE) + BASIS_TOLERANCE
+    return possible, possible[np.all(optimal, axis=1)]
 
 
 def _size(torque: Float[np.ndarray, "r m"]) -> float:
@@ -234,9 +230,7 @@ def _independent_rows(torque: np.ndarray) -> np.ndarray:
     return left_vectors[:, : int(np.sum(sizes > BASIS_TOLERANCE * sizes[0]))].T
 
 
-def _require_all_ways(
-    possible: list[np.ndarray], torque: np.ndarray, command_map: np.ndarray
-) -> None:
+def _require_all_ways(possible: np.ndarray, torque: np.ndarray, command_map: np.ndarray) -> None:
     """Raise `ValueError` unless both ways along each commanded axis are combinations of columns.
 
     What thrusters that push can make is a convex cone, and whatever is in it is a combination of
@@ -246,8 +240,8 @@ def _require_all_ways(
     for number, axis in enumerate(command_map.T):
         inside = np.allclose(rows.T @ (rows @ axis), axis, rtol=0, atol=BASIS_TOLERANCE)
         for sign in (1.0, -1.0):
-            least_duties = (np.min(sign * duties[:, number]) * size for duties in possible)
-            if inside and any(least >= -BASIS_TOLERANCE for least in least_duties):
+            least_duties = np.min(sign * possible[:, :, number], axis=1) * size
+            if inside and np.any(least_duties >= -BASIS_TOLERANCE):
                 continue
             missing = (sign * axis / np.sqrt(axis @ axis) + 0.0).round(3).tolist()
             raise ValueError(
@@ -256,7 +250,7 @@ def _require_all_ways(
             )
 
 
-def _optimal_somewhere(candidates: list[np.ndarray]) -> list[np.ndarray]:
+def _optimal_somewhere(candidates: np.ndarray) -> list[np.ndarray]:
     """The duties that have no negative entry for some range of commands, each once."""
     distinct: list[np.ndarray] = []
     for duties in candidates:
