@@ -1,6 +1,5 @@
 """`jaxsat convert`: the trajectory of a run in a format that other programs read."""
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -11,14 +10,6 @@ from jaxsat.cli.terminal import SUCCESS, UserMistake, print_stdout, print_warnin
 
 if TYPE_CHECKING:
     import numpy as np
-
-
-EPOCH = re.compile(
-    r"(\d{4}-\d\d-\d\dT(?:[01]\d|2[0-3]):[0-5]\d(?::[0-5]\d)?)(?:\.(\d{1,9}))?Z?", re.ASCII
-)
-"""A date and time; one with the 60th second, a leap second, is none that a run can begin in."""
-
-FIRST_YEAR, LAST_YEAR = "1678", "2262"
 
 
 def convert(
@@ -113,21 +104,12 @@ def _convert(
 
 
 def _epoch(text: str | None) -> "np.datetime64":
-    import numpy as np
+    from jaxsat.core.epoch import EPOCH_FORM, epoch_of
+    from jaxsat.core.errors import ArgumentError
 
-    form = "a date and time in UTC such as 2026-03-20T12:00:00, without another zone"
     if text is None:
-        raise UserMistake(f"--epoch: must be given with --to aem, {form}, got nothing")
-    match = EPOCH.fullmatch(text.strip())
-    if match is None:
-        raise mistake("--epoch", form, text)
+        raise UserMistake(f"--epoch: must be given with --to aem, {EPOCH_FORM}, got nothing")
     try:
-        begin = np.datetime64(match[1], "s")
-    except ValueError:  # such as February 30
-        raise mistake("--epoch", form, text) from None
-    digits = (match[2] or "").ljust(9, "0")
-    if digits.endswith("000"):  # microseconds reach beyond all years, nanoseconds to 2262
-        return begin + np.timedelta64(int(digits[:6]), "us")
-    if not FIRST_YEAR < match[1] < LAST_YEAR:
-        raise mistake("--epoch", f"{form}, with at most six decimals", text)
-    return begin + np.timedelta64(int(digits), "ns")
+        return epoch_of(text)
+    except ArgumentError as error:
+        raise mistake("--epoch", error.rule.removeprefix("must be "), text) from None

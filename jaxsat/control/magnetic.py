@@ -30,7 +30,7 @@ from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.disturbances import GravityGradient
-from jaxsat.spacecraft.environment.orbit import DIPOLE, DipoleField
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
 from jaxsat.spacecraft.wheels import wheel_momentum
 
 SLOW = 4.0
@@ -244,9 +244,10 @@ def _gain(motion: LinearMotion, weight: float, wheel_weight: float) -> PeriodicG
     return gain
 
 
-def _damping(field: DipoleField, least: float) -> float:
+def _damping(field: AbstractMagneticField, least: float) -> float:
     """2 ω0 (1 + sin ξ) J_min, ξ the orbit's inclination to the geomagnetic equator, on average."""
     orbit = field.orbit
-    axial = abs(DIPOLE[2]) / float(np.linalg.norm(DIPOLE))
+    dipole = np.asarray(field.dipole)
+    axial = float(abs(dipole[2]) / np.linalg.norm(dipole))
     inclined = abs(np.sin(float(orbit.inclination))) * axial
     return 2 * float(orbit.rate) * (1 + inclined) * least

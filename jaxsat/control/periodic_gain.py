@@ -12,11 +12,15 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Int
 
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float
-from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION, DipoleField
+from jaxsat.spacecraft.environment.orbit import (
+    EARTH_ROTATION,
+    AbstractMagneticField,
+    place_on_circle,
+)
 
 TURNS, PHASES = 8, 32
 """Of the Earth and of the orbit, for which gains are stored."""
@@ -94,7 +98,7 @@ class LinearMotion(NamedTuple):
 
 def linear_motion(
     inertia: Float[np.ndarray, "3 3"],
-    field: DipoleField,
+    field: AbstractMagneticField,
     unmade: Float[np.ndarray, "3 3"],
     momentum: Float[np.ndarray, "3"],
     *,
@@ -187,8 +191,9 @@ class PeriodicGain(eqx.Module):
     def __call__(self, t: RealScalar) -> Float[Array, "u z"]:
         """K at time `t` (s)."""
         turns, phases = self.gains.shape[:2]
-        turn, after_turn, late = _places(EARTH_ROTATION * t, turns)
-        phase, after_phase, share = _places(self.rate * t, phases)
+        turn, late = place_on_circle(EARTH_ROTATION * t, turns)
+        phase, share = place_on_circle(self.rate * t, phases)
+        after_turn, after_phase = _next(turn, turns), _next(phase, phases)
 
         def along(place):
             row = self.gains[place]
@@ -197,12 +202,8 @@ class PeriodicGain(eqx.Module):
         return along(turn) * (1 - late) + along(after_turn) * late
 
 
-def _places(angle: RealScalar, count: int):
-    """The two of so many places on a circle about an angle (rad), and the share of the second."""
-    place = angle * (count / (2 * np.pi))
-    place = place - count * jnp.floor(place / count)
-    low = jnp.minimum(jnp.floor(place), count - 1).astype(int)
-    return low, jnp.where(low == count - 1, 0, low + 1), place - low
+def _next(place: Int[Array, ""], count: int) -> Int[Array, ""]:
+    return jnp.where(place == count - 1, 0, place + 1)
 
 
 def periodic_gain(

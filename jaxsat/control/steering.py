@@ -15,7 +15,7 @@ from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.distribution import AbstractDistribution, Shares, torque_of
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
-from jaxsat.spacecraft.environment.orbit import DipoleField
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
 from jaxsat.spacecraft.gimbals import ControlMomentGyros, GyroStates
 from jaxsat.spacecraft.magnetorquers import Magnetorquers
 from jaxsat.spacecraft.spacecraft import inverse_of
@@ -121,7 +121,7 @@ class MagneticSteering(AbstractSteering):
 
     kind: ClassVar[str] = Magnetorquers.kind
 
-    field: DipoleField
+    field: AbstractMagneticField
     axes: Float[Array, "3 k"] = eqx.field(converter=as_float)
     shares: Float[Array, "k 3"] = eqx.field(converter=as_float)
     dipole_limit: Float[Array, " k"] = eqx.field(converter=as_float)

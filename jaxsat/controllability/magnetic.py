@@ -19,7 +19,7 @@ from jaxsat.control.periodic_gain import (
 )
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 from jaxsat.controllability.linear import lvlh_linearisation
-from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION, DipoleField
+from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION, AbstractMagneticField
 
 DAY = 2 * np.pi / EARTH_ROTATION  # s
 STEPS = 128  # an orbit
@@ -48,7 +48,7 @@ def magnetic_authority(
     inertia: Numbers,
     axes: Float[np.ndarray, "3 k"],
     limits: Float[np.ndarray, " k"],
-    field: DipoleField,
+    field: AbstractMagneticField,
     *,
     tolerance: float | int = TOLERANCE,
 ) -> MagneticAuthority:

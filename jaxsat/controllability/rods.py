@@ -17,7 +17,7 @@ from jaxtyping import Float
 from jaxsat.control.periodic_gain import TURNS, reference_moment, small_motion
 from jaxsat.controllability.judgement import Judgement, Laws, OrbitRank, Verdict
 from jaxsat.core.once import once_property
-from jaxsat.spacecraft.environment.orbit import DipoleField
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
 
 STEPS = 128
 """Instants of an orbit."""
@@ -44,7 +44,7 @@ class RodSet:
     names: tuple[str, ...]
     axes: Float[np.ndarray, "3 k"]
     limits: Float[np.ndarray, " k"]
-    field: DipoleField
+    field: AbstractMagneticField
     bias: float = 0.0
     gravity_gradient: bool = False
 

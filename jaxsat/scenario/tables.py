@@ -7,9 +7,11 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len, Lt
 from jaxtyping import Float
+from pydantic import AfterValidator
 
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.earth import circular_orbit_rate
+from jaxsat.core.epoch import epoch_of, sidereal_angle
 from jaxsat.core.ranges import (
     MAX_FIXED_STEPS,
     ORBIT_RATE,
@@ -21,6 +23,7 @@ from jaxsat.core.ranges import (
 )
 from jaxsat.scenario.quantities import (
     Inertia,
+    Line,
     Number,
     Positive,
     ScenarioTable,
@@ -83,6 +86,14 @@ def working_axes(
     return unit_columns(np.array(rows, dtype=float).reshape(-1, 3).T)
 
 
+def _known_epoch(text: str) -> str:
+    epoch_of(text)
+    return text
+
+
+Epoch = Annotated[Line, AfterValidator(_known_epoch)]
+
+
 class OrbitTable(ScenarioTable):
     """`[orbit]`: the circular orbit, by rate or by altitude."""
 
@@ -105,7 +116,15 @@ class OrbitTable(ScenarioTable):
         "Argument of latitude of the spacecraft at the start", "rad", 0.0
     )
     sidereal_angle_rad: Annotated[Number, within(TURN)] = quantity(
-        "Right ascension of Greenwich at the start", "rad", 0.0
+        "Right ascension of Greenwich at the start; that of the epoch where there is one",
+        "rad",
+        0.0,
+    )
+    epoch: Epoch | None = choice("UTC at the start, such as 2026-03-20T12:00:00", None)
+    field: Literal["dipole", "igrf"] = choice(
+        'The Earth\'s magnetic field: "dipole", the tilted dipole of 2020, or "igrf", the IGRF-14 '
+        "at the epoch",
+        "dipole",
     )
     relation: Relation = choice(
         'How the orbit frame\'s rate enters (11): "exact", or "small-angle" with C_bo ≈ I',
@@ -117,6 +136,12 @@ class OrbitTable(ScenarioTable):
         if self.rate_rad_s is not None or self.altitude_km is None:
             return self.rate_rad_s or 0.0
         return circular_orbit_rate(1000 * self.altitude_km)
+
+    def greenwich(self) -> float:
+        """The right ascension of Greenwich at the start, rad, given or by the epoch."""
+        if self.epoch is None:
+            return self.sidereal_angle_rad
+        return sidereal_angle(epoch_of(self.epoch))
 
 
 class InitialTable(ScenarioTable):

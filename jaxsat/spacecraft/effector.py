@@ -31,7 +31,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.spacecraft.dispersible import Dispersible
-from jaxsat.spacecraft.environment.orbit import CircularOrbit
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, CircularOrbit
 from jaxsat.spacecraft.held_effector import AbstractHeldEffector
 from jaxsat.spacecraft.spacecraft import PlantState
 
@@ -47,12 +47,17 @@ class Effect(NamedTuple):
 class EffectorContext(NamedTuple):
     """What a scenario tells an effector besides its own tables.
 
-    `place` is where the circular orbit is. `failures` in flight are the number, from 0, of the
-    device that each strikes, and its checked table `[[failure]]`.
+    `field` is the magnetic field along the circular orbit. `failures` in flight are the number,
+    from 0, of the device that each strikes, and its checked table `[[failure]]`.
     """
 
-    place: CircularOrbit
+    field: AbstractMagneticField
     failures: tuple[tuple[int, Any], ...]
+
+    @property
+    def place(self) -> CircularOrbit:
+        """Where the circular orbit is."""
+        return self.field.orbit
 
 
 class Reach(NamedTuple):

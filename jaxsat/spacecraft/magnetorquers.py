@@ -15,7 +15,7 @@ from jaxsat.core.ranges import MISALIGNMENT
 from jaxsat.spacecraft.axes import of_each, turned_axes, unit_axes
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
-from jaxsat.spacecraft.environment.orbit import DipoleField
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
 from jaxsat.spacecraft.failures import AbstractFailures
 
 
@@ -58,14 +58,14 @@ class Magnetorquers(AbstractEffector):
 
     axes: Float[Array, "3 k"]
     dipole_limit: Float[Array, " k"]
-    field: DipoleField
+    field: AbstractMagneticField
     failures: MagnetorquerFailures | None
 
     def __init__(
         self,
         axes: ArrayLike | list,
         dipole_limit: ArrayLike | list,
-        field: DipoleField,
+        field: AbstractMagneticField,
         failures: MagnetorquerFailures | None = None,
     ):
         self.axes = unit_axes(as_float(axes))
@@ -84,7 +84,7 @@ class Magnetorquers(AbstractEffector):
         axes = np.array([one.axis for one in tables], float).T
         limits = np.array([one.dipole_limit_A_m2 for one in tables])
         failures = MagnetorquerFailures.of_tables(context.failures)
-        return cls(unit_columns(axes), limits, DipoleField(context.place), failures), None
+        return cls(unit_columns(axes), limits, context.field, failures), None
 
     @property
     def count(self) -> int:

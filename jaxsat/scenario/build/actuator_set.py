@@ -13,10 +13,9 @@ from jaxsat.controllability.judging import judge
 from jaxsat.controllability.layout import TOLERANCE
 from jaxsat.controllability.rods import RodSet, judge_with_rods
 from jaxsat.controllability.wording import verdict_sentence
-from jaxsat.scenario.build.plant import place_of
+from jaxsat.scenario.build.plant import field_of
 from jaxsat.scenario.parts.thrusters import ThrusterTable
 from jaxsat.scenario.schema import Scenario
-from jaxsat.spacecraft.environment.orbit import DipoleField
 from jaxsat.spacecraft.spacecraft import Spacecraft
 
 APART = 1e-3
@@ -71,7 +70,7 @@ def all_rods(scenario: Scenario) -> tuple[RodSet | None, list[int]]:
         names=tuple(names),
         axes=axes / np.linalg.norm(axes, axis=0),
         limits=np.array([one.dipole_limit_A_m2 for one in tables], float),
-        field=DipoleField(place_of(scenario.orbit)),
+        field=field_of(scenario.orbit),
         bias=0.0 if scenario.unloading is None else scenario.unloading.bias_N_m_s,
         gravity_gradient=scenario.disturbance.gravity_gradient,
     )

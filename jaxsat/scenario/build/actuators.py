@@ -18,7 +18,7 @@ from jaxsat.core.allocation import (
 )
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import EFFECTORS, STEERED
-from jaxsat.scenario.build.plant import place_of
+from jaxsat.scenario.build.plant import field_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
 from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
@@ -143,7 +143,7 @@ def wheel_context(scenario: Scenario) -> WheelContext | None:
     """What a law that commands each wheel is told of them; None for others."""
     if not scenario.law.declaration.commands_actuators or not scenario.wheel:
         return None
-    wheels, _ = Wheels.from_tables(scenario.wheel, EffectorContext(place_of(scenario.orbit), ()))
+    wheels, _ = Wheels.from_tables(scenario.wheel, EffectorContext(field_of(scenario.orbit), ()))
     delay = 0.0 if scenario.sampling is None else scenario.sampling.delay_s
     failed = np.array([one.failed for one in scenario.wheel])
     return WheelContext(wheels, failed, tachometer_noise(scenario), delay, rate_noise(scenario))
@@ -154,7 +154,7 @@ def magnetic_context(scenario: Scenario) -> MagneticContext | None:
     tables, wheels = scenario.magnetorquer, scenario.wheel
     if all(one.failed for one in tables):
         return None
-    place = EffectorContext(place_of(scenario.orbit), ())
+    place = EffectorContext(field_of(scenario.orbit), ())
     torquers, _ = Magnetorquers.from_tables(tables, place)
     coasting = np.array([one.momentum_N_m_s if one.failed else 0.0 for one in wheels])
     context = _steering_context(scenario)

@@ -10,6 +10,7 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.declaration.disturbances import DISTURBANCES
+from jaxsat.core.epoch import epoch_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_torque
 from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.disturbances import DisturbanceTable
@@ -26,9 +27,12 @@ from jaxsat.spacecraft.environment.disturbances import (
     PeriodicTorque,
     SumOfDisturbances,
 )
+from jaxsat.spacecraft.environment.igrf import IgrfField
 from jaxsat.spacecraft.environment.orbit import (
+    AbstractMagneticField,
     AbstractOrbit,
     CircularOrbit,
+    DipoleField,
     ExactOrbit,
     SmallAngleOrbit,
 )
@@ -48,13 +52,13 @@ def build_plant(scenario: Scenario) -> RigidBody:
 
 def build_effectors(scenario: Scenario) -> list[tuple[AbstractEffector, Any]]:
     """The effectors of a scenario's body in their order there, and their states at the start."""
-    place, effectors = place_of(scenario.orbit), []
+    field, effectors = field_of(scenario.orbit), []
     for kind in EFFECTORS:
         tables = getattr(scenario, kind.name)
         if tables:
             strikes = ((number_of(one.of, kind.name, tables), one) for one in scenario.failure)
             failures = tuple((number, one) for number, one in strikes if number is not None)
-            effectors.append(kind.from_tables(tables, EffectorContext(place, failures)))
+            effectors.append(kind.from_tables(tables, EffectorContext(field, failures)))
     return effectors
 
 
@@ -74,9 +78,17 @@ def place_of(table: OrbitTable) -> CircularOrbit:
         table.inclination_rad,
         table.ascending_node_rad,
         table.argument_of_latitude_rad,
-        table.sidereal_angle_rad,
+        table.greenwich(),
     )
     return CircularOrbit(table.rate(), *angles)
+
+
+def field_of(table: OrbitTable) -> AbstractMagneticField:
+    """The magnetic field along the orbit of a table."""
+    place = place_of(table)
+    if table.field == "dipole" or table.epoch is None:
+        return DipoleField(place)
+    return IgrfField(place, epoch_of(table.epoch))
 
 
 def periodic_torque(
@@ -91,8 +103,8 @@ def periodic_torque(
 def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance:
     """All torques that are asked for; that of (2) is always there."""
     table = scenario.disturbance
-    place = place_of(scenario.orbit)
-    context = DisturbanceContext(inertia, orbit_rate(scenario), place, scenario.panel)
+    field = field_of(scenario.orbit)
+    context = DisturbanceContext(inertia, orbit_rate(scenario), field, scenario.panel)
     values = values_of((key for part in DISTURBANCES.values() for key in part.keys), table)
     own = [pkgutil.resolve_name(name).from_table(values, context) for name in DISTURBANCES]
     terms: list[AbstractDisturbance] = [one for one in own if one is not None]

@@ -15,20 +15,25 @@ from jaxsat.core.checks import as_float, require_finite
 from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.disturbances import CONSTANT, GRAVITY_GRADIENT, PERIODIC
 from jaxsat.core.trigonometry import sin
-from jaxsat.spacecraft.environment.orbit import CircularOrbit
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, CircularOrbit
 
 
 class DisturbanceContext(NamedTuple):
     """What a scenario tells a disturbance besides its own keys.
 
-    The nominal `inertia` (kg m²) and `orbit_rate` (rad/s), the `place` of the orbit, and checked
-    tables `[[panel]]`.
+    The nominal `inertia` (kg m²) and `orbit_rate` (rad/s), the magnetic `field` along the orbit,
+    and checked tables `[[panel]]`.
     """
 
     inertia: Float[np.ndarray, "3 3"]
     orbit_rate: float
-    place: CircularOrbit
+    field: AbstractMagneticField
     panels: tuple[Any, ...] = ()
+
+    @property
+    def place(self) -> CircularOrbit:
+        """Where the circular orbit is."""
+        return self.field.orbit
 
 
 class AbstractDisturbance(eqx.Module):

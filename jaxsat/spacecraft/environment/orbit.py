@@ -1,8 +1,9 @@
 """Circular orbit, the rate of its LVLH frame, and the Earth's magnetic field along it.
 
 The orbit frame has x along the velocity, z towards the Earth's centre and y = z × x, minus the
-orbit normal. It turns at (0, -ω0, 0) in its own axes. The field is that of a tilted dipole that
-turns with the Earth (Wertz, Spacecraft Attitude Determination and Control, 1978, appendix H).
+orbit normal. It turns at (0, -ω0, 0) in its own axes. The field here is that of a tilted dipole
+that turns with the Earth (Wertz, Spacecraft Attitude Determination and Control, 1978, appendix H).
+For the whole IGRF see `jaxsat.spacecraft.environment.igrf`.
 """
 
 import abc
@@ -10,7 +11,7 @@ import abc
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import as_float, require_finite
@@ -92,6 +93,15 @@ class CircularOrbit(eqx.Module):
         return jnp.stack([forward, -normal, -up])
 
 
+def place_on_circle(angle: Float[Array, ""], count: int) -> tuple[Int[Array, ""], Float[Array, ""]]:
+    """The last of so many equally spaced places on a circle up to an angle (rad), and the share of
+    the way from there to the next."""
+    place = angle * (count / (2 * np.pi))
+    place = place - count * jnp.floor(place / count)
+    low = jnp.minimum(jnp.floor(place), count - 1).astype(int)
+    return low, place - low
+
+
 DIPOLE = (-1450.9e-9, 4652.5e-9, -29404.8e-9)
 """g11, h11 and g10 of IGRF-13 for 2020, T: the dipole in axes that turn with the Earth."""
 
@@ -99,18 +109,48 @@ REFERENCE_RADIUS = 6371.2e3
 """That of the IGRF, m."""
 
 
-class DipoleField(eqx.Module):
-    """The first degree of the IGRF along the circular `orbit`."""
+class AbstractMagneticField(eqx.Module):
+    """The Earth's magnetic field along a circular `orbit`, in orbit axes."""
 
-    orbit: CircularOrbit
+    orbit: eqx.AbstractVar[CircularOrbit]
 
-    def __call__(self, t: Float[Array, ""]) -> Float[Array, "3"]:
-        """B at time `t` (s) in orbit axes, T: (R/r)³ (3 (m·r̂) r̂ - m) of the Earth's dipole m."""
-        return self.over(t, EARTH_ROTATION * t)
+    @property
+    @abc.abstractmethod
+    def dipole(self) -> Float[Array, "3"]:
+        """The first degree as (g11, h11, g10), T."""
 
+    @abc.abstractmethod
     def over(self, t: Float[Array, ""], turn: Float[Array, ""]) -> Float[Array, "3"]:
         """B in orbit axes, T, where the orbit is at time `t` (s) and the Earth has turned by `turn`
         (rad) since time zero: periodic in both."""
+
+    @abc.abstractmethod
+    def sampled(
+        self, t: Float[np.ndarray, "*#shape"], turn: Float[np.ndarray, "*#shape"]
+    ) -> Float[np.ndarray, "*both 3"]:
+        """`over` of broadcast arrays in NumPy, for tables: XLA takes longer to compile it."""
+
+    def __call__(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+        """B at time `t` (s) in orbit axes, T."""
+        return self.over(t, EARTH_ROTATION * t)
+
+    def in_body(self, t: Float[Array, ""], attitude: AbstractAttitude) -> Float[Array, "3"]:
+        """B at time `t` (s) in body axes, T."""
+        return attitude.as_dcm().matrix @ self(t)
+
+
+class DipoleField(AbstractMagneticField):
+    """The first degree of the IGRF: (R/r)³ (3 (m·r̂) r̂ - m) of the Earth's dipole m."""
+
+    orbit: CircularOrbit
+
+    @property
+    def dipole(self) -> Float[Array, "3"]:
+        """`DIPOLE`, T."""
+        return as_float(DIPOLE)
+
+    def over(self, t: Float[Array, ""], turn: Float[Array, ""]) -> Float[Array, "3"]:
+        """B in orbit axes, T."""
         axes, angle = self.orbit.axes(t), self.orbit.sidereal_angle + turn
         east, north = cos(angle), sin(angle)
         x, y, z = DIPOLE
@@ -121,7 +161,7 @@ class DipoleField(eqx.Module):
     def sampled(
         self, t: Float[np.ndarray, "*#shape"], turn: Float[np.ndarray, "*#shape"]
     ) -> Float[np.ndarray, "*both 3"]:
-        """`over` of broadcast arrays in NumPy, for tables: XLA takes longer to compile it."""
+        """B in orbit axes, T."""
         orbit = self.orbit
         along = float(orbit.argument_of_latitude) + float(orbit.rate) * t
         c, s, inclination = np.cos(along), np.sin(along), float(orbit.inclination)
@@ -134,7 +174,3 @@ class DipoleField(eqx.Module):
         forward, up = within * c - ascending * s, ascending * c + within * s
         size = REFERENCE_RADIUS**3 * float(orbit.rate) ** 2 / EARTH_GRAVITY
         return size * np.stack(np.broadcast_arrays(-forward, normal, -2 * up), axis=-1)
-
-    def in_body(self, t: Float[Array, ""], attitude: AbstractAttitude) -> Float[Array, "3"]:
-        """B at time `t` (s) in body axes, T."""
-        return attitude.as_dcm().matrix @ self(t)

@@ -20,7 +20,7 @@ from jaxsat.spacecraft.environment.disturbances import (
     DisturbanceContext,
     RealScalar,
 )
-from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, CircularOrbit
 
 SOLAR_PRESSURE = 4.56e-6
 """At the Earth's mean distance from the Sun on a surface that absorbs all light, N/m²."""
@@ -32,7 +32,7 @@ class MagneticTorque(AbstractDisturbance):
     declaration: ClassVar[PartDeclaration] = MAGNETIC
 
     dipole: Float[Array, "3"] = eqx.field(converter=as_float)
-    field: DipoleField
+    field: AbstractMagneticField
 
     def __check_init__(self):
         require_finite("dipole", self.dipole)
@@ -43,7 +43,7 @@ class MagneticTorque(AbstractDisturbance):
     ) -> "MagneticTorque | None":
         """The torque of a table of a scenario; None for no dipole."""
         dipole = values["residual_dipole_A_m2"]
-        return cls(dipole, DipoleField(context.place)) if any(dipole) else None
+        return cls(dipole, context.field) if any(dipole) else None
 
     def __call__(
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]

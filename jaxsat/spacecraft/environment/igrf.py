@@ -1,0 +1,266 @@
+"""The Earth's magnetic field of the IGRF-14, anywhere and along a circular orbit.
+
+`igrf14.shc` has the coefficients that the International Association of Geomagnetism and Aeronomy
+(IAGA) publishes (https://doi.org/10.5281/zenodo.14012302; also by NOAA): every five years from 1900
+to 2025, and for 2030 what secular variation makes of them. Between, they are linear in time.
+"""
+
+from importlib import resources
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsat.core.checks import as_float
+from jaxsat.core.earth import EARTH_GRAVITY
+from jaxsat.core.epoch import IGRF_DATES
+from jaxsat.core.errors import ArgumentError
+from jaxsat.core.once import latest, once
+from jaxsat.spacecraft.environment.orbit import (
+    REFERENCE_RADIUS,
+    AbstractMagneticField,
+    CircularOrbit,
+    place_on_circle,
+)
+
+DEGREE = 13
+ORDERS = DEGREE + 1
+
+EXACT = 32
+"""Points of an orbit, and turns of the Earth, by which a field of this degree is known exactly."""
+
+PHASES, TURNS, ORDER = 64, 64, 5
+"""Of the orbit and of the Earth, of the table of `IgrfField`, and the order of its splines."""
+
+Coefficients = Float[np.ndarray, "2 orders orders"]
+"""g and h of degrees (rows) and orders (columns) from 0 on, T, Schmidt semi-normalised."""
+
+
+@once
+def _published() -> tuple[np.ndarray, Float[np.ndarray, "dates 2 orders orders"]]:
+    """The dates, and coefficients at each."""
+    file = resources.files("jaxsat.spacecraft.environment") / "igrf14.shc"
+    lines = file.read_text(encoding="ascii").splitlines()
+    lines = [line for line in lines if not line.startswith("#")]
+    dates = np.array([f"{float(year):.0f}-01-01" for year in lines[1].split()], "datetime64[us]")
+    table = np.zeros((len(dates), 2, ORDERS, ORDERS))
+    for line in lines[2:]:
+        degree, order, *values = line.split()
+        table[:, int(int(order) < 0), int(degree), abs(int(order))] = np.array(values, float)
+    return dates, 1e-9 * table
+
+
+def igrf_coefficients(date: np.datetime64) -> Coefficients:
+    """The coefficients at a date, UTC. Raises `ArgumentError` for one that the IGRF-14 lacks."""
+    first, last = IGRF_DATES
+    if not first <= date <= last:
+        raise ArgumentError("date", f"must be from {first} to {last}", date)
+    dates, table = _published()
+    late = min(int(np.searchsorted(dates, date, side="right")), len(dates) - 1)
+    share = (date - dates[late - 1]) / (dates[late] - dates[late - 1])
+    return table[late - 1] + share * (table[late] - table[late - 1])
+
+
+def _recursion() -> Float[np.ndarray, "3 orders orders"]:
+    """Factors by which rows of degree n follow from those of n - 1 and n - 2, and what is added."""
+    follow, drop, begin = np.zeros((3, ORDERS, ORDERS))
+    begin[0, 0] = begin[1, 1] = 1.0
+    for n in range(1, ORDERS):
+        m = np.arange(n)
+        size = np.sqrt(n**2 - m**2)
+        follow[n, :n] = (2 * n - 1) / size
+        drop[n, :n] = np.sqrt(np.maximum((n - 1) ** 2 - m**2, 0)) / size
+        if n > 1:
+            begin[n, n] = begin[n - 1, n - 1] * np.sqrt((2 * n - 1) / (2 * n))
+    return np.stack([follow, drop, begin])
+
+
+def _slopes() -> Float[np.ndarray, "orders orders"]:
+    """Factors by which the slope of order m is the function of order m + 1."""
+    n, m = np.mgrid[:ORDERS, :ORDERS]
+    squares = np.maximum((n - m) * (n + m + 1), 0) / np.where(m == 0, 2, 1)
+    return np.sqrt(squares)
+
+
+RECURSION, SLOPES = _recursion(), _slopes()
+
+
+def igrf_field(
+    position: Float[Array | np.ndarray, "*shape 3"], coefficients: Coefficients
+) -> Float[Array | np.ndarray, "*shape 3"]:
+    """B (T) at a `position` (m) in axes that turn with the Earth: z north, x to Greenwich.
+
+    JAX arrays or NumPy arrays, as the position is. B = -∇V,
+
+        V = a Σ (a/r)ⁿ⁺¹ Σ (g C_m + h S_m) H_n^m(u),    C_m + i S_m = (s + i t)^m,
+
+    (s, t, u) = position / r, a the `REFERENCE_RADIUS`. H_n^m is the Schmidt semi-normalised
+    Legendre function over sin^m of the colatitude, a polynomial, so that no pole is special:
+    Pines, AIAA Journal 11(11), 1973, pages 1508-1511.
+    """
+    xp = position.__array_namespace__()
+    r = xp.sqrt(xp.sum(position**2, axis=-1))
+    s, t, u = (position[..., axis] / r for axis in range(3))
+    cosines, sines = _powers(xp, s, t)
+    none = 0 * cosines[..., :1]
+    lower_cosines = xp.concatenate([none, cosines[..., :-1]], axis=-1)
+    lower_sines = xp.concatenate([none, sines[..., :-1]], axis=-1)
+    rows = _functions(xp, u[..., None])
+    m, ratio, total = np.arange(ORDERS), REFERENCE_RADIUS / r, 0 * position
+    along = 0 * r
+    for n in range(1, ORDERS):
+        g, h = coefficients[:, n]
+        row, scale = rows[n], ratio ** (n + 2)
+        higher = xp.concatenate([row[..., 1:], none], axis=-1)
+        waves = g * cosines + h * sines
+        parts = [
+            m * row * (g * lower_cosines + h * lower_sines),
+            m * row * (h * lower_cosines - g * lower_sines),
+            SLOPES[n] * higher * waves,
+        ]
+        slope = xp.stack([xp.sum(part, axis=-1) for part in parts], axis=-1)
+        total = total + scale[..., None] * slope
+        along = along + scale * (n + 1) * xp.sum(row * waves, axis=-1)
+    up = xp.stack([s, t, u], axis=-1)
+    return (along + xp.sum(up * total, axis=-1))[..., None] * up - total
+
+
+def _powers(xp: Any, s: Any, t: Any) -> tuple[Any, Any]:
+    """Real and imaginary parts of (s + i t)^m, m from 0 to the degree, along a last axis."""
+    cosines, sines = [1 + 0 * s], [0 * s]
+    for _ in range(DEGREE):
+        c, d = cosines[-1], sines[-1]
+        cosines.append(c * s - d * t)
+        sines.append(c * t + d * s)
+    return xp.stack(cosines, axis=-1), xp.stack(sines, axis=-1)
+
+
+def _functions(xp: Any, u: Any) -> list[Any]:
+    """H_n^m(u) of every order m along the last axis, for degrees n from 0 on."""
+    rows = [RECURSION[2, 0] + 0 * u]
+    for n in range(1, ORDERS):
+        follow, drop, begin = RECURSION[:, n]
+        rows.append(follow * u * rows[-1] - drop * (rows[-2] if n > 1 else 0.0) + begin)
+    return rows
+
+
+class IgrfField(AbstractMagneticField):
+    """The IGRF-14 at a `date` (UTC) along the circular `orbit`, within 1e-6 of the field.
+
+    In orbit axes it is periodic in the argument of latitude and in the longitude of the node, a
+    trigonometric polynomial of degree 13 in both, here a table of B-splines. The table is a
+    constant of compiled programs: those are compiled anew for another `rate` (rad/s),
+    `inclination` (rad) or `date`, the first two being those of the orbit when the field is made.
+    Secular variation within a run is left out. Raises `ArgumentError` for a date that the IGRF-14
+    lacks.
+    """
+
+    orbit: CircularOrbit
+    rate: float = eqx.field(static=True)
+    inclination: float = eqx.field(static=True)
+    date: str = eqx.field(static=True)
+
+    def __init__(self, orbit: CircularOrbit, date: np.datetime64):
+        igrf_coefficients(date)
+        self.orbit, self.date = orbit, str(date)
+        self.rate, self.inclination = float(orbit.rate), float(orbit.inclination)
+
+    @property
+    def dipole(self) -> Float[Array, "3"]:
+        """The first degree at the date, T."""
+        g, h = igrf_coefficients(np.datetime64(self.date))[:, 1]
+        return as_float([g[1], h[1], g[0]])
+
+    def _table(self) -> Float[np.ndarray, "phases turns 3"]:
+        return _splines(self.rate, self.inclination, np.datetime64(self.date))
+
+    def over(self, t: Float[Array, ""], turn: Float[Array, ""]) -> Float[Array, "3"]:
+        """B in orbit axes, T, where the orbit is at time `t` (s) and the Earth has turned by `turn`
+        (rad) since time zero: periodic in both."""
+        orbit = self.orbit
+        phase, after_phase = place_on_circle(orbit.argument_of_latitude + orbit.rate * t, PHASES)
+        node, after_node = place_on_circle(orbit.node - orbit.sidereal_angle - turn, TURNS)
+        near = jax.lax.dynamic_slice(
+            jnp.asarray(self._table()), (phase, node, 0), (ORDER + 1, ORDER + 1, 3)
+        )
+        rows = jnp.sum(jnp.stack(_weights(after_node))[None, :, None] * near, axis=1)
+        return jnp.sum(jnp.stack(_weights(after_phase))[:, None] * rows, axis=0)
+
+    def sampled(
+        self, t: Float[np.ndarray, "*#shape"], turn: Float[np.ndarray, "*#shape"]
+    ) -> Float[np.ndarray, "*both 3"]:
+        """`over` of broadcast arrays in NumPy, for tables."""
+        orbit, table = self.orbit, self._table()
+        along = float(orbit.argument_of_latitude) + float(orbit.rate) * t
+        node = float(orbit.node) - float(orbit.sidereal_angle) - turn
+        total = np.zeros(3)
+        (phase, late), (east, share) = _place(along, PHASES), _place(node, TURNS)
+        for row, weight in enumerate(_weights(late)):
+            for column, other in enumerate(_weights(share)):
+                total = total + (weight * other)[..., None] * table[phase + row, east + column]
+        return total
+
+
+def _place(angle: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """`place_on_circle` in NumPy."""
+    place = np.mod(angle * (count / (2 * np.pi)), count)
+    low = np.minimum(np.floor(place), count - 1).astype(int)
+    return low, place - low
+
+
+def _weights(share: Any) -> list[Any]:
+    """Of the B-splines that overlap, at a share of the way between the middle two: Cox-de Boor."""
+    weights = [1 + 0 * share]
+    for order in range(1, ORDER + 1):
+        lower = [0 * share, *weights, 0 * share]
+        weights = [
+            ((share + order - place) * lower[place] + (1 - share + place) * lower[place + 1])
+            / order
+            for place in range(order + 1)
+        ]
+    return weights
+
+
+def _exact(
+    radius: float, inclination: float, coefficients: Coefficients
+) -> Float[np.ndarray, "phases turns 3"]:
+    """B in orbit axes at equally spaced arguments of latitude and longitudes of the node."""
+    turns = np.arange(EXACT) * 2 * np.pi / EXACT
+    c, s = np.cos(turns)[:, None], np.sin(turns)[:, None]
+    east, north = np.cos(turns), np.sin(turns)
+    ci, si = np.cos(inclination), np.sin(inclination)
+    up = _vectors(east * c - north * s * ci, north * c + east * s * ci, s * si)
+    forward = _vectors(-east * s - north * c * ci, -north * s + east * c * ci, c * si)
+    normal = _vectors(north * si, -east * si, ci)
+    there = igrf_field(radius * up, coefficients)
+    return np.stack([np.sum(there * axis, axis=-1) for axis in (forward, -normal, -up)], axis=-1)
+
+
+def _vectors(*parts: Any) -> Float[np.ndarray, "phases turns 3"]:
+    return np.stack([np.broadcast_to(part, (EXACT, EXACT)) for part in parts], axis=-1)
+
+
+@latest(8)
+def _splines(
+    rate: float, inclination: float, date: np.datetime64
+) -> Float[np.ndarray, "phases turns 3"]:
+    """Coefficients of B-splines, T, `ORDER` more of each than a period has: no neighbours wrap.
+
+    They are those of Fourier divided by the transform of a B-spline. What is left of each wave of
+    number p is its aliases, 2 (p / PHASES)^(ORDER + 1) of it.
+    """
+    radius = float(np.cbrt(EARTH_GRAVITY / rate**2))
+    exact = _exact(radius, inclination, igrf_coefficients(date))
+    waves = np.fft.fftfreq(EXACT, 1 / EXACT).astype(int)
+    spectrum = np.fft.fft2(exact, axes=(0, 1)) / EXACT**2
+    for axis, count in enumerate((PHASES, TURNS)):
+        shape = (-1, *[1] * (2 - axis))
+        spectrum = spectrum / np.sinc(waves / count).reshape(shape) ** (ORDER + 1)
+    wide = np.zeros((PHASES, TURNS, 3), complex)
+    wide[np.ix_(waves, waves)] = spectrum
+    table = np.fft.ifft2(wide, axes=(0, 1)).real * (PHASES * TURNS)
+    more = (ORDER - 1) // 2, (ORDER + 1) // 2
+    return np.pad(table, (more, more, (0, 0)), mode="wrap")
