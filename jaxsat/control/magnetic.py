@@ -157,7 +157,7 @@ class MagneticLaw(AbstractSampledController):
         constant = memory.torque + surplus
         residual = jnp.cross(dipole, field)
         excess = self.steering.excess(state)
-        points = self.gain.torque(t, field, jnp.concatenate([turn, relative]), excess, constant)
+        points = self.gain.torque(t, jnp.concatenate([turn, relative]), excess, constant)
         slews = self._slew(state, turn, relative)
         pull = jnp.where(mode == int(MagneticMode.POINTING), points, slews) - residual
         torque = jnp.where(stopped, pull, -self.damping * relative)
@@ -223,6 +223,7 @@ def magnetic_motion(
         steering.field,
         np.asarray(steering.wanted, float),
         momentum,
+        dipoles=np.asarray(steering.axes, float) @ np.asarray(steering.shares, float),
         unloading=0.0 if steering.wheel_axes is None else float(steering.unloading),
         gravity_gradient=gravity_gradient,
     )

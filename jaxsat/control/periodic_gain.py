@@ -35,6 +35,9 @@ where the field hardly turns: in orbits near the geomagnetic equator, for a part
 SETTLED, MOST_ORBITS = 1e-9, 400
 """Relative change in an orbit of a Riccati solution that has settled; it does within so many."""
 
+ANY_DIPOLE = np.eye(3)
+"""P of magnetorquers along three independent axes."""
+
 Matrices = Float[np.ndarray, "... _ _"]
 """Square ones."""
 
@@ -46,14 +49,15 @@ class LinearMotion(NamedTuple):
     η the momentum of wheels beyond their bias along the columns of E, the orthonormal `basis` of
     the torques that wheels make. Torques are in units of J0 ω0², momenta of J0 ω0, J0 = `moment`
     (kg m²) the geometric mean of the principal moments; `inverse` is J0 J⁻¹. c are the torques of
-    wheels along E. Rods make (1 - b bᵀ) (u - k E η), b = B / |B|, with N u = u, N = 1 - E Eᵀ, and
-    `unloading` k over ω0. What of that is along E wheels take off, so that
+    wheels along E. Rods make M (u - k E η), M x = P (b × x) × b, b = B / |B|, with N u = u,
+    N = 1 - E Eᵀ, and `unloading` k over ω0. P projects on what the axes of rods span: where that is
+    all, M is 1 - b bᵀ. What of that is along E wheels take off, so that
 
-        J dω/dt + ω × (J ω + h + E η) = N (1 - b bᵀ) (u - k E η) + E c,
-        dη/dt = Eᵀ (1 - b bᵀ) (u - k E η) - c.
+        J dω/dt + ω × (J ω + h + E η) = N M (u - k E η) + E c,
+        dη/dt = Eᵀ M (u - k E η) - c.
 
     h is the momentum of wheels at their bias and `stiffness` 1 + |h| / (J0 ω0). `state` is what
-    does not change along the orbit, and `across` 1 - b bᵀ at n equal steps of an orbit and in their
+    does not change along the orbit, and `across` M at n equal steps of an orbit and in their
     middles, for each turn of the Earth.
     """
 
@@ -102,13 +106,15 @@ def linear_motion(
     unmade: Float[np.ndarray, "3 3"],
     momentum: Float[np.ndarray, "3"],
     *,
+    dipoles: Float[np.ndarray, "3 3"] = ANY_DIPOLE,
     unloading: float = 0.0,
     gravity_gradient: bool,
 ) -> LinearMotion:
     """The motion of a body (kg m²) in a field, with what wheels leave to magnetorquers, `unmade`.
 
     That is the orthogonal projection N. The `momentum` h (N m s), in body axes, is that of wheels
-    at their bias, `unloading` k in 1/s. With gravity gradient 3 ω0² n × Jn acts as well.
+    at their bias, `unloading` k in 1/s; `dipoles` is P. With gravity gradient 3 ω0² n × Jn acts as
+    well.
     """
     rate = float(field.orbit.rate)
     moment = reference_moment(inertia)
@@ -120,7 +126,8 @@ def linear_motion(
     turns = np.arange(TURNS) * 2 * np.pi / TURNS
     there = field.sampled(instants, turns[:, None])
     units = there / np.linalg.norm(there, axis=-1, keepdims=True)
-    across = np.eye(3) - units[..., :, None] * units[..., None, :]
+    turning = np.cross(units[..., None, :], np.eye(3))  # b × x is x @ turning
+    across = turning @ dipoles @ np.swapaxes(turning, -1, -2)
     stiffness = 1 + float(np.linalg.norm(stored))
     inverse = np.linalg.inv(scaled)
     return LinearMotion(moment, rate, inverse, basis, unloading / rate, stiffness, state, across)
@@ -162,9 +169,9 @@ class PeriodicGain(eqx.Module):
 
     θ is the turn from the orbit frame (rad), ω_r the rate relative to it (rad/s), η the momentum of
     wheels beyond their bias along the columns of `basis` (N m s), and d a constant torque (N m)
-    that acts besides. The first three rows of K are of rods, which are to make of them what is
-    across the field, the others of wheels along `basis`. `gains` are those of `turns` of the Earth
-    and phases of the orbit, evenly spaced from time zero on; `rate` is ω0 (rad/s).
+    that acts besides. The first three rows of K are of rods, none of it along `basis`, the others
+    of wheels along `basis`. `gains` are those of `turns` of the Earth and phases of the orbit,
+    evenly spaced from time zero on; `rate` is ω0 (rad/s).
     """
 
     gains: Float[Array, "turns phases u z"] = eqx.field(converter=as_float)
@@ -174,19 +181,17 @@ class PeriodicGain(eqx.Module):
     def torque(
         self,
         t: RealScalar,
-        field: Float[Array, "3"],
         motion: Float[Array, "6"],
         momentum: Float[Array, "3"],
         constant: Float[Array, "3"],
     ) -> Float[Array, "3"]:
-        """What a law commands (N m) at `motion` (θ, ω_r), in a `field` of any unit, in body axes.
+        """What a law commands (N m) at `motion` (θ, ω_r), in body axes.
 
         `momentum` (N m s) is that of wheels beyond their bias.
         """
         errors = jnp.concatenate([motion, self.basis.T @ momentum, constant])
         torques = -self(t) @ errors
-        rods = torques[:3] - field * (jnp.dot(field, torques[:3]) / jnp.sum(field**2))
-        return rods + self.basis @ (torques[3:] - self.basis.T @ rods)
+        return torques[:3] + self.basis @ torques[3:]
 
     def __call__(self, t: RealScalar) -> Float[Array, "u z"]:
         """K at time `t` (s)."""
@@ -209,31 +214,29 @@ def _next(place: Int[Array, ""], count: int) -> Int[Array, ""]:
 def periodic_gain(
     motion: LinearMotion, weight: float, wheel_weight: float = 1.0
 ) -> PeriodicGain | None:
-    """K of P, the solution of -dP/dτ = AᵀP + PA + Q - P Γ P, for each turn of the Earth.
+    """K of S, the solution of -dS/dτ = AᵀS + SA + Q - S Γ S, for each turn of the Earth.
 
-    Γ = B Bᵀ / r + C Cᵀ / s + f J⁻¹ N J⁻¹ / r, B and C what `rods` and `wheels` do; r is the
-    `weight` over the square of the stiffness g of the motion, s the `wheel_weight`. But for the
-    `FLOOR` f the gain is least in ∫ |θ|² + |ω_r / g ω0|² + r |u|² + s |c|² dτ: with momentum in
-    wheels precession takes torques of g J0 ω0², and nutation has rates of g ω0 for the same angle.
-    Momentum of wheels costs nothing, as unloading takes it out. The state of A, P and Q has the
-    constant torque d as well, which nothing weighs. None where P of all others does not become
-    periodic.
+    Γ = J⁻¹ N (M + f) N J⁻¹ / r + C Cᵀ / s, C what `wheels` do; r is the `weight` over the square of
+    the stiffness g of the motion, s the `wheel_weight`. But for the `FLOOR` f, and for what rods do
+    along axes of wheels, the gain is least in ∫ |θ|² + |ω_r / g ω0|² + r |m|² + s |c|² dτ, where
+    dipoles m × b make M u: with momentum in wheels precession takes torques of g J0 ω0², and
+    nutation has rates of g ω0 for the same angle. Momentum of wheels costs nothing, as unloading
+    takes it out. The state of A, S and Q has the constant torque d as well, which nothing weighs.
+    None where S of all others does not become periodic.
     """
-    size, floor = motion.state.shape[0], motion.inverse @ motion.unmade
+    size, by_rods = motion.state.shape[0], motion.inverse @ motion.unmade
     whole = size + 3
     state = np.zeros((*motion.across.shape[:2], whole, whole))
     state[..., :size, :size], state[..., 3:6, size:] = motion.free, motion.inverse
     into, cost = np.zeros_like(state), np.zeros(whole)
-    rods, wheels, weight = motion.rods, motion.wheels, weight / motion.stiffness**2
+    wheels, weight = motion.wheels, weight / motion.stiffness**2
     cost[:6] = np.repeat([1.0, motion.stiffness**-2], 3)
-    into[..., :size, :size] = rods @ np.swapaxes(rods, -1, -2) / weight
-    into[..., :size, :size] += wheels @ wheels.T / wheel_weight
-    into[..., 3:6, 3:6] += FLOOR * floor @ floor.T / weight
+    into[..., :size, :size] = wheels @ wheels.T / wheel_weight
+    into[..., 3:6, 3:6] += by_rods @ (motion.across + FLOOR * np.eye(3)) @ by_rods.T / weight
     riccati = _periodic_riccati(_hamiltonian(state, into, np.diag(cost)), size)
     if riccati is None:
         return None
-    rods = np.concatenate([np.zeros((3, 3)), floor.T, motion.basis], axis=1) @ riccati
-    gains = [rods / weight, wheels.T @ riccati / wheel_weight]
+    gains = [by_rods.T @ riccati[..., 3:6, :] / weight, wheels.T @ riccati / wheel_weight]
     gains = np.concatenate(gains, axis=-2) * _units(motion)
     return PeriodicGain(gains, motion.basis, motion.rate)
 
@@ -290,7 +293,7 @@ def floquet_multipliers(motion: LinearMotion, gain: PeriodicGain) -> Complex[np.
     low = place.astype(int) % PHASES
     share = (place % 1)[:, None, None]
     gains = gains[:, low] * (1 - share) + gains[:, (low + 1) % PHASES] * share
-    closed = motion.free - motion.rods @ motion.across @ gains[..., :3, :]
+    closed = motion.free - motion.rods @ gains[..., :3, :]
     closed -= motion.wheels @ gains[..., 3:, :]
     grown = _products(_transitions(closed), PHASES * STEPS)[:, 0]
     values = np.linalg.eigvals(grown).astype(complex)

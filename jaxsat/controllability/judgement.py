@@ -49,7 +49,7 @@ class Judgement:
 
     - "controllable": every attitude and rate of the level set, by the laws named in `laws`;
     - "by drift": rank 6 and a drift that returns are enough in principle, no law of jaxsat uses it;
-      or magnetorquers are, of fewer than three axes;
+      or magnetorquers along one axis are;
     - "some attitudes": two wheels with momentum left, which hold only attitudes n·CH = n·β;
     - "not decided": one wheel beside thrusters, rank 6, but less than two torques of both signs; or
       thrusters that make less than three, beside a wheel that coasts; or magnetorquers where rest

@@ -85,7 +85,7 @@ def judge_with_rods(
         rank = int(np.max(np.sum(values > tolerance * values[:, :1], axis=1)))
         ratios = values[:, -1] / values[:, 0]
         margin = (float(ratios.min()), float(ratios.max()))
-    verdict, laws = _verdict(aligned, rank == dimension, margin, independent == 3)
+    verdict, laws = _verdict(aligned, rank == dimension, margin, independent > 1)
     orbit = OrbitRank(independent, basis.shape[1], rank, dimension, margin, aligned)
     if verdict != "controllable" and without.controllable:
         return without
@@ -103,15 +103,15 @@ def judge_with_rods(
 
 
 def _verdict(
-    aligned: bool, full: bool, margin: tuple[float, float], three: bool
+    aligned: bool, full: bool, margin: tuple[float, float], flown: bool
 ) -> tuple[Verdict, Laws]:
     if not aligned:
         return "not decided", "none"
     if not full:
         return "uncontrollable", "none"
     if margin[0] < LEAST_MARGIN:
-        return "borderline", "magnetic" if three else "none"
-    return ("controllable", "magnetic") if three else ("by drift", "none")
+        return "borderline", "magnetic" if flown else "none"
+    return ("controllable", "magnetic") if flown else ("by drift", "none")
 
 
 def _basis(axes: Float[np.ndarray, "3 k"]) -> Float[np.ndarray, "3 p"]:

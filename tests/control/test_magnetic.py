@@ -40,12 +40,23 @@ BIAS, UNLOADING = -5e-3 * PITCH, 3e-4
 """Momentum of a wheel, N m s, and 1/s."""
 
 
-def motion_of(wheel):
+ALL = np.eye(3)
+TWO = ALL - np.outer([0.6, 0.0, 0.8], [0.6, 0.0, 0.8])
+"""What the axes of magnetorquers span."""
+
+
+def motion_of(wheel, spanned=ALL):
     field = DipoleField(CircularOrbit(RATE, *PLACE))
     unmade = np.eye(3) - wheel * np.outer(PITCH, PITCH)
     momentum, unloading = wheel * BIAS, UNLOADING
     return linear_motion(
-        np.diag(INERTIA), field, unmade, momentum, unloading=unloading, gravity_gradient=True
+        np.diag(INERTIA),
+        field,
+        unmade,
+        momentum,
+        dipoles=spanned,
+        unloading=unloading,
+        gravity_gradient=True,
     )
 
 
@@ -60,10 +71,12 @@ def motion(x, momentum):
     return np.concatenate([relative, total / INERTIA + np.cross(relative, frame)])
 
 
-@pytest.mark.parametrize("wheel", [pytest.param(False, marks=pytest.mark.slow), True])
-def test_errors_fall_in_an_orbit_as_the_multipliers_tell(wheel):
+@pytest.mark.parametrize(
+    ("wheel", "spanned"), [pytest.param(False, ALL, marks=pytest.mark.slow), (True, TWO)]
+)
+def test_errors_fall_in_an_orbit_as_the_multipliers_tell(wheel, spanned):
     """The motion is differentiated numerically, and SciPy carries it over an orbit."""
-    linear, count = motion_of(wheel), 6 + wheel
+    linear, count = motion_of(wheel, spanned), 6 + wheel
     gain = periodic_gain(linear, 0.3, 0.01)
     turn, table = 3, np.asarray(gain.gains)[3]
     told = floquet_multipliers(linear, gain)
@@ -87,9 +100,8 @@ def test_errors_fall_in_an_orbit_as_the_multipliers_tell(wheel):
         k = table[low] * (1 - share) + table[(low + 1) % PHASES] * share
         x = columns.reshape(count, count)
         wanted = -k[:, :count] @ x
-        rods = wanted[:3] - np.outer(b, b) @ wanted[:3]  # of the law, then of dipoles
-        dipole = np.cross(b, (unmade @ rods - UNLOADING * axes @ x[6:]).T)
-        made = np.cross(dipole, b).T
+        dipole = spanned @ np.cross(b, (unmade @ wanted[:3] - UNLOADING * axes @ x[6:]).T).T
+        made = np.cross(dipole.T, b).T
         wheels = wanted[3:] - axes.T @ made
         change = slope @ x
         change[3:6] += (made + axes @ wheels) / INERTIA[:, None]
@@ -115,11 +127,12 @@ def test_gains_of_a_field_that_stands_are_those_of_an_algebraic_riccati_equation
     linear = motion_of(wheel)
     linear = linear._replace(across=np.broadcast_to(across, linear.across.shape))
     gain = periodic_gain(linear, weight, wheel_weight)
-    rods, state, g = linear.rods[0, 0], linear.free[0, 0], linear.stiffness
+    state, g = linear.free[0, 0], linear.stiffness
     count, axes, weight = len(state), linear.basis, weight / linear.stiffness**2
-    near = np.zeros((count, 3))
+    by_dipoles, near = np.zeros((count, 3)), np.zeros((count, 3))
     near[3:6] = np.sqrt(FLOOR) * linear.inverse @ linear.unmade
-    inputs = np.concatenate([rods, near, linear.wheels], axis=1)
+    by_dipoles[3:6] = linear.inverse @ linear.unmade @ oracle.cross(b)
+    inputs = np.concatenate([by_dipoles, near, linear.wheels], axis=1)
     weights = np.diag([weight] * 6 + [wheel_weight] * axes.shape[1])
     costs = np.diag([1.0] * 3 + [g**-2] * 3 + [0.0] * axes.shape[1])
     riccati = solve_continuous_are(state, inputs, costs, weights)
@@ -131,9 +144,9 @@ def test_gains_of_a_field_that_stands_are_those_of_an_algebraic_riccati_equation
     units = np.repeat([moment * RATE, moment, RATE, 1.0], [3, 3, axes.shape[1], 3])
     found = np.asarray(gain.gains)[5, 30] / units
     np.testing.assert_allclose(found, np.asarray(gain.gains)[0, 3] / units, rtol=1e-5, atol=1e-7)
-    made = across @ found[:3]  # by rods, of what the law asks
-    expected = rods.T @ riccati / weight
-    np.testing.assert_allclose(linear.unmade @ made, expected, rtol=2e-4, atol=1e-3)
+    dipole = oracle.cross(b) @ found[:3]  # of what the law asks
+    expected = -by_dipoles.T @ riccati / weight
+    np.testing.assert_allclose(dipole, expected, rtol=2e-4, atol=1e-3)
     expected = linear.wheels.T @ riccati / wheel_weight
     np.testing.assert_allclose(found[3:], expected, rtol=2e-4, atol=1e-3)
 

@@ -92,7 +92,9 @@ def test_the_table_counts_rods_alone_and_with_one_wheel_or_two():
     assert cases["x", "y", "z"].judgement.laws == "two torques"
     for failed in (("w1", "x", "y", "z"), ("w1", "w2", "x", "y", "z")):
         assert cases[failed].judgement.verdict == "uncontrollable"
-    assert cases["w1", "x"].judgement.laws == "none"  # the law is made for three rods
+    two, one = cases["w1", "x"].judgement, cases["w1", "w2", "x", "y"].judgement
+    assert (two.verdict, two.laws) == ("controllable", "magnetic")
+    assert (one.verdict, one.laws) == ("by drift", "none")
     # A rod along the orbit normal makes no torque about it, and neither does the field.
     alone = cases["w1", "w2", "x", "z"].judgement
     assert (alone.rank, alone.verdict) == (4, "uncontrollable")
