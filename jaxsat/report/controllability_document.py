@@ -248,7 +248,8 @@ def failure_dataset(
         "verdict": "what the remaining actuators can do",
         "controllable": "every attitude and rate of these states can be reached",
         "borderline": "the margin is too small for a verdict",
-        "margin": "smallest singular value of the normalised generating vectors (directions)",
+        "margin": "smallest singular value of the normalised generating vectors (directions), by "
+        "magnetorquers over the largest, of a factor of the Gramian over an orbit",
         "turn_time": "time to turn 1 rad about the axis hardest to reach, 1 N m a thruster",
         "directions": "dimension of the torques of both signs without the drift",
         "torques": "shape of the set of torques",

@@ -185,18 +185,21 @@ def failure_chart(records: Sequence[dict]) -> Figure:
     if count > len(first_records):
         axes.set_title(f"The first {len(first_records)} of {count} cases")
     axes.set_xticks(np.arange(0.0, 1.3, 0.25))
-    axes.set_xlabel("controllability margin (smallest singular value)")
+    by_rods = any("magnetorquers" in record["both_signs_by"] for record in first_records)
+    remark = "; of magnetorquers: least / largest, over an orbit" if by_rods else ""
+    axes.set_xlabel(f"controllability margin (smallest singular value{remark})")
     axes.legend(loc="lower right", frameon=False)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     return figure
 
 
-def torque_map(cone: TorqueCone, actuators: ActuatorSet) -> Figure:
+def torque_map(cone: TorqueCone, actuators: ActuatorSet, *, without: Sequence[str] = ()) -> Figure:
     """Angle from every direction of torque to the nearest torque that can be made.
 
     Zero inside the cone of the actuators; thrusters, wheels (both ends of their axes) and the
-    direction farthest from all torques are marked.
+    direction farthest from all torques are marked. The title tells of actuators that the cone is
+    `without`.
     """
     azimuths, elevations = np.linspace(-np.pi, np.pi, 91), np.linspace(-np.pi / 2, np.pi / 2, 46)
     angles = [
@@ -206,7 +209,9 @@ def torque_map(cone: TorqueCone, actuators: ActuatorSet) -> Figure:
         ]
         for e in elevations
     ]
-    values, title = np.degrees(angles), f"Attainable torques: {cone.kind}"
+    values = np.degrees(angles)
+    title = ", ".join(["Attainable torques", *(f"without {one}" for one in without)])
+    title = f"{title}: {cone.kind}"
     look = {"cmap": "cividis_r", "vmin": 0, "vmax": max(90.0, float(np.max(values)))}
     figure, axes, image = _direction_map(azimuths, elevations, values, "torque", title, **look)
     pushes = [actuators.torques, -actuators.torques[:, actuators.two_sided]]

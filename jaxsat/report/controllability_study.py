@@ -30,6 +30,8 @@ from jaxsat.controllability.maps import (
 from jaxsat.controllability.rank import Analysis, analyse
 from jaxsat.controllability.rods import judge_with_rods
 from jaxsat.controllability.wording import verdict_sentence
+from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.magnetorquers import MAGNETORQUER
 from jaxsat.report.controllability_document import (
     controllability_document,
     controllability_lines,
@@ -113,7 +115,10 @@ class ControllabilityStudy(NamedTuple):
         )
         folder.write("failures.nc", dataset_bytes(dataset))
         save_figures(
-            lambda: _figures(self.judgement, cases) | _drift_figures(self.drift_data), folder.write
+            lambda: (
+                _figures(self.scenario, self.judgement, cases) | _drift_figures(self.drift_data)
+            ),
+            folder.write,
         )
 
 
@@ -186,7 +191,7 @@ def _magnetic_authority(scenario: Scenario) -> MagneticAuthority | None:
 
     None, too, where rest in the orbit frame is no equilibrium.
     """
-    working = [place for place, one in enumerate(scenario.magnetorquer) if not one.failed]
+    working = _working(scenario, MAGNETORQUER.name)
     torquers = build_plant(scenario).find(Magnetorquers)
     if not working or torquers is None:
         return None
@@ -201,7 +206,7 @@ def _magnetic_lines(scenario: Scenario) -> list[str]:
     """How strong magnetorquers are, and what their law does."""
     if not scenario.magnetorquer:
         return []
-    if all(one.failed for one in scenario.magnetorquer):
+    if not _working(scenario, MAGNETORQUER.name):
         return ["Magnetorquers: all have failed"]
     authority = _magnetic_authority(scenario)
     if authority is None:
@@ -293,7 +298,14 @@ def _drift_figures(chart_data: Mapping[str, tuple[Any, ...]]) -> "dict[str, Figu
     return {name: charts[name](*data) for name, data in chart_data.items()}
 
 
-def _figures(judgement: Judgement, cases: Sequence[FailureCase]) -> "dict[str, Figure]":
+def _working(scenario: Scenario, kind: str) -> list[int]:
+    """The places of the actuators of a kind that have not failed."""
+    return [place for place, one in enumerate(getattr(scenario, kind)) if not one.failed]
+
+
+def _figures(
+    scenario: Scenario, judgement: Judgement, cases: Sequence[FailureCase]
+) -> "dict[str, Figure]":
     """Margins of every failure; torques that can be made, or margins of bodies and directions."""
     from jaxsat.report.controllability_figures import (
         angle_map,
@@ -305,7 +317,9 @@ def _figures(judgement: Judgement, cases: Sequence[FailureCase]) -> "dict[str, F
     figures = {"failures": failure_chart(failure_records(cases))}
     inertia, axes = judgement.inertia, judgement.actuators.torques
     if judgement.one_signed or judgement.actuators.wheels:
-        figures["torque-map"] = torque_map(judgement.cone, judgement.actuators)
+        steered = [one for one in ACTUATORS if one.steering]
+        steered = [f"{one.called}s" for one in steered if _working(scenario, one.name)]
+        figures["torque-map"] = torque_map(judgement.cone, judgement.actuators, without=steered)
         return figures
     if axes.shape[1] == 0:
         return figures

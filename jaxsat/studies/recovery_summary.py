@@ -45,6 +45,7 @@ _LEFT = {
     TorquesLeft.UNOPPOSED_TORQUE: "nothing opposes the torque of a failed thruster with a margin",
     TorquesLeft.NOT_DECIDED: "controllability of the remaining actuators is not decided",
     TorquesLeft.UNHELD_MOMENTUM: "the others cannot hold the momentum of a runaway wheel",
+    TorquesLeft.MAGNETIC: "magnetorquers control all axes over an orbit",
 }
 
 

@@ -2,7 +2,7 @@
 
 import dataclasses
 import enum
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -11,12 +11,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxsat.control.steering import MagneticSteering
 from jaxsat.controllability.actuators import actuator_set
+from jaxsat.controllability.layout import TOLERANCE
+from jaxsat.controllability.rods import RodSet, judge_with_rods
 from jaxsat.controllability.torque_ranges import judge_ranges, torque_reserve
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import AbstractEffector, Reach
+from jaxsat.spacecraft.environment.disturbances import GravityGradient
+from jaxsat.spacecraft.magnetorquers import Magnetorquers
 from jaxsat.spacecraft.wheels import Wheels
 from jaxsat.studies.failure_codes import NEVER, first_code
 
@@ -35,6 +40,7 @@ class TorquesLeft(enum.IntEnum):
     UNOPPOSED_TORQUE = 5
     NOT_DECIDED = 6
     UNHELD_MOMENTUM = 7
+    MAGNETIC = 8
 
 
 _LEFT = {
@@ -86,10 +92,8 @@ class _Exchanger(NamedTuple):
     @staticmethod
     def of(loop: AbstractLoop, effector: AbstractEffector, reach: _Reaches) -> "_Exchanger":
         """An effector by its reach in every case; a wheel that the law knows as failed is lost."""
-        before = _sound_reach(effector)
         size = np.linalg.norm(reach.columns, axis=1, keepdims=True)
-        healthy = (reach.low < 0) & (reach.high >= LEAST_TORQUE * np.asarray(before.high))
-        healthy = healthy & (reach.high > 0) & (size[:, 0] > 0)
+        healthy = _healthy(effector, reach) & (size[:, 0] > 0)
         known_failures = getattr(getattr(loop, "controller", None), "known", None)
         if known_failures is not None and isinstance(effector, Wheels):
             healthy[:, np.asarray(known_failures)] = False
@@ -108,6 +112,37 @@ class _Exchanger(NamedTuple):
         one = self.effector
         inertia = one.rotor_inertia if isinstance(one, Wheels) else None
         return (np.zeros(one.count) if inertia is None else np.asarray(inertia))[self.healthy]
+
+
+class _Rods(NamedTuple):
+    """All magnetorquers, None without any, and which of them are `healthy` in every case."""
+
+    rods: RodSet | None
+    healthy: Bool[np.ndarray, "cases k"]
+
+    @staticmethod
+    def of(loop: AbstractLoop, parts: Sequence[tuple[AbstractEffector, _Reaches]]) -> "_Rods":
+        """The magnetorquers of a loop, by the reach of its effectors in every case."""
+        distribution = getattr(loop, "distribution", None)
+        for one, reach in parts:
+            if isinstance(one, Magnetorquers):
+                biases = [
+                    float(-steering.bias[1])
+                    for steering in getattr(distribution, "steering", ())
+                    if isinstance(steering, MagneticSteering)
+                ]
+                disturbance = loop.plant.disturbance
+                terms = getattr(disturbance, "terms", (disturbance,))
+                rods = RodSet(
+                    names=tuple(f"m{number}" for number in range(1, one.count + 1)),
+                    axes=np.asarray(one.axes, float),
+                    limits=np.asarray(one.dipole_limit, float),
+                    field=one.field,
+                    bias=sum(biases),
+                    gravity_gradient=any(isinstance(term, GravityGradient) for term in terms),
+                )
+                return _Rods(rods, _healthy(one, reach))
+        return _Rods(None, np.zeros((len(parts[0][1].low), 0), bool))
 
 
 def torques_left(
@@ -135,6 +170,7 @@ def torques_left(
         for one, reach in parts
         if one.momentum(one.init()) is not None
     ]
+    rods = _Rods.of(loop, parts)
     codes_by_key: dict[bytes, int] = {}
     codes = np.zeros(len(low), int)
     for case in range(len(low)):
@@ -145,11 +181,12 @@ def torques_left(
         if torque_reserve(*one) > least > 0:
             continue
         here = [each.case(case) for each in exchangers]
+        left = np.flatnonzero(rods.healthy[case]).tolist()
         parts = [part for each in here for part in each[1:]]
-        key = b"".join(part.tobytes() for part in (*one, *parts))
+        key = b"".join(part.tobytes() for part in (*one, *parts, rods.healthy[case]))
         if key not in codes_by_key:
             held = all(_holds_momentum(loop, each) for each in here)
-            code = _judge(loop, momentum, *one, here)
+            code = _judge(loop, momentum, *one, here, rods.rods, left)
             codes_by_key[key] = code if held else int(TorquesLeft.UNHELD_MOMENTUM)
         codes[case] = codes_by_key[key]
     return codes
@@ -177,6 +214,12 @@ def _sound_reach(one: AbstractEffector) -> Reach:
     """What an effector can do before anything fails."""
     count = 0 if one.failures is None else one.failures.count
     return _at_rest(one, jnp.zeros(count, bool))
+
+
+def _healthy(one: AbstractEffector, reach: _Reaches) -> Bool[np.ndarray, "cases n"]:
+    """Which devices do what they are asked, of either sign, and nearly as much as before."""
+    enough = reach.high >= LEAST_TORQUE * np.asarray(_sound_reach(one).high)
+    return (reach.low < 0) & (reach.high > 0) & enough
 
 
 def _at_rest(one: AbstractEffector, hit: Bool[Array, " f"]) -> Reach:
@@ -245,6 +288,8 @@ def _judge(
     low: np.ndarray,
     high: np.ndarray,
     here: list[_Exchanger],
+    rods: RodSet | None,
+    left: list[int],
 ) -> int:
     inertia = np.asarray(loop.plant.spacecraft.inertia)
     axes = np.concatenate(
@@ -255,8 +300,13 @@ def _judge(
     judgement = judge_ranges(inertia, actuators, low, high)
     if judgement is not None and judgement.laws == "three torques":
         return TorquesLeft.THREE_AXES
-    if any(one.columns_change for one in loop.plant.effectors):
+    changing = [one for one in loop.plant.effectors if one.columns_change]
+    if not all(isinstance(one, Magnetorquers) for one in changing):
         return TorquesLeft.NOT_DECIDED
     if judgement is None:
         return TorquesLeft.UNOPPOSED_TORQUE
+    if rods is not None:
+        judgement = judge_with_rods(judgement, rods, left, TOLERANCE)
+    if judgement.orbit is not None and judgement.verdict == "controllable":
+        return TorquesLeft.MAGNETIC
     return _LEFT.get(judgement.verdict, TorquesLeft.NOT_DECIDED)

@@ -61,6 +61,9 @@ def test_failure_chart_has_a_row_a_case():
     for record in records:
         assert f"failed: {record['failed']}" in shown
     assert "borderline" in shown
+    assert "margin (smallest singular value)" in shown
+    records[0]["both_signs_by"] = "magnetorquers and wheels"
+    assert "of magnetorquers: least / largest" in texts(figures.failure_chart(records))
     widths = sorted(bar.get_width() for bar in figure.axes[0].patches)
     assert widths == sorted(r["margin"] for r in records if r["verdict"] != "uncontrollable")
 

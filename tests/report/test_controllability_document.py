@@ -68,3 +68,5 @@ def test_the_map_marks_actuators_and_what_cannot_be_made():
     angles = axes.collections[0].get_array()
     assert angles.min() == pytest.approx(0, abs=1e-4)
     assert axes.get_title() == "Attainable torques: wedge"
+    figure = torque_map(judgement.cone, judgement.actuators, without=["magnetorquers"])
+    assert figure.axes[0].get_title() == "Attainable torques, without magnetorquers: wedge"

@@ -1,0 +1,48 @@
+"""What failed magnetorquers and wheels leave in each case of a study, over an orbit."""
+
+import numpy as np
+
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.studies.failure_codes import FAILURES, NEVER
+from jaxsat.studies.torques_left import TorquesLeft, torques_left
+
+
+def left(name, *cases):
+    """Of every case: which devices die, wheels counted before magnetorquers."""
+    data = load(name).model_dump(exclude_none=True)
+    devices = [(of, one["name"]) for of in ("wheel", "magnetorquer") for one in data.get(of, ())]
+    data["failure"] = [
+        {"of": f"{of} {which}", "kind": "dead", "at_s": 100.0 * at}
+        for at, (of, which) in enumerate(devices, 1)
+    ]
+    law = {"law": "quaternion-feedback", "natural_frequency_rad_s": 0.01, "period_s": 2.0}
+    data["control"] = law  # one that is quickly made
+    loop = build(Scenario.model_validate(data)).loop
+    codes = [FAILURES.index("wheel dead" if of == "wheel" else "dead") for of, _ in devices]
+    places = np.arange(len(devices))
+    dies = np.array([np.isin(places, case) for case in cases])
+    struck = {
+        "failure_time": np.tile(100.0 * (1 + places), (len(cases), 1)),
+        "failed_part": np.tile(places, (len(cases), 1)),
+        "failure_kind": np.where(dies, codes, NEVER),
+        "failure_amount": np.full(dies.shape, np.nan),
+    }
+    return [TorquesLeft(int(code)) for code in torques_left(loop, np.zeros(3), struck)]
+
+
+def test_rods_alone():
+    assert left("rods-only", (), (0,), (2,), (0, 2), (0, 1, 2)) == [
+        TorquesLeft.MAGNETIC,
+        TorquesLeft.MAGNETIC,
+        TorquesLeft.MAGNETIC,
+        TorquesLeft.TOO_FEW,  # a rod along the orbit normal makes no torque about it
+        TorquesLeft.TOO_FEW,
+    ]
+
+
+def test_a_wheel_and_rods():
+    found = left("wheel-and-rods", (), (0,), (1,), (1, 2, 3), (0, 1, 2, 3))
+    assert found[:2] == [TorquesLeft.MAGNETIC] * 2
+    assert found[3:] == [TorquesLeft.TOO_FEW] * 2
