@@ -2,6 +2,7 @@
 
 The guard is the same for every law. It judges the measurements of a sample, and calls the
 controller only with valid ones. All fields that it knows are those of the program's structures.
+What it does without a step, `jaxsat.control.guard.Guard` does in the simulation.
 """
 
 from collections.abc import Sequence
@@ -10,9 +11,6 @@ from dataclasses import dataclass
 from jaxsat.compiler.c.layout import Field
 from jaxsat.compiler.c.naming import comment
 from jaxsat.flight.program import FlightProgram
-
-HOLD_SAMPLES = 10
-"""Default number of samples for which commands are held."""
 
 RATE_LIMIT = 100.0
 """Default of the largest valid rate about an axis, rad/s."""

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Sequence
 
 from jaxsat.compiler.c.layout import Field, Struct
+from jaxsat.control.guard import HOLD_SAMPLES
 from jaxsat.flight.guard import (
-    HOLD_SAMPLES,
     NORM_TOLERANCE,
     RATE_LIMIT,
     Group,

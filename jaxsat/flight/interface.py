@@ -12,10 +12,10 @@ import numpy as np
 
 from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.layout import Field
+from jaxsat.control.guard import HOLD_SAMPLES
 from jaxsat.core.declaration.keys import Key, Numeric
 from jaxsat.flight.flight import UNITS, FlightController, as_type
 from jaxsat.flight.guard import (
-    HOLD_SAMPLES,
     NORM_TOLERANCE,
     RATE_LIMIT,
     groups,

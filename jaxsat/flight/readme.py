@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jaxsat.flight.guard import HOLD_SAMPLES, RATE_LIMIT, groups, status_bits
+from jaxsat.control.guard import HOLD_SAMPLES
+from jaxsat.flight.guard import RATE_LIMIT, groups, status_bits
 from jaxsat.flight.measure import DEAREST, ProcessorUse
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.templates import DEVIATIONS, template

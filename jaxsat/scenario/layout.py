@@ -40,6 +40,11 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
     return working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
 
 
+def has_invalid_samples(scenario: Any) -> bool:
+    """Whether a checked scenario may have samples at which its law makes no step."""
+    return scenario.gyro is not None and scenario.gyro.outage_start_s is not None
+
+
 def command_map(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> np.ndarray | None:
     """Body torque for each unit of commanded torque, (3, 2); None where there is no such map."""
     working = working_axes(axes, failed)

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from functools import reduce
+from functools import partial, reduce
 from typing import NamedTuple
 
 import equinox as eqx
@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.control.controller import Memory
+from jaxsat.control.guard import Guard, GuardState
 from jaxsat.control.navigation.navigation import Navigation, NavigationState, Told
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.checks import as_optional_float, concrete, require_counts, require_positive
@@ -19,7 +20,7 @@ from jaxsat.simulation.loops import AbstractLoop, plant_signals
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.spacecraft.distribution import AbstractDistribution, Direct, Shares
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody
-from jaxsat.spacecraft.held_effector import Hold, hold_by_hold, mean_size
+from jaxsat.spacecraft.held_effector import Decision, Hold, hold_by_hold, mean_size
 from jaxsat.spacecraft.sensors import DrawnSensors, Sensors, Tachometers
 
 
@@ -27,7 +28,7 @@ class SampledState(NamedTuple):
     """State of the plant, memory of its controller, and the memory of each effector.
 
     With a delay `uses` are what each effector has last been asked for. `navigation` is that of
-    sensors with a state and their estimator, None where there are none.
+    sensors with a state and their estimator, `guard` that of the guard, None where there are none.
     """
 
     plant: PlantState
@@ -35,6 +36,17 @@ class SampledState(NamedTuple):
     effectors: OfEach = ()
     uses: OfEach | None = None
     navigation: NavigationState | None = None
+    guard: GuardState | None = None
+
+
+class _Planned(NamedTuple):
+    """A sample: what the law was told, what is asked for, the plans of effectors, and memories."""
+
+    told: Told
+    shares: Shares
+    plans: OfEach
+    memory: Memory
+    guard: GuardState | None
 
 
 Integrator = Callable[[Float[Array, ""], Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
@@ -51,7 +63,8 @@ class SampledLoop(AbstractLoop):
     does, whose sensors and estimator have a state; with None of either it is told the truth. A
     `delay` (s, at most one period) is the time the controller takes to compute: for so long after
     each sample effectors continue from what they did; None is a loop without. `tachometers` tell
-    the momenta of wheels; None for those that are exact.
+    the momenta of wheels; None for those that are exact. A `guard` says what is done at samples at
+    which a gyro has an outage.
     """
 
     plant: RigidBody
@@ -62,9 +75,12 @@ class SampledLoop(AbstractLoop):
     delay: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
     navigation: Navigation | None = None
     tachometers: Tachometers | None = None
+    guard: Guard | None = None
 
     def __check_init__(self):
         require_counts(substeps=self.substeps)
+        if self.guard is None and self.navigation and self.navigation.gyro.outage is not None:
+            raise ValueError("Argument `guard` must be given with a gyro that has an outage.")
         if self.sensors is not None and self.navigation is not None:
             raise ValueError("Arguments `sensors` and `navigation` must not both be given.")
         if self.delay is None:
@@ -94,7 +110,12 @@ class SampledLoop(AbstractLoop):
             None if self.delay is None else tuple(one.idle() for one in effectors),
             None if self.navigation is None else self.navigation.init(state),
         )
-        return begin._replace(memory=self.controller.init(self.told(jnp.array(0), begin).state))
+        told = self.told(jnp.array(0), begin).state
+        begin = begin._replace(memory=self.controller.init(told))
+        if self.guard is None:
+            return begin
+        asked = jax.eval_shape(self._shares, jnp.zeros(()), told, begin.memory)[0]
+        return begin._replace(guard=self.guard.init(asked))
 
     def told(self, number: Int[Array, ""], state: SampledState) -> Told:
         """What the controller is told at sample `number` of the run when the truth is `state`."""
@@ -117,9 +138,7 @@ class SampledLoop(AbstractLoop):
 
     def signals(self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState) -> Signals:
         """The signals of the truth at sample `number` of the run, which is at time `t` (s)."""
-        measurement = self.told(number, state)
-        shares, memory = self._shares(t, measurement.state, state.memory)
-        plans = self._plans(t, shares.uses, state)
+        measurement, shares, plans, memory, _ = self._planned(number, t, state)
         parts = zip(self.plant.effectors, plans, strict=True)
         means = [one.finish(plan, one.run(plan, self.controller.period))[1] for one, plan in parts]
         signals = self._signals(t, state, memory, measurement, tuple(means))
@@ -137,9 +156,7 @@ class SampledLoop(AbstractLoop):
 
         Gives the state at its end, the carry, and the signals at its begin.
         """
-        measurement = self.told(number, state)
-        shares, memory = self._shares(t, measurement.state, state.memory)
-        plans = self._plans(t, shares.uses, state)
+        measurement, shares, plans, memory, guard = self._planned(number, t, state)
         plant, carry, running = self._through(t, plans, state, integrate, carry)
         parts = zip(self.plant.effectors, plans, running, strict=True)
         pairs = [one.finish(plan, now) for one, plan, now in parts]
@@ -150,8 +167,24 @@ class SampledLoop(AbstractLoop):
             tuple(own for own, _ in pairs),
             None if self.delay is None else shares.uses,
             measurement.navigation,
+            guard,
         )
         return after, carry, self._with_unmade(signals, shares)
+
+    def _planned(
+        self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState
+    ) -> _Planned:
+        """What is decided at sample `number` of the run, which is at time `t` (s)."""
+        told = self.told(number, state)
+        shares, memory = self._shares(t, told.state, state.memory)
+        guard, before = self.guard, state.guard
+        if guard is None or before is None or told.valid is None:
+            return _Planned(told, shares, self._plans(t, shares.uses, state), memory, before)
+        decision = guard.decide(told.valid, before)
+        shares, after = guard.asked(decision, shares, before)
+        memory = jax.tree.map(partial(jnp.where, told.valid), memory, state.memory)
+        plans = self._plans(t, shares.uses, state, decision)
+        return _Planned(told, shares, plans, memory, after)
 
     def _shares(
         self, t: Float[Array, ""], estimate: PlantState, memory: Memory
@@ -167,11 +200,19 @@ class SampledLoop(AbstractLoop):
             return signals
         return dataclasses.replace(signals, torque_unmade=unmade)
 
-    def _plans(self, t: Float[Array, ""], uses: OfEach, state: SampledState) -> OfEach:
+    def _plans(
+        self,
+        t: Float[Array, ""],
+        uses: OfEach,
+        state: SampledState,
+        decision: Decision | None = None,
+    ) -> OfEach:
         """The plan of each effector for the period that begins at time `t` (s)."""
         parts = zip(self.plant.effectors, uses, state.effectors, strict=True)
-        period, delay = self.controller.period, self.delay
-        return tuple(one.plan(t, use, own, period, delay) for one, use, own in parts)
+        more = (self.controller.period, self.delay)
+        if decision is None:
+            return tuple(one.plan(t, use, own, *more) for one, use, own in parts)
+        return tuple(one.plan_guarded(t, use, own, *more, decision) for one, use, own in parts)
 
     def _before(self, state: SampledState, commands: OfEach) -> OfEach:
         """Commands until those of a sample are ready: those of the last, unless plans count the

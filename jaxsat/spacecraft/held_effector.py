@@ -12,7 +12,7 @@ from typing import ClassVar, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.array_types import RealScalar
 
@@ -31,6 +31,13 @@ class Hold(NamedTuple):
     def part(self, elapsed: RealScalar, length: RealScalar) -> "Hold":
         """The part that begins `elapsed` seconds after the begin, of this length (s)."""
         return self._replace(begin=self.begin + elapsed, length=length)
+
+
+class Decision(NamedTuple):
+    """Whether a law makes a step at a sample, and, if not, whether the last commands are held."""
+
+    steps: Bool[Array, ""]
+    held: Bool[Array, ""]
 
 
 def hold_by_hold(count: int, period: RealScalar, step: Callable[..., tuple], *carry: PyTree):
@@ -111,6 +118,18 @@ class AbstractHeldEffector(eqx.Module):
         What it asks for is ready `delay` s after the begin; None is at once.
         """
         return use
+
+    def plan_guarded(
+        self,
+        t: RealScalar,
+        use: Float[Array, " size"],
+        memory: PyTree,
+        period: RealScalar,
+        delay: RealScalar | None,
+        decision: Decision,
+    ) -> PyTree:
+        """The plan where the law may make no step; `use` is what is asked for then, too."""
+        return self.plan(t, use, memory, period, delay)
 
     def begin(self, plan: PyTree) -> PyTree:
         """What runs through the holds of a plan, as its period begins."""

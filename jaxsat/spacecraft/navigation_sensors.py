@@ -31,6 +31,24 @@ def _as_three(value: ArrayLike | list | tuple) -> Float[Array, "3"]:
     return as_float([value] * 3) if array.ndim == 0 else array
 
 
+def _require_both(start: object, length: object) -> None:
+    if (start is None) != (length is None):
+        raise ValueError("Arguments `outage_start` and `outage` must be given together.")
+
+
+def _outside_outage(
+    sample: Int[Array, ""],
+    period: Float[Array, ""],
+    start: Float[Array, ""] | None,
+    length: Float[Array, ""] | None,
+) -> Bool[Array, ""] | None:
+    """Whether a sample is outside an outage of this start and length (s), None for no outage."""
+    if start is None or length is None:
+        return None
+    since = sample * period - start
+    return (since < 0) | (since >= length)
+
+
 class Gyro(eqx.Module):
     """Three rate gyros along the body axes, sampled at the instants of a sampled law.
 
@@ -46,7 +64,11 @@ class Gyro(eqx.Module):
     - s is `scale_factor`, the relative error on each axis, and m is `misalignment`, a small
       rotation (rad, body axes) of the three input axes.
 
-    Raises `ValueError` for a negative density, walk or deviation, and a limit that is not positive.
+    What is measured is invalid for `outage` (s) from `outage_start` (s) on, which must be later
+    than the first sample; None for both is no outage.
+
+    Raises `ValueError` for a negative density, walk or deviation, a limit that is not positive, and
+    an outage without a start or a length.
     """
 
     noise_density: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
@@ -56,6 +78,8 @@ class Gyro(eqx.Module):
     scale_factor: Float[Array, "3"] = eqx.field(converter=_as_three, default=0.0)
     misalignment: Float[Array, "3"] = eqx.field(converter=_as_three, default=0.0)
     limit: Float[Array, ""] = eqx.field(converter=as_float, default=jnp.inf)
+    outage_start: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
+    outage: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
         for name in ("noise_density", "bias_walk", "bias_sigma"):
@@ -63,6 +87,9 @@ class Gyro(eqx.Module):
         for name in ("bias", "scale_factor", "misalignment"):
             require_finite(name, getattr(self, name))
         require_positive("limit", self.limit)
+        _require_both(self.outage_start, self.outage)
+        if self.outage_start is not None:
+            require_positive("outage_start", self.outage_start)
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], period: float) -> "Gyro":
@@ -76,7 +103,14 @@ class Gyro(eqx.Module):
             values["scale_factor"],
             values["misalignment_rad"],
             np.inf if limit is None else limit,
+            values["outage_start_s"],
+            values["outage_s"],
         )
+
+    def is_valid(self, sample: Int[Array, ""], period: Float[Array, ""]) -> Bool[Array, ""] | None:
+        """Whether what is measured at this sample is valid, None where it always is; samples are
+        `period` s apart."""
+        return _outside_outage(sample, period, self.outage_start, self.outage)
 
     def rate_variance(self, period: Float[Array, ""]) -> Float[Array, ""]:
         """Variance of the white noise of one sample, (rad/s)², for samples `period` s apart."""
@@ -151,8 +185,7 @@ class StarTracker(eqx.Module):
         self.rate_limit = as_float(rate_limit)
         self.every, self.latency, self.arrival = as_array(np.asarray(every)), latency, None
         self.outage_start, self.outage = as_optional_float(outage_start), as_optional_float(outage)
-        if (self.outage is None) != (self.outage_start is None):
-            raise ValueError("Arguments `outage_start` and `outage` must be given together.")
+        _require_both(self.outage_start, self.outage)
         for name in ("across", "along", "rate_limit"):
             require_positive(name, getattr(self, name))
         require_counts(every=every)
@@ -184,10 +217,8 @@ class StarTracker(eqx.Module):
     ) -> Bool[Array, ""]:
         """Whether there is a measurement at this sample; samples are `period` s apart."""
         has_fix = (sample % self.every == 0) & (jnp.sum(omega**2) <= self.rate_limit**2)
-        if self.outage_start is None or self.outage is None:
-            return has_fix
-        since = sample * period - self.outage_start
-        return has_fix & ((since < 0) | (since >= self.outage))
+        works = _outside_outage(sample, period, self.outage_start, self.outage)
+        return has_fix if works is None else has_fix & works
 
     def arriving(self, queue: Queue) -> Queue:
         """What arrives now of all that was measured in the last `latency` samples and now."""

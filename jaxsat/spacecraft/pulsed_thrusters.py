@@ -3,6 +3,7 @@
 from typing import ClassVar, NamedTuple, cast
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
@@ -24,7 +25,7 @@ class ThrusterMemory(NamedTuple):
 
     `level` is the thrust of each thruster in parts of its full one, None where it takes no time to
     rise and fall; `open` tells which valves were told to be open at the end. `pulses` is None where
-    no valve is late.
+    no valve can be late.
     """
 
     modulation: PyTree
@@ -102,8 +103,8 @@ class PulsedThrusters(AbstractEffector):
 
     Without an `allocation` the law commands the duty of each.
     Where valves may be `late`, by a delay of theirs, of the law or of a failure, pulses reach into
-    the next period. A delay of more than a period counts as one; thrust must rise and fall within a
-    period.
+    the next period; `late` must be true, too, where a guard may repeat pulses. A delay of more than
+    a period counts as one; thrust must rise and fall within a period.
     """
 
     kind: ClassVar[str] = "thruster"
@@ -178,6 +179,26 @@ class PulsedThrusters(AbstractEffector):
     def plan(self, t, use, memory, period, delay) -> PulsePlan:
         """Pulses as commanded, shifted by what the valves are late."""
         pulses, modulation = self._pulses(use, memory.modulation, period)
+        return self._plan_of(t, pulses, modulation, memory, period, delay)
+
+    def plan_guarded(self, t, use, memory, period, delay, decision) -> PulsePlan:
+        """Without a step, the pulses of the last period again, or none; the modulator waits.
+
+        Raises `ValueError` where valves are not `late`, so that pulses are not remembered.
+        """
+        if memory.pulses is None:
+            raise ValueError("Argument `late` must be true for a loop with a guard.")
+        pulses, modulation = self._pulses(use, memory.modulation, period)
+        again = jax.tree.map(lambda x: jnp.where(decision.held, x, 0), memory.pulses)
+        pulses, modulation = jax.tree.map(
+            lambda new, old: jnp.where(decision.steps, new, old),
+            (pulses, modulation),
+            (again, memory.modulation),
+        )
+        return self._plan_of(t, pulses, modulation, memory, period, delay)
+
+    def _plan_of(self, t, pulses: Pulses, modulation, memory, period, delay) -> PulsePlan:
+        """The plan of commanded pulses, with the modulator's next memory."""
         real = pulses.off > pulses.on
         begins = real & ~((pulses.on <= 0) & memory.open[None])
         counted = 1.0 if self.modulation.counts_openings() else 0.0

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -62,6 +63,11 @@ BOTH = GYRO + TRACKER
             "must be at most 1000 times control.period_s, got 200",
         ),
         (
+            GYRO + "outage_start_s = 3\n" + TRACKER,
+            "gyro.outage_s",
+            "must be given with outage_start_s, got nothing",
+        ),
+        (
             BOTH + "outage_s = 3",
             "star_tracker.outage_start_s",
             "must be given with outage_s, got nothing",
@@ -104,7 +110,8 @@ def loaded(tmp_path, text, overrides=()):
 
 
 def test_what_is_declared_is_built(tmp_path):
-    navigation = build(loaded(tmp_path, BOTH)).loop.navigation
+    run: Any = build(loaded(tmp_path, BOTH))
+    navigation = run.loop.navigation
     gyro, tracker = navigation.gyro, navigation.tracker
     assert (gyro.noise_density, gyro.bias_walk, gyro.bias_sigma) == (1.5e-5, 3e-8, 1e-5)
     np.testing.assert_array_equal(gyro.bias, [1e-5, 0, -1e-5])
@@ -120,12 +127,13 @@ def test_the_example_of_the_page_can_be_run(tmp_path):
     """The page docs/sensors.md, as it stands."""
     page = Path(__file__).parents[2] / "docs" / "sensors.md"
     example, *_ = re.findall(r"(?ms)^```toml\n(.*?)^```", page.read_text(encoding="utf-8"))
-    navigation = build(loaded(tmp_path, "\n" + example)).loop.navigation
+    run: Any = build(loaded(tmp_path, "\n" + example))
+    navigation = run.loop.navigation
     assert (navigation.tracker.every, navigation.tracker.latency) == (5, 2)
 
 
 def test_without_an_estimator_the_law_is_told_what_is_measured(tmp_path):
-    run = build(loaded(tmp_path, BOTH + "[estimator]\nkind = 'none'"))
+    run: Any = build(loaded(tmp_path, BOTH + "[estimator]\nkind = 'none'"))
     assert isinstance(run.loop.navigation.estimator, RawMeasurements)
 
 
@@ -151,7 +159,7 @@ def test_a_case_draws_its_errors_from_its_own_key(tmp_path):
     )
 
     def first(case):
-        made = study.case_factory(case)
+        made: Any = study.case_factory(case)
         true = made.start.attitude.as_quaternion()
         return made.loop.navigation.init(made.start), true.q
 

@@ -90,6 +90,8 @@ GYRO = {
     "scale_factor": 1e-3,
     "misalignment_rad": [1e-3, 2e-3, -1e-3],
     "limit_rad_s": 0.5,
+    "outage_start_s": 0.05,
+    "outage_s": 0.1,
 }
 TRACKER = {
     "across_rad": 1e-5,

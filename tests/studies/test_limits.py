@@ -1,5 +1,7 @@
 """What may be drawn: the ranges of the keys, for every quantity, in the file and in the draw."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -15,13 +17,13 @@ from studies.copies import copies_of, sampled
 from studies.studies import tumbling
 
 SENSORS = [
-    "gyro={bias_sigma_rad_s=1e-5}",
+    "gyro={bias_sigma_rad_s=1e-5, outage_start_s=5, outage_s=9}",
     "star_tracker={across_rad=1e-5, along_rad=1e-4, latency_s=0.2, outage_start_s=5, outage_s=9}",
 ]
 
 NOMINAL = {"rate_noise": 1e-5, "attitude_noise": 1e-5, "delay": 0.05, "tilt": 0.7}
 NOMINAL |= {"tracker_across": 1e-5, "tracker_along": 1e-5}
-NOMINAL |= {"tracker_update_period": 0.1, "tracker_rate_limit": 1.0}
+NOMINAL |= {"gyro_outage_start": 5.0, "tracker_update_period": 0.1, "tracker_rate_limit": 1.0}
 """Numbers that may be drawn; zero for all others."""
 
 BEYOND = {
@@ -61,6 +63,8 @@ BEYOND = {
     "gyro_bias": (-2e3, 2e3),
     "gyro_scale_factor": (-0.6, 0.6),
     "gyro_misalignment": (-1.1, 1.1),
+    "gyro_outage_start": (0.0, 2e8),
+    "gyro_outage": (-1.0, 2e8),
     "tracker_across": (0.0, 2.0),
     "tracker_along": (0.0, 2.0),
     "tracker_update_period": (0.01, 2e8),
@@ -125,7 +129,7 @@ def problems(names, distributions, *more):
         load(base, [*more, *changed, *drawn], purpose="study")
     return {
         name: [
-            (problem.key.removeprefix(key).removeprefix("."), problem.message)
+            ((problem.key or "").removeprefix(key).removeprefix("."), problem.message)
             for problem in caught.value.problems
             if f"{problem.key}.".startswith(f"{key}.")
         ]
@@ -238,8 +242,9 @@ def test_simulating_does_not_need_what_is_dispersed_but_its_ranges_are_checked()
         load("switching", [gain])
 
 
-TAILS = {"delay": Normal(0.05, 0.04), "rate_noise": Normal(0.0, 1e-3), "tilt": Normal(0.5, 0.5),
-         "torque_gain": Normal(-0.9, 0.1), "model_orbit_rate": Normal(-0.5, 1.0)}  # fmt: skip
+TAILS: Any = {"delay": Normal(0.05, 0.04), "rate_noise": Normal(0.0, 1e-3),
+         "tilt": Normal(0.5, 0.5), "torque_gain": Normal(-0.9, 0.1),
+         "model_orbit_rate": Normal(-0.5, 1.0)}  # fmt: skip
 
 
 def allowed(copy, name):

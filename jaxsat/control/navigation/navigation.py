@@ -33,24 +33,28 @@ class Delivery(NamedTuple):
 class NavigationState(NamedTuple):
     """The gyro's bias (rad/s), what the star tracker has yet to deliver, the estimator's memory.
 
-    Of what is to be delivered the oldest stands first; None is a tracker without latency.
+    Of what is to be delivered the oldest stands first; None is a tracker without latency. `rate` is
+    the last valid measurement of the gyro (rad/s), None where all are valid.
     """
 
     bias: Float[Array, "3"]
     waiting: Delivery | None
     memory: PyTree
+    rate: Float[Array, "3"] | None = None
 
 
 class Told(NamedTuple):
     """What a law is told at one sample; with sensors and estimator that have a state, the next one.
 
     `errors` are those of the estimate by the names of signals: truth less estimate, and three of
-    the deviations claimed, of what is estimated.
+    the deviations claimed, of what is estimated. `valid` is whether the law may use it, None where
+    it always may.
     """
 
     state: PlantState
     navigation: NavigationState | None = None
     errors: Mapping[str, Float[Array, "3"]] = MappingProxyType({})
+    valid: Bool[Array, ""] | None = None
 
 
 class Navigation(eqx.Module):
@@ -78,7 +82,8 @@ class Navigation(eqx.Module):
         count, waiting = self.tracker.latency, None
         if count:
             waiting = Delivery(jnp.stack([true.q] * count), jnp.zeros(count, bool))
-        return NavigationState(self.gyro.first_bias(noise[:3]), waiting, memory)
+        rate = None if self.gyro.outage is None else jnp.zeros_like(state.omega)
+        return NavigationState(self.gyro.first_bias(noise[:3]), waiting, memory, rate)
 
     def step(
         self,
@@ -89,10 +94,14 @@ class Navigation(eqx.Module):
     ) -> tuple[Estimate, NavigationState]:
         """The estimate at a sample of the run when the truth is `plant`, and the next state.
 
-        Samples are `period` s apart.
+        Samples are `period` s apart. In place of an invalid rate, the estimator is told the last
+        valid one.
         """
         noise = sample_noise(self.key, sample, 9, plant.omega.dtype)
         rate = self.gyro.measured(plant.omega, state.bias, noise[:3], period)
+        valid = self.gyro.is_valid(sample, period)
+        if valid is not None and state.rate is not None:
+            rate = jnp.where(valid, rate, state.rate)
         attitude = self.tracker.measured(plant.attitude.as_quaternion(), noise[6:])
         arriving = Delivery(attitude.q, self.tracker.measures(sample, period, plant.omega))
         waiting = state.waiting
@@ -105,7 +114,8 @@ class Navigation(eqx.Module):
         measurement = Measurement(rate, Quaternion(arriving.attitude), arriving.seen)
         estimate, memory = self.estimator.step(sample, period, measurement, state.memory)
         bias = self.gyro.next_bias(state.bias, noise[3:6], period)
-        return estimate, NavigationState(bias, waiting, memory)
+        last = None if state.rate is None else rate
+        return estimate, NavigationState(bias, waiting, memory, last)
 
     def told(
         self,
@@ -119,7 +129,7 @@ class Navigation(eqx.Module):
         attitude = in_parameters_of(plant.attitude, estimate.attitude)
         errors = _errors(plant, state.bias, estimate)
         estimated = PlantState(attitude, estimate.omega, plant.effectors)
-        return Told(estimated, following, errors)
+        return Told(estimated, following, errors, self.gyro.is_valid(sample, period))
 
 
 def _errors(

@@ -137,6 +137,22 @@ GYRO = SensorDeclaration(
             within=RATE_RANGE,
             default=None,
         ),
+        number(
+            "outage_start_s",
+            "Time at which an outage begins, in which measured rates are invalid; by default none",
+            "s",
+            within=SECONDS,
+            default=None,
+            drawn="gyro_outage_start",
+        ),
+        number(
+            "outage_s",
+            "Length of the outage of the gyros",
+            "s",
+            within=FROM_ZERO,
+            default=None,
+            drawn="gyro_outage",
+        ),
     ),
 )
 

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.control.controller import AbstractBacksteppingLaw, AbstractController, Coast
+from jaxsat.control.guard import Guard
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_array, as_float
@@ -26,7 +27,7 @@ from jaxsat.scenario.build.plugin_trial import require_runs
 from jaxsat.scenario.build.sensors import build_navigation, build_sampling, build_tachometers
 from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.layout import uses_error_coordinates
+from jaxsat.scenario.layout import has_invalid_samples, uses_error_coordinates
 from jaxsat.scenario.resolution import substeps_of
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import MAX_SAMPLED_STEPS, SolverTable
@@ -144,6 +145,7 @@ def _close_loop(
     if not is_sampled:
         return ContinuousLoop(plant, controller, distribution)
     sensors, delay = build_sampling(scenario)
+    guard = Guard() if has_invalid_samples(scenario) else None
     return SampledLoop(
         plant,
         controller,
@@ -153,6 +155,7 @@ def _close_loop(
         delay,
         build_navigation(scenario),
         build_tachometers(scenario),
+        guard,
     )
 
 

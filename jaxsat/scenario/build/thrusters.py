@@ -11,7 +11,7 @@ from jaxsat.control.diagnosis.thruster_filter import ThrusterModel
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.failures import FailureKind, failure_kind
 from jaxsat.core.declaration.sensors import GYRO
-from jaxsat.scenario.layout import command_torques, thruster_costs
+from jaxsat.scenario.layout import command_torques, has_invalid_samples, thruster_costs
 from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.failures import FailureTable
 from jaxsat.scenario.parts.thrusters import (
@@ -53,7 +53,7 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
         allocation=None if as_commanded else LeastPropellant.of(*command, tabled=not behind),
         modulation=_modulation(scenario),
         failures=thruster_failures(scenario.failure, scenario.thruster),
-        late=late or thrusters.valve_delay is not None,
+        late=late or thrusters.valve_delay is not None or has_invalid_samples(scenario),
     )
 
 

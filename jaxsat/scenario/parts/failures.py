@@ -172,14 +172,12 @@ def failure_cautions(scenario: Any) -> Iterator[Issue]:
 
 def _after_the_end(scenario: Any) -> Iterator[Issue]:
     """Times at or after the end of the run; of those that are drawn the least ones."""
-    outage = getattr(scenario.star_tracker, "outage_start_s", None)
     begins: dict[str, dict[Location, float]] = {
         "failure_time_s": {
             ("failure", number, "at_s"): one.at_s for number, one in enumerate(scenario.failure)
         },
-        "tracker_outage_start_s": {}
-        if outage is None
-        else {("star_tracker", "outage_start_s"): outage},
+        "tracker_outage_start_s": _outage(scenario, "star_tracker"),
+        "gyro_outage_start_s": _outage(scenario, "gyro"),
     }
     end = scenario.simulation.duration_s
     for key, times in begins.items():
@@ -189,6 +187,11 @@ def _after_the_end(scenario: Any) -> Iterator[Issue]:
             if time >= end:
                 message = f"should be before simulation.duration_s = {shown(end)}"
                 yield Issue(location, f"{message}, else it never strikes, got {shown(time)}")
+
+
+def _outage(scenario: Any, sensor: str) -> dict[Location, float]:
+    start = getattr(getattr(scenario, sensor), "outage_start_s", None)
+    return {} if start is None else {(sensor, "outage_start_s"): start}
 
 
 def _drawn(scenario: Any, key: str) -> Any:

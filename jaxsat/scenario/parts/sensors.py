@@ -133,11 +133,20 @@ def _whole_periods(name, value, period, most):
 
 
 @rule("star_tracker.outage_start_s", "star_tracker.outage_s")
-def _an_outage_has_begin_and_length(start, length):
+def _an_outage_of_the_tracker_has_begin_and_length(start, length):
+    yield from _both("star_tracker", start, length)
+
+
+@rule("gyro.outage_start_s", "gyro.outage_s")
+def _an_outage_of_the_gyro_has_begin_and_length(start, length):
+    yield from _both("gyro", start, length)
+
+
+def _both(table, start, length):
     if (start is None) != (length is None):
         names = ("outage_start_s", "outage_s")
         lacking, other = names if start is None else names[::-1]
-        yield at(f"star_tracker.{lacking}", f"must be given with {other}, got nothing", True)
+        yield at(f"{table}.{lacking}", f"must be given with {other}, got nothing", True)
 
 
 @rule("star_tracker.boresight")

@@ -1,5 +1,7 @@
 """Gyros and star trackers that differ from case to case, while the filter believes the same."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -16,7 +18,8 @@ from jaxsat.studies.quantities import QUANTITIES
 from studies.copies import copies_of
 
 SENSORS = [
-    "gyro={noise_density_rad_s_sqrt_Hz=1e-5, bias_walk_rad_s2_sqrt_Hz=1e-8}",
+    "gyro={noise_density_rad_s_sqrt_Hz=1e-5, bias_walk_rad_s2_sqrt_Hz=1e-8, outage_start_s=5,"
+    "outage_s=1}",
     "star_tracker={across_rad=1e-5, along_rad=1e-4, latency_s=0.3, outage_start_s=4, outage_s=2}",
 ]
 PERIOD = 0.1
@@ -26,6 +29,8 @@ REACHES = {
     "gyro_bias": lambda one: one.gyro.bias,
     "gyro_scale_factor": lambda one: one.gyro.scale_factor,
     "gyro_misalignment": lambda one: one.gyro.misalignment,
+    "gyro_outage_start": lambda one: one.gyro.outage_start[:, None],
+    "gyro_outage": lambda one: one.gyro.outage[:, None],
     "tracker_across": lambda one: one.tracker.across[:, None],
     "tracker_along": lambda one: one.tracker.along[:, None],
     "tracker_update_period": lambda one: one.tracker.every[:, None] * PERIOD,
@@ -36,7 +41,7 @@ REACHES = {
 }
 
 
-def loop():
+def loop() -> Any:
     return build(load("switching", ["simulation.duration_s=12", *SENSORS])).loop
 
 
@@ -46,7 +51,7 @@ def test_every_quantity_of_sensors_has_its_test():
 
 def test_they_reach_the_sensors_and_not_what_the_filter_believes():
     nominal = loop()
-    drawn = dict.fromkeys(REACHES, Uniform(0.1, 0.3))
+    drawn: Any = dict.fromkeys(REACHES, Uniform(0.1, 0.3))
     copy = copies_of(nominal, 5, **drawn)
     found = jax.tree.map(np.asarray, copy.loop.navigation)
     for name, read in REACHES.items():
@@ -87,6 +92,7 @@ def test_an_outage_is_from_its_start_to_its_end():
     still, period = jnp.zeros(3), jnp.array(0.125)
     seen = [number for number in range(20) if tracker.measures(jnp.array(number), period, still)]
     assert seen == [0, 2, 4, 6, 12, 14, 16, 18]
+    alone: Any
     for alone in ({"outage_start": 1.0}, {"outage": 1.0}):
         with pytest.raises(ValueError, match="must be given together"):
             StarTracker(1e-5, 1e-5, **alone)
@@ -95,7 +101,8 @@ def test_an_outage_is_from_its_start_to_its_end():
 @pytest.mark.slow
 def test_engines_agree_on_dispersed_sensors():
     ranges = {"gyro_bias_rad_s": (-1e-3, 1e-3), "tracker_update_period_s": (0.1, 1.0),
-              "tracker_latency_s": (0.0, 0.3), "tracker_outage_start_s": (1.0, 5.0)}  # fmt: skip
+              "tracker_latency_s": (0.0, 0.3), "tracker_outage_start_s": (1.0, 5.0),
+              "gyro_outage_start_s": (0.5, 4.0)}  # fmt: skip
     tables = [
         f"dispersion.{key}={{distribution='uniform', low={low}, high={high}}}"
         for key, (low, high) in ranges.items()

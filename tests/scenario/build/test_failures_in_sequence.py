@@ -104,9 +104,11 @@ def test_what_never_strikes_or_ends_a_failure_is_told(tmp_path, failures, disper
         load(written(tmp_path, text, failures, dispersed))
 
 
-def test_an_outage_after_the_end_is_told():
-    with pytest.warns(ScenarioWarning, match=r"outage_start_s: .* never strikes, got 100000"):
-        load("thruster-dies", ["star_tracker.outage_start_s=1e5", "star_tracker.outage_s=10"])
+@pytest.mark.parametrize("sensor", ["star_tracker", "gyro"])
+def test_an_outage_after_the_end_is_told(sensor):
+    said = rf"{sensor}\.outage_start_s: .* never strikes, got 100000"
+    with pytest.warns(ScenarioWarning, match=said):
+        load("thruster-dies", [f"{sensor}.outage_start_s=1e5", f"{sensor}.outage_s=10"])
 
 
 def test_failures_in_time_are_not_remarked_on(tmp_path):

@@ -1,0 +1,63 @@
+"""What a sampled loop does at a sample whose measurements are invalid.
+
+`jaxsat.flight.guard` writes the same rules as C.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Int, PyTree
+
+from jaxsat.core.checks import as_array
+from jaxsat.core.errors import ArgumentError
+from jaxsat.spacecraft.held_effector import Decision
+
+HOLD_SAMPLES = 10
+"""Default number of samples for which commands are held."""
+
+
+class GuardState(NamedTuple):
+    """What was asked for at the last sample, and how many samples in a row were held since the law
+    last made a step."""
+
+    last: PyTree
+    missed: Int[Array, ""]
+
+
+class Guard(eqx.Module):
+    """A law makes no step at a sample with invalid measurements, and its memory stays as it is.
+
+    At the first `hold_samples` such samples in a row, effectors are asked for what they were last
+    asked for, then for nothing. Raises `ArgumentError` for a number of samples below zero.
+    """
+
+    hold_samples: Int[Array, ""]
+
+    def __init__(self, hold_samples: ArrayLike = HOLD_SAMPLES):
+        if np.less(hold_samples, 0):
+            raise ArgumentError("hold_samples", "must be zero or positive", hold_samples)
+        self.hold_samples = as_array(np.asarray(hold_samples, np.int32))
+
+    def init(self, asked: PyTree) -> GuardState:
+        """The state before the first sample, at which something like `asked` is asked for."""
+        last = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), asked)
+        return GuardState(last, jnp.zeros_like(self.hold_samples))
+
+    def decide(self, valid: Bool[Array, ""], state: GuardState) -> Decision:
+        """What is done at a sample."""
+        return Decision(valid, state.missed < self.hold_samples)
+
+    def asked(
+        self, decision: Decision, asked: PyTree, state: GuardState
+    ) -> tuple[PyTree, GuardState]:
+        """What is asked for, of which `asked` is what a step asks for, and the next state."""
+
+        def one(new: Array, last: Array) -> Array:
+            return jnp.where(decision.steps, new, jnp.where(decision.held, last, 0))
+
+        chosen = jax.tree.map(one, asked, state.last)
+        waited = jnp.where(decision.held, state.missed + 1, state.missed)
+        return chosen, GuardState(chosen, jnp.where(decision.steps, 0, waited))

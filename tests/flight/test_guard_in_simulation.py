@@ -1,0 +1,112 @@
+"""At samples with invalid measurements, the simulation does what the exported guard does."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from helpers.tools import needs
+from jaxsat.compiler.llvm.mapped import compiled_over_cases
+from jaxsat.control.guard import Guard
+from jaxsat.core.errors import ArgumentError
+from jaxsat.flight import vectors
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from tests.flight.guarded import Guarded
+
+OUTAGES = [
+    "gyro={noise_density_rad_s_sqrt_Hz=1e-5, bias_walk_rad_s2_sqrt_Hz=1e-8, bias_sigma_rad_s=1e-5,"
+    "outage_start_s=1.9, outage_s=2}",
+    "star_tracker={across_rad=1e-5, along_rad=1e-4, outage_start_s=3, outage_s=2}",
+]
+
+
+def _flown(run, count: int) -> tuple[list[Any], list[Any]]:
+    """The loop's states, and the inputs and states of its controller at as many samples."""
+    loop = vectors._recording(run.loop)
+    period = float(np.asarray(loop.controller.period))
+
+    def one(case):
+        state, number = case
+        following = vectors._after(loop, number, period, state)
+        return following, vectors._observation(run.loop, number, state, following)
+
+    def compiled(function, case):
+        shapes = jax.tree.map(lambda x: jax.ShapeDtypeStruct(np.shape(x), x.dtype), case)
+        return compiled_over_cases(lambda case, shared: function(case), shapes, contract=False)
+
+    cases = jax.tree.map(lambda x: np.asarray(x)[None], run.start)
+    states = [compiled(loop.start, run.start)(cases)]
+    first = jax.tree.map(lambda x: x[0], states[0])
+    step, observed = compiled(one, (first, np.zeros((), np.int32))), []
+    for number in range(count):
+        following, sample = step((states[-1], np.full(1, number, np.int32)))
+        states.append(following)
+        observed.append(sample)
+    return states, observed
+
+
+def _row(tree) -> np.ndarray:
+    return vectors._rows(tree)[0]
+
+
+@needs("gcc")
+@pytest.mark.parametrize(
+    "name", ["switching", pytest.param("thruster-dies", marks=pytest.mark.slow)]
+)
+def test_simulation_and_flight_code_agree_to_the_bit_in_outages(tmp_path, name):
+    """Commands, pulses, and the memories of law, estimator and modulator, at every sample: a gap
+    of the gyro longer than commands are held, and one of the tracker that begins within it."""
+    run: Any = build(load(name, OUTAGES))
+    period = float(np.asarray(run.loop.controller.period))
+    states, observed = _flown(run, round(6 / period))
+    guarded = Guarded(tmp_path, run.loop, run.start)
+    rate, bits = guarded.places("rate"), guarded.bits
+    guarded.begin(0, attitude=states[0].navigation.memory.last_input.attitude.q[0])
+    kinds = []
+    for number, (now, _) in enumerate(observed):
+        row = _row(now)
+        since = number * period - 1.9
+        if 0 <= since < 2:
+            row[rate] = np.nan
+        status, commands, state = guarded.step(0, row)
+        kinds.append(status & (bits["HELD"] | bits["ZERO"]))
+        if number + 1 < len(observed):
+            np.testing.assert_array_equal(state[:-1], _row(observed[number + 1][1]))
+        asked = _asked(states[number + 1])
+        found = np.concatenate([commands[_places(guarded, name)] for name in asked])
+        np.testing.assert_array_equal(found, np.concatenate([*asked.values()]))
+    gap = round(2 / period)
+    assert kinds.count(bits["HELD"]) == 10
+    assert kinds.count(bits["ZERO"]) == gap - 10
+
+
+def _asked(state) -> dict[str, np.ndarray]:
+    """The torque of the last period, or its pulses, by the names of commands."""
+    (use,), (memory,) = state.guard.last.uses, state.effectors
+    if memory is None:
+        return {"torque": np.asarray(use)[0]}
+    names = ("valve_on", "valve_off", "level")
+    return {name: np.ravel(part) for name, part in zip(names, memory.pulses, strict=True)}
+
+
+def _places(guarded: Guarded, name: str) -> np.ndarray:
+    """Where a field of commands is among their numbers."""
+    fields = guarded.program.structs["output"].fields
+    names = np.repeat([field.path for field in fields], [field.size for field in fields])
+    return np.flatnonzero(names == name)
+
+
+def test_a_guard_holds_for_as_many_samples_as_it_is_told():
+    guard = Guard(2)
+    asked, state = jnp.array([3.0, -4.0]), guard.init(jnp.zeros(2))
+    found = []
+    for valid in (1, 0, 0, 0, 0, 1, 0):
+        chosen, state = guard.asked(guard.decide(jnp.array(valid == 1), state), asked, state)
+        found.append(float(chosen[1]))
+        asked = asked + 1
+    assert found == [-4.0, -4.0, -4.0, 0.0, 0.0, 1.0, 1.0]
+    with pytest.raises(ArgumentError, match="hold_samples"):
+        Guard(-1)
