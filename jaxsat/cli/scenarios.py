@@ -150,22 +150,26 @@ def refusals(scenario: "Scenario") -> Iterator[str]:
 
 def says_no_more_than_a_vehicle(scenario: str, overrides: Sequence[str]) -> bool:
     """Whether a file has none of the `TABLES`, which `design` fills in."""
+    from jaxsat.core.declaration.actuators import ACTUATORS
     from jaxsat.scenario.read import given_keys
 
-    keys = given_keys(scenario, overrides)
-    return any(key.startswith(("spacecraft.", "thruster", "wheel")) for key in keys) and not any(
+    keys, names = given_keys(scenario, overrides), tuple([one.name for one in ACTUATORS])
+    return any(key.startswith(("spacecraft.", *names)) for key in keys) and not any(
         key.startswith(f"{table}.") or key == table for key in keys for table in TABLES
     )
 
 
 def _require_vehicle(scenario: "Scenario") -> None:
     from jaxsat.controllability.judging import actuator_layout
+    from jaxsat.scenario.build.actuator_set import all_actuators
     from jaxsat.synthesis.controller_design.request import law_asked_for
     from jaxsat.synthesis.controller_design.run import required_law_to_design
-    from jaxsat.synthesis.controller_design.vehicle import working_actuators
+    from jaxsat.synthesis.controller_design.vehicle import require_judged
 
     required_law_to_design(law_asked_for(scenario))
-    actuator_layout(scenario.spacecraft.inertia_kg_m2, working_actuators(scenario))
+    require_judged(scenario)
+    actuators, working = all_actuators(scenario)
+    actuator_layout(scenario.spacecraft.inertia_kg_m2, actuators.only(working))
 
 
 def _require_flight_code(scenario: "Scenario") -> None:

@@ -65,6 +65,7 @@ class ActuatorDeclaration:
     - `dispersible`: quantities that a study can draw; the class of the effector has under
       `dispersible` what they change.
     - `signals`: what results have of its devices.
+    - `judged`: whether the verdict on controllability counts it with the others.
     - `called`: one of them in words, by default the name.
     - `numbered`: what is to say of the numbers by which a study draws them.
     """
@@ -85,6 +86,7 @@ class ActuatorDeclaration:
     dispersible: tuple[DispersibleQuantity, ...] = ()
     signals: tuple[Signal, ...] = ()
     called: str = ""
+    judged: bool = False
     numbered: str = ""
 
     def __post_init__(self):

@@ -31,6 +31,7 @@ class LawDeclaration:
     - `ordered`: pairs of keys of which the first must not exceed the second.
     - `rules`: further rules across keys.
     - `needs_torque_limit`: the thrusters must be limited.
+    - `takes_orbits`: its motion goes by the place in the orbit, so that its unit of time is 1/ω0.
     - `needs_unequal_moments`: the law moves ω3 through (J1 - J2) ω1 ω2 alone.
     - `tracks_rates`: the law tracks reference rates as in (43), a subclass of
       `AbstractBacksteppingLaw`, so that its loop may be integrated in error coordinates.
@@ -54,6 +55,7 @@ class LawDeclaration:
     ordered: tuple[tuple[str, str], ...] = ()
     rules: tuple[Rule, ...] = ()
     needs_torque_limit: bool = False
+    takes_orbits: bool = False
     needs_unequal_moments: bool = False
     tracks_rates: bool = False
     works_in_wz: bool = False

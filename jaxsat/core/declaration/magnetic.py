@@ -53,5 +53,6 @@ MAGNETIC_CONTROL = LawDeclaration(
         control_period(default=1.0),
     ),
     torques=3,
+    takes_orbits=True,
     rules=(Rule(("magnetorquer", "control.law"), _flies_by_magnetorquers),),
 )

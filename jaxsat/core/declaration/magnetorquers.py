@@ -27,6 +27,7 @@ MAGNETORQUER = ActuatorDeclaration(
     idle=(FailureKind.DEAD, FailureKind.DEGRADED, FailureKind.REVERSED),
     drawn=tuple(FailureKind)[: FailureKind.LEAKING],
     both_signs=True,
+    judged=True,
     steering="jaxsat.control.steering:MagneticSteering.from_tables",
     maker="jaxsat.spacecraft.magnetorquers:Magnetorquers.from_tables",
     rules=(needs_orbit("magnetorquer", "magnetorquers"),),

@@ -92,6 +92,7 @@ THRUSTER = ActuatorDeclaration(
     failed="Whether it has failed before the start, and the law knows it",
     kinds=_KINDS,
     idle=_KINDS,
+    judged=True,
     drawn=tuple(FailureKind)[: FailureKind.TURNED],
     dispersible=(
         DispersibleQuantity(

@@ -93,6 +93,7 @@ WHEEL = ActuatorDeclaration(
     kinds=tuple(WheelFailureKind),
     idle=(WheelFailureKind.DEAD, WheelFailureKind.DEGRADED),
     drawn=tuple(WheelFailureKind),
+    judged=True,
     maker="jaxsat.spacecraft.wheels:Wheels.from_tables",
     dispersible=(
         DispersibleQuantity(

@@ -39,6 +39,10 @@ GAINS: Mapping[str, Mapping[str, Gains]] = {
         "": ({"natural_frequency_rad_s": 0.4, "max_rate_rad_s": 0.2}, {"damping": 1.0}),
         ", quick": ({"natural_frequency_rad_s": 0.8, "max_rate_rad_s": 0.4}, {"damping": 1.0}),
     },
+    "magnetic": {
+        "": ({}, {}),
+        ", quick": ({}, {"control_weight": 0.01}),
+    },
     "three-axis": {
         "": (
             {"k3": 0.316, "mu": 1.58, "k4": 4.74, "attitude_weight_N_m": 2.5},
@@ -56,6 +60,7 @@ law are the ones of `two-wheel-telescope`.
 LAWS_LEFT: Mapping[str, tuple[str, ...]] = {
     "two torques": ("three-slew", "oscillatory", "planned"),
     "three torques": ("quaternion-feedback",),
+    "magnetic": ("magnetic",),
     "none": (),
 }
 """Laws by what `Judgement.laws` says can be flown."""
@@ -218,7 +223,7 @@ def _maker(name: str, gains: Gains, own: Mapping[str, Any]) -> Maker:
     rates, numbers = gains
     own_settings = {key: own[key] for key in ("model",) if key in own and law.declaration.has_model}
     if law.declaration.sampled:
-        own_settings["period_s"] = own.get("period_s", PERIOD)
+        own_settings["period_s"] = own.get("period_s", _usual_period(law))
 
     def table(scale: Scale) -> dict[str, Any]:
         units = {"k4": scale.moment / scale.time, "attitude_weight_N_m": scale.torque}
@@ -229,6 +234,12 @@ def _maker(name: str, gains: Gains, own: Mapping[str, Any]) -> Maker:
         return {"law": name, **numbers, **own_settings, **scaled_gains}
 
     return table
+
+
+def _usual_period(law: Any) -> float:
+    """The control period (s) that a law has by default."""
+    (key,) = (key for key in law.declaration.keys if key.name == "period_s")
+    return PERIOD if key.default is ... else key.default
 
 
 def _scenario_or_reason(

@@ -11,17 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.controllability.actuators import ActuatorSet
 from jaxsat.controllability.cone import ROUNDING
 from jaxsat.controllability.judgement import Judgement
-from jaxsat.controllability.judging import judge
 from jaxsat.controllability.wording import LAW_WORDS, lost_words, verdict_sentence
 from jaxsat.core.allocation import torque_directions
-from jaxsat.core.declaration.actuators import STEERED
+from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.inertia import normal_axes
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.build.actuator_set import all_actuators
+from jaxsat.scenario.build.actuator_set import judge_scenario
 from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.cautions import HELD_TURN
@@ -98,24 +96,21 @@ class Scale(NamedTuple):
         return math.sqrt(self.moment / self.torque)
 
 
-def working_actuators(scenario: Scenario) -> ActuatorSet:
-    """The actuators that work at the start, for which a controller can be designed.
-
-    Raises `UnsuitableVehicle` where there are some for which none is designed.
-    """
-    for name in STEERED:
-        if getattr(scenario, name):
+def require_judged(scenario: Scenario) -> None:
+    """Raise `UnsuitableVehicle` for actuators that the verdict does not count."""
+    counted = [one.name for one in ACTUATORS if one.judged]
+    for one in ACTUATORS:
+        if getattr(scenario, one.name) and one.name not in counted:
             raise UnsuitableVehicle(
-                f"{name} must be omitted: jaxsat designs controllers for thrusters and wheels alone"
+                f"{one.name} must be omitted: jaxsat designs controllers by a verdict that counts "
+                f"{', '.join(counted)} alone"
             )
-    actuators, working = all_actuators(scenario)
-    return actuators.only(working)
 
 
 def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
-    """The verdict on the actuators that work at the start."""
-    healthy = working_actuators(scenario)
-    judgement = judge(scenario.spacecraft.inertia_kg_m2, healthy)
+    """The verdict on the actuators that work at the start; raises as `require_judged`."""
+    require_judged(scenario)
+    judgement = judge_scenario(scenario)
     return VehicleVerdict(
         judgement,
         lost_words(judgement),
@@ -131,10 +126,14 @@ def scale_of(scenario: Scenario) -> Scale:
     Raises `UnsuitableVehicle` where no torque limit is known.
     """
     limit = torque_limit(scenario)
+    inertia = free_inertia(scenario.spacecraft.inertia_kg_m2, scenario.wheel)
+    if scenario.law.declaration.takes_orbits:
+        moments = np.linalg.eigvalsh(inertia)[1:]
+        torque = float(np.sqrt(np.prod(moments))) * orbit_rate(scenario) ** 2
+        return Scale((float(moments[0]), float(moments[1])), torque)
     if limit is None:
         key = "[[wheel]] torque_limit_N_m" if scenario.wheel else "spacecraft.torque_limit_N_m"
         raise UnsuitableVehicle(f"{key} must be given in N m: gains are scaled by it")
-    inertia = free_inertia(scenario.spacecraft.inertia_kg_m2, scenario.wheel)
     try:
         _, (first, second, _) = normal_axes(inertia, torque_directions(believed_axes(scenario)))
     except ValueError:
@@ -191,6 +190,7 @@ def _in_flight(scenario: Scenario) -> tuple[str, ...]:
 VECTORS: Mapping[str, Sequence[str]] = {
     "thruster": ("position_m", "direction", "torque_axis"),
     "wheel": ("axis",),
+    "magnetorquer": ("axis",),
     "disturbance": (
         "constant_N_m",
         "residual_dipole_A_m2",
