@@ -223,7 +223,10 @@ def _maker(name: str, gains: Gains, own: Mapping[str, Any]) -> Maker:
     rates, numbers = gains
     own_settings = {key: own[key] for key in ("model",) if key in own and law.declaration.has_model}
     if law.declaration.sampled:
-        own_settings["period_s"] = own.get("period_s", _usual_period(law))
+        usual, own_law = _usual_period(law), known_law(own["law"])
+        period = own.get("period_s", usual)
+        is_given = own_law is None or period != _usual_period(own_law)
+        own_settings["period_s"] = period if is_given else usual
 
     def table(scale: Scale) -> dict[str, Any]:
         units = {"k4": scale.moment / scale.time, "attitude_weight_N_m": scale.torque}
@@ -238,8 +241,8 @@ def _maker(name: str, gains: Gains, own: Mapping[str, Any]) -> Maker:
 
 def _usual_period(law: Any) -> float:
     """The control period (s) that a law has by default."""
-    (key,) = (key for key in law.declaration.keys if key.name == "period_s")
-    return PERIOD if key.default is ... else key.default
+    defaults = [key.default for key in law.declaration.keys if key.name == "period_s"]
+    return PERIOD if defaults in ([], [...]) else defaults[0]
 
 
 def _scenario_or_reason(

@@ -309,3 +309,47 @@ def test_there_is_no_larger_end_game(name, changes):
 def test_the_name_of_a_file_is_a_title_whatever_it_reads_as(bare, name):
     odd = bare.rename(bare.with_name(f"{name}.toml"))
     assert read_vehicle(odd).scenario.title == name
+
+
+RODS = """
+[spacecraft]
+inertia_kg_m2 = [2.4, 2.2, 1.6]
+
+[orbit]
+altitude_km = 500
+inclination_rad = 1.7
+
+[[magnetorquer]]
+axis = [1, 0, 0]
+dipole_limit_A_m2 = 5
+
+[[magnetorquer]]
+axis = [0, 1, 0]
+dipole_limit_A_m2 = 5
+"""
+
+
+def test_magnetorquers_get_their_law_in_the_time_of_an_orbit(tmp_path):
+    (tmp_path / "rods.toml").write_text(RODS)
+    scenario, law, timed = read_vehicle(tmp_path / "rods.toml")
+    verdict = vehicle_verdict(scenario)
+    assert (verdict.judgement.verdict, verdict.judgement.laws) == ("controllable", "magnetic")
+
+    def complete(under_law, scale):
+        return completed(under_law, verdict, scale, timed).scenario
+
+    fitting = fitting_candidates(scenario, verdict, law, complete)
+    assert [one.name for one in fitting.candidates] == ["magnetic", "magnetic, quick"]
+    for one in fitting.candidates:
+        rate = one.scenario.orbit.rate()
+        assert scale_of(one.scenario).time == pytest.approx(1 / rate)
+        assert one.scenario.simulation.duration_s > 3 * 2 * np.pi / rate
+        assert one.scenario.control.period_s == 1.0
+        assert one.scenario.dispersion is not None
+
+
+def test_a_vehicle_with_gyros_is_refused_by_name(tmp_path):
+    gimbal = "[[gimbal]]\naxis = [1, 0, 0]\nspin_axis = [0, 1, 0]\nrotor_momentum_N_m_s = 1.0\n"
+    (tmp_path / "gyros.toml").write_text(f"{RODS}\n{gimbal}rate_limit_rad_s = 1.0\n")
+    with pytest.raises(ValueError, match="gimbal"):
+        vehicle_verdict(read_vehicle(tmp_path / "gyros.toml").scenario)
