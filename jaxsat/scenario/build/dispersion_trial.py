@@ -4,9 +4,9 @@ from collections.abc import Iterator
 
 from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
 from jaxsat.core.errors import ArgumentError
+from jaxsat.scenario.build.distributions import distribution_of
 from jaxsat.scenario.build.errors import at_key
 from jaxsat.scenario.build.run import Run
-from jaxsat.scenario.build.study import distribution_of, study_program
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.layout import is_upside_down
@@ -42,6 +42,8 @@ def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue
             got = "" if problem.got is None else f", got {problem.got}"
             issues.append(at(f"dispersion.{key}", f"{problem.rule}{got}"))
     if all_fit and not issues:
+        from jaxsat.scenario.build.study import study_program  # slow
+
         issues += _start_of_a_study(scenario, set(distributions))
         with at_key("simulation.duration_s"):
             study_program(scenario, run, scenario.simulation.seed)

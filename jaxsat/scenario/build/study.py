@@ -10,13 +10,14 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.core.checks import as_array, as_float, require_counts
+from jaxsat.core.checks import as_array, require_counts
 from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
+from jaxsat.scenario.build.distributions import distribution_of
 from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.run import Run, build, build_tolerances
-from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
+from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.dump import dump
 from jaxsat.scenario.errors import MissingTable
 from jaxsat.scenario.parts.actuator import names_of
@@ -38,14 +39,6 @@ from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.simulation.trajectory import Trajectory
 from jaxsat.studies.designs import AbstractDesign, Independent, LatinHypercube, Sobol
 from jaxsat.studies.dispersions import Dispersed, Dispersions, StudyCase
-from jaxsat.studies.distributions import (
-    AbstractDistribution,
-    Discrete,
-    Normal,
-    RandomAttitude,
-    TruncatedNormal,
-    Uniform,
-)
 from jaxsat.studies.ensemble import Study
 
 if TYPE_CHECKING:
@@ -67,14 +60,6 @@ PILOTS = 256
 
 ERROR_EVERY = 64
 """Intervals, in one of which the error of equal steps is estimated: a few percent of the time."""
-
-_KINDS = {
-    "uniform": Uniform,
-    "normal": Normal,
-    "truncated-normal": TruncatedNormal,
-    "discrete": Discrete,
-    "random-attitude": RandomAttitude,
-}
 
 
 def build_study(
@@ -234,13 +219,6 @@ def build_dispersions(table: DispersionTable) -> Dispersions:
     """The distributions of a `[dispersion]` table by name."""
     distributions = {name: distribution_of(entry) for name, entry in table.distributions.items()}
     return Dispersions(distributions, table.frequency_known)
-
-
-def distribution_of(table: DistributionTable) -> AbstractDistribution:
-    """The distribution that a table describes; raises `ValueError` where it is none."""
-    kind = table.distribution
-    parameters = [as_float(np.asarray(getattr(table, name))) for name in PARAMETERS[kind]]
-    return _KINDS[kind](*parameters)
 
 
 def _design(table: DispersionTable, seed: int, count: int) -> AbstractDesign:
