@@ -9,9 +9,9 @@ from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
 from jaxsat.core.declaration.sensors import DELAY, WHITE_NOISE
 from jaxsat.core.solvers import class_name
 from jaxsat.scenario import ScenarioError, dump
+from jaxsat.scenario.build.distributions import _KINDS
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import (
-    _KINDS,
     ADAPTIVE_SOLVERS,
     build_dispersions,
     build_study,
