@@ -146,7 +146,7 @@ def test_mistakes_are_told(name, overrides, message):
 
 
 def test_studies_without_sense_are_refused():
-    with pytest.raises(ValueError, match=r"\[dispersion\] table"):
+    with pytest.raises(ValueError, match=r"\[dispersion\] must be given"):
         build_study(load("switching"), 4)
     with pytest.raises(ValueError, match="error coordinates"):
         build_study(
