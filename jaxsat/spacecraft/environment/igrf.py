@@ -5,7 +5,6 @@
 to 2025, and for 2030 what secular variation makes of them. Between, they are linear in time.
 """
 
-from importlib import resources
 from typing import Any
 
 import equinox as eqx
@@ -19,6 +18,7 @@ from jaxsat.core.earth import EARTH_GRAVITY
 from jaxsat.core.epoch import IGRF_DATES
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.once import latest, once
+from jaxsat.core.package_files import text_of
 from jaxsat.spacecraft.environment.orbit import (
     REFERENCE_RADIUS,
     AbstractMagneticField,
@@ -42,9 +42,8 @@ Coefficients = Float[np.ndarray, "2 orders orders"]
 @once
 def _published() -> tuple[np.ndarray, Float[np.ndarray, "dates 2 orders orders"]]:
     """The dates, and coefficients at each."""
-    file = resources.files("jaxsat.spacecraft.environment") / "igrf14.shc"
-    lines = file.read_text(encoding="ascii").splitlines()
-    lines = [line for line in lines if not line.startswith("#")]
+    text = text_of("jaxsat.spacecraft.environment", "igrf14.shc")
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
     dates = np.array([f"{float(year):.0f}-01-01" for year in lines[1].split()], "datetime64[us]")
     table = np.zeros((len(dates), 2, ORDERS, ORDERS))
     for line in lines[2:]:

@@ -164,13 +164,13 @@ def _surroundings() -> str | None:
 
 
 def sources_hash(folder: Path, before_ns: int) -> str | None:
-    """A hash of the names, contents and times of all files of Python, TOML and LLVM in a folder.
+    """A hash of the names, contents and times of all files in a folder: code, and what it reads.
 
     None where one was changed at `before_ns` (of the clock `time.time_ns`) or later, or there is
     none.
     """
     digest = hashlib.sha256()
-    files = sorted(file for file in folder.rglob("*") if file.suffix in (".py", ".toml", ".ll"))
+    files = sorted(one for one in folder.rglob("*") if one.is_file() and one.suffix != ".pyc")
     for file in files:
         content, status = file.read_bytes(), file.stat()
         if max(status.st_mtime_ns, status.st_ctime_ns) >= before_ns - CLOCK_NS:

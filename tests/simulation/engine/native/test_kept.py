@@ -61,8 +61,12 @@ def test_a_change_of_any_source_file_is_another_hash(sources):
     fourth = kept.sources_hash(sources, later())
     (sources / "new.py").write_text("")
     fifth = kept.sources_hash(sources, later())
-    (sources / "gains.toml").write_text("k3 = 1.0\n")
-    assert len({first, second, third, fourth, fifth, kept.sources_hash(sources, later())}) == 6
+    (sources / "field.shc").write_text("1 0 -29350.0\n")
+    sixth = kept.sources_hash(sources, later())
+    assert len({first, second, third, fourth, fifth, sixth}) == 6
+    (sources / "__pycache__").mkdir()
+    (sources / "__pycache__" / "one.cpython-311.pyc").touch()
+    assert kept.sources_hash(sources, later()) == sixth
 
 
 def test_sources_changed_since_they_were_imported_have_no_hash(sources, tmp_path):
