@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from jaxsat.controllability.actuators import ActuatorSet
 from jaxsat.controllability.cone import TorqueCone
@@ -181,10 +182,13 @@ def failure_chart(records: Sequence[dict]) -> Figure:
         )
     axes.set_yticks(rows, [f"failed: {record['failed']}" for record in first_records])
     axes.invert_yaxis()
-    axes.set_xlim(-0.03, 3.0 if wide else 2.0)
+    margins = [float(one["margin"]) for one in first_records if one["verdict"] != "uncontrollable"]
+    largest = max(margins, default=0.0) or 1.0
+    axes.set_xlim(-0.03 * largest, (3.0 if wide else 2.0) * largest)
     if count > len(first_records):
         axes.set_title(f"The first {len(first_records)} of {count} cases")
-    axes.set_xticks(np.arange(0.0, 1.3, 0.25))
+    ticks = MaxNLocator(5).tick_values(0.0, largest)
+    axes.set_xticks([one for one in ticks if one <= 1.25 * largest])
     by_rods = any("magnetorquers" in record["both_signs_by"] for record in first_records)
     remark = "; of magnetorquers: least / largest, over an orbit" if by_rods else ""
     axes.set_xlabel(f"controllability margin (smallest singular value{remark})")

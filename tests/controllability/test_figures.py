@@ -66,6 +66,9 @@ def test_failure_chart_has_a_row_a_case():
     assert "of magnetorquers: least / largest" in texts(figures.failure_chart(records))
     widths = sorted(bar.get_width() for bar in figure.axes[0].patches)
     assert widths == sorted(r["margin"] for r in records if r["verdict"] != "uncontrollable")
+    small = [{**record, "margin": 0.01 * record["margin"]} for record in records]
+    (axes,) = figures.failure_chart(small).axes
+    assert axes.get_xlim() == pytest.approx(0.01 * np.array(figure.axes[0].get_xlim()))
 
 
 def test_time_charts_have_units():
