@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -72,7 +72,7 @@ def controllability_document(
         Table(heading, list(columns.values()), rows, note),
         Lines("Findings", findings),
     ]
-    summary = Verdict(GOOD.get(records[0]["verdict"]), verdict, [_survival(records)])
+    summary = Verdict(GOOD.get(records[0]["verdict"]), verdict, _survival(records))
     return Document(title, summary, blocks)
 
 
@@ -81,16 +81,28 @@ def count_failed(record: Mapping[str, Any]) -> int:
     return 0 if record["failed"] == "none" else len(str(record["failed"]).split())
 
 
-def _survival(records: Sequence[Mapping[str, Any]]) -> str:
-    """How many failures of one actuator, of two, … leave the spacecraft controllable."""
+def _survival(records: Sequence[Mapping[str, Any]]) -> list[str]:
+    """After how many failures of one actuator, of two, … a law of jaxsat can fly the spacecraft.
+
+    Those that leave it controllable, but by no law, are counted apart.
+    """
+    controllable = [one for one in records if one["verdict"] in CONTROLLABLE]
     cases = Counter(map(count_failed, records))
-    good = Counter(count_failed(one) for one in records if one["verdict"] in CONTROLLABLE)
-    counts = [
-        f"{good[number]} of {cases[number]} {word}"
-        for number, word in enumerate(COUNT_WORDS, 1)
-        if cases[number]
-    ]
-    return f"Survives: {', '.join(counts)} failures." if counts else "No failure is listed."
+    flown = Counter(count_failed(one) for one in controllable if one["laws"] != "none")
+    others = Counter(count_failed(one) for one in controllable if one["laws"] == "none")
+    words = {number: word for number, word in enumerate(COUNT_WORDS, 1) if cases[number]}
+    if not words:
+        return ["No failure is listed."]
+
+    def counts(good: Counter[int], numbers: Iterable[int]) -> str:
+        parts = [f"{good[number]} of {cases[number]} {words[number]}" for number in numbers]
+        return f"{', '.join(parts)} failures."
+
+    unflown = [number for number in words if others[number]]
+    lines = [f"Survives: {counts(flown, words)}"]
+    if unflown:
+        lines.append(f"Controllable, but flown by no law of jaxsat: {counts(others, unflown)}")
+    return lines
 
 
 def _cell(name: str, record: Mapping[str, Any]) -> Cell:

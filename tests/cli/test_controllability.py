@@ -129,6 +129,7 @@ def test_thrusters_that_push_are_told_apart_from_torques_of_both_signs(capsys, t
     assert status == 0
     assert "Controllable by drift" in out
     assert "No law of jaxsat uses it" in out
+    assert "Survives: 0 of 4 single, 0 of 6 double, 0 of 4 triple failures." in out
     with (folder / "failures.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 16

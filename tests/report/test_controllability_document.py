@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from jaxsat.controllability.actuators import actuator_set
+from jaxsat.controllability.failures import failure_records, failure_table
 from jaxsat.controllability.judging import judge
 from jaxsat.controllability.rank import analyse
 from jaxsat.controllability.wording import verdict_sentence
-from jaxsat.report.controllability_document import controllability_lines
+from jaxsat.report.controllability_document import controllability_document, controllability_lines
 from jaxsat.report.controllability_figures import torque_map
 
 PAPER = [449.5, 264.6, 312.5]
@@ -44,6 +45,16 @@ def test_torques_of_both_signs_in_a_half_space_keep_the_laws_of_two():
         "at rest: proved. Two independent torque axes",
     ):
         assert said in text
+
+
+def test_failures_that_no_law_can_fly_are_not_counted_as_survived():
+    """Torques about x, y and (1, 1, 1): any two suffice, and (1, 1, 1) alone by drift."""
+    cases = failure_table(PAPER, np.array([[1, 0, 0], [0, 1, 0], [1, 1, 1]], float).T)
+    document = controllability_document("", "", failure_records(cases), [])
+    assert list(document.verdict.more) == [
+        "Survives: 3 of 3 single, 0 of 3 double, 0 of 1 triple failures.",
+        "Controllable, but flown by no law of jaxsat: 1 of 3 double failures.",
+    ]
 
 
 @pytest.mark.parametrize(
