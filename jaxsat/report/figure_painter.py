@@ -268,6 +268,7 @@ def _paint_strips(figure: Figure, panel: Axes, plot: Plot, strips: Strips) -> No
     look: dict[str, Any] = {"cmap": "Greys", "vmin": low, "vmax": high, "zorder": 1.0}
     times, rows = np.append(strips.x[begins], strips.x[-1]), np.arange(count + 1) + 0.5
     panel.pcolorfast(times, rows, largest.T, **look)
+    panel.set_ylim(rows[0], rows[-1])
     names = [escape_mathematics(clean(label, NAME)) for label in strips.labels]
     panel.set_yticks(np.arange(1, count + 1), names, fontsize=7)
     panel.grid(visible=False)

@@ -120,6 +120,7 @@ def test_any_further_signal_gets_a_panel_with_its_name_and_unit():
     assert second.get_ylabel().endswith("(kg)")
     (strips,) = third.images  # more components than lines can be told apart
     np.testing.assert_array_equal(strips.get_array(), pulses.T)
+    assert third.get_ylim() == (0.5, 8.5), "every strip is seen whole"
     assert third.get_ylabel().replace("\n", " ") == "Pulses of each thruster (–)"
     assert shades.get_position().x0 > third.get_position().x1, "a bar beside it"
     assert set(trajectory_figures(run)) - set(trajectory_figures(dataset())) == {"signals"}
