@@ -6,7 +6,7 @@ Margins are fixed: text that is measured to lay out a figure takes as long as dr
 import itertools
 import re
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -82,11 +82,15 @@ def paint(
 ) -> Figure:
     """A figure with a panel for each plot below each other, each with `height` inches.
 
-    Panels over the same axis have its numbers below the last of them alone. The `timeline` is
-    shown in all panels, its names in the uppermost.
+    Panels over the same axis have its numbers below the last of them alone. The marks of the
+    `timeline` are shown in all panels, their names in the uppermost, its spans in the uppermost
+    without strips, which would cover them.
     """
-    shades = [*timeline.shades] if timeline is not None else []
-    legends = [_entries(plot) + (shades if not place else []) for place, plot in enumerate(plots)]
+    shades = timeline.shades if timeline is not None else {}
+    shaded = next((place for place, plot in enumerate(plots) if plot.strips is None), None)
+    legends = [
+        _entries(plot, shades if place == shaded else ()) for place, plot in enumerate(plots)
+    ]
     heads = [_head(plot, legend) for plot, legend in zip(plots, legends, strict=True)]
     same_axes = [one.x == other.x for one, other in itertools.pairwise(plots)] + [False]
     new_labels = [one.x.label != other.x.label for one, other in itertools.pairwise(plots)] + [True]
@@ -109,8 +113,10 @@ def paint(
                 panel.set_xlim(timeline.times[0], timeline.times[-1])
             _paint(figure, panel, plot)
             if timeline is not None:
-                _show_timeline(panel, timeline, named=not number)
-            if len(legends[number]) > 1:
+                _show_marks(panel, timeline, named=not number)
+                if number == shaded:
+                    _show_shades(panel, timeline)
+            if legends[number]:
                 _place_legend(panel, legends[number], above=not plot.sentence)
             panel.tick_params(labelbottom=not same_axes[number])
             if new_labels[number]:
@@ -155,18 +161,19 @@ def _head(plot: Plot, legend: Sequence[str]) -> float:
     """Inches above a panel, for a sentence or a legend."""
     if plot.sentence:
         return GAP + ROW * len(_sentences(plot).split("\n"))
-    return GAP + ROW * (-(-len(legend) // _columns(legend)) if len(legend) > 1 else 0)
+    return GAP + ROW * (-(-len(legend) // _columns(legend)) if legend else 0)
 
 
 def _sentences(plot: Plot) -> str:
     return textwrap.fill(clean(f"{plot.title}. {plot.sentence}", MAX_TITLE_LENGTH), TITLE_WIDTH)
 
 
-def _entries(plot: Plot) -> list[str]:
-    """What the legend of a plot tells apart."""
+def _entries(plot: Plot, shades: Collection[str]) -> list[str]:
+    """What the legend of a plot tells: its lines where there are several, bands, and shades."""
     bands = (line.band.label for line in plot.lines if line.band is not None)
-    labels = [*(line.label for line in plot.lines), *dict.fromkeys(bands)]
-    return [escape_mathematics(label) for label in labels if label]
+    labels = [*(line.label for line in plot.lines), *dict.fromkeys(bands), *shades]
+    entries = [escape_mathematics(label) for label in labels if label]
+    return entries if len(entries) > 1 or shades else []
 
 
 def _columns(legend: Sequence[str]) -> int:
@@ -318,14 +325,18 @@ def _name_marks(panel: Axes, timeline: Timeline) -> None:
         text.set_y(0.97 - MARK_STEP * row)
 
 
-def _show_timeline(panel: Axes, timeline: Timeline, *, named: bool) -> None:
-    """Dotted lines at the marks, and bands of grey in the panel that has the names."""
+def _show_marks(panel: Axes, timeline: Timeline, *, named: bool) -> None:
+    """Dotted lines at the marks."""
     for at, _ in timeline.marks:
         panel.axvline(at, color="black", linewidth=0.9, linestyle=(0, (1, 1.5)))
     if named:
         _name_marks(panel, timeline)
+
+
+def _show_shades(panel: Axes, timeline: Timeline) -> None:
+    """Bands of grey during the spans."""
     greys = np.linspace(0.7, 0.9, max(len(timeline.shades), 1))
-    for grey, (name, there) in zip(greys, timeline.shades.items() if named else (), strict=False):
+    for grey, (name, there) in zip(greys, timeline.shades.items(), strict=False):
         panel.fill_between(
             timeline.times,
             0,

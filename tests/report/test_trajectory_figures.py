@@ -1,16 +1,20 @@
 """Figures of a run: what is drawn is what the signals say, and nothing is left out."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import xarray as xr
 
 from jaxsat.core.attitude import euler_angles, pointing_error
+from jaxsat.report.figure_painter import paint
 from jaxsat.report.figures import (
     pointing_figure,
     rates_figure,
     torque_figure,
     trajectory_figures,
 )
+from jaxsat.report.plot import TIME, Axis, Line, Plot, Strips, Timeline
 from jaxsat.report.run_plots import further_signals
 from jaxsat.store.dataset import pointing
 
@@ -134,6 +138,25 @@ def test_a_run_that_ended_at_once_is_drawn():
     assert figures.keys() == trajectory_figures(dataset()).keys()
     for figure in figures.values():
         figure.canvas.draw()
+
+
+def test_spans_are_shown_and_told_in_the_first_panel_without_strips():
+    pulses = Strips(TIMES, np.zeros((101, 2)), ["A", "B"])
+    strips = Plot("Pulses", "", TIME, Axis("Pulses"), strips=pulses)
+    line = Plot("Propellant", "", TIME, Axis("Propellant"), [Line(TIMES, TIMES, "tank")])
+    timeline = Timeline(TIMES, [(30.0, "alarm")], {"holding": TIMES > 40})
+    first, second, third, *_ = paint([strips, line, line], "Figure", timeline=timeline).axes
+    assert [len(panel.collections) for panel in (first, second, third)] == [0, 1, 0]
+    assert np.unique(second.collections[0].get_paths()[0].vertices[:, 0])[0] == 41
+    assert [text.get_text() for text in second.get_legend().get_texts()] == ["tank", "holding"]
+    assert first.get_legend() is third.get_legend() is None
+    assert [text.get_text().strip() for text in first.texts] == ["alarm"]
+    for plots in ([strips], [strips, strips]):
+        panels = paint(plots, "Figure", timeline=timeline).axes
+        assert not any(panel.get_legend() or panel.collections for panel in panels)
+    nameless = dataclasses.replace(line, lines=[Line(TIMES, TIMES)])
+    (panel,) = paint([nameless], "Figure", timeline=timeline).axes
+    assert [text.get_text() for text in panel.get_legend().get_texts()] == ["holding"]
 
 
 def test_a_failure_is_marked_in_every_panel_and_named_once():
