@@ -16,6 +16,7 @@ from jaxsat.store.marker import (
     abbreviated,
     foreign_files_in,
     nothing,
+    remove_folder,
     walk,
 )
 from jaxsat.store.temporary import TemporaryFolder, temporary_folder
@@ -162,16 +163,7 @@ class OutputFolder:
 
     def _remove_replaced(self) -> None:
         """Remove what was in the target, unless something has come to it at the last moment."""
-        marker = Marker.read(self.path)
-        if marker is None:
-            with contextlib.suppress(OSError):  # it was empty
-                self.path.rmdir()
-                return
-        foreign_files = (
-            sorted(os.listdir(self.path))
-            if marker is None
-            else marker.remove_folder(self._is_made_of_it)
-        )
+        foreign_files = remove_folder(self.path, self._is_made_of_it)
         if foreign_files:
             raise OutputError(
                 f"{self.target} is written, but what came to the folder that it replaced "

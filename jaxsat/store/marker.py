@@ -172,20 +172,6 @@ class Marker:
                 foreign.append(name)
         return sorted(foreign)
 
-    def remove_folder(self, is_made_of_it: NameTest = nothing) -> list[str]:
-        """Remove the folder if all of it is jaxsat's; else nothing, and say what is not."""
-        foreign_files = self.foreign_files(is_made_of_it)
-        if foreign_files:
-            return foreign_files
-        entries = list(walk(self.folder))
-        for name, mode in reversed(entries):  # what is in a folder comes after it
-            place = self.folder / name
-            if name != MARKER:
-                place.rmdir() if stat.S_ISDIR(mode) else place.unlink()
-        (self.folder / MARKER).unlink()
-        self.folder.rmdir()  # which fails if something has come meanwhile
-        return []
-
     def _note(self, name: str, data: bytes) -> None:
         """Expect a content of a file; until it is there, what was there before is right too."""
         self._hashes.setdefault(name, []).append(content_hash(data))
@@ -261,12 +247,39 @@ def walk(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
 
 
 def foreign_files_in(folder: Path, is_made_of_it: NameTest = nothing) -> list[str]:
-    """What is in a folder and not proven to be jaxsat's: all of it if there is no marker.
+    """What is in a folder and not proven to be jaxsat's: without a marker all that users put there.
 
     Raises `OSError`.
     """
     marker = Marker.read(folder)
-    return sorted(os.listdir(folder)) if marker is None else marker.foreign_files(is_made_of_it)
+    return user_files_in(folder) if marker is None else marker.foreign_files(is_made_of_it)
+
+
+def user_files_in(folder: Path) -> list[str]:
+    """What is in a folder but files that a system leaves; raises `OSError`."""
+    with os.scandir(folder) as entries:
+        return sorted(
+            entry.name
+            for entry in entries
+            if not (entry.is_file(follow_symlinks=False) and _is_of_system(Path(entry.path)))
+        )
+
+
+def remove_folder(folder: Path, is_made_of_it: NameTest = nothing) -> list[str]:
+    """Remove a folder if all of it is jaxsat's, or a system's; else nothing, and say what is not.
+
+    Raises `OSError`.
+    """
+    foreign_files = foreign_files_in(folder, is_made_of_it)
+    if foreign_files:
+        return foreign_files
+    entries = list(walk(folder))
+    for name, mode in reversed(entries):  # what is in a folder comes after it
+        if name != MARKER:
+            (folder / name).rmdir() if stat.S_ISDIR(mode) else (folder / name).unlink()
+    (folder / MARKER).unlink(missing_ok=True)
+    folder.rmdir()  # which fails if something has come meanwhile
+    return []
 
 
 def abbreviated(names: list[str]) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from jaxsat.store.files import OutputError, explained, read_or_explain
-from jaxsat.store.marker import Marker, abbreviated
+from jaxsat.store.marker import Marker, abbreviated, remove_folder
 from jaxsat.store.temporary import is_absent_or_empty, lock_folder, make_folder
 
 
@@ -56,7 +56,7 @@ class ResumableFolder:
         """Let other processes write; a new folder in which nothing came to be is removed."""
         if kind is not None and self._new and not self._marker.names:
             with contextlib.suppress(OSError):
-                self._marker.remove_folder()
+                remove_folder(self.path)
         self.close()
 
     def close(self) -> None:

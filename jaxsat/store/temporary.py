@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from jaxsat.store.files import OutputError, explained, sync_files, sync_folder
-from jaxsat.store.marker import MARKER, Marker
+from jaxsat.store.marker import MARKER, Marker, remove_folder, user_files_in
 
 
 class FolderLock:
@@ -114,7 +114,7 @@ def remove_stale(parent: Path, prefix: str) -> None:
                     if marker is None or marker.complete:
                         continue
                     if marker.about.get("folder") == folder.name:
-                        marker.remove_folder()
+                        remove_folder(folder)
                 finally:
                     lock.close()
 
@@ -142,6 +142,8 @@ def make_folder(
             mark(temporary.path)
         sync_folder(temporary.path)
         try:
+            if target.is_dir() and is_absent_or_empty(target):
+                remove_folder(target)
             temporary.path.rename(target)
         except OSError as error:
             if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
@@ -152,10 +154,13 @@ def make_folder(
 
 
 def is_absent_or_empty(target: Path) -> bool:
-    """Whether there is nothing of that name, or an empty folder; raises `OSError`."""
+    """Whether there is nothing of that name, or a folder empty but for files that a system leaves.
+
+    Raises `OSError`.
+    """
     if not os.path.lexists(target):
         return True
-    return target.is_dir() and not any(target.iterdir())
+    return target.is_dir() and not user_files_in(target)
 
 
 def _umask() -> int:

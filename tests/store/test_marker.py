@@ -4,8 +4,9 @@ import pytest
 
 from jaxsat.store import folder as module
 from jaxsat.store.folder import MARKER, OutputError, OutputFolder
-from jaxsat.store.marker import Marker, read_unchanged
-from store.folders import write
+from jaxsat.store.marker import Marker, read_unchanged, remove_folder
+from jaxsat.store.resumable import ResumableFolder
+from store.folders import names, write
 
 
 def test_never_replaces_what_others_wrote(tmp_path):
@@ -139,15 +140,15 @@ def test_stranger_that_comes_while_computing_is_kept(tmp_path):
     assert (target / "data.txt").read_text() == "old"
 
 
-@pytest.mark.parametrize(
-    ("name", "content"),
-    [
-        (".DS_Store", b"\0"),
-        ("Thumbs.db", b"\0"),
-        ("desktop.ini", b"\0"),
-        ("._a.txt", b"\x00\x05\x16\x07\x00\x02\x00\x00Mac OS X"),
-    ],
-)
+OF_FILE_MANAGERS = {
+    ".DS_Store": b"\0",
+    "Thumbs.db": b"\0",
+    "desktop.ini": b"\0",
+    "._a.txt": b"\x00\x05\x16\x07\x00\x02\x00\x00Mac OS X",
+}
+
+
+@pytest.mark.parametrize(("name", "content"), OF_FILE_MANAGERS.items(), ids=OF_FILE_MANAGERS)
 def test_what_file_managers_leave_is_no_obstacle(tmp_path, name, content):
     folder = tmp_path / "made"
     folder.mkdir()
@@ -155,16 +156,48 @@ def test_what_file_managers_leave_is_no_obstacle(tmp_path, name, content):
     marker.write("a.txt", b"a")
     (folder / name).write_bytes(content)
     assert marker.foreign_files() == []
-    assert marker.remove_folder() == []
+    assert remove_folder(folder) == []
     assert not folder.exists()
+
+
+def replace(target):
+    write(target, overwrite=True)
+
+
+def resume(target):
+    with ResumableFolder(target, "tuning", {}) as folder:
+        folder.write("data.txt", b"new")
+
+
+@pytest.mark.parametrize("work", [replace, resume])
+def test_a_folder_that_holds_only_what_file_managers_leave_counts_as_empty(tmp_path, work):
+    target = tmp_path / "out"
+    target.mkdir()
+    for name, content in OF_FILE_MANAGERS.items():
+        (target / name).write_bytes(content)
+    work(target)
+    assert names(target) == [MARKER, "data.txt"]
+    assert names(tmp_path) == ["out"]
+
+
+@pytest.mark.parametrize("work", [replace, resume])
+def test_what_is_beside_or_only_called_like_the_files_of_file_managers_is_kept(tmp_path, work):
+    target = tmp_path / "out"
+    target.mkdir()
+    (target / ".DS_Store").write_bytes(b"\0")
+    (target / "Thumbs.db").mkdir()
+    (target / "._notes").write_text("mine")
+    with pytest.raises(OutputError, match="did not write"):
+        work(target)
+    assert names(target) == [".DS_Store", "._notes", "Thumbs.db"]
 
 
 def test_a_file_that_is_only_called_like_those_of_macos_is_kept(tmp_path):
     folder = tmp_path / "made"
     folder.mkdir()
-    marker = Marker.make(folder, "run", {})
+    Marker.make(folder, "run", {})
     (folder / "._notes").write_text("mine")
-    assert marker.remove_folder() == ["._notes"]
+    assert remove_folder(folder) == ["._notes"]
     assert (folder / "._notes").read_text() == "mine"
 
 
