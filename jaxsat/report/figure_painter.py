@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import AutoLocator, LogFormatterSciNotation
 from matplotlib.transforms import ScaledTranslation
@@ -28,6 +27,7 @@ from jaxsat.report.style import (
     line_of,
     set_title,
 )
+from jaxsat.report.timeline_painter import paint_marks, paint_shades
 
 BARS = "#56B4E9"
 DARKEST_BAND = 0.3
@@ -53,9 +53,6 @@ TITLE_WIDTH, LABEL_WIDTH, LEGEND_WIDTH, HANDLE = 110, 22, 100, 7
 
 NAME = 12
 """Characters of the name of a strip."""
-
-MARK_ROWS, MARK_STEP = 9, 0.1
-"""Rows of names of instants, and what one takes of the height of a panel."""
 
 STRIP_PARTS, SHADES = 300, 256
 """Into how many parts the time of strips is divided, and a bar of shades."""
@@ -113,9 +110,9 @@ def paint(
                 panel.set_xlim(timeline.times[0], timeline.times[-1])
             _paint(figure, panel, plot)
             if timeline is not None:
-                _show_marks(panel, timeline, named=not number)
+                paint_marks(panel, timeline, named=not number)
                 if number == shaded:
-                    _show_shades(panel, timeline)
+                    paint_shades(panel, timeline)
             if legends[number]:
                 _place_legend(panel, legends[number], above=not plot.sentence)
             panel.tick_params(labelbottom=not same_axes[number])
@@ -288,64 +285,3 @@ def _paint_strips(figure: Figure, panel: Axes, plot: Plot, strips: Strips) -> No
     bar.set_xticks([])
     bar.yaxis.tick_right()
     bar.tick_params(labelsize=7)
-
-
-def _name_marks(panel: Axes, timeline: Timeline) -> None:
-    """The names of the marks, each in the first row in which it covers no other.
-
-    A name is right of its mark, or left of it where it would leave the panel.
-    """
-    taken: list[list[tuple[float, float]]] = [[] for _ in range(MARK_ROWS)]
-    measuring = RendererAgg(1, 1, panel.figure.dpi)
-    for at, name in timeline.marks:
-        if not name:
-            continue
-        text = panel.text(
-            at,
-            0.0,
-            f" {escape_mathematics(name)} ",
-            transform=panel.get_xaxis_transform(),
-            verticalalignment="top",
-            fontsize="small",
-            clip_on=True,
-            bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1},
-        )
-        span = text.get_window_extent(measuring)
-        begin, end, edge = span.x0, span.x1, panel.get_window_extent()
-        if end > edge.x1 and begin - span.width > edge.x0:
-            text.set_horizontalalignment("right")
-            begin, end = begin - span.width, begin
-        free = (
-            row
-            for row, others in enumerate(taken)
-            if all(end <= left or begin >= right for left, right in others)
-        )
-        row = next(free, MARK_ROWS - 1)
-        taken[row].append((begin, end))
-        text.set_y(0.97 - MARK_STEP * row)
-
-
-def _show_marks(panel: Axes, timeline: Timeline, *, named: bool) -> None:
-    """Dotted lines at the marks."""
-    for at, _ in timeline.marks:
-        panel.axvline(at, color="black", linewidth=0.9, linestyle=(0, (1, 1.5)))
-    if named:
-        _name_marks(panel, timeline)
-
-
-def _show_shades(panel: Axes, timeline: Timeline) -> None:
-    """Bands of grey during the spans."""
-    greys = np.linspace(0.7, 0.9, max(len(timeline.shades), 1))
-    for grey, (name, there) in zip(greys, timeline.shades.items(), strict=False):
-        panel.fill_between(
-            timeline.times,
-            0,
-            1,
-            where=list(there),
-            transform=panel.get_xaxis_transform(),
-            color=str(grey),
-            linewidth=0,
-            zorder=0.5,
-            step="post",
-            label=escape_mathematics(name),
-        )

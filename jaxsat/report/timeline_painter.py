@@ -1,0 +1,72 @@
+"""What happens while signals last, painted by matplotlib over a panel of them."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import RendererAgg
+
+from jaxsat.report.plot import Timeline
+from jaxsat.report.style import escape_mathematics
+
+MARK_ROWS, MARK_STEP = 9, 0.1
+"""Rows of names of instants, and what one takes of the height of a panel."""
+
+
+def paint_marks(panel: Axes, timeline: Timeline, *, named: bool) -> None:
+    """Dotted lines at the instants, with their names where `named`."""
+    for at, _ in timeline.marks:
+        panel.axvline(at, color="black", linewidth=0.9, linestyle=(0, (1, 1.5)))
+    if named:
+        _name_marks(panel, timeline)
+
+
+def paint_shades(panel: Axes, timeline: Timeline) -> None:
+    """Bands of grey during the named spans of time."""
+    greys = np.linspace(0.7, 0.9, max(len(timeline.shades), 1))
+    for grey, (name, there) in zip(greys, timeline.shades.items(), strict=False):
+        panel.fill_between(
+            timeline.times,
+            0,
+            1,
+            where=list(there),
+            transform=panel.get_xaxis_transform(),
+            color=str(grey),
+            linewidth=0,
+            zorder=0.5,
+            step="post",
+            label=escape_mathematics(name),
+        )
+
+
+def _name_marks(panel: Axes, timeline: Timeline) -> None:
+    """The names of the marks, each in the first row in which it covers no other.
+
+    A name is right of its mark, or left of it where it would leave the panel.
+    """
+    taken: list[list[tuple[float, float]]] = [[] for _ in range(MARK_ROWS)]
+    measuring = RendererAgg(1, 1, panel.figure.dpi)
+    for at, name in timeline.marks:
+        if not name:
+            continue
+        text = panel.text(
+            at,
+            0.0,
+            f" {escape_mathematics(name)} ",
+            transform=panel.get_xaxis_transform(),
+            verticalalignment="top",
+            fontsize="small",
+            clip_on=True,
+            bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1},
+        )
+        span = text.get_window_extent(measuring)
+        begin, end, edge = span.x0, span.x1, panel.get_window_extent()
+        if end > edge.x1 and begin - span.width > edge.x0:
+            text.set_horizontalalignment("right")
+            begin, end = begin - span.width, begin
+        free = (
+            row
+            for row, others in enumerate(taken)
+            if all(end <= left or begin >= right for left, right in others)
+        )
+        row = next(free, MARK_ROWS - 1)
+        taken[row].append((begin, end))
+        text.set_y(0.97 - MARK_STEP * row)
