@@ -49,7 +49,8 @@ LABEL_AT = 0.77
 """Inches from a panel to what its axis is called; numbers at ticks have this room."""
 
 TITLE_WIDTH, LABEL_WIDTH, LEGEND_WIDTH, HANDLE = 110, 22, 100, 7
-"""Characters of a line above a panel, beside one, and in a legend; of a line drawn in a legend."""
+"""Characters of a line above a panel, beside one, and in a legend without a bar beside it; of a
+line drawn in a legend."""
 
 NAME = 12
 """Characters of the name of a strip."""
@@ -88,7 +89,6 @@ def paint(
     legends = [
         _entries(plot, shades if place == shaded else ()) for place, plot in enumerate(plots)
     ]
-    heads = [_head(plot, legend) for plot, legend in zip(plots, legends, strict=True)]
     same_axes = [one.x == other.x for one, other in itertools.pairwise(plots)] + [False]
     new_labels = [one.x.label != other.x.label for one, other in itertools.pairwise(plots)] + [True]
     below = [
@@ -96,6 +96,10 @@ def paint(
         for same, label in zip(same_axes, new_labels, strict=True)
     ]
     right = RIGHT + (BAR if any(plot.strips is not None for plot in plots) else 0)
+    room = LEGEND_WIDTH * (WIDTH - LEFT - right) / (WIDTH - LEFT - RIGHT)
+    columns = [_columns(legend, room) for legend in legends]
+    rows = [-(-len(legend) // count) for legend, count in zip(legends, columns, strict=True)]
+    heads = [_head(plot, count) for plot, count in zip(plots, rows, strict=True)]
     whole = TOP + sum(heads) + height * len(plots) + sum(below)
     with rc_context(dict[Any, Any](SETTINGS)):
         figure, axes, top = Figure(figsize=(WIDTH, whole)), [], whole - TOP
@@ -114,7 +118,7 @@ def paint(
                 if number == shaded:
                     paint_shades(panel, timeline)
             if legends[number]:
-                _place_legend(panel, legends[number], above=not plot.sentence)
+                _place_legend(panel, legends[number], columns[number], above=not plot.sentence)
             panel.tick_params(labelbottom=not same_axes[number])
             if new_labels[number]:
                 panel.set_xlabel(escape_mathematics(plot.x.text))
@@ -154,11 +158,9 @@ def paint_grid(rows: Sequence[Sequence[Plot | None]], title: str) -> Figure:
     return figure
 
 
-def _head(plot: Plot, legend: Sequence[str]) -> float:
+def _head(plot: Plot, legend_rows: int) -> float:
     """Inches above a panel, for a sentence or a legend."""
-    if plot.sentence:
-        return GAP + ROW * len(_sentences(plot).split("\n"))
-    return GAP + ROW * (-(-len(legend) // _columns(legend)) if legend else 0)
+    return GAP + ROW * (len(_sentences(plot).split("\n")) if plot.sentence else legend_rows)
 
 
 def _sentences(plot: Plot) -> str:
@@ -173,16 +175,17 @@ def _entries(plot: Plot, shades: Collection[str]) -> list[str]:
     return entries if len(entries) > 1 or shades else []
 
 
-def _columns(legend: Sequence[str]) -> int:
-    return max(1, min(len(legend), LEGEND_WIDTH // (max(map(len, legend)) + HANDLE)))
+def _columns(legend: Sequence[str], room: float = LEGEND_WIDTH) -> int:
+    longest = max(map(len, legend), default=0)
+    return max(1, min(len(legend), int(room / (longest + HANDLE))))
 
 
-def _place_legend(panel: Axes, legend: Sequence[str], *, above: bool) -> None:
+def _place_legend(panel: Axes, legend: Sequence[str], columns: int, *, above: bool) -> None:
     """Put the legend in the panel, or above it at the right."""
     place = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.1}
     handles = dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
     entries = {label: handles[label] for label in legend if label in handles}
-    place |= {"ncols": _columns(legend)}
+    place |= {"ncols": columns}
     panel.legend([*entries.values()], [*entries], fontsize=8, **(place if above else {}))
 
 

@@ -159,6 +159,16 @@ def test_spans_are_shown_and_told_in_the_first_panel_without_strips():
     assert [text.get_text() for text in panel.get_legend().get_texts()] == ["holding"]
 
 
+def test_a_legend_is_no_wider_than_a_panel_beside_a_bar():
+    pulses = Strips(TIMES, np.zeros((101, 2)), ["A", "B"])
+    strips = Plot("Pulses", "", TIME, Axis("Pulses"), strips=pulses)
+    lines = [Line(TIMES, TIMES, f"oscillating {number}") for number in range(5)]
+    axes = paint([strips, Plot("Commands", "", TIME, Axis("Commands"), lines)], "Figure").axes
+    legend, panel = axes[1].get_legend(), axes[1].get_window_extent()
+    assert panel.x0 <= legend.get_window_extent().x0 < legend.get_window_extent().x1 <= panel.x1
+    assert axes[0].get_window_extent().y0 >= legend.get_window_extent().y1
+
+
 def test_a_failure_is_marked_in_every_panel_and_named_once():
     run = dataset()
     run.attrs["scenario"] = """
