@@ -6,7 +6,7 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, PyTree
+from jaxtyping import Array, Bool
 
 from jaxsat.core.checks import require_counts
 from jaxsat.core.solvers import NamedSolver, Solver, class_name
@@ -34,7 +34,7 @@ from jaxsat.simulation.engine.rates import (
     within_limit,
 )
 from jaxsat.simulation.engine.runge_kutta import explicit_step, require_explicit, tableau_of
-from jaxsat.simulation.engine.stepper import AbstractStepper
+from jaxsat.simulation.engine.stepper import AbstractStepper, nan_where
 from jaxsat.simulation.held_torque import HeldTorque, Unmade
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -197,7 +197,7 @@ class SampledStepper(AbstractStepper):
             )
             if seen is not None:
                 here, ended = number == sampled[0], progress.code != int(Outcome.SUCCESS)
-                now = partial(_unless, ended, signals)
+                now = partial(nan_where, ended, signals)
                 after = after._replace(seen=jax.lax.cond(here, now, lambda: seen))
             return halved(after)
 
@@ -213,19 +213,6 @@ class SampledStepper(AbstractStepper):
         assert progress.held is not None
         signals = _sampled_loop(case).signals(number, t, progress.state)
         return dataclasses.replace(signals, torque_range=progress.held.range())
-
-    def observe(self, program, case, progress, number):
-        """Signals of sample `number`; those that were seen where the program is detailed."""
-        if progress.seen is None:
-            return super().observe(program, case, progress, number)
-        held, ended = progress.held, progress.code != int(Outcome.SUCCESS)
-        assert held is not None
-        return dataclasses.replace(progress.seen, torque_range=_unless(ended, held.range()))
-
-
-def _unless(ended: Bool[Array, ""], signals: PyTree) -> PyTree:
-    """Signals, NaN where the case has ended."""
-    return jax.tree.map(lambda x: jnp.where(ended, jnp.nan, x), signals)
 
 
 def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper:

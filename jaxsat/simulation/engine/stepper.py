@@ -1,12 +1,13 @@
 """How one trajectory is integrated: what fixed, adaptive and sampled steps have in common."""
 
 import abc
+import dataclasses
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int
+from jaxtyping import Array, Bool, Int, PyTree
 
 from jaxsat.core.solvers import Solver
 from jaxsat.simulation.engine.program import Case, Program
@@ -68,6 +69,14 @@ class AbstractStepper(eqx.Module):
 
         Where the progress has `seen` signals, they are those at the beginning of its last advance.
         """
-        signals = self.signals(program, case, progress, number)
         ended = progress.code != int(Outcome.SUCCESS)
-        return jax.tree.map(lambda x: jnp.where(ended, jnp.nan, x), signals)
+        if progress.seen is None:
+            return nan_where(ended, self.signals(program, case, progress, number))
+        assert progress.held is not None
+        torques = nan_where(ended, progress.held.range())
+        return dataclasses.replace(progress.seen, torque_range=torques)
+
+
+def nan_where(ended: Bool[Array, ""], values: PyTree) -> PyTree:
+    """The values, NaN where a case has ended."""
+    return jax.tree.map(lambda x: jnp.where(ended, jnp.nan, x), values)
