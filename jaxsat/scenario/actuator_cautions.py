@@ -10,6 +10,7 @@ from jaxsat.core.declaration.actuators import STEERED
 from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import rotation
+from jaxsat.scenario.idle_actuators import idle_actuators
 from jaxsat.scenario.parts.thrusters import (
     ModulationTable,
     ThrusterTable,
@@ -37,26 +38,12 @@ ROUNDING = 1e-9
 
 def actuator_cautions(scenario: Scenario) -> Iterator[Issue]:
     """What will never be used, what is too slow or too coarse, and too much momentum."""
-    yield from _idle_thrusters(scenario)
+    yield from idle_actuators(scenario)
     yield from _momentum_beyond_wheels(scenario)
     yield from _slow_thrust(scenario)
     if not is_plugin(scenario.control.law):  # whose keys may mean something else
         yield from _dead_zone(scenario)
         yield from _slow_samples(scenario)
-
-
-def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
-    """Thrusters beside wheels that make all torques that the law commands."""
-    torques = scenario.law.declaration.torques
-    working = sum(not one.failed for one in scenario.thruster)
-    if not scenario.wheel or not working or not torques or relieved_by_thrusters(scenario):
-        return
-    if not left_by_wheels(scenario.wheel, torques).any():
-        message = (
-            "should leave the thrusters a torque to make: the wheels make all that the law "
-            f"commands and thrusters do not unload them, so that none of {working} ever fires"
-        )
-        yield Issue(("thruster",), message)
 
 
 def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:

@@ -13,6 +13,7 @@ from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.actuator_cautions import _body_axes, _largest_load, _momenta_to_hold
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
+from jaxsat.scenario.idle_actuators import columns_in_use
 from jaxsat.scenario.tables import InitialTable
 
 WHEELS = [[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]]
@@ -152,6 +153,51 @@ def test_thrusters_that_never_fire_are_told():
     assert any("ever fires" in one for one in told("pulsed-two-torque", two)[0])
     for more in ((), (two,)):
         assert not any("fires" in one for one in told("wheels-fail", jets, *more, *OWN)[0])
+
+
+def thrusters(*axes):
+    return f"thruster=[{', '.join(JET % list(axis) for axis in axes)}]"
+
+
+WHEEL = "{axis=%s, torque_limit_N_m=0.4}"
+IN_PLANE = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "idle"),
+    [
+        ((thrusters(*IN_PLANE, (0, 0, 1)),), ["thruster: 5"]),
+        ((thrusters(*IN_PLANE, (0, 0, 1), (0, 0, -1)),), ["thruster: 5, 6"]),  # only cancel
+        ((thrusters(*IN_PLANE, (0, 0, 1), (1, 0, -1)),), []),
+        ((thrusters(*IN_PLANE), "wheel=[{axis=[1,0,0]}]"), ["thruster: 1, 2"]),
+        ((thrusters(*IN_PLANE, (1, 1, 0), (-1, 1, 0)), "wheel=[{axis=[1,0,0]}]"), []),
+        ((thrusters(*IN_PLANE), "wheel=[{axis=[0,0,1]}]"), ["wheel: 1"]),
+        ((f"wheel=[{WHEEL % [1, 0, 0]}, {WHEEL % [0, 1, 1]}, {WHEEL % [0, 0, 1]}]",), []),
+    ],
+)
+def test_actuators_without_a_part_in_two_torques_are_told(changes, idle):
+    messages, _ = told("pulsed-two-torque", *changes)
+    found = [one.split("key ")[1] for one in messages if "never used" in one]
+    assert [f"{one.split(':')[0]}: {one.rpartition(': ')[2]}" for one in found] == idle
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("torques", [1, 2])
+def test_linear_programmes_use_every_column_in_use_and_no_other(seed, torques):
+    """Of torques in the commanded plane, of both signs, with bounds and prices at random."""
+    rng = np.random.default_rng(seed)
+    columns = rng.integers(-1, 2, (3, 7)).astype(float)
+    columns = columns[:, columns.any(axis=0)]
+    command = np.eye(3)[:, :torques]
+    used = np.zeros(columns.shape[1], bool)
+    for _ in range(150):
+        direction = command @ rng.choice([-1.0, 0.0, 1.0, 0.5], torques)
+        cost, most = 10.0 ** rng.uniform(-3, 3, used.size), 10.0 ** rng.uniform(-1, 2, used.size)
+        bounds = [(0, one) for one in most]
+        found = linprog(cost, A_eq=columns, b_eq=direction, bounds=bounds)
+        if found.status == 0:
+            used |= found.x > 1e-9
+    np.testing.assert_array_equal(columns_in_use(columns, command), used)
 
 
 def test_slow_thrust_and_slow_samples_are_told():

@@ -19,6 +19,9 @@ from jaxsat.studies.executors import AbstractExecutor
 from jaxsat.studies.summary import summarise
 from studies.studies import tumbling
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*never used:jaxsat.scenario.ScenarioWarning")
+"""The wheel about z keeps its momentum: the law commands torques about x and y."""
+
 PULSES = [
     "simulation.duration_s=2",
     'dispersion.torque_gain={distribution="normal",mean=0,sigma=0.1}',

@@ -18,7 +18,7 @@ from scenario.build.test_thrusters_as_parts import HEAD, PAIRS, REST, written
 WHEELS = """\
 [[wheel]]
 name = "roll"
-axis = [1, 0, 0]
+axis = [0.8, 0.6, 0]
 torque_limit_N_m = 5
 momentum_limit_N_m_s = 60
 momentum_N_m_s = 10

@@ -1,0 +1,101 @@
+"""Thrusters and wheels that have no part in any torque that the law commands."""
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jaxsat.core.allocation import BASIS_TOLERANCE, least_squares_map
+from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.layout import command_torques
+from jaxsat.scenario.parts.actuator import names_of
+from jaxsat.scenario.parts.thrusters import signs
+from jaxsat.scenario.parts.wheels import left_by_wheels, relieved_by_thrusters, wheel_axes
+from jaxsat.scenario.schema import Scenario
+
+
+def idle_actuators(scenario: Scenario) -> Iterator[Issue]:
+    """What has no part in two torques; in three, all that make some torque have one."""
+    law = scenario.law.declaration
+    if law.torques == 2 and not law.commands_actuators:
+        yield from _idle_thrusters(scenario)
+        yield from _idle_wheels(scenario)
+
+
+def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
+    working = [place for place, one in enumerate(scenario.thruster) if not one.failed]
+    if not working or relieved_by_thrusters(scenario):
+        return
+    left = left_by_wheels(scenario.wheel, 2) if scenario.wheel else np.eye(2)
+    if not left.any():
+        message = (
+            "should leave the thrusters a torque to make: the wheels make all that the law "
+            f"commands and thrusters do not unload them, so that none of {len(working)} ever fires"
+        )
+        yield Issue(("thruster",), message)
+        return
+    torque, _, command = command_torques(scenario, 2)
+    owners = np.array([place for place in working for _ in signs(scenario.thruster[place])])
+    used = owners[columns_in_use(torque, command @ left)]
+    idle = [place for place in working if place not in used]
+    yield from _issues(scenario, "thruster", idle)
+
+
+def _idle_wheels(scenario: Scenario) -> Iterator[Issue]:
+    working = np.array([place for place, one in enumerate(scenario.wheel) if not one.failed], int)
+    if not working.size:
+        return
+    axes = wheel_axes(scenario.wheel)[:, working]
+    used = columns_in_use(np.hstack([axes, -axes]), np.eye(3)[:, :2]).reshape(2, -1).any(axis=0)
+    used |= np.abs(least_squares_map(axes, 2)).max(axis=1) > BASIS_TOLERANCE
+    yield from _issues(scenario, "wheel", working[~used].tolist())
+
+
+def _issues(scenario: Scenario, kind: str, idle: list[int]) -> Iterator[Issue]:
+    names = names_of(getattr(scenario, kind))
+    if idle:
+        message = (
+            f'should each have a part in the torques that the law "{scenario.control.law}" '
+            f"commands; never used: {', '.join(names[place] for place in idle)}"
+        )
+        yield Issue((kind,), message)
+
+
+def columns_in_use(
+    torque: Float[np.ndarray, "3 m"], command: Float[np.ndarray, "3 k"]
+) -> Bool[np.ndarray, " m"]:
+    """Which thrusters that push have a part in some torque along the columns of `command`.
+
+    `torque` has a column for each, at full thrust. The others could only cancel each other. The
+    duties that make such torques are a cone; those on its edges belong to as few thrusters as
+    cancel what is across the commands, at most one more than there are such directions.
+    """
+    torque = torque / np.sqrt(np.sum(torque**2, axis=0))
+    directions, sizes, _ = np.linalg.svd(command)
+    across = directions[:, int(np.sum(sizes > BASIS_TOLERANCE * sizes[0])) :].T @ torque
+    rows, sizes, _ = np.linalg.svd(across)
+    across = rows[:, sizes > BASIS_TOLERANCE].T @ across
+    size = len(across) + 1
+    groups = np.array(list(itertools.combinations(range(torque.shape[1]), size)), int)
+    groups = groups.reshape(-1, size)
+    duties = _cancelling(across[:, groups])
+    duties *= np.sign(duties.sum(axis=1, keepdims=True))
+    made = np.einsum("igs,gs->ig", torque[:, groups], duties)
+    edges = np.all(duties >= -BASIS_TOLERANCE, axis=1)
+    edges &= np.abs(made).max(axis=0) > BASIS_TOLERANCE
+    in_use = np.zeros(torque.shape[1], bool)
+    in_use[groups[edges][duties[edges] > BASIS_TOLERANCE]] = True
+    return in_use
+
+
+def _cancelling(across: Float[np.ndarray, "r g s"]) -> Float[np.ndarray, "g s"]:
+    """Duties of which each group's torques cancel, of r rows and s = r + 1 thrusters; r is 0 to 2.
+
+    They are zero where the group has more than one way to do so.
+    """
+    if len(across) == 2:
+        return np.cross(across[0], across[1])
+    if len(across) == 1:
+        return np.stack([across[0, :, 1], -across[0, :, 0]], axis=1)
+    return np.ones(across.shape[1:])
