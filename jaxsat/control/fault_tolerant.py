@@ -47,13 +47,12 @@ class FaultTolerant(AbstractSampledController):
     """Quaternion feedback, diagnosis of the actuators, and the best law for those that are left.
 
     The command is that of each actuator: duties of thrusters, torques (N m) of wheels on the body,
-    dipoles (A m²) of magnetorquers.
-    The law sees estimates of attitude and rate, tachometers of wheels and its own commands, nothing
-    else. What is left decides: three axes go on under quaternion feedback; what leaves torques in a
-    plane settles by a law of its own, see `AbstractTolerantActuators`; else rates are damped. Of
-    several kinds, see `Mix`, wheels make what they can of a torque and thrusters the rest, which
-    also take momentum out of wheels that are full. Magnetorquers, `rods`, do so all the time while
-    there are three axes.
+    dipoles (A m²) of magnetorquers. The law sees estimates of attitude and rate, tachometers of
+    wheels and its own commands, nothing else. What is left decides: three axes go on under
+    quaternion feedback; what leaves torques in a plane settles by a law of its own, see
+    `AbstractTolerantActuators`; else rates are damped. Of several kinds, see `Mix`, wheels make
+    what they can of a torque and thrusters the rest, which also take momentum out of wheels that
+    are full. Magnetorquers, `rods`, do so all the time while there are three axes.
     """
 
     declaration: ClassVar[LawDeclaration] = FAULT_TOLERANT

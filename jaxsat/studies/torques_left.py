@@ -123,14 +123,8 @@ class _Rods(NamedTuple):
     @staticmethod
     def of(loop: AbstractLoop, parts: Sequence[tuple[AbstractEffector, _Reaches]]) -> "_Rods":
         """The magnetorquers of a loop, by the reach of its effectors in every case."""
-        distribution = getattr(loop, "distribution", None)
         for one, reach in parts:
             if isinstance(one, Magnetorquers):
-                biases = [
-                    float(-steering.bias[1])
-                    for steering in getattr(distribution, "steering", ())
-                    if isinstance(steering, MagneticSteering)
-                ]
                 disturbance = loop.plant.disturbance
                 terms = getattr(disturbance, "terms", (disturbance,))
                 rods = RodSet(
@@ -138,7 +132,7 @@ class _Rods(NamedTuple):
                     axes=np.asarray(one.axes, float),
                     limits=np.asarray(one.dipole_limit, float),
                     field=one.field,
-                    bias=sum(biases),
+                    bias=_momentum_bias(loop),
                     gravity_gradient=any(isinstance(term, GravityGradient) for term in terms),
                 )
                 return _Rods(rods, _healthy(one, reach))
@@ -208,6 +202,16 @@ def _reaches_left(loop: AbstractLoop, failures: Mapping[str, np.ndarray]) -> lis
         reaches.append(_Reaches.of(reach, cases))
         before += one.count
     return reaches
+
+
+def _momentum_bias(loop: AbstractLoop) -> float:
+    """Momentum (N m s) along the orbit normal that wheels are to keep, whoever steers rods."""
+
+    def steers(part: object) -> bool:
+        return isinstance(part, MagneticSteering)
+
+    steering = [one for one in jax.tree.leaves(loop, is_leaf=steers) if steers(one)]
+    return -float(steering[0].bias[1]) if steering else 0.0
 
 
 def _sound_reach(one: AbstractEffector) -> Reach:

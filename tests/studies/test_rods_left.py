@@ -5,6 +5,7 @@ import numpy as np
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
+from jaxsat.studies import torques_left as judging
 from jaxsat.studies.failure_codes import FAILURES, NEVER
 from jaxsat.studies.torques_left import TorquesLeft, torques_left
 
@@ -46,3 +47,15 @@ def test_a_wheel_and_rods():
     found = left("wheel-and-rods", (), (0,), (1,), (1, 2, 3), (0, 1, 2, 3))
     assert found[:2] == [TorquesLeft.MAGNETIC] * 2
     assert found[3:] == [TorquesLeft.TOO_FEW] * 2
+
+
+RODS = ", ".join(f"{{axis={axis}, dipole_limit_A_m2=10}}" for axis in np.eye(3).tolist())
+BESIDE_WHEELS = [f"magnetorquer=[{RODS}]", "orbit.rate_rad_s=1.1e-3"]
+
+
+def test_the_bias_of_wheels_is_known_whatever_steers_the_rods():
+    more = [*BESIDE_WHEELS, "unloading.bias_N_m_s=0.3"]
+    feedback = ['control={law="quaternion-feedback", natural_frequency_rad_s=0.05}', "failure=[]"]
+    for changes in ([], feedback):
+        loop = build(load("wheels-fail", [*more, *changes])).loop
+        assert judging._momentum_bias(loop) == 0.3
