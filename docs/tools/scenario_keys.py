@@ -15,8 +15,8 @@ def page(schema: Mapping[str, Any]) -> str:
     parts = [
         "# Keys of a scenario file",
         "Made from the JSON Schema of the program (`jaxsat scenarios schema`) when these pages are "
-        "built. {doc}`scenarios` explains how the tables go together. A key that ends in `_rad` or "
-        "`_rad_s` may be given in degrees, ending in `_deg` or `_deg_s`.",
+        "built. {doc}`scenarios` explains how the tables go together, and in which other units "
+        "keys in radians may be given.",
         "## Top of the file",
         "\n".join(_table(top, schema.get("required", ()))),
     ]
@@ -68,6 +68,8 @@ def _places(schema: Mapping[str, Any]) -> dict[str, str]:
 def _table(properties: Mapping[str, Any], required: Any) -> list[str]:
     rows = ["| key | unit | allowed | default | what it is |", "|---|---|---|---|---|"]
     for key, entry in properties.items():
+        if "in_place_of" in entry:
+            continue
         unit = entry.get("unit", "")
         about = entry.get("description", "").removesuffix(f" ({unit})")
         about = about.removesuffix(" (no unit)")

@@ -3,9 +3,9 @@
 from typing import Any
 
 from jaxsat.core.declaration.laws import LAWS
-from jaxsat.scenario.degrees import with_degrees
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.toml_text import toml_document
+from jaxsat.scenario.units import with_units
 
 _OTHER_LAW = {
     "type": "object",
@@ -24,8 +24,8 @@ def dump(scenario: Scenario) -> str:
 def json_schema() -> dict[str, Any]:
     """The JSON Schema of scenario files; quantities carry their unit under "unit".
 
-    A key in radians may also be given in degrees, but not in both.
+    A key may also be given in each of its other units, but only in one.
     """
-    schema = with_degrees(Scenario.model_json_schema())
+    schema = with_units(Scenario.model_json_schema())
     schema["properties"]["control"]["oneOf"].append(_OTHER_LAW)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

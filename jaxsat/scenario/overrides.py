@@ -7,10 +7,10 @@ from typing import Any
 
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.control import known_law, table_of
-from jaxsat.scenario.degrees import other_spellings
 from jaxsat.scenario.errors import Problem
 from jaxsat.scenario.limits import MAX_OVERRIDE_LENGTH, Excess, require_modest
 from jaxsat.scenario.tables import ADAPTIVE_STEP_KEYS, FIXED_STEP_KEYS
+from jaxsat.scenario.units import other_spellings
 from jaxsat.scenario.wording import shown
 
 ALTERNATIVES: tuple[tuple[frozenset[str], frozenset[str]], ...] = (
@@ -136,12 +136,12 @@ def _displace(data: dict[str, Any], overrides: list[Override]) -> dict[str, Any]
 
 
 def _spellings(keys: Iterable[str]) -> set[str]:
-    """Dotted keys, and the same in the other unit of angles."""
+    """Dotted keys, and the same in other units."""
     return {spelling for key in keys for spelling in (key, *other_spellings(key))}
 
 
 def _other_units(path: tuple[str, ...]) -> Iterator[str]:
-    """The dotted keys that say in the other unit of angles what an override says."""
+    """The dotted keys that say in other units what an override says."""
     for depth, name in enumerate(path):
         for twin in other_spellings(name):
             yield ".".join((*path[:depth], twin))

@@ -16,7 +16,6 @@ from pydantic import ValidationError
 
 from jaxsat.core.process import add_folders
 from jaxsat.scenario.cautions import cautions
-from jaxsat.scenario.degrees import InRadians, in_radians
 from jaxsat.scenario.errors import (
     Issue,
     Location,
@@ -39,6 +38,7 @@ from jaxsat.scenario.plugins import (
     require_not_hidden,
 )
 from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.units import InSI, in_si, spellings
 from jaxsat.scenario.wording import suggestion
 
 
@@ -90,7 +90,7 @@ def read(
         except PluginError as error:
             raise ScenarioError([places.problem(Issue(location, str(error)))]) from None
     problems += obstacles
-    scenario, conversion = None, in_radians(data)
+    scenario, conversion = None, in_si(data)
     places = dataclasses.replace(places, conversion=conversion)
     problems += [places.problem(issue) for issue in conversion.issues]
     try:
@@ -152,7 +152,7 @@ class _Places:
 
     source: _Source
     overrides: Sequence[Override] = field(default=())
-    conversion: InRadians | None = None
+    conversion: InSI | None = None
 
     def problem(self, issue: Issue) -> Problem:
         issue = issue if self.conversion is None else self.conversion.as_written(issue)
@@ -251,10 +251,11 @@ def _syntax_problem(name: str, text: str, message: str) -> Problem:
 
 
 def given_keys(name_or_path: str | Path, overrides: Iterable[str] = ()) -> set[str]:
-    """Dotted keys that a file and overrides give; none of a file that cannot be read."""
-    return _keys(_file_tables(name_or_path)) | {
+    """Dotted keys, in SI, that a file and overrides give; none of a file that cannot be read."""
+    keys = _keys(_file_tables(name_or_path)) | {
         text.partition("=")[0].strip() for text in overrides
     }
+    return {spellings(key)[0] for key in keys}
 
 
 def _file_tables(name_or_path: str | Path) -> dict[str, Any]:

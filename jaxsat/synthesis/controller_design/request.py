@@ -30,10 +30,10 @@ _DEFAULTS: Mapping[str, tuple[tuple[str, ...], Any]] = {
     "title": (("title",), ""),
     "orbit.rate_rad_s": (("orbit.rate_rad_s", "orbit.altitude_km"), 0.0),
     "initial.quaternion": (
-        ("initial.quaternion", "initial.w", "initial.z_rad", "initial.z_deg"),
+        ("initial.quaternion", "initial.w", "initial.z_rad"),
         [1.0, 0.0, 0.0, 0.0],
     ),
-    "initial.omega_rad_s": (("initial.omega_rad_s", "initial.omega_deg_s"), [0.0, 0.0, 0.0]),
+    "initial.omega_rad_s": (("initial.omega_rad_s",), [0.0, 0.0, 0.0]),
     "control.law": (("control.law",), UNNAMED_LAW),
     "simulation.duration_s": (("simulation.duration_s",), UNTIMED),
     "simulation.save_every_s": (("simulation.save_every_s",), 0.5),

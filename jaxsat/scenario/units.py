@@ -1,0 +1,194 @@
+"""Units besides those of SI: `omega_deg_s` or `omega_rpm` may stand in place of `omega_rad_s`."""
+
+import copy
+import dataclasses
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from jaxsat.scenario.errors import Issue, Location
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.wording import shown, table_at
+
+
+class Unit(NamedTuple):
+    """A unit that a key may have at its end: what it is called, and its size in the unit of SI."""
+
+    called: str
+    size: float
+
+
+DEGREE = math.pi / 180
+ARCSECOND = DEGREE / 3600
+
+UNITS: Mapping[str, Mapping[str, Unit]] = {
+    "_rad": {"_deg": Unit("deg", DEGREE), "_arcsec": Unit("arcsec", ARCSECOND)},
+    "_rad_s": {
+        "_deg_s": Unit("deg/s", DEGREE),
+        "_deg_h": Unit("deg/h", ARCSECOND),
+        "_rpm": Unit("rpm", 2 * math.pi / 60),
+    },
+    "_rad_s2": {"_deg_s2": Unit("deg/s²", DEGREE)},
+    "_rad_s_sqrt_Hz": {
+        "_deg_s_sqrt_Hz": Unit("deg/s/√Hz", DEGREE),
+        "_deg_sqrt_h": Unit("deg/√h", DEGREE / 60),
+    },
+    "_rad_s2_sqrt_Hz": {"_deg_s2_sqrt_Hz": Unit("deg/s²/√Hz", DEGREE)},
+}
+"""The endings of keys in SI, and the endings that may stand in place of each."""
+
+PURE_NUMBERS = frozenset({"weights"})
+"""Keys of a distribution that are not in the unit of what is dispersed."""
+
+KEYS_OF_THE_LAW = (("tuning", "parameters"), ("tuning", "smoothing"))
+"""Tables whose keys are those of `[control]`."""
+
+
+class InSI(NamedTuple):
+    """A scenario's data in SI, what was wrong with other units, and where those were."""
+
+    data: dict[str, Any]
+    issues: list[Issue]
+    places: dict[Location, Location]
+
+    def as_written(self, issue: Issue) -> Issue:
+        """An issue about the keys that the user wrote."""
+        location = self._user_location(issue.location)
+        involved = tuple(map(self._user_location, issue.involved))
+        message = issue.message
+        if location != issue.location:
+            key = next(a for a, b in zip(issue.location, location, strict=True) if a != b)
+            message = f"{message} (read as {key})"
+        return dataclasses.replace(issue, location=location, involved=involved, message=message)
+
+    def _user_location(self, location: Location) -> Location:
+        for end in range(len(location), 0, -1):
+            place = self.places.get(location[:end])
+            if place is not None:
+                return (*place, *location[end:])
+        return location
+
+
+def spellings(key: str) -> tuple[str, ...]:
+    """The key with each unit that it may have, that of SI first; only itself if it has no other."""
+    for ending, units in UNITS.items():
+        for one in (ending, *units):
+            if key.endswith(one):
+                return tuple(key.removesuffix(one) + other for other in (ending, *units))
+    return (key,)
+
+
+def other_spellings(key: str) -> Iterator[str]:
+    """The same key in its other units."""
+    return (one for one in spellings(key) if one != key)
+
+
+def _unit(key: str) -> Unit:
+    """The unit of a key that is not in SI."""
+    return next(
+        unit for units in UNITS.values() for ending, unit in units.items() if key.endswith(ending)
+    )
+
+
+def in_si(data: Mapping[str, Any]) -> InSI:
+    """Take in all keys in another unit that stand for one in SI of the same table.
+
+    A key that a table declares by its own name is left as it is.
+    """
+    result = InSI(copy.deepcopy(dict(data)), [], {})
+    _convert(result, data, result.data, ())
+    return result
+
+
+def _convert(conversion: InSI, root: Mapping[str, Any], node: Any, location: Location) -> None:
+    if isinstance(node, list):
+        for number, entry in enumerate(node):
+            _convert(conversion, root, entry, (*location, number))
+    if not isinstance(node, dict):
+        return
+    place = ("control",) if location in KEYS_OF_THE_LAW else location
+    table_class = table_at(Scenario, root, place)
+    own = {} if table_class is None else table_class.model_fields
+    for name in list(node):
+        _convert(conversion, root, node[name], (*location, name))
+        si = spellings(name)[0]
+        if name not in own and si in own:
+            _convert_key(conversion, node, location, name)
+
+
+def _convert_key(conversion: InSI, table: dict[str, Any], location: Location, name: str) -> None:
+    """Replace a key by that in SI, unless the table has it twice."""
+    si = spellings(name)[0]
+    value, other = table.pop(name), (*location, si)
+    if si not in table:
+        table[si] = _scaled(value, _unit(name).size)
+        conversion.places[other] = (*location, name)
+        return
+    other = conversion.places.get(other, other)
+    message = f"must not be given with {other[-1]}, got {shown(value)}"
+    conversion.issues.append(Issue((*location, name), message, (other,)))
+
+
+def _scaled(value: Any, size: float) -> Any:
+    """The numbers of a value, of the entries of a list, or of a distribution, times a size."""
+    if isinstance(value, list | tuple):
+        return [_scaled(entry, size) for entry in value]
+    if isinstance(value, dict):
+        return {
+            name: inner if name in PURE_NUMBERS else _scaled(inner, size)
+            for name, inner in value.items()
+        }
+    plain = isinstance(value, int | float) and not isinstance(value, bool)
+    return value * size if plain else value
+
+
+def with_units(schema: Any) -> Any:
+    """A JSON Schema in which every key may be given in each of its units, but only in one."""
+    if isinstance(schema, list):
+        return [with_units(entry) for entry in schema]
+    if not isinstance(schema, dict):
+        return schema
+    result = {name: with_units(inner) for name, inner in schema.items()}
+    properties = result.get("properties")
+    if not isinstance(properties, dict):
+        return result
+    families = [
+        spellings(key) for key in properties if len(spellings(key)) > 1 and spellings(key)[0] == key
+    ]
+    if not families:
+        return result
+    required = result.get("required", [])
+    result["properties"] = properties | {
+        key: _in_unit(properties[si], si, _unit(key))
+        for si, *others in families
+        for key in others
+        if key not in properties
+    }
+    result["required"] = [key for key in required if all(key != si for si, *_ in families)]
+    result["allOf"] = [_one_of(family, needed=family[0] in required) for family in families]
+    return result
+
+
+def _one_of(family: tuple[str, ...], *, needed: bool) -> dict[str, Any]:
+    """That one of these keys is there, or at most one."""
+    each = [{"required": [key]} for key in family]
+    return {"oneOf": each if needed else [*each, {"not": {"anyOf": each}}]}
+
+
+def _in_unit(entry: Any, key: str, unit: Unit) -> Any:
+    """The entry of a key in SI, for the same in another unit."""
+    if isinstance(entry, list):
+        return [_in_unit(one, key, unit) for one in entry]
+    if not isinstance(entry, dict):
+        return entry
+    bounds = ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")
+    result = {
+        name: _in_unit(inner, key, unit) for name, inner in entry.items() if name != "default"
+    }
+    for name in bounds:
+        if isinstance(result.get(name), int | float):
+            result[name] /= unit.size
+    if "unit" in result:
+        text = f"In place of {key} ({unit.called})"
+        result |= {"unit": unit.called, "description": text, "in_place_of": key}
+    return result
