@@ -12,11 +12,9 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Int, PyTree
 
 from jaxsat.core.checks import as_array
+from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.core.errors import ArgumentError
 from jaxsat.spacecraft.held_effector import Decision
-
-HOLD_SAMPLES = 10
-"""Default number of samples for which commands are held."""
 
 
 class GuardState(NamedTuple):

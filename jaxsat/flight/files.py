@@ -8,6 +8,7 @@ from typing import Any
 
 from jaxsat.compiler.c.naming import comment
 from jaxsat.core.declaration.keys import Key
+from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.flight import interface
 from jaxsat.flight.guard import guard_header
 from jaxsat.flight.guard_source import guard_source
@@ -29,7 +30,8 @@ class Request:
     """What is to be exported: a loop, a start and the time (s) that test runs take.
 
     `title`, `scenario` (TOML) and `provenance` (versions, platform, time) go into the files. `keys`
-    are those that the law declares: they bound its parameters.
+    are those that the law declares: they bound its parameters. `hold_samples` is the default of the
+    guard: calls in a row without a step for which commands are held.
     """
 
     loop: AbstractLoop
@@ -41,6 +43,7 @@ class Request:
     single: bool = False
     libm: bool = False
     keys: tuple[Key, ...] = ()
+    hold_samples: int = HOLD_SAMPLES
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ def export(request: Request) -> Export:
     }
     samples = vectors(program, request.loop, request.start, request.duration)
     table = interface.parameters(program, request.loop, request.keys)
-    rows = interface.rows(program, table)
+    rows = interface.rows(program, table, request.hold_samples)
     ulp = "1e18" if request.libm else "0"
     texts |= {
         "controller_parameters.h": parameters_header(table, intro),
@@ -77,7 +80,7 @@ def export(request: Request) -> Export:
         "icd.csv": interface.as_csv(rows),
         "icd.md": interface.as_markdown(request.title, rows),
         "controller_guard.h": guard_header(program, intro),
-        "controller_guard.c": guard_source(program, intro),
+        "controller_guard.c": guard_source(program, intro, request.hold_samples),
         "controller_records.h": records_header(program, intro),
         "test_controller.c": test_program(program, intro),
         "controller_library.c": library_source(program, intro),

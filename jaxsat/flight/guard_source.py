@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 
 from jaxsat.compiler.c.layout import Field, Struct
-from jaxsat.control.guard import HOLD_SAMPLES
+from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.flight.guard import (
     NORM_TOLERANCE,
     RATE_LIMIT,
@@ -18,13 +18,15 @@ from jaxsat.flight.guard import (
 from jaxsat.flight.program import FlightProgram
 
 
-def guard_source(program: FlightProgram, intro: Sequence[str]) -> str:
-    """The text of controller_guard.c."""
+def guard_source(
+    program: FlightProgram, intro: Sequence[str], hold_samples: int = HOLD_SAMPLES
+) -> str:
+    """The text of controller_guard.c; `hold_samples` is the default of that limit."""
     suffix = "f" if program.single else ""
     lines = [*intro, '#include "controller_guard.h"', ""]
     lines += ["#include <math.h>", "#include <string.h>", ""]
     lines += ["const controller_guard_parameters controller_default_guard_parameters = {"]
-    lines += [f"  .hold_samples = {HOLD_SAMPLES},", f"  .rate_limit = {RATE_LIMIT}{suffix},"]
+    lines += [f"  .hold_samples = {hold_samples},", f"  .rate_limit = {RATE_LIMIT}{suffix},"]
     lines += [f"  .norm_tolerance = {NORM_TOLERANCE}{suffix},", "};", ""]
     lines += _unit_quaternion(program)
     for group in groups(program):

@@ -12,8 +12,8 @@ import numpy as np
 
 from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.layout import Field
-from jaxsat.control.guard import HOLD_SAMPLES
 from jaxsat.core.declaration.keys import Key, Numeric
+from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.flight.flight import UNITS, FlightController, as_type
 from jaxsat.flight.guard import (
     NORM_TOLERANCE,
@@ -99,8 +99,13 @@ class Row(NamedTuple):
     rate: str
 
 
-def rows(program: FlightProgram, of_parameters: Sequence[Parameter]) -> list[Row]:
-    """All rows, structure by structure in the order of their fields."""
+def rows(
+    program: FlightProgram, of_parameters: Sequence[Parameter], hold_samples: int = HOLD_SAMPLES
+) -> list[Row]:
+    """All rows, structure by structure in the order of their fields.
+
+    `hold_samples` is the default of that parameter of the guard.
+    """
     period = f"every {float(np.asarray(program.period)):.9g} s"
     found = [
         _row("controller_input", field, _unit(field), *_judged(field), period)
@@ -118,7 +123,7 @@ def rows(program: FlightProgram, of_parameters: Sequence[Parameter]) -> list[Row
         row = _row("controller_parameters", parameter.field, unit, parameter.range,
                    "controller_check_parameters", "once")  # fmt: skip
         found.append(row._replace(path=path))
-    found += _limits(program)
+    found += _limits(program, hold_samples)
     outputs = program.structs["output"].fields
     found += [
         _row("controller_output", field, _unit(field), _commanded(program, field),
@@ -169,11 +174,11 @@ def _commanded(program: FlightProgram, field: Field) -> str:
     return "finite"
 
 
-def _limits(program: FlightProgram) -> Iterator[Row]:
+def _limits(program: FlightProgram, hold_samples: int) -> Iterator[Row]:
     real = real_type(program)
     size = 4 if program.single else 8
     for name, kind, unit, default in (
-        ("hold_samples", "int32_t", "", HOLD_SAMPLES),
+        ("hold_samples", "int32_t", "", hold_samples),
         ("rate_limit", real, "rad/s", RATE_LIMIT),
         ("norm_tolerance", real, "1", NORM_TOLERANCE),
     ):

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jaxsat.control.guard import HOLD_SAMPLES
 from jaxsat.flight.guard import RATE_LIMIT, groups, status_bits
 from jaxsat.flight.measure import DEAREST, ProcessorUse
 from jaxsat.flight.program import FlightProgram
@@ -48,7 +47,7 @@ def readme(
         PERIOD=_period(program),
         FLAGS=_flags(program),
         RATE_LIMIT=f"{RATE_LIMIT:g}",
-        HOLD_SAMPLES=HOLD_SAMPLES,
+        HOLD_SAMPLES=request.hold_samples,
         STATUS=_status(program),
         MEASUREMENTS=_measurements(uses, vectors),
         ESTIMATOR=" and the estimator" * program.estimates,

@@ -15,6 +15,7 @@ from jaxsat.core.allocation import (
     torque_axis,
     unit_columns,
 )
+from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.scenario.parts.thrusters import signs, working_torques
 from jaxsat.scenario.parts.wheels import limit_of_wheels, wheels_make_all
@@ -43,6 +44,11 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
 def has_invalid_samples(scenario: Any) -> bool:
     """Whether a checked scenario may have samples at which its law makes no step."""
     return scenario.gyro is not None and scenario.gyro.outage_start_s is not None
+
+
+def hold_samples_of(scenario: Any) -> int:
+    """The number of samples in a row without a step for which commands are held."""
+    return HOLD_SAMPLES if scenario.sampling is None else scenario.sampling.hold_samples
 
 
 def command_map(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> np.ndarray | None:

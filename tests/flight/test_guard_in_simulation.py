@@ -16,6 +16,9 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from tests.flight.guarded import Guarded
 
+HELD = 7
+"""Samples for which commands are held."""
+
 OUTAGES = [
     "gyro={noise_density_rad_s_sqrt_Hz=1e-5, bias_walk_rad_s2_sqrt_Hz=1e-8, bias_sigma_rad_s=1e-5,"
     "outage_start_s=1.9, outage_s=2}",
@@ -59,12 +62,12 @@ def _row(tree) -> np.ndarray:
 def test_simulation_and_flight_code_agree_to_the_bit_in_outages(tmp_path, name):
     """Commands, pulses, and the memories of law, estimator and modulator, at every sample: a gap
     of the gyro longer than commands are held, and one of the tracker that begins within it."""
-    run: Any = build(load(name, OUTAGES))
+    run: Any = build(load(name, [*OUTAGES, f"sampling.hold_samples={HELD}"]))
     period = float(np.asarray(run.loop.controller.period))
     states, observed = _flown(run, round(6 / period))
     guarded = Guarded(tmp_path, run.loop, run.start)
     rate, bits = guarded.places("rate"), guarded.bits
-    guarded.begin(0, attitude=states[0].navigation.memory.last_input.attitude.q[0])
+    guarded.begin(0, HELD, attitude=states[0].navigation.memory.last_input.attitude.q[0])
     kinds = []
     for number, (now, _) in enumerate(observed):
         row = _row(now)
@@ -79,8 +82,8 @@ def test_simulation_and_flight_code_agree_to_the_bit_in_outages(tmp_path, name):
         found = np.concatenate([commands[_places(guarded, name)] for name in asked])
         np.testing.assert_array_equal(found, np.concatenate([*asked.values()]))
     gap = round(2 / period)
-    assert kinds.count(bits["HELD"]) == 10
-    assert kinds.count(bits["ZERO"]) == gap - 10
+    assert kinds.count(bits["HELD"]) == HELD
+    assert kinds.count(bits["ZERO"]) == gap - HELD
 
 
 def _asked(state) -> dict[str, np.ndarray]:

@@ -11,12 +11,14 @@ from helpers.tools import needs
 from jaxsat.core.declaration.keys import number
 from jaxsat.flight.flight import UNITS
 from jaxsat.flight.guard import guard_header
+from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.interface import as_csv, as_markdown, parameters, rows
 from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import header, source
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
+from jaxsat.scenario.layout import hold_samples_of
 from tests.flight.laws import Filtered, loop_of, start
 
 KEYS = (number("gain", "Gains", "N m s", above=0, at_most=50, size=2, tunable=True),)
@@ -120,3 +122,12 @@ def test_rows_are_the_members_that_the_compiler_has(tmp_path, name):
     assert len(declared) >= 2
     assert all(row["range"] not in ("finite", "any") for row in declared)
     assert "## controller_output" in as_markdown("title", rows(program, table))
+
+
+def test_the_scenario_tells_for_how_long_commands_are_held():
+    assert hold_samples_of(load("switching")) == 10
+    count = hold_samples_of(load("switching", ["sampling.hold_samples=3"]))
+    program = flight_program(loop_of(Filtered(gain=[3.0, 2.0])), start())
+    assert ".hold_samples = 3," in guard_source(program, [], count)
+    (row,) = (one for one in rows(program, [], count) if one.name == "hold_samples")
+    assert row.range == "at least 0; default 3"

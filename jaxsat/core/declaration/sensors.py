@@ -71,6 +71,9 @@ DELAY = number(
     default=0.0,
 )
 
+HOLD_SAMPLES = 10
+"""Default number of samples with invalid measurements for which commands are held."""
+
 GYRO = SensorDeclaration(
     name="gyro",
     meaning="Rate gyros of a sampled law",

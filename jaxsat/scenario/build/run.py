@@ -27,7 +27,11 @@ from jaxsat.scenario.build.plugin_trial import require_runs
 from jaxsat.scenario.build.sensors import build_navigation, build_sampling, build_tachometers
 from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.layout import has_invalid_samples, uses_error_coordinates
+from jaxsat.scenario.layout import (
+    has_invalid_samples,
+    hold_samples_of,
+    uses_error_coordinates,
+)
 from jaxsat.scenario.resolution import substeps_of
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import MAX_SAMPLED_STEPS, SolverTable
@@ -145,7 +149,7 @@ def _close_loop(
     if not is_sampled:
         return ContinuousLoop(plant, controller, distribution)
     sensors, delay = build_sampling(scenario)
-    guard = Guard() if has_invalid_samples(scenario) else None
+    guard = Guard(hold_samples_of(scenario)) if has_invalid_samples(scenario) else None
     return SampledLoop(
         plant,
         controller,

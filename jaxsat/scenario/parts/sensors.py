@@ -6,23 +6,35 @@ among the values that rules receive; of one that is not, the table itself is, as
 
 from typing import Annotated, Any, ClassVar
 
+from annotated_types import Ge, Le
 from pydantic import ConfigDict, SerializeAsAny
 
 from jaxsat.core.declaration.keys import choice as key_choice
 from jaxsat.core.declaration.keys import number
-from jaxsat.core.declaration.sensors import DELAY, SENSORS, WHITE_NOISE, SensorDeclaration
+from jaxsat.core.declaration.sensors import (
+    DELAY,
+    HOLD_SAMPLES,
+    SENSORS,
+    WHITE_NOISE,
+    SensorDeclaration,
+)
 from jaxsat.core.ranges import TRACKER_NOISE
 from jaxsat.scenario.parts.named import PartTable, by_its_kind
 from jaxsat.scenario.plugins import ESTIMATOR, PluginKind
 from jaxsat.scenario.quantities import (
     ScenarioTable,
+    Whole,
     choice,
     fields_of,
+    quantity,
     table_class,
     table_with,
 )
 from jaxsat.scenario.rules import at, is_multiple, rule, rule_over, sampled_laws
 from jaxsat.scenario.wording import shown
+
+MAX_PERIODS = 1_000_000
+"""Control periods between two measurements of a star tracker, or for which commands are held."""
 
 ESTIMATOR_KIND = key_choice(
     "kind",
@@ -44,6 +56,13 @@ ATTITUDE_SIGMA = number(
 
 class SamplingTable(table_with(fields_of((*WHITE_NOISE.keys, DELAY)))):
     """`[sampling]`: what is between a sampled law and the plant."""
+
+    hold_samples: Annotated[Whole, Ge(0), Le(MAX_PERIODS)] = quantity(
+        "Samples in a row with invalid measurements for which commands are held, before they are "
+        "zero",
+        "1",
+        HOLD_SAMPLES,
+    )
 
 
 def _table_of(sensor: SensorDeclaration) -> Any:
@@ -79,9 +98,6 @@ EstimatorOfAKind = Annotated[
     SerializeAsAny[EstimatorTable], by_its_kind(EstimatorTable, OwnEstimatorTable)
 ]
 
-
-MAX_PERIODS = 1_000_000
-"""Control periods between two measurements of a star tracker."""
 
 MAX_LATENCY = 1000
 """Control periods until a measurement arrives; as many are waiting."""
