@@ -50,7 +50,7 @@ class Memory:
     """`size` scalars in memory: element after element, each with all its lanes unless uniform.
 
     With `initial` it holds these numbers and is never written; with `elements` it is an array of
-    values that are there already.
+    values that are there already: all of them, or the first of an array from outside.
     """
 
     __slots__ = ("dtype", "elements", "initial", "number", "size", "uniform")

@@ -200,9 +200,8 @@ class PeriodicGain(eqx.Module):
         phase, share = place_on_circle(self.rate * t, phases)
         after_turn, after_phase = _next(turn, turns), _next(phase, phases)
 
-        def along(place):
-            row = self.gains[place]
-            return row[phase] * (1 - share) + row[after_phase] * share
+        def along(row):
+            return self.gains[row, phase] * (1 - share) + self.gains[row, after_phase] * share
 
         return along(turn) * (1 - late) + along(after_turn) * late
 

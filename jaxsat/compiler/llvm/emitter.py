@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from jaxsat.compiler.ir import Block, Function, Memory, Scalar, Value
+from jaxsat.compiler.ir import Block, Function, Memory, Scalar, Value, numbers_of
 from jaxsat.compiler.llvm.threads import STACK
 from jaxsat.compiler.lowering import CannotLower
 from jaxsat.core.once import once
@@ -172,6 +172,7 @@ class AbstractEmitter(abc.ABC):
         self.label = "entry"
         self.spread: list[dict[int | tuple[str, int], str]] = [{}]
         self.readers: dict[int, Callable[[str], None]] = {}
+        self.outside: dict[int, Callable[[], str]] = {}  # addresses of values in arrays, by number
         self._memories: dict[int, str] = {}
         self._names: dict[int, str] = {}
 
@@ -241,7 +242,9 @@ class AbstractEmitter(abc.ABC):
         self.label = label
 
     def memory(self, memory: Memory) -> str:
-        """The name of a memory, made where it is first needed."""
+        """The name of a memory, made where it is first needed, or the address of one outside."""
+        if memory.elements:
+            return self.outside[numbers_of(memory.elements)[0]]()
         if memory.number in self._memories:
             return self._memories[memory.number]
         kind = memory_type(memory.dtype)

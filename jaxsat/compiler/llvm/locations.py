@@ -58,6 +58,8 @@ FIRST = 1
 def rematerialise(emitter: AbstractEmitter, value: Value, location: SharedElement | Slot) -> None:
     """Let a value be loaded in every block that needs it: it need not be kept in between."""
     emitter.readers[value.number] = lambda out: _read(emitter, out, value.dtype, location)
+    if isinstance(location, SharedElement):
+        emitter.outside[value.number] = lambda: _address(emitter, value.dtype, location)
 
 
 def array_pointer(emitter: AbstractEmitter, number: int) -> str:
@@ -74,14 +76,19 @@ def array_pointer(emitter: AbstractEmitter, number: int) -> str:
 def _read(
     emitter: AbstractEmitter, out: str, dtype: np.dtype, location: SharedElement | Slot
 ) -> None:
-    where = emitter.fresh("p")
-    if isinstance(location, Slot):
-        emitter.line(f"{where} = getelementptr i8, ptr %state, i64 {location.offset}")
-        emitter.get(out, where, dtype, not location.uniform)
+    if isinstance(location, SharedElement):
+        emitter.get(out, _address(emitter, dtype, location), dtype, False)
         return
-    base, kind = array_pointer(emitter, location.array), memory_type(dtype)
+    where = emitter.fresh("p")
+    emitter.line(f"{where} = getelementptr i8, ptr %state, i64 {location.offset}")
+    emitter.get(out, where, dtype, not location.uniform)
+
+
+def _address(emitter: AbstractEmitter, dtype: np.dtype, location: SharedElement) -> str:
+    where, base = emitter.fresh("p"), array_pointer(emitter, location.array)
+    kind = memory_type(dtype)
     emitter.line(f"{where} = getelementptr {kind}, ptr {base}, i64 {location.element}")
-    emitter.get(out, where, dtype, False)
+    return where
 
 
 def parameter_locations(

@@ -37,15 +37,28 @@ def memory_of(
 
 
 def stored(b: Builder, elements: np.ndarray) -> Memory:
-    """A memory that holds the elements of an array in order."""
+    """A memory that holds the elements of an array in order; one from outside is there already."""
     flat = list(elements.flat)
     dtype = flat[0].dtype
+    if _from_outside(b, flat):
+        memory = Memory(dtype, len(flat), True)
+        memory.elements = flat[:1]
+        return memory
     if not any(isinstance(x, Value) for x in flat):
         return memory_of(dtype, len(flat), True, np.array(flat, dtype))
     memory = memory_of(dtype, len(flat), all(map(is_uniform, flat)))
     for number, scalar in enumerate(flat):
         b.store(memory, INT.type(number), scalar)
     return memory
+
+
+def _from_outside(b: Builder, flat: Sequence[Scalar]) -> bool:
+    """Whether elements follow each other in one array from outside."""
+    places = [b.outside.get(x.number) if isinstance(x, Value) else None for x in flat]
+    if places[0] is None:
+        return False
+    array, first = places[0]
+    return places == [(array, first + number) for number in range(len(flat))]
 
 
 def element(b: Builder, elements: Sequence[Scalar], index: Scalar) -> Scalar:

@@ -195,7 +195,7 @@ def _begin(
 def _later(name: str, jaxpr: Jaxpr, sources: list[_Source], outputs: list[Location]) -> EntryPoint:
     """An entry point after the first; inputs that have no source are the numbers a and b."""
     scalars, params, locations = [], [], []
-    free = iter(["a", "b"])
+    free, b = iter(["a", "b"]), Builder()
     for number, (*_, dtype) in enumerate(_elements(jaxpr.in_avals)):
         after = number >= len(sources)
         source = _Source(dtype, None, ScalarArgument(next(free))) if after else sources[number]
@@ -204,8 +204,9 @@ def _later(name: str, jaxpr: Jaxpr, sources: list[_Source], outputs: list[Locati
             scalar = Value(dtype, source.uniform)
             params.append(scalar)
             locations.append(source.location)
+            if isinstance(source.location, SharedElement):
+                b.outside[scalar.number] = source.location.array, source.location.element
         scalars.append(scalar)
-    b = Builder()
     arrays = arrays_of(scalars, [aval.shape for aval in jaxpr.in_avals])
     results = scalars_of(lower(b, jaxpr, arrays))
     return EntryPoint(Function(name, params, b.block, results), locations, outputs)
