@@ -68,6 +68,7 @@ def test_code_stays_while_one_of_its_functions_does():
     assert library() is None
 
 
+@pytest.mark.slow
 def test_a_kernel_is_made_once_by_the_threads_that_run_it_first(monkeypatch):
     made = NativeEngine(FixedStepper(substeps=1), simd_lanes=1)
     prog, lowered, loaded, found = program(continuous_example(), 1.0), [], [], []

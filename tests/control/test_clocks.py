@@ -17,7 +17,9 @@ TURNED = PlantState(WZ([0.1, 0.0], 0.2).as_quaternion(), [0.0, -ORBIT_RATE, 0.0]
 PERIOD = 0.125
 
 
-@pytest.mark.parametrize("make", [oscillatory_settling, three_slew_settling])
+@pytest.mark.parametrize(
+    "make", [oscillatory_settling, pytest.param(three_slew_settling, marks=pytest.mark.slow)]
+)
 def test_commands_are_the_same_from_any_begin(make):
     """To the bit, through the phases: nothing of the law depends on the clock of the run."""
     law = make(body(), 5.0, period=PERIOD)
@@ -36,6 +38,7 @@ def test_commands_are_the_same_from_any_begin(make):
     np.testing.assert_array_equal(found[2], found[0])
 
 
+@pytest.mark.slow
 def test_patience_begins_with_the_law():
     """A law that begins late still stops the body first; at t = 1e4 s patience was over at once."""
     law = three_slew_settling(body(), 5.0, period=PERIOD)

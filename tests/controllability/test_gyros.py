@@ -64,6 +64,7 @@ def bracket(first, second):
     return field
 
 
+@pytest.mark.slow
 def test_brackets_of_one_gimbal_turn_the_body_about_every_axis_at_any_state():
     """On rotations and one angle: of rank 4, which with a drift that returns is all of them."""
     inverse = np.linalg.inv(np.array([[3.0, 0.2, 0.1], [0.2, 2.0, -0.3], [0.1, -0.3, 4.0]]))

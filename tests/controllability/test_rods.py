@@ -106,6 +106,7 @@ def test_three_wheels_need_no_rods():
     assert (found.judgement.laws, found.judgement.orbit) == ("three torques", None)
 
 
+@pytest.mark.slow
 def test_an_orbit_that_comes_to_the_magnetic_equator_is_borderline():
     """Its normal is along the dipole of the field at one of the turns of the Earth."""
     dipole = np.array([earth.G11, earth.H11, earth.G10])

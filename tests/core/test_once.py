@@ -131,6 +131,7 @@ def told(program):
     return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
 
 
+@pytest.mark.slow
 def test_names_for_users_may_be_wanted_by_threads_at_once():
     """Each comes in by another module of a package whose modules import one another."""
     program = """

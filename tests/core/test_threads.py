@@ -100,7 +100,16 @@ PROPERTIES = [
 ]
 
 
-@pytest.mark.parametrize(("make", "name"), PROPERTIES, ids=[name for _, name in PROPERTIES])
+SLOW = {"_program_here"}
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        pytest.param(make, name, id=name, marks=[pytest.mark.slow] if name in SLOW else [])
+        for make, name in PROPERTIES
+    ],
+)
 def test_a_property_is_found_once_by_the_threads_that_want_it_first(make, name):
     thing = make()
     for _ in range(2):

@@ -88,6 +88,7 @@ def test_estimate_bounds_the_error_of_a_torque_that_steps_hardly_resolve(substep
     assert (off > 1e-2) == (substeps == 4)
 
 
+@pytest.mark.slow
 def test_estimate_vanishes_where_steps_resolve_the_torque():
     run = flown(shaken(400), at_rest())
     np.testing.assert_allclose(run.signals.omega[:, 0], rate_under_the_ripple(TIMES), atol=1e-14)

@@ -185,6 +185,7 @@ class Still(AbstractSampledController):
         return jnp.zeros(3), memory
 
 
+@pytest.mark.slow
 def test_a_wheel_breaks_loose_where_the_body_turns_faster():
     """Three wheels at rest in a body that tumbles: Coulomb friction holds them up to its limit, in
     the middle of periods in which nothing is asked of them."""

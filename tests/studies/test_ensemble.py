@@ -61,6 +61,7 @@ def test_a_study_goes_on_where_it_was_left(tmp_path, whole):
     assert len(seen) == 5
 
 
+@pytest.mark.slow
 def test_a_smaller_study_grows_into_a_larger(tmp_path, whole):
     run_study(tumbling(count=40), tmp_path / "s")
     run_study(tumbling(count=100), tmp_path / "s")

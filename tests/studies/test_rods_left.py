@@ -1,6 +1,7 @@
 """What failed magnetorquers and wheels leave in each case of a study, over an orbit."""
 
 import numpy as np
+import pytest
 
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
@@ -43,6 +44,7 @@ def test_rods_alone():
     ]
 
 
+@pytest.mark.slow
 def test_a_wheel_and_rods():
     found = left("wheel-and-rods", (), (0,), (1,), (1, 2, 3), (0, 1, 2, 3))
     assert found[:2] == [TorquesLeft.MAGNETIC] * 2

@@ -43,7 +43,9 @@ def check(plain, detailed):
 
 
 @pytest.mark.parametrize("every", [1, 7])
-@pytest.mark.parametrize("example", [sampled_example, estimated_example])
+@pytest.mark.parametrize(
+    "example", [sampled_example, pytest.param(estimated_example, marks=pytest.mark.slow)]
+)
 def test_machine_code_keeps_the_signals(example, every, monkeypatch):
     monkeypatch.setattr(kernel, "WATCHED", 50)  # of which the histories have several
     check(*observed(NativeEngine(SampledStepper(), simd_lanes=1), example, 20.0, every))

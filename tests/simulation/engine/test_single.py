@@ -34,15 +34,10 @@ def of(name, changes):
     return build(load(name, changes))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "changes", "tolerance"),
-    [
-        SMOOTH,
-        *(
-            pytest.param(*one, marks=pytest.mark.slow)
-            for one in (SAMPLED, CORNERS, HELD, PULSES, WHEELS, ROUNDED)
-        ),
-    ],
+    [SMOOTH, SAMPLED, CORNERS, HELD, PULSES, WHEELS, ROUNDED],
 )
 def test_a_run_is_that_of_diffrax(name, changes, tolerance):
     run = of(name, changes)

@@ -97,6 +97,7 @@ def least_time_until_settled(angle, limit, tolerances):
     return 2 * speeding - rate / acceleration
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tilt", "rate"), [(0.05, 0.004), (1e-3, 0.01)])
 def test_a_settled_case_may_still_be_off_and_turn(tilt, rate):
     tolerances = Tolerances(math.tan(tilt / 2), 0.02, rate)

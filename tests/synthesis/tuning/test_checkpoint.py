@@ -19,6 +19,7 @@ from jaxsat.synthesis.tuning.descent import descend, descent_step, initial_state
 from synthesis.tuning.plans import same_bits
 
 
+@pytest.mark.slow
 def test_a_run_broken_off_goes_on_to_the_same_bits(plan, final, tmp_path):
     identity = plan_identity(plan)
     with TuningFolder(tmp_path / "run", identity) as folder:
