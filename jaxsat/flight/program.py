@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxsat.compiler.c.layout import Field, Struct, about, fields_of, parameter_fields
+from jaxsat.compiler.c.layout import Struct, about, fields_of, parameter_fields
 from jaxsat.compiler.c.naming import Names
 from jaxsat.compiler.ir import Block, Value, uses
 from jaxsat.compiler.scalar_program import ScalarProgram, scalar_program
@@ -168,94 +168,63 @@ def _hash(traces, structs: dict[str, Struct]) -> str:
 def _stages(
     controller, defaults, now, begun, law_input, q, structs
 ) -> tuple[list[ProgramStage], list[ProgramStage]]:
-    """The stages of a sample, and the stages before the first."""
-    estimates = controller(defaults).estimator is not None
-    p = structs["parameters"].elements("p->")
-    measured, clock = structs["input"].elements("in->")[1:], structs["clock"].elements("at->")
-    law_elements = structs["seen"].elements("seen->") if estimates else measured
-    state = {
-        part: [text for one in _under(structs["state"], part) for text in one.elements("{}->")]
-        for part in State._fields
-    }
-
-    def at(part: str, struct: str) -> list[str]:
-        return [text.format(struct) for text in state[part]]
-
+    """The stages of a sample, and the stages before the first: methods of `FlightController`."""
     out = {one.path: one.elements("out->") for one in structs["output"].fields}
-    stages, starts = [], []
-    if estimates:
-        program = scalar_program(
-            "estimate",
-            lambda p, now, memory: controller(p).estimate(now, memory),
-            (defaults, now, begun.estimator),
-        )
-        inputs = [*p, *clock, *measured, *at("estimator", "now")]
-        outputs = [*structs["seen"].elements("seen->"), *at("estimator", "next")]
-        stages.append(ProgramStage("estimate", "The estimator", program, inputs, outputs))
-    program = scalar_program(
+    measured, clock = structs["input"].elements("in->")[1:], structs["clock"].elements("at->")
+    seen = structs["seen"].elements("seen->")
+
+    def stage(name: str, title: str, inputs: list[tuple], outputs: list[str]) -> ProgramStage:
+        """The method of a name; each input is an example and the C expressions of its elements."""
+
+        def method(p, *args):
+            return getattr(controller(p), name)(*args)
+
+        program = scalar_program(name, method, (defaults, *(example for example, _ in inputs)))
+        texts = (text for _, texts in inputs for text in texts)
+        parameters = structs["parameters"].elements("p->")
+        return ProgramStage(name, title, program, [*parameters, *texts], outputs)
+
+    def kept(part: str) -> tuple[Any, list[str]]:
+        return getattr(begun, part), _elements_under(structs["state"], part, "now->")
+
+    def keeps(part: str) -> list[str]:
+        return _elements_under(structs["state"], part, "next->")
+
+    estimates = begun.estimator is not None
+    told = (law_input, seen if estimates else measured)
+    control = stage(
         "control",
-        lambda p, sample, law_input, memory: controller(p).control(sample, law_input, memory),
-        (defaults, now.sample, law_input, begun.law),
+        "The law",
+        [(now.sample, clock), told, kept("law")],
+        [*out["torque"], *out["mode"], *keeps("law")],
     )
-    outputs = [*out["torque"], *out["mode"], *at("law", "next")]
-    inputs = [*p, *clock, *law_elements, *at("law", "now")]
-    stages.append(ProgramStage("control", "The law", program, inputs, outputs))
-    command = program.outputs[0]
-    program = scalar_program(
+    command = (control.program.outputs[0], out["torque"])
+    commands = [text for name in sorted(out.keys() - {"torque", "mode"}) for text in out[name]]
+    allocate = stage(
         "allocate",
-        lambda p, law_input, command, memory: controller(p).allocate(law_input, command, memory),
-        (defaults, law_input, command, begun.modulation),
+        "Allocation and modulation",
+        [told, command, kept("modulation")],
+        [*commands, *keeps("modulation")],
     )
-    names = sorted(program.outputs[0])
-    outputs = [text for name in names for text in out[name]]
-    inputs = [*p, *law_elements, *out["torque"], *at("modulation", "now")]
-    outputs += at("modulation", "next")
-    stages.append(ProgramStage("allocate", "Allocation and modulation", program, inputs, outputs))
+    stages = [control, allocate]
+    starts = [
+        stage("begin_law", "The law's first memory", [told], keeps("law")),
+        stage("begin_modulation", "The modulator's first memory", [], keeps("modulation")),
+    ]
     if estimates:
-        program = scalar_program(
-            "begin_estimator", lambda p, q: controller(p).begin_estimator(q), (defaults, q)
-        )
-        attitude = [f"attitude[{i}]" for i in range(4)]
-        starts.append(
-            ProgramStage(
-                "begin_estimator",
-                "The estimator's first memory",
-                program,
-                [*p, *attitude],
-                at("estimator", "next"),
-            )
-        )
-    program = scalar_program(
-        "begin_law",
-        lambda p, law_input: controller(p).begin_law(law_input),
-        (defaults, law_input),
-    )
-    starts.append(
-        ProgramStage(
-            "begin_law", "The law's first memory", program, [*p, *law_elements], at("law", "next")
-        )
-    )
-    program = scalar_program(
-        "begin_modulation", lambda p: controller(p).begin_modulation(), (defaults,)
-    )
-    starts.append(
-        ProgramStage(
-            "begin_modulation",
-            "The modulator's first memory",
-            program,
-            list(p),
-            at("modulation", "next"),
-        )
-    )
+        sample, title = (now, [*clock, *measured]), "The estimator's first memory"
+        attitude = (q, [f"attitude[{i}]" for i in range(4)])
+        outputs = [*seen, *keeps("estimator")]
+        stages.insert(0, stage("estimate", "The estimator", [sample, kept("estimator")], outputs))
+        starts.insert(0, stage("begin_estimator", title, [attitude], keeps("estimator")))
     return stages, starts
 
 
-def _under(struct: Struct, part: str) -> list[Field]:
-    return [
-        one
-        for one in struct.fields
-        if one.path == part or one.path.startswith((f"{part}.", f"{part}["))
-    ]
+def _elements_under(struct: Struct, part: str, pointer: str) -> list[str]:
+    """The elements of the fields of a part, as C expressions."""
+    begins = (f"{part}.", f"{part}[")
+    fields = (one for one in struct.fields if one.path == part or one.path.startswith(begins))
+    return [text for one in fields for text in one.elements(pointer)]
 
 
 def _without_unread(parameters: Struct, stages: Sequence[ProgramStage]) -> Struct:
