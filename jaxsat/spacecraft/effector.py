@@ -26,6 +26,7 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.array_types import RealScalar
@@ -78,6 +79,14 @@ class Reach(NamedTuple):
     def none() -> "Reach":
         """That of nothing."""
         return Reach(jnp.zeros((3, 0)), jnp.zeros(0), jnp.zeros(0))
+
+
+class Storage(NamedTuple):
+    """What each device that stores momentum is: its rotor's inertia about its column of the reach,
+    kg m², zero where that does not turn freely, and the most it can hold, N m s."""
+
+    rotors: Float[Array | np.ndarray, " n"]
+    capacity: Float[Array | np.ndarray, " n"]
 
 
 class AbstractEffector(AbstractHeldEffector):
@@ -142,6 +151,12 @@ class AbstractEffector(AbstractHeldEffector):
     def momentum(self, state: PyTree) -> Float[Array, "3"] | None:
         """What is stored relative to the body, in body axes, N m s; None for nothing ever."""
         return None
+
+    def storage(self) -> Storage | None:
+        """What each device can store, without limit unless told; None for nothing ever."""
+        if self.momentum(self.init()) is None:
+            return None
+        return Storage(jnp.zeros(self.count), jnp.full(self.count, jnp.inf))
 
     def free_inertia(self) -> Float[Array, "3 3"] | None:
         """D where all devices move freely, kg m²; None for none ever."""

@@ -28,7 +28,7 @@ from jaxsat.core.ranges import TORQUE
 from jaxsat.spacecraft import wheel_failures, wheel_motion
 from jaxsat.spacecraft.axes import of_each, unit_axes
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
-from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
+from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach, Storage
 from jaxsat.spacecraft.wheel_failures import WheelFailures
 from jaxsat.spacecraft.wheel_motion import WheelPiece, WheelStates, first_states
 
@@ -192,6 +192,14 @@ class Wheels(AbstractEffector):
     def momentum(self, state: WheelMomenta) -> Float[Array, "3"]:
         """The momentum of all wheels relative to the body, A h in body axes, N m s."""
         return self.axes @ state.momentum
+
+    def storage(self) -> Storage:
+        """The inertia of each rotor, and the momentum limit of each wheel."""
+        rotors, most = self.rotor_inertia, self.momentum_limit
+        return Storage(
+            jnp.zeros(self.count) if rotors is None else rotors,
+            jnp.full(self.count, jnp.inf) if most is None else most,
+        )
 
     def free_inertia(self) -> Float[Array, "3 3"] | None:
         """The correction of the inertia by all wheels, -Σ J_w a aᵀ, kg m²."""

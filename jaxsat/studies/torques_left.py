@@ -19,7 +19,7 @@ from jaxsat.controllability.torque_ranges import judge_ranges, torque_reserve
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.spacecraft.effector import AbstractEffector, Reach
+from jaxsat.spacecraft.effector import AbstractEffector, Reach, Storage
 from jaxsat.spacecraft.environment.disturbances import GravityGradient
 from jaxsat.spacecraft.magnetorquers import Magnetorquers
 from jaxsat.spacecraft.wheels import Wheels
@@ -84,34 +84,32 @@ class _Exchanger(NamedTuple):
     which run away.
     """
 
-    effector: AbstractEffector
+    storage: Storage
     columns: Float[np.ndarray, "*cases 3 k"]
     healthy: Bool[np.ndarray, "*cases k"]
     runaway: Bool[np.ndarray, "*cases k"]
 
     @staticmethod
-    def of(loop: AbstractLoop, effector: AbstractEffector, reach: _Reaches) -> "_Exchanger":
-        """An effector by its reach in every case; a wheel that the law knows as failed is lost."""
+    def of(loop: AbstractLoop, effector: AbstractEffector, reach: _Reaches) -> "_Exchanger | None":
+        """An effector by its reach in every case, None for one that stores nothing.
+
+        A wheel that the law knows as failed is lost.
+        """
+        storage = effector.storage()
+        if storage is None:
+            return None
         size = np.linalg.norm(reach.columns, axis=1, keepdims=True)
         healthy = _healthy(effector, reach) & (size[:, 0] > 0)
         known_failures = getattr(getattr(loop, "controller", None), "known", None)
         if known_failures is not None and isinstance(effector, Wheels):
             healthy[:, np.asarray(known_failures)] = False
         runaway = (reach.low == reach.high) & (reach.high != 0)
-        return _Exchanger(effector, reach.columns / np.where(size > 0, size, 1.0), healthy, runaway)
+        columns = reach.columns / np.where(size > 0, size, 1.0)
+        return _Exchanger(Storage(*map(np.asarray, storage)), columns, healthy, runaway)
 
     def case(self, number: int) -> "_Exchanger":
         """The effector in one case."""
-        return _Exchanger(
-            self.effector, self.columns[number], self.healthy[number], self.runaway[number]
-        )
-
-    @property
-    def rotors(self) -> Float[np.ndarray, " healthy"]:
-        """The inertia of each healthy rotor, about its column, kg m²."""
-        one = self.effector
-        inertia = one.rotor_inertia if isinstance(one, Wheels) else None
-        return (np.zeros(one.count) if inertia is None else np.asarray(inertia))[self.healthy]
+        return _Exchanger(self.storage, *(part[number] for part in self[1:]))
 
 
 class _Rods(NamedTuple):
@@ -159,11 +157,7 @@ def torques_left(
         *(_levels(each, _sound_reach(one)) for one, each in parts if one.even),
     ]
     torques, low, high = (np.concatenate(each, axis=-1) for each in zip(*levels, strict=True))
-    exchangers = [
-        _Exchanger.of(loop, one, reach)
-        for one, reach in parts
-        if one.momentum(one.init()) is not None
-    ]
+    exchangers = [each for one in parts if (each := _Exchanger.of(loop, *one)) is not None]
     rods = _Rods.of(loop, parts)
     codes_by_key: dict[bytes, int] = {}
     codes = np.zeros(len(low), int)
@@ -271,13 +265,12 @@ def _holds_momentum(loop: AbstractLoop, here: _Exchanger) -> bool:
     take momentum out.
     """
     healthy, runaway = here.healthy, here.runaway
-    outside = any(one.momentum(one.init()) is None for one in loop.plant.effectors)
+    outside = any(one.storage() is None for one in loop.plant.effectors)
     if not runaway.any() or outside:
         return True
-    limit = here.effector.momentum_limit if isinstance(here.effector, Wheels) else None
-    if limit is None or not np.all(np.isfinite(np.asarray(limit)[runaway])):
+    most = here.storage.capacity
+    if not np.all(np.isfinite(most[runaway])):
         return False
-    most = np.asarray(limit)
     most = np.minimum(most, 1e6 * most[runaway].max())
     high = np.where(healthy | runaway, most, 0.0)
     low = np.where(runaway, most, -high)
@@ -299,7 +292,7 @@ def _judge(
     axes = np.concatenate(
         [np.zeros((3, 0)), *(one.columns[:, one.healthy] for one in here)], axis=1
     )
-    rotors = np.concatenate([np.zeros(0), *(one.rotors for one in here)])
+    rotors = np.concatenate([np.zeros(0), *(one.storage.rotors[one.healthy] for one in here)])
     actuators = actuator_set(torques, wheel_axes=axes, momentum=momentum, rotors=rotors)
     judgement = judge_ranges(inertia, actuators, low, high)
     if judgement is not None and judgement.laws == "three torques":

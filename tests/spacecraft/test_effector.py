@@ -114,6 +114,14 @@ class BallDamper(AbstractEffector):
         return -self.effect(piece, None, plant, state).torque - self.inertia * acceleration
 
 
+def test_what_devices_store_is_their_rotors_and_limits():
+    rotors, capacity = wheels([0, 2], 0).storage()
+    np.testing.assert_array_equal(rotors, ROTORS[[0, 2]])
+    np.testing.assert_array_equal(capacity, LIMITS[[0, 2]])
+    rotors, capacity = Wheels(AXES).storage()
+    assert (list(rotors), list(capacity)) == ([0.0] * 3, [np.inf] * 3)
+
+
 def test_an_effector_of_a_users_own_flies():
     """Against SciPy, which integrates body and ball each with its own angular momentum."""
     ball, friction = 0.4, 0.3
