@@ -88,7 +88,7 @@ def _write(folder: "OutputFolder", datasets: "dict[str, xr.Dataset]") -> "Docume
     from jaxsat.report.reproduction import claims_document, judge
     from jaxsat.report.reproduction.figures import paper_figures
     from jaxsat.report.saving import save_figures
-    from jaxsat.store.dataset import dataset_bytes
+    from jaxsat.store.netcdf import dataset_bytes
 
     document = claims_document(judge(datasets))
     folder.write("verdicts.md", markdown_page(document))

@@ -122,7 +122,7 @@ def _run(scenario: "Scenario", tell: "Callable[[str], None]") -> tuple["xr.Datas
 
 def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "xr.Dataset") -> None:
     from jaxsat.report.saving import save_figures
-    from jaxsat.store.dataset import dataset_bytes
+    from jaxsat.store.netcdf import dataset_bytes
 
     folder.write("scenario.toml", dataset.attrs["scenario"])
     record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)

@@ -69,7 +69,7 @@ def write_one_case(
 
     try:
         with dask_unseen(), OutputFolder(target, kind="run", overwrite=overwrite) as folder:
-            from jaxsat.store.dataset import dataset_bytes  # imports xarray
+            from jaxsat.store.netcdf import dataset_bytes  # imports xarray
 
             dataset, draws = interruptibly(lambda: replayed(scenario, study, number))
             folder.write("scenario.toml", dataset.attrs["scenario"])

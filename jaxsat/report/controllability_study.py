@@ -47,8 +47,8 @@ from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
 from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.spacecraft.gimbals import ControlMomentGyros
 from jaxsat.spacecraft.magnetorquers import Magnetorquers
-from jaxsat.store.dataset import dataset_bytes
 from jaxsat.store.folder import OutputFolder
+from jaxsat.store.netcdf import dataset_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -1,4 +1,4 @@
-"""Trajectories as xarray datasets, in memory and as netCDF files, and what they tell."""
+"""Trajectories as xarray datasets, and what they tell."""
 
 import enum
 import io
@@ -153,23 +153,6 @@ def errors_of(dataset: xr.Dataset) -> tuple[float | None, float | None]:
     )
 
 
-def dataset_bytes(dataset: xr.Dataset) -> bytes:
-    """A dataset as a netCDF 4 file, compressed, its numbers with checksums.
-
-    It is made in memory: HDF5 does not survive a disk that fills up while it writes.
-    """
-    encoding: dict[Any, dict[str, Any]] = {}
-    for name, variable in dataset.variables.items():
-        if variable.ndim:  # HDF5 has filters for arrays alone
-            has_checksum = variable.dtype.kind in "biuf"
-            is_data = name in dataset.data_vars
-            encoding[name] = {"fletcher32": True} if has_checksum else {}
-            encoding[name] |= {"zlib": True, "complevel": 4} if is_data else {}
-    buffer = io.BytesIO()
-    dataset.to_netcdf(buffer, engine="h5netcdf", encoding=encoding)
-    return buffer.getvalue()
-
-
 def open_trajectory(path: str | Path) -> xr.Dataset:
     """The dataset of a run, read whole: `path` is a netCDF file or the folder that holds it.
 
@@ -182,8 +165,8 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
         what = "is no file that can be read" if file.exists() else "does not exist"
         raise OutputError(f"{file} {what}.")
     try:
-        with h5py.File(io.BytesIO(data)):
-            pass  # what is no HDF5 at all h5netcdf does not close without complaint
+        with h5py.File(io.BytesIO(data)) as hdf5:
+            dict(hdf5.attrs)  # a file that fails here h5netcdf does not close without complaint
         with xr.open_dataset(io.BytesIO(data), engine="h5netcdf", decode_times=False) as dataset:
             return dataset.load()
     except Exception as error:  # h5py and xarray raise whatever the damage leads to

@@ -3,7 +3,7 @@
 import pytest
 
 from helpers.pages import run_dataset
-from jaxsat.store.dataset import dataset_bytes
+from jaxsat.store.netcdf import dataset_bytes
 
 
 @pytest.fixture

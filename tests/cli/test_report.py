@@ -5,7 +5,7 @@ import pytest
 from helpers.pages import run_dataset
 from jaxsat.report.page import html
 from jaxsat.scenario import library
-from jaxsat.store.dataset import dataset_bytes
+from jaxsat.store.netcdf import dataset_bytes
 
 
 @pytest.fixture

@@ -14,10 +14,11 @@ from corruption import KINDS
 from jaxsat.scenario import dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.store.dataset import dataset_bytes, open_trajectory, time_to_settle, trajectory_dataset
+from jaxsat.store.dataset import open_trajectory, time_to_settle, trajectory_dataset
 from jaxsat.store.files import OutputError, save_file
 from jaxsat.store.folder import OutputFolder
 from jaxsat.store.labels import TOTALS, VARIABLES
+from jaxsat.store.netcdf import dataset_bytes
 
 
 @pytest.fixture(scope="module")

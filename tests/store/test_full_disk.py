@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from jaxsat.cli import main
 from jaxsat.report import saving
 from jaxsat.store.chunks import Column
-from jaxsat.store.dataset import dataset_bytes
 from jaxsat.store.files import OutputError, save_file
 from jaxsat.store.folder import OutputFolder
+from jaxsat.store.netcdf import dataset_bytes
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.store.store import StudyStore
 from jaxsat.store.tables import open_study

@@ -253,7 +253,7 @@ def _write_json(folder: TuningFolder | None, name: str, data: Any) -> None:
 def _write_results(result: TuningResult, folder: TuningFolder) -> None:
     """The history, the summary, and the figures made of the history and of the verdict."""
     from jaxsat.report.saving import save_figures
-    from jaxsat.store.dataset import dataset_bytes
+    from jaxsat.store.netcdf import dataset_bytes
 
     folder.files.write("history.nc", dataset_bytes(result.history))
     folder.files.write(SUMMARY, result.summary)

@@ -10,8 +10,9 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.simulation.engine.native import NativeEngine
-from jaxsat.store.dataset import dataset_bytes, open_trajectory, trajectory_dataset
+from jaxsat.store.dataset import open_trajectory, trajectory_dataset
 from jaxsat.store.files import save_file
+from jaxsat.store.netcdf import dataset_bytes
 from simulation.engine.examples import KICKS, estimated_example, program
 
 SENSORS = [

@@ -4,7 +4,7 @@ import pytest
 
 from helpers.pages import run_dataset
 from jaxsat.report.page import report_page
-from jaxsat.store.dataset import dataset_bytes
+from jaxsat.store.netcdf import dataset_bytes
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ import xarray as xr
 from helpers.pages import SCENARIO, run_dataset
 from jaxsat.report.page import batches, report_page
 from jaxsat.report.reproduction import Claim, ClaimVerdict
-from jaxsat.store.dataset import dataset_bytes
 from jaxsat.store.files import OutputError
+from jaxsat.store.netcdf import dataset_bytes
 
 
 def first_sentence(page):

@@ -1,0 +1,82 @@
+"""Datasets as netCDF 4 files, written by h5py.
+
+xarray and h5netcdf look up each variable and dimension dozens of times, which takes most of the
+time that they need to write a file.
+"""
+
+import io
+from collections.abc import Mapping
+from typing import Any
+
+import h5py
+import numpy as np
+import xarray as xr
+from xarray.conventions import encode_cf_variable, encode_dataset_coordinates
+
+COMPRESSION = 4
+"""Of zlib, as netCDF's own programs have it."""
+
+NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable.{size:>10}"
+"""How netCDF 4 calls the scale of a dimension that has no coordinates."""
+
+
+def dataset_bytes(dataset: xr.Dataset) -> bytes:
+    """A dataset as a netCDF 4 file, compressed, its numbers with checksums.
+
+    It is made in memory: HDF5 does not survive a disk that fills up while it writes. Raises
+    `ValueError` for names with a slash, which would be groups of the file.
+    """
+    slashed = [name for name in (*dataset.variables, *dataset.sizes) if "/" in str(name)]
+    if slashed:
+        raise ValueError(f"Names in a netCDF file must have no slash, but got {slashed[0]!r}.")
+    variables, attributes = encode_dataset_coordinates(dataset)
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w", track_order=True) as file:
+        versions = f"version=2,h5py={h5py.version.version},hdf5={h5py.version.hdf5_version}"
+        file.attrs["_NCProperties"] = np.bytes_(versions)
+        _write_attributes(file, attributes)
+        written = {}
+        for name, variable in variables.items():
+            variable = encode_cf_variable(variable, name=name)
+            written[name] = _write(file, str(name), variable, name in dataset.data_vars)
+        scales = {}
+        for number, (axis, size) in enumerate(dataset.sizes.items()):
+            scales[axis] = _scale(file, str(axis), size, written.get(axis))
+            scales[axis].attrs["_Netcdf4Dimid"] = np.int32(number)
+        for name, variable in variables.items():
+            if name not in scales:
+                for place, axis in enumerate(variable.dims):
+                    written[name].dims[place].attach_scale(scales[axis])
+    return buffer.getvalue()
+
+
+def _write(file: h5py.File, name: str, variable: xr.Variable, is_data: bool) -> h5py.Dataset:
+    """A variable, encoded by the CF conventions, in the file; data are compressed."""
+    values, attributes, filters = variable.values, dict(variable.attrs), dict[str, Any]()
+    if values.dtype.kind in "UO":
+        values = values.astype(h5py.string_dtype())
+    elif values.ndim:  # HDF5 has filters for arrays alone, and checksums for numbers
+        filters["fletcher32"] = True
+    if values.ndim and is_data:
+        filters |= {"compression": "gzip", "compression_opts": COMPRESSION}
+    filters["fillvalue"] = attributes.get("_FillValue")
+    one = file.create_dataset(name, data=values, track_order=True, **filters)
+    _write_attributes(one, attributes)
+    return one
+
+
+def _scale(file: h5py.File, axis: str, size: int, coordinates: h5py.Dataset | None) -> h5py.Dataset:
+    """The dataset that HDF5 has for a dimension: its coordinates, or one without a value."""
+    if coordinates is not None:
+        coordinates.make_scale(axis)
+        return coordinates
+    one = file.create_dataset(axis, (size,), ">f4", track_order=True)
+    one.make_scale(NO_VARIABLE.format(size=size))
+    return one
+
+
+def _write_attributes(target: h5py.File | h5py.Dataset, attributes: Mapping[Any, Any]) -> None:
+    """Attributes; single numbers as arrays of one, as netCDF's own programs write them."""
+    for name, value in attributes.items():
+        is_number = np.isscalar(value) and not isinstance(value, str)
+        target.attrs[name] = np.atleast_1d(value) if is_number else value
