@@ -37,9 +37,10 @@ HELD_TURN = 0.02
 def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
     """Everything about a valid scenario that a person should be told, if told of its law too."""
     if not law:
-        return _inertia_cautions(scenario)
+        return [*_inertia_cautions(scenario), *_origin_cautions(scenario)]
     return [
         *_inertia_cautions(scenario),
+        *_origin_cautions(scenario),
         *_start_cautions(scenario),
         *_law_cautions(scenario),
         *domain_cautions(scenario),
@@ -50,6 +51,16 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
         *actuator_cautions(scenario),
         *resolution_cautions(scenario),
     ]
+
+
+def _origin_cautions(scenario: Scenario) -> list[Issue]:
+    """A centre of mass from which nothing has a distance."""
+    centre = scenario.spacecraft.centre_of_mass_m
+    if centre is None:
+        return []
+    message = "should be given with positions of thrusters or panels, or a drag_centre_m or"
+    location = ("spacecraft", "centre_of_mass_m")
+    return [Issue(location, f"{message} solar_centre_m, got {shown(centre)} and none of them")]
 
 
 def _start_cautions(scenario: Scenario) -> list[Issue]:

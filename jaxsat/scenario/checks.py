@@ -127,20 +127,31 @@ def _orbit_in_the_igrf(rate, field):
         yield at(*finding)
 
 
-@rule("initial.w", "initial.z_rad", "initial.quaternion")
-def _one_attitude(w, z, quaternion):
-    if quaternion is not None:
-        for name, value in (("w", w), ("z_rad", z)):
-            if value is not None:
-                yield at(
-                    f"initial.{name}", f"must not be given with quaternion, got {shown(value)}"
-                )
-    elif w is None and z is None:
-        yield at("initial.w", "must be given with z_rad, or quaternion, got neither", True)
-    elif w is None:
-        yield at("initial.w", "must be given with z_rad, got nothing", True)
-    elif z is None:
-        yield at("initial.z_rad", "must be given in rad with w, got nothing", True)
+ATTITUDE_KEYS = ("quaternion", "euler_rad", "euler_sequence", "mrp", "w", "z_rad")
+PARTNERS = {
+    "euler_rad": "euler_sequence",
+    "euler_sequence": "euler_rad",
+    "w": "z_rad",
+    "z_rad": "w",
+}
+"""The keys of `[initial]` that say what the attitude is, and those that go together."""
+
+
+@rule(*(f"initial.{key}" for key in ATTITUDE_KEYS))
+def _one_attitude(*values):
+    given = {key: one for key, one in zip(ATTITUDE_KEYS, values, strict=True) if one is not None}
+    if not given:
+        message = "must be given with z_rad, or quaternion, euler_rad or mrp, got none of them"
+        yield at("initial.w", message, True)
+        return
+    first, *others = given
+    partner = PARTNERS.get(first)
+    if partner is not None and partner not in given:
+        yield at(f"initial.{partner}", f"must be given with {first}, got nothing", True)
+    for key in others:
+        if key != partner:
+            message = f"must not be given with {first}, got {shown(given[key])}"
+            yield at(f"initial.{key}", message)
 
 
 @rule("initial.w", "initial.omega_rad_s", "initial.z_rad")

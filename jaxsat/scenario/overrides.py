@@ -13,9 +13,14 @@ from jaxsat.scenario.tables import ADAPTIVE_STEP_KEYS, FIXED_STEP_KEYS
 from jaxsat.scenario.units import other_spellings
 from jaxsat.scenario.wording import shown
 
-ALTERNATIVES: tuple[tuple[frozenset[str], frozenset[str]], ...] = (
+ALTERNATIVES: tuple[tuple[frozenset[str], ...], ...] = (
     (frozenset({"orbit.rate_rad_s"}), frozenset({"orbit.altitude_km"})),
-    (frozenset({"initial.w", "initial.z_rad"}), frozenset({"initial.quaternion"})),
+    (
+        frozenset({"initial.w", "initial.z_rad"}),
+        frozenset({"initial.quaternion"}),
+        frozenset({"initial.euler_rad", "initial.euler_sequence"}),
+        frozenset({"initial.mrp"}),
+    ),
 )
 """Groups of keys that exclude each other: an override of one displaces the file's others."""
 
@@ -122,13 +127,10 @@ def _displace(data: dict[str, Any], overrides: list[Override]) -> dict[str, Any]
     """A deep copy of the data without the keys that an override makes void."""
     values = {override.key: override.value for override in overrides}
     void: set[str] = set()
-    for one, other in ALTERNATIVES:
-        for mine, rivals in (
-            (_spellings(one), _spellings(other)),
-            (_spellings(other), _spellings(one)),
-        ):
-            if mine & values.keys():
-                void |= rivals
+    for groups in ALTERNATIVES:
+        for mine in groups:
+            if _spellings(mine) & values.keys():
+                void |= _spellings(frozenset().union(*groups) - mine)
     void |= _void_solver_keys(values)
     void |= _void_law_keys(data, values)
     void |= {twin for override in overrides for twin in _other_units(override.path)}

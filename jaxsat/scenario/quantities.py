@@ -160,9 +160,14 @@ def quantity(what: str, unit: str, default: Any = ..., **constraints: Any) -> An
     )
 
 
-def choice(what: str, default: Any = ...) -> Any:
+def choice(what: str, default: Any = ..., **constraints: Any) -> Any:
     """Declare a key that is no quantity: a name, a switch, a text or a table."""
-    return Field(default, description=what)
+    return Field(default, description=what, **constraints)
+
+
+STAND_IN: Mapping[str, Any] = {"default": None, "exclude": True}
+"""What `quantity` and `choice` take for a key that stands in place of another, by which `read`
+replaces it."""
 
 
 def fields_of(keys: Iterable[Key]) -> dict[str, tuple[Any, Any]]:

@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from jaxsat.core.process import add_folders
 from jaxsat.scenario.cautions import cautions
+from jaxsat.scenario.conversion import Conversion
 from jaxsat.scenario.errors import (
     Issue,
     Location,
@@ -38,7 +39,8 @@ from jaxsat.scenario.plugins import (
     require_not_hidden,
 )
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.units import InSI, in_si, spellings
+from jaxsat.scenario.stand_ins import converted
+from jaxsat.scenario.units import spellings
 from jaxsat.scenario.wording import suggestion
 
 
@@ -90,7 +92,7 @@ def read(
         except PluginError as error:
             raise ScenarioError([places.problem(Issue(location, str(error)))]) from None
     problems += obstacles
-    scenario, conversion = None, in_si(data)
+    scenario, conversion = None, converted(data)
     places = dataclasses.replace(places, conversion=conversion)
     problems += [places.problem(issue) for issue in conversion.issues]
     try:
@@ -152,7 +154,7 @@ class _Places:
 
     source: _Source
     overrides: Sequence[Override] = field(default=())
-    conversion: InSI | None = None
+    conversion: Conversion | None = None
 
     def problem(self, issue: Issue) -> Problem:
         issue = issue if self.conversion is None else self.conversion.as_written(issue)

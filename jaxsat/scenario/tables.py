@@ -20,11 +20,14 @@ from jaxsat.core.ranges import (
     SETTLED_TURN,
     TORQUE_LIMIT,
     TURN,
+    Range,
 )
 from jaxsat.scenario.quantities import (
+    STAND_IN,
     Inertia,
     Line,
     Number,
+    Position3,
     Positive,
     ScenarioTable,
     TorqueAxes,
@@ -39,6 +42,10 @@ from jaxsat.scenario.quantities import (
 
 Relation = Literal["exact", "small-angle"]
 SolverName = Literal["euler", "midpoint", "heun", "ralston", "bosh3", "tsit5", "dopri5", "dopri8"]
+EulerSequence = Literal[
+    "xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xyx", "xzx", "yxy", "yzy", "zxz", "zyz"
+]
+MRP = Range(-1e6, 1e6)
 ZERO = (0.0, 0.0, 0.0)
 Seconds = Annotated[Number, within(SECONDS)]
 
@@ -75,6 +82,12 @@ class SpacecraftTable(ScenarioTable):
     third_rate: Literal["free", "held"] = choice(
         'Whether ω3 moves as (37) has it ("free") or an ideal torque holds it at zero ("held")',
         "free",
+    )
+    centre_of_mass_m: Position3 | None = quantity(
+        "The centre of mass, from the origin of position_m of thrusters, centre_m of panels, "
+        "drag_centre_m and solar_centre_m; by default they are from the centre of mass",
+        "m",
+        **STAND_IN,
     )
 
 
@@ -145,7 +158,7 @@ class OrbitTable(ScenarioTable):
 
 
 class InitialTable(ScenarioTable):
-    """`[initial]`: the state at the start, the attitude as (w, z) or as a quaternion."""
+    """`[initial]`: the state at the start, the attitude in one of four forms."""
 
     w: Vector2 | None = quantity(
         "Tilt relative to the orbit frame, Tsiotras-Longuski parameters w1, w2", "1", None
@@ -153,6 +166,19 @@ class InitialTable(ScenarioTable):
     z_rad: Number | None = quantity("Turn about the third axis", "rad", None)
     quaternion: UnitQuaternion | None = quantity(
         "Unit quaternion from orbit to body frame, scalar first", "1", None
+    )
+    euler_rad: Vector3 | None = quantity(
+        "Euler angles from orbit to body frame, in the order of euler_sequence", "rad", **STAND_IN
+    )
+    euler_sequence: EulerSequence | None = choice(
+        'Axes of the turned body about which the Euler angles turn, in order; "zyx" is yaw, pitch, '
+        "roll",
+        **STAND_IN,
+    )
+    mrp: Annotated[tuple[Annotated[Number, within(MRP)], ...], Len(3, 3)] | None = quantity(
+        "Modified Rodrigues parameters from orbit to body frame, axis times tan(angle / 4)",
+        "1",
+        **STAND_IN,
     )
     omega_rad_s: Vector3 = quantity("Inertial angular velocity in body axes", "rad/s")
 

@@ -1,11 +1,11 @@
 """Units besides those of SI: `omega_deg_s` or `omega_rpm` may stand in place of `omega_rad_s`."""
 
 import copy
-import dataclasses
 import math
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from jaxsat.scenario.conversion import Conversion
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown, table_at
@@ -44,31 +44,6 @@ KEYS_OF_THE_LAW = (("tuning", "parameters"), ("tuning", "smoothing"))
 """Tables whose keys are those of `[control]`."""
 
 
-class InSI(NamedTuple):
-    """A scenario's data in SI, what was wrong with other units, and where those were."""
-
-    data: dict[str, Any]
-    issues: list[Issue]
-    places: dict[Location, Location]
-
-    def as_written(self, issue: Issue) -> Issue:
-        """An issue about the keys that the user wrote."""
-        location = self._user_location(issue.location)
-        involved = tuple(map(self._user_location, issue.involved))
-        message = issue.message
-        if location != issue.location:
-            key = next(a for a, b in zip(issue.location, location, strict=True) if a != b)
-            message = f"{message} (read as {key})"
-        return dataclasses.replace(issue, location=location, involved=involved, message=message)
-
-    def _user_location(self, location: Location) -> Location:
-        for end in range(len(location), 0, -1):
-            place = self.places.get(location[:end])
-            if place is not None:
-                return (*place, *location[end:])
-        return location
-
-
 def spellings(key: str) -> tuple[str, ...]:
     """The key with each unit that it may have, that of SI first; only itself if it has no other."""
     for ending, units in UNITS.items():
@@ -90,17 +65,17 @@ def _unit(key: str) -> Unit:
     )
 
 
-def in_si(data: Mapping[str, Any]) -> InSI:
+def convert_units(conversion: Conversion) -> None:
     """Take in all keys in another unit that stand for one in SI of the same table.
 
     A key that a table declares by its own name is left as it is.
     """
-    result = InSI(copy.deepcopy(dict(data)), [], {})
-    _convert(result, data, result.data, ())
-    return result
+    _convert(conversion, copy.deepcopy(conversion.data), conversion.data, ())
 
 
-def _convert(conversion: InSI, root: Mapping[str, Any], node: Any, location: Location) -> None:
+def _convert(
+    conversion: Conversion, root: Mapping[str, Any], node: Any, location: Location
+) -> None:
     if isinstance(node, list):
         for number, entry in enumerate(node):
             _convert(conversion, root, entry, (*location, number))
@@ -111,21 +86,20 @@ def _convert(conversion: InSI, root: Mapping[str, Any], node: Any, location: Loc
     own = {} if table_class is None else table_class.model_fields
     for name in list(node):
         _convert(conversion, root, node[name], (*location, name))
-        si = spellings(name)[0]
-        if name not in own and si in own:
+        if name not in own and spellings(name)[0] in own:
             _convert_key(conversion, node, location, name)
 
 
-def _convert_key(conversion: InSI, table: dict[str, Any], location: Location, name: str) -> None:
-    """Replace a key by that in SI, unless the table has it twice."""
+def _convert_key(
+    conversion: Conversion, table: dict[str, Any], location: Location, name: str
+) -> None:
+    """Replace a key by that in SI, unless the table has it already."""
     si = spellings(name)[0]
-    value, other = table.pop(name), (*location, si)
     if si not in table:
-        table[si] = _scaled(value, _unit(name).size)
-        conversion.places[other] = (*location, name)
+        conversion.replace(location, name, si, _scaled(table[name], _unit(name).size))
         return
-    other = conversion.places.get(other, other)
-    message = f"must not be given with {other[-1]}, got {shown(value)}"
+    other = conversion.places.get((*location, si), (*location, si))
+    message = f"must not be given with {other[-1]}, got {shown(table.pop(name))}"
     conversion.issues.append(Issue((*location, name), message, (other,)))
 
 

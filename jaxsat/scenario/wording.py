@@ -1,5 +1,6 @@
 """What pydantic finds, in the words of a scenario file: "must …, got …, did you mean …?"."""
 
+import copy
 import difflib
 from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -149,7 +150,9 @@ def validated(field: FieldInfo, value: Any) -> Any:
 
     Raises pydantic's `ValidationError`.
     """
-    kind = Annotated[field.annotation, field]  # pyright: ignore
+    bare = copy.copy(field)
+    bare.exclude = None  # pydantic warns of what only tables take
+    kind = Annotated[bare.annotation, bare]  # pyright: ignore
     return TypeAdapter(kind).validate_python(value)  # pyright: ignore
 
 

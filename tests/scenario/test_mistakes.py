@@ -70,9 +70,9 @@ BROKEN = [
         (14, "disturbance.gravity_gradient", "must be true or false, got 1"),
         (19, "control.internal_model_frequency_rad_s", "must be given in rad/s")]),
     ("w = [-1.0, 1.0]\n", "", [(15, "initial.w", "must be given with z_rad")]),
-    ("z_rad = 1.27\n", "", [(15, "initial.z_rad", "must be given in rad with w")]),
+    ("z_rad = 1.27\n", "", [(15, "initial.z_rad", "must be given with w, got nothing")]),
     ("w = [-1.0, 1.0]\nz_rad = 1.27\n", "", [
-        (15, "initial.w", "must be given with z_rad, or quaternion, got neither")]),
+        (15, "initial.w", "must be given with z_rad, or quaternion, euler_rad or mrp, got none")]),
     ("z_rad = 1.27", "z_rad = 1.27\nquaternion = [1, 0, 0, 0]", [
         (16, "initial.w", "must not be given with quaternion, got [-1.0, 1.0]"),
         (17, "initial.z_rad", "must not be given with quaternion, got 1.27")]),

@@ -24,7 +24,7 @@ THRUSTER = ActuatorDeclaration(
     keys=(
         number(
             "position_m",
-            "Where it sits, from the centre of mass, body axes",
+            "Where it sits, from the centre of mass, body axes; see spacecraft.centre_of_mass_m",
             "m",
             within=LENGTH,
             size=3,

@@ -24,8 +24,8 @@ from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
 from jaxsat.scenario.layout import thruster_costs
 from jaxsat.scenario.parts.thrusters import working_torques
+from jaxsat.scenario.parts.unloading import UnloadingTable
 from jaxsat.scenario.parts.wheels import (
-    UnloadingTable,
     failed_wheels,
     left_by_wheels,
     relieved_by_thrusters,

@@ -9,12 +9,15 @@ from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import names_of, table_of_device
 from jaxsat.scenario.parts.thrusters import ThrusterTable
+from jaxsat.scenario.parts.wheels import WheelTable
 from jaxsat.scenario.quantities import ScenarioTable
 from jaxsat.scenario.rules import RULES, at, declared_rule, rule, rule_over
 from jaxsat.scenario.wording import shown
 
 TABLES: Mapping[str, type[ScenarioTable]] = {
-    one.name: ThrusterTable if one.name == "thruster" else table_of_device(one) for one in ACTUATORS
+    **{one.name: table_of_device(one) for one in ACTUATORS},
+    "thruster": ThrusterTable,
+    "wheel": WheelTable,
 }
 """The class of one table of an actuator, by its name."""
 

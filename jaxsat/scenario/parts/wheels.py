@@ -1,16 +1,24 @@
-"""`[[wheel]]`, `[unloading]`: rules of reaction wheels, and what their numbers come to."""
+"""`[[wheel]]`: rules of reaction wheels, and what their numbers come to."""
 
 from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy as np
+from annotated_types import Gt, Le
 
 from jaxsat.core.allocation import largest_torque, least_squares_map, unit_columns, what_is_left
 from jaxsat.core.declaration.actuators import ACTUATORS, STEERED
-from jaxsat.core.ranges import SECONDS
+from jaxsat.core.declaration.wheels import WHEEL
+from jaxsat.core.ranges import Range
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.parts.actuator import number_of
-from jaxsat.scenario.quantities import Number, ScenarioTable, inertia_matrix, quantity, within
+from jaxsat.scenario.parts.actuator import number_of, table_of_device
+from jaxsat.scenario.quantities import (
+    STAND_IN,
+    Number,
+    inertia_matrix,
+    quantity,
+    within,
+)
 from jaxsat.scenario.rules import STEPS, at, key_of_fixed_steps, rule, rule_over
 from jaxsat.scenario.tables import working_axes
 from jaxsat.scenario.wording import shown
@@ -21,22 +29,31 @@ MISSING = 1e-9
 UNBOUNDED = 1e9
 """The limit of a wheel that has none, over the largest limit of the others."""
 
+WHEEL_SPEED = Range(-1e6, 1e6)
+"""Speeds of a rotor, rad/s."""
+
 Tables = Sequence[Any]
 """Checked tables `[[wheel]]`."""
 
 
-class UnloadingTable(ScenarioTable):
-    """`[unloading]`: how magnetorquers take momentum out of wheels, or hold it at a bias."""
+class WheelTable(table_of_device(WHEEL)):
+    """`[[wheel]]`: one reaction wheel."""
 
-    time_constant_s: Annotated[Number, within(SECONDS)] = quantity(
-        "Time in which the wheels' momentum across the Earth's field is to fall to 1/e", "s", 1000.0
+    speed_rad_s: Annotated[Number, within(WHEEL_SPEED)] | None = quantity(
+        "Speed of its rotor relative to the body at the start, in place of momentum_N_m_s, with "
+        "rotor_inertia_kg_m2",
+        "rad/s",
+        **STAND_IN,
     )
-    bias_N_m_s: Number = quantity(
-        "Momentum of the wheels about negative body y, in the orbit frame the orbit normal, that "
-        "magnetorquers keep",
-        "N m s",
-        0.0,
+    speed_limit_rad_s: Annotated[Number, Gt(0), Le(WHEEL_SPEED.high)] | None = quantity(
+        "Largest speed of its rotor, in place of momentum_limit_N_m_s, with rotor_inertia_kg_m2",
+        "rad/s",
+        **STAND_IN,
     )
+
+
+SPEEDS = {"speed_rad_s": "momentum_N_m_s", "speed_limit_rad_s": "momentum_limit_N_m_s"}
+"""The momenta that a wheel's speeds become, times its rotor's inertia."""
 
 
 def rotors(wheels: Tables) -> np.ndarray:
@@ -108,9 +125,14 @@ def _each_wheel_is_whole(wheels):
         if limit is not None and abs(momentum) > limit:
             message = f"must not exceed momentum_limit_N_m_s = {shown(limit)}"
             yield Issue(("wheel", number, "momentum_N_m_s"), f"{message}, got {shown(momentum)}")
-        if one.viscous_friction_N_m_s and one.rotor_inertia_kg_m2 is None:
-            message = "must be given in kg m² with viscous_friction_N_m_s, got nothing"
+        speeds = [key for key in SPEEDS if getattr(one, key) is not None]
+        needing = [*speeds, *(["viscous_friction_N_m_s"] if one.viscous_friction_N_m_s else ())]
+        if needing and one.rotor_inertia_kg_m2 is None:
+            message = f"must be given in kg m² with {needing[0]}, got nothing"
             yield Issue(("wheel", number, "rotor_inertia_kg_m2"), message, (), True)
+        for key in speeds if one.rotor_inertia_kg_m2 is not None else ():
+            message = f"must not be given with {SPEEDS[key]}, got {shown(getattr(one, key))}"
+            yield Issue(("wheel", number, key), message)
 
 
 @rule_over("wheel", "spacecraft.inertia_kg_m2")
@@ -269,22 +291,3 @@ def _what_has_seized_stays_so_under_a_continuous_law(values):
                 f'must not be a wheel that may have "stopped" before, under the law "{law}": only '
                 f"a sampled law lets one that has seized turn again, got {shown(one.of)}",
             )
-
-
-@rule("unloading.bias_N_m_s", "wheel")
-def _wheels_hold_the_bias(bias, wheels):
-    if not bias or not wheels:
-        return
-    missing = left_by_wheels(wheels, 3) @ [0.0, bias, 0.0]
-    if np.abs(missing).max() > MISSING * abs(bias):
-        message = "must be 0 where the wheels left make no torque about body y alone"
-        yield at("unloading.bias_N_m_s", f"{message}, got {shown(bias)}")
-
-
-@rule("unloading.time_constant_s", "magnetorquer", "wheel")
-def _unloading_has_both(time, magnetorquers, wheels):
-    tables = {"[[wheel]]": wheels, "[[magnetorquer]]": magnetorquers}
-    missing = " and ".join(name for name, rows in tables.items() if not rows)
-    if missing:
-        message = "must belong to wheels and magnetorquers that unload them"
-        yield at("unloading", f"{message}, got time_constant_s = {shown(time)} without {missing}")

@@ -14,6 +14,7 @@ from jaxsat.core.text import clean
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import EngineName
+from jaxsat.scenario.checks import ATTITUDE_KEYS
 from jaxsat.scenario.overrides import override
 from jaxsat.scenario.read import given_keys, warn
 
@@ -30,7 +31,7 @@ _DEFAULTS: Mapping[str, tuple[tuple[str, ...], Any]] = {
     "title": (("title",), ""),
     "orbit.rate_rad_s": (("orbit.rate_rad_s", "orbit.altitude_km"), 0.0),
     "initial.quaternion": (
-        ("initial.quaternion", "initial.w", "initial.z_rad"),
+        tuple(f"initial.{key}" for key in ATTITUDE_KEYS),
         [1.0, 0.0, 0.0, 0.0],
     ),
     "initial.omega_rad_s": (("initial.omega_rad_s",), [0.0, 0.0, 0.0]),

@@ -1,0 +1,50 @@
+"""A scenario's data on their way to the keys that it is checked by, and where each came from."""
+
+import copy
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from jaxsat.scenario.errors import Issue, Location
+
+
+class Conversion(NamedTuple):
+    """The data so far, what was wrong with them, and for each new place that in the file."""
+
+    data: dict[str, Any]
+    issues: list[Issue]
+    places: dict[Location, Location]
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> "Conversion":
+        """The data before anything is converted, a copy."""
+        return cls(copy.deepcopy(dict(data)), [], {})
+
+    def replace(self, location: Location, old: str, new: str, value: Any) -> None:
+        """Put a value under a new key of a table in place of an old key."""
+        table: Any = self.data
+        for part in location:
+            table = table[part]
+        del table[old]
+        table[new] = value
+        self.places[(*location, new)] = (*location, old)
+
+    def as_written(self, issue: Issue) -> Issue:
+        """An issue about the keys that the user wrote."""
+        location = self._user_location(issue.location)
+        involved = tuple(map(self._user_location, issue.involved))
+        message, converted = issue.message, self._converted(issue.location)
+        if converted and converted[-1] not in location:
+            message = f"{message} (read as {converted[-1]})"
+        return dataclasses.replace(issue, location=location, involved=involved, message=message)
+
+    def _converted(self, location: Location) -> Location:
+        """The beginning of a location that is none in the file; nothing if it is one."""
+        ends = range(len(location), 0, -1)
+        return next((location[:end] for end in ends if location[:end] in self.places), ())
+
+    def _user_location(self, location: Location) -> Location:
+        converted = self._converted(location)
+        if not converted:
+            return location
+        return self._user_location((*self.places[converted], *location[len(converted) :]))

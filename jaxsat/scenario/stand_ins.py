@@ -1,0 +1,133 @@
+"""Keys that stand in place of others: Euler angles, speeds of wheels, positions from an origin that
+is not the centre of mass. What `read` returns has none of them."""
+
+import functools
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+
+from jaxsat.scenario.conversion import Conversion
+from jaxsat.scenario.errors import Location
+from jaxsat.scenario.parts.wheels import SPEEDS
+from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.units import convert_units
+from jaxsat.scenario.wording import table_at, validated
+
+POSITIONS = {
+    "thruster": ("position_m",),
+    "panel": ("centre_m",),
+    "disturbance": ("drag_centre_m", "solar_centre_m"),
+}
+"""The keys of each table that are positions from the centre of mass."""
+
+
+def converted(data: Mapping[str, Any]) -> Conversion:
+    """A file's data with the keys that all else knows, in SI.
+
+    What cannot be converted is left as it is, for the checks to tell.
+    """
+    conversion = Conversion.of(data)
+    convert_units(conversion)
+    _convert_attitude(conversion)
+    _convert_speeds(conversion)
+    _convert_positions(conversion.data)
+    return conversion
+
+
+def _convert_attitude(conversion: Conversion) -> None:
+    """Euler angles or MRP become a quaternion, if they are all that is said of the attitude."""
+    for location, table in _tables(conversion.data, "initial"):
+        angles, sequence, mrp = _values(location, table, "euler_rad", "euler_sequence", "mrp")
+        if table.keys() & {"w", "z_rad", "quaternion"}:
+            return
+        if angles is not None and sequence is not None and "mrp" not in table:
+            del table["euler_sequence"]
+            quaternion = euler_quaternion(angles, sequence)
+            conversion.replace(location, "euler_rad", "quaternion", quaternion)
+        elif mrp is not None and not table.keys() & {"euler_rad", "euler_sequence"}:
+            conversion.replace(location, "mrp", "quaternion", mrp_quaternion(mrp))
+
+
+def _convert_speeds(conversion: Conversion) -> None:
+    """Speeds of wheels become momenta, if the inertia of the rotor is given."""
+    for location, table in _tables(conversion.data, "wheel"):
+        for speed_key, momentum_key in SPEEDS.items():
+            inertia, speed = _values(location, table, "rotor_inertia_kg_m2", speed_key)
+            if inertia is not None and speed is not None and momentum_key not in table:
+                conversion.replace(location, speed_key, momentum_key, inertia * speed)
+
+
+def _convert_positions(data: dict[str, Any]) -> None:
+    """Positions become those from the centre of mass, if there are any."""
+    for location, spacecraft in _tables(data, "spacecraft"):
+        (centre,) = _values(location, spacecraft, "centre_of_mass_m")
+        if centre is None:
+            continue
+        positions = list(_positions(data))
+        for table, key, position in positions:
+            table[key] = [one - other for one, other in zip(position, centre, strict=True)]
+        if positions:
+            del spacecraft["centre_of_mass_m"]
+
+
+def _positions(data: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], str, Sequence[float]]]:
+    """Every position, with its table and key."""
+    for name, keys in POSITIONS.items():
+        for location, table in _tables(data, name):
+            for key, position in zip(keys, _values(location, table, *keys), strict=True):
+                if position is not None:
+                    yield table, key, position
+
+
+def _tables(data: Mapping[str, Any], name: str) -> list[tuple[Location, dict[str, Any]]]:
+    """The table of a name, or all of a list of them, each with its location."""
+    found = data.get(name)
+    tables = {(name,): found}
+    if isinstance(found, list):
+        tables = {(name, number): one for number, one in enumerate(found)}
+    return [(location, one) for location, one in tables.items() if isinstance(one, dict)]
+
+
+def _values(location: Location, table: Mapping[str, Any], *keys: str) -> list[Any]:
+    """The values of keys, None for those that are not there or not valid."""
+    table_class = table_at(Scenario, {}, location)
+    fields = {} if table_class is None else table_class.model_fields
+    return [_value(fields.get(key), table.get(key)) for key in keys]
+
+
+def _value(field: FieldInfo | None, value: Any) -> Any:
+    try:
+        return None if field is None or value is None else validated(field, value)
+    except ValidationError:
+        return None
+
+
+def euler_quaternion(angles: Sequence[float], sequence: str) -> list[float]:
+    """The unit quaternion (4), scalar first, of three turns (rad) about axes of the turned body.
+
+    `sequence` names these axes in order, such as "zyx".
+    """
+    turns = (_about("xyz".index(axis), angle) for axis, angle in zip(sequence, angles, strict=True))
+    return functools.reduce(_product, turns).tolist()
+
+
+def _about(axis: int, angle: float) -> np.ndarray:
+    quaternion = np.zeros(4)
+    quaternion[[0, 1 + axis]] = np.cos(angle / 2), np.sin(angle / 2)
+    return quaternion
+
+
+def _product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """The turn `p`, then `q` about the axes that `p` has turned."""
+    scalar = p[0] * q[0] - p[1:] @ q[1:]
+    return np.array([scalar, *(p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:]))])
+
+
+def mrp_quaternion(parameters: Sequence[float]) -> list[float]:
+    """The unit quaternion (4), scalar first, of modified Rodrigues parameters e tan(φ/4) (3)."""
+    vector = np.array(parameters)
+    square = float(vector @ vector)
+    return [(1 - square) / (1 + square), *(2 / (1 + square) * vector).tolist()]
