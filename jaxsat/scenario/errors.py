@@ -82,8 +82,10 @@ def key_of(location: Location) -> str | None:
 
 
 def entry_of(location: Location) -> str:
-    """The position inside an array as a clause, " as entry 2 of row 1" (from 1), or nothing."""
-    positions = [part + 1 for part in location if isinstance(part, int)]
+    """The position inside the value of a key as a clause, " as entry 2 of row 1" (from 1), or
+    nothing; which of several tables has the key is told by the line."""
+    key = max((place for place, part in enumerate(location) if isinstance(part, str)), default=-1)
+    positions = [part + 1 for part in location[key + 1 :] if isinstance(part, int)]
     if not positions:
         return ""
     row = f" of row {positions[-2]}" if len(positions) > 1 else ""

@@ -39,7 +39,7 @@ from jaxsat.scenario.plugins import (
     require_not_hidden,
 )
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.stand_ins import converted
+from jaxsat.scenario.stand_ins import converted, without_types
 from jaxsat.scenario.units import spellings
 from jaxsat.scenario.wording import suggestion
 
@@ -105,7 +105,7 @@ def read(
         raise ScenarioError(_unique(problems))
     for issue in cautions(scenario, law):
         caution(str(places.problem(issue)))
-    return scenario
+    return without_types(scenario)
 
 
 def _plugin_parts(data: Mapping[str, Any]) -> Iterator[tuple[PluginKind, Location, str]]:

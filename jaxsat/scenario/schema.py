@@ -22,7 +22,7 @@ from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.disturbances import DisturbanceTable, PanelTable
 from jaxsat.scenario.parts.failures import FailureTable
 from jaxsat.scenario.parts.named import ActuatorsOfAKind
-from jaxsat.scenario.parts.registry import TABLES
+from jaxsat.scenario.parts.registry import TABLES, TYPES
 from jaxsat.scenario.parts.sensors import TABLES as SENSORS
 from jaxsat.scenario.parts.sensors import (
     EstimatorOfAKind,
@@ -58,9 +58,13 @@ _ACTUATORS = {
     one.name: (Annotated[tuple[TABLES[one.name], ...], Len(0, one.most)], choice(one.meaning, ()))
     for one in ACTUATORS
 }
+_TYPES = {
+    name: (dict[str, table], choice("Keys that several have in common, by types", {}, exclude=True))
+    for name, table in TYPES.items()
+}
 
 
-class Scenario(table_with(_ACTUATORS | SENSORS, _Body)):
+class Scenario(table_with(_TYPES | _ACTUATORS | SENSORS, _Body)):
     """One spacecraft, its control law and one run of them.
 
     Raises pydantic's `ValidationError` holding every mistake at once. Each of its errors carries

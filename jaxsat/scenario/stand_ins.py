@@ -1,5 +1,5 @@
-"""Keys that stand in place of others: Euler angles, speeds of wheels, positions from an origin that
-is not the centre of mass. What `read` returns has none of them."""
+"""Keys that stand in place of others: types of actuators, Euler angles, speeds of wheels, positions
+from an origin that is not the centre of mass. What `read` returns has none of them."""
 
 import functools
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,6 +11,8 @@ from pydantic.fields import FieldInfo
 
 from jaxsat.scenario.conversion import Conversion
 from jaxsat.scenario.errors import Location
+from jaxsat.scenario.parts.actuator import type_name
+from jaxsat.scenario.parts.registry import TABLES, TYPES
 from jaxsat.scenario.parts.wheels import SPEEDS
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.units import convert_units
@@ -31,10 +33,32 @@ def converted(data: Mapping[str, Any]) -> Conversion:
     """
     conversion = Conversion.of(data)
     convert_units(conversion)
+    for name in TABLES:
+        _give_types(conversion, name)
     _convert_attitude(conversion)
     _convert_speeds(conversion)
     _convert_positions(conversion.data)
     return conversion
+
+
+def without_types(scenario: Scenario) -> Scenario:
+    """The scenario whose actuators have all keys of their types."""
+    return scenario.model_copy(update={name: {} for name in TYPES})
+
+
+def _give_types(conversion: Conversion, name: str) -> None:
+    """Every device gets what it lacks and its type has; what no type may have is left to checks."""
+    data, types_name = conversion.data, type_name(name)
+    types = dict(_named_tables(data.get(types_name)))
+    for location, device in _tables(data, name):
+        chosen = device.get("type")
+        if not isinstance(chosen, str) or chosen not in types:
+            continue
+        del device["type"]
+        for key, value in types[chosen].items():
+            if key not in device and key in TYPES[types_name].model_fields:
+                device[key] = value
+                conversion.places[(*location, key)] = (types_name, chosen, key)
 
 
 def _convert_attitude(conversion: Conversion) -> None:
@@ -80,6 +104,13 @@ def _positions(data: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], str, S
             for key, position in zip(keys, _values(location, table, *keys), strict=True):
                 if position is not None:
                     yield table, key, position
+
+
+def _named_tables(tables: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The tables inside a table, by their names."""
+    for name, table in tables.items() if isinstance(tables, dict) else ():
+        if isinstance(table, dict):
+            yield name, table
 
 
 def _tables(data: Mapping[str, Any], name: str) -> list[tuple[Location, dict[str, Any]]]:

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxsat.core.attitude import Quaternion, euler_angles
 from jaxsat.scenario import ScenarioError, ScenarioWarning, dump, read
+from jaxsat.scenario.parts.registry import TABLES, TYPES
 from jaxsat.scenario.stand_ins import euler_quaternion, mrp_quaternion
 from jaxsat.scenario.tables import EulerSequence
 
@@ -204,3 +205,74 @@ def test_what_is_no_table_is_told_and_not_converted(tmp_path, name, value):
     path = tmp_path / "mine.toml"
     path.write_text(f"title = 'x'\n{name} = {value}\n")
     assert all(": must " in line for line in mistakes(path))
+
+
+TYPED = """
+[thruster_type.cold-gas]
+force_N = {force}
+min_on_time_s = 0.02
+specific_impulse_s = 70
+[[thruster]]
+type = "cold-gas"
+position_m = [0.1, 0, 0]
+direction = [0, 1, 0]
+[[thruster]]
+type = "cold-gas"
+position_m = [-0.1, 0, 0]
+direction = [0, 1, 0]
+min_on_time_s = 0.05
+[gimbal_type.small]
+rotor_momentum_N_m_s = 1.0
+rate_limit_deg_s = 30
+[[gimbal]]
+type = "small"
+axis = [1, 0, 0]
+spin_axis = [0, 1, 0]
+"""
+
+
+def test_devices_have_the_keys_of_their_type(written):
+    scenario = read(written(rest=TYPED.format(force=0.5)))
+    one, two = scenario.thruster
+    assert (one.force_N, one.min_on_time_s, one.specific_impulse_s) == (0.5, 0.02, 70)
+    assert (two.force_N, two.min_on_time_s, two.position_m) == (0.5, 0.05, (-0.1, 0, 0))
+    assert scenario.gimbal[0].rate_limit_rad_s == math.radians(30)
+    other = read(written(rest=TYPED.format(force=3)), ["thruster_type.cold-gas.force_N=0.5"])
+    assert other == scenario
+    again = written().with_name("again.toml")
+    again.write_text(dump(scenario))
+    assert "type" not in dump(scenario)
+    assert read(again) == scenario
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("0.5\n", "-0.5\n", "19: key thruster_type.cold-gas.force_N: must be at least 1e-09 N"),
+        ("specific_", "specfic_", "21: key thruster_type.cold-gas.specfic_impulse_s: must be one"),
+        ("30\n", "-30\n", "33: key gimbal_type.small.rate_limit_deg_s: must be at least"),
+        ("_s = 0.02", "_s = 0.9", "20: key thruster_type.cold-gas.min_on_time_s: must be at most"),
+        (
+            'type = "cold-gas"\nposition_m = [0.1',
+            'type = "cold_gas"\nposition_m = [0.1',
+            'must be one of cold-gas, got "cold_gas", did you mean cold-gas?',
+        ),
+        ('type = "small"', "type = 3", "key gimbal.type: must be text in quotes, got 3"),
+        ("[gimbal_type.small]", "[gimbal_typ.small]", "did you mean gimbal_type?"),
+    ],
+)
+def test_mistakes_in_a_type_are_told_once_where_they_are(written, old, new, message):
+    text = TYPED.format(force=0.5)
+    assert text.count(old) == 1
+    found = mistakes(written(rest=text.replace(old, new)))
+    assert [message in line for line in found].count(True) == 1
+    assert len(found) == 1 or "_type." not in message
+
+
+def test_every_actuator_has_types_of_all_that_its_devices_share():
+    for name, table in TABLES.items():
+        shared = TYPES[f"{name}_type"].model_fields
+        assert table.model_fields.keys() - shared.keys() == {"name", "type", "failed"}
+        assert not [key for key, field in shared.items() if field.is_required()]
+        units = {key: field.json_schema_extra for key, field in shared.items()}
+        assert units == {key: table.model_fields[key].json_schema_extra for key in shared}

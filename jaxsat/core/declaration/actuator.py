@@ -49,7 +49,7 @@ class ActuatorDeclaration:
     - `summary`: one line, what one of them is.
     - `most`: how many tables there may be.
     - `meaning`: one line, for the schema.
-    - `keys`: those of a table, without `name` and `failed`, which every actuator has.
+    - `keys`: those of a table, without `name`, `type` and `failed`, which every actuator has.
     - `failed`: what it means that one has failed before the start.
     - `kinds`: how one of them may fail in flight, members of one enumeration.
     - `idle`: those that change nothing of one that has failed before the start.
@@ -90,7 +90,7 @@ class ActuatorDeclaration:
     numbered: str = ""
 
     def __post_init__(self):
-        require_own_keys(self.keys, "actuator", ("name", "failed"))
+        require_own_keys(self.keys, "actuator", ("name", "type", "failed"))
         object.__setattr__(self, "called", self.called or self.name)
 
     @property

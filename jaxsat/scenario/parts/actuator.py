@@ -1,16 +1,30 @@
 """The tables of actuators, made of what these declare, and how failures name them."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import Field
+from pydantic.fields import FieldInfo
 
 from jaxsat.core.declaration.actuator import ActuatorDeclaration
-from jaxsat.scenario.quantities import Line, ScenarioTable, Switch, choice, fields_of, table_class
+from jaxsat.scenario.quantities import (
+    STAND_IN,
+    Line,
+    ScenarioTable,
+    Switch,
+    choice,
+    fields_of,
+    table_class,
+)
 
 
 class DeviceTable(ScenarioTable):
     """A table of one device."""
 
     name: Line | None = choice("A name of its own; by default it goes by its number from 1", None)
+    type: Line | None = choice(
+        "The NAME of its type, such as [thruster_type.NAME], whose keys it has", **STAND_IN
+    )
 
 
 def table_of_device(actuator: ActuatorDeclaration) -> Any:
@@ -18,6 +32,28 @@ def table_of_device(actuator: ActuatorDeclaration) -> Any:
     fields = fields_of(actuator.keys) | {"failed": (Switch, choice(actuator.failed, False))}
     doc = f"`[[{actuator.name}]]`: {actuator.summary}."
     return table_class(actuator.name, doc, fields, DeviceTable, "Table")
+
+
+def type_name(name: str) -> str:
+    """What the table of all types of an actuator is called."""
+    return f"{name}_type"
+
+
+def table_of_type(name: str, device: type[ScenarioTable]) -> Any:
+    """The class of a table `[NAME_type.TYPE]`, which may have every key that devices share."""
+    own = ("name", "type", "failed")
+    fields = {key: _optional(one) for key, one in device.model_fields.items() if key not in own}
+    doc = f"`[{name}_type.TYPE]`: keys of every [[{name}]] of this type."
+    return table_class(f"{name}-type", doc, fields, ScenarioTable, "Table")
+
+
+def _optional(field: FieldInfo) -> tuple[Any, Any]:
+    """The declaration of a key that may be left out."""
+    kind: Any = field.annotation
+    for bound in field.metadata:
+        kind = Annotated[kind, bound]
+    extra = field.json_schema_extra
+    return (kind | None, Field(None, description=field.description, json_schema_extra=extra))
 
 
 def names_of(tables: Sequence[Any]) -> list[str]:

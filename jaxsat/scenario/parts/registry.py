@@ -7,12 +7,12 @@ from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
 from jaxsat.core.declaration.law import LawDeclaration
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.parts.actuator import names_of, table_of_device
+from jaxsat.scenario.parts.actuator import names_of, table_of_device, table_of_type, type_name
 from jaxsat.scenario.parts.thrusters import ThrusterTable
 from jaxsat.scenario.parts.wheels import WheelTable
 from jaxsat.scenario.quantities import ScenarioTable
 from jaxsat.scenario.rules import RULES, at, declared_rule, rule, rule_over
-from jaxsat.scenario.wording import shown
+from jaxsat.scenario.wording import shown, suggestion
 
 TABLES: Mapping[str, type[ScenarioTable]] = {
     **{one.name: table_of_device(one) for one in ACTUATORS},
@@ -20,6 +20,9 @@ TABLES: Mapping[str, type[ScenarioTable]] = {
     "wheel": WheelTable,
 }
 """The class of one table of an actuator, by its name."""
+
+TYPES = {type_name(name): table_of_type(name, table) for name, table in TABLES.items()}
+"""The class of one type of an actuator, by the name of the table of types."""
 
 AXES = "spacecraft.thruster_torque_axes"
 
@@ -35,6 +38,16 @@ def _declare_rules(actuator: ActuatorDeclaration) -> None:
             if names.index(one) < number:
                 message = f"must be a name of its own, got {shown(one)} again"
                 yield Issue((name, number, "name"), message)
+
+    @rule_over(name)
+    def _types_exist(values):
+        prefix = f"{type_name(name)}."
+        types = {key.split(".")[1]: None for key in values if key.startswith(prefix)}
+        for number, one in enumerate(values[name]):
+            if one.type is not None:
+                among = f"one of {', '.join(types)}" if types else f"the TYPE of a [{prefix}TYPE]"
+                message = f"must be {among}, got {shown(one.type)}{suggestion(one.type, types)}"
+                yield Issue((name, number, "type"), message)
 
     @rule(name, "actuators.kind")
     def _actuators_are_those_of_jaxsat(tables, kind):
