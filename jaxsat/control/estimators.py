@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.normal_form import NormalForm, leaned
-from jaxsat.control.ripple import AbstractRippleEstimator, ThirdRate
+from jaxsat.control.ripple import RippleFilter, ThirdRate
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.quotients import reciprocal
@@ -97,7 +97,7 @@ class ThirdAxisEstimator(eqx.Module):
     """
 
     form: NormalForm
-    observer: AbstractRippleEstimator | None
+    observer: RippleFilter | None
     least_squares: RecursiveLeastSquares | None
     balanced: RealScalar | None = None
     gradient: Float[Array, "3"] | None = None
@@ -117,12 +117,6 @@ class ThirdAxisEstimator(eqx.Module):
         """Before the first sample, which makes one."""
         zero = jnp.zeros_like(omega[0])
         return ThirdAxisBelief(zero, jnp.zeros_like(omega[:2]), jnp.zeros_like(omega), zero)
-
-    def forget_ripple(self, memory: EstimatorMemory, when: Bool[Array, ""]) -> EstimatorMemory:
-        """The disturbance estimate set back to zero where `when` holds."""
-        if self.observer is None:
-            return memory
-        return memory._replace(ripple=self.observer.forget(memory.ripple, when))
 
     def update(
         self,
@@ -154,7 +148,7 @@ class ThirdAxisEstimator(eqx.Module):
             advanced = self.observer.advance(ripple, omega, change, period)
             first = self.observer.init(omega[2])
             ripple = choose(started, advanced, first)
-            ripple = self.observer.correct(ripple, omega, period)
+            ripple = self.observer.correct(ripple, omega)
         if self.least_squares is not None and fit is not None:
             fit = fit._replace(first_omega=jnp.where(started, fit.first_omega, omega))
             regressors = products if thrust is None else jnp.concatenate([products, thrust])
@@ -200,7 +194,7 @@ class ThirdAxisEstimator(eqx.Module):
         zero = jnp.zeros_like(omega[2])
         known = ThirdRate(omega[2], zero, zero)
         if self.observer is not None:
-            known = self.observer.believed(ripple, omega[2])
+            known = self.observer.believed(ripple)
         orbit_rate = self._orbit_rate(belief.turn)
         rest = leaned(orbit_rate, lean)
         return ThirdAxis(

@@ -14,7 +14,6 @@ from jaxsat.control.normal_form import NormalForm, clipped
 from jaxsat.control.planning.search import PlanSearch, Search, in_hemisphere_of
 from jaxsat.control.planning.tracking import Followed, followed_if, following_torque
 from jaxsat.control.planning.transcription import STATES, PlanObjective, Transcription
-from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.core.array_types import RealScalar
@@ -203,7 +202,7 @@ class PlannedSettling(AbstractSampledController):
         if estimator.observer is None:
             return x
         s = self.form.slow(self.form.axes @ state.omega)[2]
-        error = estimator.observer.believed(settling.estimator.ripple, s).rate - s
+        error = estimator.observer.believed(settling.estimator.ripple).rate - s
         return x.at[4:].add(self.form.axes[2] * (error * program.time_unit))
 
     def _ahead(
@@ -260,7 +259,7 @@ def _is_far(program: Transcription, x: Float[Array, "7"]) -> Bool[Array, ""]:
 def planned_settling(settling: ThreeSlewSettling) -> PlannedSettling:
     """The law that plans, for the spacecraft of a law of three slews."""
     ripple = settling.estimator.observer
-    if isinstance(ripple, RippleFilter):
+    if ripple is not None:
         enter, stay, grace = RIPPLE_SLACK
         times = enter * ripple.amplitude, stay * ripple.amplitude, grace / ripple.frequency
         handover = dataclasses.replace(settling.fine.handover, slack=RippleSlack(*times))

@@ -25,7 +25,7 @@ from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.normal_form import BODY_XY, NormalForm
 from jaxsat.control.oscillatory import Oscillator
-from jaxsat.control.ripple import AbstractRippleEstimator, RippleFilter, Steady
+from jaxsat.control.ripple import RippleFilter, Steady
 from jaxsat.control.slews import SlewPlanner
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.core.checks import as_float, numpy_if_known
@@ -91,7 +91,7 @@ def oscillatory_settling(
     observe: bool = True,
     estimate: bool = True,
     period: float = TUNED_PERIOD,
-    ripple: AbstractRippleEstimator | None = None,
+    ripple: RippleFilter | None = None,
     directions: Float[np.ndarray, "3 2"] = BODY_XY,
     holding_amplitude: float | None = None,
     gravity_gradient: bool = False,
@@ -128,7 +128,7 @@ def three_slew_settling(
     observe: bool = True,
     estimate: bool = True,
     period: float = TUNED_PERIOD,
-    ripple: AbstractRippleEstimator | None = None,
+    ripple: RippleFilter | None = None,
     directions: Float[np.ndarray, "3 2"] = BODY_XY,
     holding_amplitude: float | None = None,
     gravity_gradient: bool = False,
@@ -255,12 +255,12 @@ def _fine_stage(
 def _estimator(
     fine: FineStage,
     estimate: bool,
-    ripple: AbstractRippleEstimator | None,
+    ripple: RippleFilter | None,
     scaling: Scaling,
     gravity_gradient: bool,
 ) -> ThirdAxisEstimator:
     noise = CHANGE_NOISE / scaling.fine_time
-    if isinstance(ripple, RippleFilter):  # it changes s as well between two samples
+    if ripple is not None:  # it changes s as well between two samples
         turned = float(ripple.frequency) * CHANGE_SAMPLES * scaling.step * scaling.time
         noise = math.hypot(noise, float(ripple.amplitude) * min(turned, MOST_TURNED))
     fit = RecursiveLeastSquares(noise=noise, samples=CHANGE_SAMPLES) if estimate else None

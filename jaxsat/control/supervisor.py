@@ -160,7 +160,6 @@ class ThreeSlewSettling(AbstractSampledController):
         begins_fine = begun & (phase == Phase.OSCILLATING)
         again = begun & (phase == Phase.STOPPING)
         lost = memory.lost | (again & (memory.phase == Phase.OSCILLATING))
-        estimator = self.estimator.forget_ripple(estimator, begun & (phase != Phase.SLEWING))
         plan = self.planner.plan(t, seen)
         slewing = choose(begun & (phase == Phase.SLEWING), plan, slewing)
         signs = choose(again, self.rate_law.init(state), memory.signs)

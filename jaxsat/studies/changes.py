@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.controller import AbstractBacksteppingLaw
 from jaxsat.control.normal_form import NormalForm
-from jaxsat.control.ripple import RippleFilter, RippleObserver
+from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.three_axis import InternalModel
 from jaxsat.core.attitude import DCM, WZ, AbstractAttitude, Quaternion
 from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
@@ -160,11 +160,11 @@ def follow_frequency(loop: AbstractLoop) -> AbstractLoop:
     def change(part):
         if isinstance(part, InternalModel):
             return InternalModel(torque.frequency[:2])
-        if isinstance(part, RippleFilter | RippleObserver):
+        if isinstance(part, RippleFilter):
             return eqx.tree_at(lambda estimator: estimator.frequency, part, frequency)
         return part
 
-    kinds = (InternalModel, RippleFilter, RippleObserver)
+    kinds = (InternalModel, RippleFilter)
     return with_controller(loop, map_parts(change, kinds, controller_of(loop)))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from helpers.paper import PAPER_DISTURBANCE
 from jaxsat.control.least_squares import RecursiveLeastSquares
 from jaxsat.control.normal_form import NormalForm
-from jaxsat.control.ripple import RippleFilter, RippleObserver
+from jaxsat.control.ripple import RippleFilter
 from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.environment.disturbances import NoDisturbance, PeriodicTorque
@@ -42,11 +42,6 @@ def ripple_filter_of(frequency, **changes):
     """The filter for the noise and the ripple of the paper's spacecraft."""
     expected = {"noise": 1e-5, "amplitude": 3e-5, "drift": 2e-6, "product_error": 0.01}
     return RippleFilter(frequency, **expected | changes)
-
-
-def ripple_observer(frequency=0.1, pole=0.05):
-    """The observer for its ripple."""
-    return RippleObserver(frequency, pole, rate_limit=0.02)
 
 
 def paper_fit(**changes):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from control.cases import ORBIT_RATE, C, actuators, form, paper_fit, ripple_observer
+from control.cases import ORBIT_RATE, C, actuators, form, paper_fit, ripple_filter_of
 from control.laws import OscillatoryLaw
 from jaxsat.control.demands import MorinSamson, TwoChannel
 from jaxsat.control.estimators import ThirdAxis, ThirdAxisEstimator
@@ -192,7 +192,7 @@ def test_gradient_with_respect_to_gains():
 
     def outcome(gains):
         law = oscillator(**dict(zip(fields, gains, strict=True)))
-        estimator = ThirdAxisEstimator(law.form, ripple_observer(), paper_fit())
+        estimator = ThirdAxisEstimator(law.form, ripple_filter_of(0.1), paper_fit())
         controller = OscillatoryLaw(law, estimator, jnp.array(50.0), 0.1)
         final = simulate(
             SampledLoop(law.form.model.with_effectors((actuators(),)), controller), start, times
@@ -225,7 +225,7 @@ def test_new_gains_compile_nothing():
     def first_step(law, state):
         traced.append(None)
         controller = OscillatoryLaw(
-            law, ThirdAxisEstimator(law.form, ripple_observer(), paper_fit()), jnp.inf, 0.1
+            law, ThirdAxisEstimator(law.form, ripple_filter_of(0.1), paper_fit()), jnp.inf, 0.1
         )
         return controller.step(jnp.zeros(()), state, controller.init(state))[0]
 
