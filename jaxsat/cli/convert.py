@@ -1,4 +1,4 @@
-"""`jaxsat convert`: the trajectory of a run in a format that other programs read."""
+"""`jaxsat convert`: runs for other programs, and spacecraft of 42 as scenarios."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -7,32 +7,37 @@ from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.options import Output, Text, mistake, place
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import SUCCESS, UserMistake, print_stdout, print_warning
+from jaxsat.core.text import clean
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from jaxsat.scenario.spacecraft_42 import Converted
+
 
 def convert(
-    run: str,
+    source: str,
     /,
     *,
-    to: Literal["aem", "csv"],
+    to: Literal["aem", "csv", "scenario"],
     epoch: Text = None,
     frame: Literal["inertial", "orbit"] = "inertial",
     object_name: Text = None,
     object_id: Text = None,
     output: Output = Output(),
 ) -> int:
-    """Write the trajectory of a run as a CCSDS attitude ephemeris (AEM) or as CSV.
+    """Write a run as CCSDS attitude ephemeris (AEM) or CSV, or a spacecraft of 42 as a scenario.
 
     Parameters
     ----------
-    run
-        Folder that `jaxsat simulate` or `montecarlo --case` wrote, or its trajectory.nc.
+    source
+        Folder that `jaxsat simulate` or `montecarlo --case` wrote, or its trajectory.nc; for a
+        scenario a file SC_....txt of the simulator 42.
     to
-        aem: quaternions over UTC as defined by CCSDS 504.0-B; csv: all signals, one column each.
+        aem: quaternions over UTC as defined by CCSDS 504.0-B; csv: all signals, one column each;
+        scenario: inertia, wheels, magnetorquers and thrusters of one rigid body.
     output.out
-        File to write; by default beside the run, with its name and .aem or .csv.
+        File to write; by default beside the source, with its name and .aem, .csv or .toml.
     epoch
         UTC at the start of the run, such as 2026-03-20T12:00:00; for AEM.
     frame
@@ -45,21 +50,52 @@ def convert(
     output.overwrite
         Replace the file.
     """
-    path = place("RUN", run)
-    target = output.out or _beside(path, to)
-    if to == "csv" and epoch is not None:
-        raise UserMistake("--epoch: must be given with --to aem, as CSV has seconds")
+    path = place("SOURCE", source)
+    target = output.out or _beside(path, "toml" if to == "scenario" else to)
+    if to != "aem" and epoch is not None:
+        raise UserMistake(f"--epoch: must be given with --to aem, got --to {to}")
     start = _epoch(epoch) if to == "aem" else None
     from jaxsat.store.files import refuse_existing, save_file
 
     refuse_existing(target, overwrite=output.overwrite)
-    use_double_precision()
-    show_progress(f"reading {path}")
-    text = interruptibly(lambda: _convert(path, start, frame, object_name, object_id))
+    left_out: list[str] = []
+    if to == "scenario":
+        text, left_out = _spacecraft(path)
+    else:
+        use_double_precision()
+        show_progress(f"reading {path}")
+        text = interruptibly(lambda: _convert(path, start, frame, object_name, object_id))
     save_file(target, text, overwrite=output.overwrite)
     if not output.quiet:
+        for line in left_out:
+            print_stdout(f"not in it: {line}")
         print_stdout(f"written to {target}")
     return SUCCESS
+
+
+def _spacecraft(path: Path) -> "Converted":
+    from jaxsat.scenario.spacecraft_42 import SpacecraftFileError, scenario_of_42
+
+    try:
+        return scenario_of_42(_text(path), lambda name: _text(path.parent / name))
+    except SpacecraftFileError as error:
+        raise UserMistake(f"{path}: {clean(str(error))}") from None
+
+
+def _text(path: Path) -> str:
+    """What is in a file; bytes that are no text become marks."""
+    from jaxsat.scenario.limits import MAX_FILE_SIZE
+
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_FILE_SIZE + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        message = f"must be a file that can be read, got: {reason}"
+        raise UserMistake(f"{clean(str(path))}: {message}") from None
+    if len(content) > MAX_FILE_SIZE:
+        raise UserMistake(f"{clean(str(path))}: must have at most {MAX_FILE_SIZE} bytes, got more")
+    return content.decode(errors="replace")
 
 
 def _beside(run: Path, ending: str) -> Path:

@@ -62,3 +62,22 @@ def test_an_epoch_beyond_64_bits_is_right(command_line, run, tmp_path):
     aem = ("convert", "mine", "--to", "aem", "--frame", "orbit", "--epoch", "2300-01-01T00:00:00.5")
     assert command_line(*aem)[0] == 0
     assert "START_TIME = 2300-01-01T00:00:00.500000000" in (tmp_path / "mine.aem").read_text()
+
+
+def test_a_spacecraft_of_42_becomes_a_scenario(command_line, tmp_path):
+    from scenario.test_spacecraft_42 import FILE, NODES
+
+    (tmp_path / "SC_X.txt").write_text(FILE)
+    convert = ("convert", "SC_X.txt", "--to", "scenario")
+    assert (
+        "Nodes.txt: must be a file that can be read, got: No such file" in command_line(*convert)[2]
+    )
+    (tmp_path / "Nodes.txt").write_text(NODES)
+    status, out, _ = command_line(*convert)
+    assert status == 0
+    assert out.startswith("not in it: mass 10.0 kg, which only translation needs\n")
+    assert out.endswith("written to SC_X.toml\n")
+    (tmp_path / "SC_Y.txt").write_text("no such thing")
+    assert "SC_Y.txt: must begin with" in command_line("convert", "SC_Y.txt", "--to", "scenario")[2]
+    status, _, err = command_line(*convert, "--epoch", "2026-03-20T12:00:00")
+    assert (status, "must be given with --to aem, got --to scenario" in err) == (2, True)
