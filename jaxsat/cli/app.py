@@ -57,6 +57,9 @@ MAX_MESSAGE_LENGTH = 300
 OUT_OF_MEMORY_TEXTS = ("RESOURCE_EXHAUSTED", "can't start new thread", "Cannot allocate memory")
 """How libraries call a lack of memory or threads where they have no exception for it."""
 
+PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
+"""Variables that choose where JAX computes; it raises at its first use where that is not there."""
+
 app = App(
     name="jaxsat",
     version=jaxsat.__version__,
@@ -139,6 +142,11 @@ def failure_of(error: BaseException) -> str | None:
     if isinstance(error, OSError) and error.errno in FAILURES:
         where = "" if error.filename is None else f"{error.filename}: "
         return f"{where}{error.strerror}"
+    platform = next((one for one in PLATFORMS if os.environ.get(one)), None)
+    frames = traceback.extract_tb(error.__traceback__)
+    if platform and frames and Path(frames[-1].filename).name == "xla_bridge.py":
+        got = clean(os.environ[platform], MAX_MESSAGE_LENGTH)
+        return f"{platform}: must be what JAX finds on this machine, such as cpu, got {got}"
     if isinstance(error, MemoryError) or any(sign in str(error) for sign in OUT_OF_MEMORY_TEXTS):
         return "not enough memory; use fewer cases at once"
     return None

@@ -21,7 +21,7 @@ def main(tokens: Sequence[str] | None = None) -> None:
     """Run the command line and exit with a status that docs/scenarios.md lists."""
     if tokens is None:  # a process of its own, in which no code was changed
         os.environ.setdefault("JAXSAT_KEPT_KERNELS", "1")
-        os.environ["MATPLOTLIBRC"] = os.devnull  # one that is damaged would leave no figure
+        os.environ |= {"MATPLOTLIBRC": os.devnull, "MPLBACKEND": "agg"}  # damaged ones of a user
     with _signals_as_exceptions() as received:
         try:
             with _no_exit_unsaid():

@@ -295,6 +295,7 @@ def _wheel_sentence(judgement: Judgement) -> str:
             f"Controllable: {rank}; two wheels turn the body to any attitude, so that "
             f"{_momentum_changers(judgement)} in any inertial direction. "
             f"{cone_words(judgement.cone).capitalize()}."
+            + (" No law of jaxsat uses them." if judgement.laws == "none" else "")
         )
     where = "on the level set of the conserved momentum"
     if not wheels.rests:

@@ -64,15 +64,18 @@ def allocation_matrix(
 ) -> Float[np.ndarray, "m torques"]:
     """Thrusts that make a torque commanded about the first two body axes, or about all three.
 
-    `torque_axes` has a unit column for each thruster. With two torques and two thrusters the third
-    torque is then b1 u1 + b2 u2, equation (5); with more thrusters it is zero. One torque is about
-    the `torque_axis`. Raises `ValueError` where the thrusters cannot make them independently.
+    `torque_axes` has a unit column for each thruster. With two torques, and thrusters in one plane,
+    the third torque is then b1 u1 + b2 u2, equation (5); with others it is zero. One torque is
+    about the `torque_axis`. Raises `ValueError` where the thrusters cannot make them independently.
     """
     if torques == 1:
         return np.linalg.pinv(torque_axes) @ torque_axis(torque_axes)[:, None]
     count = torque_axes.shape[1]
-    rows = torque_axes[:2] if count == torques == 2 else torque_axes
-    rank = np.linalg.matrix_rank(rows, tol=NORMALISER_FLOOR)
+    rank = np.linalg.matrix_rank(torque_axes, tol=NORMALISER_FLOOR)
+    rows = torque_axes
+    if torques == rank == 2:
+        rows = torque_axes[:2]
+        rank = np.linalg.matrix_rank(rows, tol=NORMALISER_FLOOR)
     if rank < rows.shape[0] or count < torques:
         which = "x and y" if torques == 2 else "x, y and z"
         raise ValueError(

@@ -27,8 +27,6 @@ from jaxsat.core.text import clean
 from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.store.provenance import provenance_attributes
 
-GOOD = {"controllable": True, "uncontrollable": False}
-
 COLUMNS = {
     "failed": "failed",
     "verdict": "verdict",
@@ -72,7 +70,7 @@ def controllability_document(
         Table(heading, list(columns.values()), rows, note),
         Lines("Findings", findings),
     ]
-    summary = Verdict(GOOD.get(records[0]["verdict"]), verdict, _survival(records))
+    summary = Verdict(_is_good(records[0]), verdict, _survival(records))
     return Document(title, summary, blocks)
 
 
@@ -112,7 +110,14 @@ def _cell(name: str, record: Mapping[str, Any]) -> Cell:
         value = float(record[name])
         return None if math.isnan(value) else Shown(number_text(value, 3), value)
     text = str(record[name])
-    return Shown(text, good=GOOD.get(text)) if name == "verdict" else text
+    return Shown(text, good=_is_good(record)) if name == "verdict" else text
+
+
+def _is_good(record: Mapping[str, Any]) -> bool | None:
+    """Whether a law of jaxsat flies to every attitude; None where only in principle one could."""
+    if record["verdict"] == "uncontrollable":
+        return False
+    return True if record["verdict"] == "controllable" and record["laws"] != "none" else None
 
 
 def controllability_lines(

@@ -157,14 +157,21 @@ def failure_chart(records: Sequence[dict]) -> Figure:
     rows = np.arange(len(first_records))
     looks = {
         "controllable": ("#0072b2", ""),
+        "controllable, by no law": ("#56b4e9", "///"),
         "by drift": ("#56b4e9", "..."),
         "some attitudes": ("#f0f0f0", "\\\\\\"),
         "not decided": ("#f0f0f0", "xxx"),
         "borderline": ("#e8c468", "///"),
         "uncontrollable": ("none", ""),
     }
+    verdicts = [one["verdict"] for one in first_records]
+    unflown = [one["laws"] == "none" for one in first_records]
+    verdicts = [
+        f"{one}, by no law" if one == "controllable" and none else one
+        for one, none in zip(verdicts, unflown, strict=True)
+    ]
     for verdict, (colour, hatch) in looks.items():
-        places = [k for k, record in enumerate(first_records) if record["verdict"] == verdict]
+        places = [k for k, one in enumerate(verdicts) if one == verdict]
         widths = [float(first_records[k]["margin"]) for k in places]
         if places and verdict != "uncontrollable":
             axes.barh(places, widths, color=colour, hatch=hatch, edgecolor="k", label=verdict)

@@ -1,18 +1,19 @@
 """Thrusters and wheels that have no part in any torque that the law commands."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxsat.core.allocation import BASIS_TOLERANCE, least_squares_map
-from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.layout import command_torques
+from jaxsat.scenario.errors import Issue, Location
+from jaxsat.scenario.layout import command_torques, ideal_shares
 from jaxsat.scenario.parts.actuator import names_of
 from jaxsat.scenario.parts.thrusters import signs
 from jaxsat.scenario.parts.wheels import left_by_wheels, relieved_by_thrusters, wheel_axes
 from jaxsat.scenario.schema import Scenario
+from jaxsat.scenario.tables import working_axes
 
 
 def idle_actuators(scenario: Scenario) -> Iterator[Issue]:
@@ -21,6 +22,8 @@ def idle_actuators(scenario: Scenario) -> Iterator[Issue]:
     if law.torques == 2 and not law.commands_actuators:
         yield from _idle_thrusters(scenario)
         yield from _idle_wheels(scenario)
+    if law.torques and scenario.actuators is None:
+        yield from _idle_ideal_thrusters(scenario, law.torques)
 
 
 def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
@@ -39,7 +42,31 @@ def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
     owners = np.array([place for place in working for _ in signs(scenario.thruster[place])])
     used = owners[columns_in_use(torque, command @ left)]
     idle = [place for place in working if place not in used]
-    yield from _issues(scenario, "thruster", idle)
+    names = names_of(scenario.thruster)
+    yield from _issues(scenario, ("thruster",), (names[place] for place in idle))
+
+
+def _idle_ideal_thrusters(scenario: Scenario, torques: int) -> Iterator[Issue]:
+    """Those of `thruster_torque_axes`, which make in fixed shares what wheels do not make at all.
+
+    Where they make up for each other within limits, all that could have a part have one.
+    """
+    table = scenario.spacecraft
+    axes = working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
+    left = left_by_wheels(scenario.wheel, torques) if scenario.wheel else np.eye(torques)
+    if not axes.size:
+        return
+    used = np.zeros(axes.shape[1], bool)
+    if left.any():
+        shares = ideal_shares(scenario, axes) @ left
+        used = np.abs(shares).max(axis=1) > BASIS_TOLERANCE
+        if torques == 3:
+            both_ways = np.hstack([axes, -axes])
+            used |= columns_in_use(both_ways, left).reshape(2, -1).any(axis=0)
+    numbers = range(1, len(table.thruster_torque_axes or ()) + 1)
+    working = [number for number in numbers if number not in table.failed_thrusters]
+    idle = [number for number, one in zip(working, used, strict=True) if not one]
+    yield from _issues(scenario, ("spacecraft", "thruster_torque_axes"), map(str, idle))
 
 
 def _idle_wheels(scenario: Scenario) -> Iterator[Issue]:
@@ -49,17 +76,18 @@ def _idle_wheels(scenario: Scenario) -> Iterator[Issue]:
     axes = wheel_axes(scenario.wheel)[:, working]
     used = columns_in_use(np.hstack([axes, -axes]), np.eye(3)[:, :2]).reshape(2, -1).any(axis=0)
     used |= np.abs(least_squares_map(axes, 2)).max(axis=1) > BASIS_TOLERANCE
-    yield from _issues(scenario, "wheel", working[~used].tolist())
+    names = names_of(scenario.wheel)
+    yield from _issues(scenario, ("wheel",), (names[place] for place in working[~used]))
 
 
-def _issues(scenario: Scenario, kind: str, idle: list[int]) -> Iterator[Issue]:
-    names = names_of(getattr(scenario, kind))
-    if idle:
+def _issues(scenario: Scenario, location: Location, idle: Iterable[str]) -> Iterator[Issue]:
+    names = ", ".join(idle)
+    if names:
         message = (
             f'should each have a part in the torques that the law "{scenario.control.law}" '
-            f"commands; never used: {', '.join(names[place] for place in idle)}"
+            f"commands; never used: {names}"
         )
-        yield Issue((kind,), message)
+        yield Issue(location, message)
 
 
 def columns_in_use(

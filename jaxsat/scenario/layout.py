@@ -8,13 +8,17 @@ from jaxtyping import Float
 
 from jaxsat.core.allocation import (
     allocation_matrix,
+    direction_matrix,
     largest_torque,
     least_propellant,
+    least_squares_map,
     plane_map,
     pushed_directions,
     torque_axis,
+    torque_directions,
     unit_columns,
 )
+from jaxsat.core.declaration.actuators import STEERED
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.scenario.parts.thrusters import signs, working_torques
@@ -87,6 +91,19 @@ def command_torques(scenario: Any, torques: int) -> tuple[np.ndarray, np.ndarray
     torque = working_torques(scenario.thruster)
     any_plane = scenario.law.declaration.any_plane and not scenario.wheel
     return torque, thruster_costs(scenario), plane_map(torque, torques, any_plane)
+
+
+def ideal_shares(scenario: Any, axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "m torques"]:
+    """Torques of ideal thrusters along unit `axes` for a unit of each torque asked of them.
+
+    Raises `ValueError` where they cannot make these, and nothing else makes torques.
+    """
+    law = scenario.law.declaration
+    if any(getattr(scenario, name) for name in ("wheel", *STEERED)):
+        return least_squares_map(axes, law.torques)
+    if law.any_plane:
+        return direction_matrix(axes, torque_directions(axes))
+    return allocation_matrix(axes, law.torques)
 
 
 def thruster_costs(scenario: Any) -> np.ndarray:

@@ -162,6 +162,8 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
     file = path / "trajectory.nc" if path.is_dir() else path
     data = read_unchanged(file)
     if data is None:
+        if path.is_dir() and not file.exists():
+            raise OutputError(f"{path} is no folder of a run: it contains no {file.name}.")
         what = "is no file that can be read" if file.exists() else "does not exist"
         raise OutputError(f"{file} {what}.")
     try:

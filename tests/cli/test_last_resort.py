@@ -10,9 +10,11 @@ import sys
 import threading
 from pathlib import Path
 
+import jax
 import pytest
 
 from jaxsat.cli import computing
+from jaxsat.cli.app import failure_of
 from jaxsat.cli.computing import interruptibly
 
 ROOT = Path(__file__).parents[2]
@@ -275,9 +277,17 @@ def test_a_damaged_matplotlibrc_loses_no_figure(tmp_path):
         "except SystemExit: pass\n"
         "import matplotlib; sys.stderr.write(matplotlib.matplotlib_fname())"
     )
-    given = os.environ | {"MATPLOTLIBRC": str(settings)}
+    given = os.environ | {"MATPLOTLIBRC": str(settings), "MPLBACKEND": "nonsense"}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, env=given)
     assert done.stderr.decode().endswith(os.devnull), done.stderr.decode()
+
+
+def test_a_platform_that_jax_does_not_find_is_no_bug(monkeypatch):
+    with pytest.raises(RuntimeError) as caught:
+        jax.devices("nonsense")
+    assert failure_of(caught.value) is None
+    monkeypatch.setenv("JAX_PLATFORMS", "nonsense")
+    assert "JAX_PLATFORMS: must be what JAX finds" in (failure_of(caught.value) or "")
 
 
 def test_what_fails_while_it_is_imported_beforehand_is_no_bug(tmp_path, monkeypatch, capfd):

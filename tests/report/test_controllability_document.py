@@ -9,7 +9,7 @@ from jaxsat.controllability.judging import judge
 from jaxsat.controllability.rank import analyse
 from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.report.controllability_document import controllability_document, controllability_lines
-from jaxsat.report.controllability_figures import torque_map
+from jaxsat.report.controllability_figures import failure_chart, torque_map
 
 PAPER = [449.5, 264.6, 312.5]
 TURNING_ABOUT_Z = np.array([[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1]], float).T
@@ -55,6 +55,23 @@ def test_failures_that_no_law_can_fly_are_not_counted_as_survived():
         "Survives: 3 of 3 single, 0 of 3 double, 0 of 1 triple failures.",
         "Controllable, but flown by no law of jaxsat: 1 of 3 double failures.",
     ]
+
+
+def test_only_what_a_law_flies_is_told_as_good():
+    """Two wheels and a thruster: with momentum in the wheels no law is made for them."""
+    axes, thruster = np.eye(3)[:, :2], np.eye(3)[:, 2:]
+    found = []
+    for momentum in ([0.0, 0.0, 0.0], [0.0, 3.0, 0.0]):
+        actuators = actuator_set(thruster, wheel_axes=axes, momentum=momentum)
+        records = failure_records(failure_table(PAPER, actuators))
+        document = controllability_document("", "", records, [])
+        assert records[0]["verdict"] == "controllable"
+        assert document.blocks[0].rows[0][1].good == document.verdict.good
+        found.append((document.verdict.good, records[0]["laws"]))
+        chart = failure_chart(records)
+        labels = [one.get_text() for one in chart.axes[0].get_legend().get_texts()]
+        assert ("controllable, by no law" in labels) == (records[0]["laws"] == "none")
+    assert found == [(True, "two torques"), (None, "none")]
 
 
 @pytest.mark.parametrize(

@@ -181,6 +181,36 @@ def test_actuators_without_a_part_in_two_torques_are_told(changes, idle):
     assert [f"{one.split(':')[0]}: {one.rpartition(': ')[2]}" for one in found] == idle
 
 
+X_Y_Z = "spacecraft.thruster_torque_axes=[[1,0,0],[0,1,0],[0,0,1]]"
+TURN = "control.law='quaternion-feedback'", "control.natural_frequency_rad_s=0.02"
+
+
+@pytest.mark.parametrize(
+    ("changes", "idle"),
+    [
+        ((X_Y_Z, "spacecraft.failed_thrusters=[]"), "3"),
+        ((X_Y_Z.replace("[0,0,1]", "[0.6,0.8,0]"), "spacecraft.failed_thrusters=[]"), ""),
+        ((X_Y_Z, "wheel=[{axis=[1,0,0]}]"), "1"),
+        ((X_Y_Z, "wheel=[{axis=[1,0,0]}, {axis=[0,1,0]}]"), "1, 2"),
+        ((X_Y_Z, "spacecraft.failed_thrusters=[]", *TURN), ""),
+        ((X_Y_Z, "spacecraft.failed_thrusters=[]", "wheel=[{axis=[0,0,1]}]", *TURN), "3"),
+        (
+            (
+                X_Y_Z,
+                f"wheel=[{WHEEL % [1, 0, 1]}, {WHEEL % [0, 1, 0]}, {WHEEL % [0, 0, 1]}]",
+                *TURN,
+            ),
+            "1, 2",
+        ),
+    ],
+)
+def test_ideal_thrusters_without_a_part_are_told(changes, idle):
+    """Two of three ideal thrusters, along body axes, are left in the scenario."""
+    messages, _ = told("switching", *changes)
+    found = [one.rpartition(": ")[2] for one in messages if "thruster_torque_axes: should" in one]
+    assert found == ([idle] if idle else [])
+
+
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("torques", [1, 2])
 def test_linear_programmes_use_every_column_in_use_and_no_other(seed, torques):

@@ -221,10 +221,12 @@ def test_every_mistake_is_told_at_once(tmp_path):
 
 
 def test_fixed_steps_are_refused_where_the_torque_jumps(tmp_path):
-    limited = THREE_AXIS.replace("failed_thrusters = [3]", "torque_limit_N_m = 5")
+    limited = THREE_AXIS.replace(
+        "failed_thrusters = [3]", "failed_thrusters = [3]\ntorque_limit_N_m = 5"
+    )
     text = limited.replace('steps = "adaptive"', 'steps = "fixed"\nstep_s = 0.01')
     (problem,) = problems_of(text, tmp_path)
-    assert (problem.line, problem.key) == (31, "simulation.solver.steps")
+    assert (problem.line, problem.key) == (32, "simulation.solver.steps")
     assert "derivative of a saturation that jumps" in problem.message
     smooth = text.replace("k4 = 0.01", "k4 = 0.01\nsaturation_width = 1\ntilt_width = 0.01")
     path = tmp_path / "smooth.toml"

@@ -6,7 +6,7 @@ import pytest
 
 from jaxsat.control.controller import AbstractController
 from jaxsat.core.attitude import Quaternion
-from jaxsat.scenario import ScenarioError, dump
+from jaxsat.scenario import ScenarioError, ScenarioWarning, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build, build_uncontrolled
 from jaxsat.scenario.layout import torque_limit
@@ -49,10 +49,12 @@ def test_a_sampled_law_shares_its_command_among_wheels_and_their_history_is_save
         "rotor_inertia_kg_m2=0.01}]"
     ]
     short = ["simulation.duration_s=1", "simulation.save_every_s=0.5"]
-    scenario = load("switching", wheels + short)
+    with pytest.warns(ScenarioWarning, match="never used: 1, 2"):
+        scenario = load("switching", wheels + short)
     path = tmp_path / "again.toml"
     path.write_text(dump(scenario), encoding="utf-8")
-    assert load(path) == scenario
+    with pytest.warns(ScenarioWarning, match="never used: 1, 2"):
+        assert load(path) == scenario
     run = build(scenario)
     assert isinstance(run.loop, SampledLoop)
     trajectory = run.simulate()
@@ -67,7 +69,8 @@ def test_a_sampled_law_shares_its_command_among_wheels_and_their_history_is_save
 
 
 def test_thrusters_make_what_wheels_leave():
-    mixed = build(load("switching", [f"wheel=[{X}]"])).loop
+    with pytest.warns(ScenarioWarning, match="never used: 1"):
+        mixed = build(load("switching", [f"wheel=[{X}]"])).loop
     assert isinstance(mixed.distribution, WheelsFirst)
     told, command = PlantState(Quaternion([1.0, 0, 0, 0]), np.zeros(3)), jnp.array([0.3, -0.2])
     thrusters, wheels = mixed.plant.effectors

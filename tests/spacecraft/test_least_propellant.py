@@ -6,11 +6,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.linalg import null_space
 from scipy.optimize import linprog
 
 from helpers.thruster_layouts import canted, pairs
 from jaxsat.compiler import Mapped
-from jaxsat.core.allocation import largest_torque, least_propellant, plane_map
+from jaxsat.core.allocation import allocation_matrix, largest_torque, least_propellant, plane_map
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 
 AMOUNTS = (0.1, 0.5, 0.8, 1.0, 1.5, 10.0)
@@ -230,3 +231,17 @@ def test_the_largest_torque_is_that_of_linear_programmes(way):
 def test_a_torque_that_cannot_be_made_is_named(torque, missing):
     with pytest.raises(ValueError, match=rf"makes a torque along .*{missing}"):
         least_propellant(torque, np.ones(torque.shape[1]), np.eye(3))
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_torques_in_one_plane_are_shared_exactly_and_with_least_squares(count):
+    """Equation (5) for any number: the third torque follows, duties are orthogonal to the rest."""
+    rng = np.random.default_rng(count)
+    plane = np.array([[1.0, 0.0], [0.0, 1.0], [0.4, -0.7]])
+    axes = plane @ rng.normal(size=(2, count))
+    axes /= np.linalg.norm(axes, axis=0)
+    shares = allocation_matrix(axes)
+    np.testing.assert_allclose(axes @ shares, plane, atol=1e-12)
+    np.testing.assert_allclose(null_space(axes[:2]).T @ shares, 0, atol=1e-12)
+    with pytest.raises(ValueError, match="x and y"):
+        allocation_matrix(axes[[0, 2, 1]] * [[1.0], [0.0], [1.0]])

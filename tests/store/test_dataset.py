@@ -170,7 +170,7 @@ def test_a_damaged_trajectory_is_never_taken_for_a_good_one(tmp_path):
     (tmp_path / "folder" / "trajectory.nc").mkdir(parents=True)
     for place, what in (
         (tmp_path / "nowhere", "nowhere does not exist"),
-        (tmp_path, "trajectory.nc does not exist"),
+        (tmp_path, "is no folder of a run: it contains no trajectory.nc"),
         (tmp_path / "folder", "is no file that can be read"),
     ):
         with pytest.raises(OutputError, match=what):

@@ -9,20 +9,14 @@ import numpy as np
 
 from jaxsat.control.controller import MagneticContext, WheelContext
 from jaxsat.control.steering import AbstractSteering, MagneticSteering, Steered, SteeringContext
-from jaxsat.core.allocation import (
-    allocation_matrix,
-    direction_matrix,
-    least_squares_map,
-    torque_directions,
-    unit_columns,
-)
+from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import EFFECTORS, STEERED
 from jaxsat.scenario.build.plant import field_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
 from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
-from jaxsat.scenario.layout import thruster_costs
+from jaxsat.scenario.layout import ideal_shares, thruster_costs
 from jaxsat.scenario.parts.thrusters import working_torques
 from jaxsat.scenario.parts.unloading import UnloadingTable
 from jaxsat.scenario.parts.wheels import (
@@ -119,24 +113,17 @@ def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
         rows = np.array(table.thruster_torque_axes or (), dtype=float).reshape(-1, 3)
         axes = np.asarray(Thrusters(rows.T).without(table.failed_thrusters).torque_axes)
     limit = math.inf if table.torque_limit_N_m is None else table.torque_limit_N_m
-    shares, together = _shares(scenario, axes, torques)
+    if scenario.thruster or not torques:
+        shares = np.zeros((axes.shape[1], torques or 2))
+    else:
+        shares = ideal_shares(scenario, axes)
+    together = torques == 3 and not scenario.thruster
     return Actuators(
         torque_axes=axes,
         thrust_map=shares,
         limit=as_float(limit),
         shared_axes=axes if together else None,
     )
-
-
-def _shares(scenario: Scenario, axes: np.ndarray, torques: int) -> tuple[np.ndarray, bool]:
-    """How thrusters along these axes share a command, and whether they make up for each other."""
-    if scenario.thruster or not torques:
-        return np.zeros((axes.shape[1], torques or 2)), False
-    if any(getattr(scenario, name) for name in ("wheel", *STEERED)):
-        return least_squares_map(axes, torques), torques == 3
-    if scenario.law.declaration.any_plane:
-        return direction_matrix(axes, torque_directions(axes)), False
-    return allocation_matrix(axes, torques), torques == 3
 
 
 def wheel_context(scenario: Scenario) -> WheelContext | None:
