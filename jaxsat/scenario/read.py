@@ -96,7 +96,7 @@ def read(
     places = dataclasses.replace(places, conversion=conversion)
     problems += [places.problem(issue) for issue in conversion.issues]
     try:
-        scenario = Scenario.model_validate(conversion.data, context={"law": law})
+        scenario = without_types(Scenario.model_validate(conversion.data, context={"law": law}))
         issues = [] if problems else trial(scenario)
     except ValidationError as error:
         issues = [line["ctx"]["issue"] for line in error.errors()]  # pyright: ignore
@@ -105,7 +105,7 @@ def read(
         raise ScenarioError(_unique(problems))
     for issue in cautions(scenario, law):
         caution(str(places.problem(issue)))
-    return without_types(scenario)
+    return scenario
 
 
 def _plugin_parts(data: Mapping[str, Any]) -> Iterator[tuple[PluginKind, Location, str]]:
