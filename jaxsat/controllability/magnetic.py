@@ -49,12 +49,10 @@ def magnetic_authority(
     axes: Float[np.ndarray, "3 k"],
     limits: Float[np.ndarray, " k"],
     field: AbstractMagneticField,
-    *,
-    tolerance: float | int = TOLERANCE,
 ) -> MagneticAuthority:
     """What magnetorquers along `axes` (body axes) with dipole `limits` (A m²) can do in a `field`.
 
-    `inertia` (3,) or (3, 3) in kg m². A singular value of the linear system below `tolerance` times
+    `inertia` (3,) or (3, 3) in kg m². A singular value of the linear system below `TOLERANCE` times
     the largest is zero. Raises NoEquilibriumError (a ValueError) unless the body y axis is a
     principal axis.
     """
@@ -73,7 +71,7 @@ def magnetic_authority(
         field=(float(sizes.min()), float(sizes.max())),
         torque=about.mean(axis=0),
         largest=float(about.max()),
-        effort=_effort(factor, tolerance),
+        effort=_effort(factor),
     )
 
 
@@ -102,10 +100,10 @@ def _factor(
     return np.concatenate(blocks, axis=1)
 
 
-def _effort(factor: Float[np.ndarray, "6 n"], tolerance: float) -> Float[np.ndarray, "3"]:
+def _effort(factor: Float[np.ndarray, "6 n"]) -> Float[np.ndarray, "3"]:
     """The least root mean square of the inputs that removes one degree about each axis."""
     directions, values, _ = np.linalg.svd(factor, full_matrices=False)
-    solid = values > tolerance * values.max()
+    solid = values > TOLERANCE * values.max()
     efforts = np.full(3, np.inf)
     for axis in range(3):
         parts = DEGREE * directions[axis]

@@ -99,9 +99,6 @@ def test_program(program: FlightProgram, intro: Sequence[str]) -> str:
     return "\n".join([*intro, text])
 
 
-STAGES = ("estimate", "control")
-
-
 def library_source(program: FlightProgram, intro: Sequence[str]) -> str:
     """The text of controller_library.c, which includes controller.c for its static stages.
 

@@ -22,7 +22,7 @@ import jaxsat.core.declaration as declaration
 from jaxsat.core.declaration import LARGEST, Choice, Key, Numeric
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.inertia import require_known_inertia
-from jaxsat.core.ranges import LENGTH, MOMENT, PRODUCT, ROTATION, SECONDS, Range
+from jaxsat.core.ranges import LENGTH, MOMENT, PRODUCT, SECONDS, Range
 
 _UNPRINTABLE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufdd0-\ufdef\ufffe\uffff]"
@@ -126,7 +126,6 @@ def _direction(value: tuple) -> tuple:
 
 Direction = Annotated[Vector3, AfterValidator(_direction)]
 Position3 = Annotated[tuple[Annotated[Number, within(LENGTH)], ...], Len(3, 3)]
-Rotation3 = Annotated[tuple[Annotated[Number, within(ROTATION)], ...], Len(3, 3)]
 Time = Annotated[Number, Ge(0), Le(SECONDS.high)]
 
 UNIT_LENGTH_TOLERANCE = 1e-6

@@ -46,7 +46,6 @@ EulerSequence = Literal[
     "xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xyx", "xzx", "yxy", "yzy", "zxz", "zyz"
 ]
 MRP = Range(-1e6, 1e6)
-ZERO = (0.0, 0.0, 0.0)
 Seconds = Annotated[Number, within(SECONDS)]
 
 MAX_ALTITUDE = 1.5e6

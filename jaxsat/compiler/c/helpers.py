@@ -17,9 +17,6 @@ TYPES = {
 }
 """C's name of a type of numbers."""
 
-REAL = frozenset(["fabs", "sqrt", "floor", "ceil", "trunc", "rint", "copysign", "fmod"])
-"""Functions of math.h whose results are exact or rounded correctly."""
-
 
 def short(dtype: np.dtype) -> str:
     """A type in the names of helpers."""

@@ -86,13 +86,13 @@ class Struct:
         return [text for field in self.fields for text in field.elements(struct)]
 
 
-def fields_of(tree: PyTree, names: Names, prefix: str = "") -> tuple[Field, ...]:
+def fields_of(tree: PyTree, names: Names) -> tuple[Field, ...]:
     """The fields of a tree in the order of its leaves."""
     fields = []
     for number, (path, leaf) in enumerate(jax.tree_util.tree_leaves_with_path(tree)):
         owner, about = _owner(tree, path)
         words = [_word(key) for key in path]
-        name = names.new(identifier(*([prefix] if prefix else []), *words))
+        name = names.new(identifier(*words))
         aval = jax.typeof(leaf) if isinstance(leaf, jax.Array) else leaf
         path_text = re.sub(r"\['(\w+)'\]", r".\1", jax.tree_util.keystr(path)).lstrip(".") or name
         fields.append(
