@@ -67,7 +67,7 @@ def dispersed(rng: np.random.Generator, level: str) -> Run:
         phase=jnp.asarray(rng.uniform(0, 2 * np.pi, 3)),
     )
     leans, gains = rng.uniform(-lean, lean, (1, 2)), rng.uniform(-error, error, 1)
-    actuators = loop.plant.effectors[0].misaligned(jnp.asarray(leans), jnp.asarray(gains))
+    actuators = loop.plant.effectors[0].misaligned(jnp.asarray(leans)).stronger(jnp.asarray(gains))
     plant = dataclasses.replace(
         loop.plant, spacecraft=Spacecraft(inertia), disturbance=periodic, effectors=(actuators,)
     )

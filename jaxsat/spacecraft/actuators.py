@@ -111,16 +111,17 @@ class Actuators(AbstractEffector):
             shared_axes=axes if torques == 3 else None,
         )
 
-    def misaligned(
-        self, angles: Float[Array, "m 2"], gain_errors: Float[Array, " m"]
-    ) -> "Actuators":
+    def misaligned(self, angles: Float[Array, "m 2"]) -> "Actuators":
         """These thrusters as they are mounted, while the command is shared as if they were ideal.
 
-        `angles` (rad) turn each torque axis towards two fixed directions across it (their tangents
-        are taken as small), and thruster j makes 1 + `gain_errors`[j] of the torque it should.
+        `angles` (rad) turn each torque axis towards two fixed directions across it; their tangents
+        are taken as small.
         """
-        axes = turned_axes(self.torque_axes, angles) * (1 + gain_errors[None])
-        return dataclasses.replace(self, torque_axes=axes)
+        return dataclasses.replace(self, torque_axes=turned_axes(self.torque_axes, angles))
+
+    def stronger(self, change: Float[Array, " m"]) -> "Actuators":
+        """Thrusters that make 1 + `change` of the torque that they should."""
+        return dataclasses.replace(self, torque_axes=self.torque_axes * (1 + change)[None])
 
     @property
     def count(self) -> int:

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any, cast
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -32,29 +31,15 @@ def thrusters_of(loop: AbstractLoop) -> list[Actuators | ThrusterSet]:
 
 def set_misalignment(perturbed: PerturbedLoop, angles: Values) -> PerturbedLoop:
     """The case with torque axes turned; the command is shared as in the nominal loop."""
-
-    def turned(thrusters: Actuators | ThrusterSet) -> Actuators | ThrusterSet:
-        pairs = angles.reshape(thrusters.count, 2)
-        if isinstance(thrusters, ThrusterSet):
-            return thrusters.misaligned(pairs)
-        return thrusters.misaligned(pairs, jnp.zeros(len(pairs), angles.dtype))
-
-    return _with_thrusters_changed(perturbed, turned)
+    return _with_thrusters(perturbed, lambda one: one.misaligned(angles.reshape(one.count, 2)))
 
 
 def set_torque_gain(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
     """The case with torques made larger by relative changes."""
-
-    def stronger(thrusters: Actuators | ThrusterSet) -> Actuators | ThrusterSet:
-        if isinstance(thrusters, ThrusterSet):
-            return thrusters.stronger(change)
-        axes = thrusters.torque_axes * (1 + change)[None, :]
-        return eqx.tree_at(lambda one: one.torque_axes, thrusters, axes)
-
-    return _with_thrusters_changed(perturbed, stronger)
+    return _with_thrusters(perturbed, lambda one: one.stronger(change))
 
 
-def _with_thrusters_changed(
+def _with_thrusters(
     perturbed: PerturbedLoop,
     change: Callable[[Actuators | ThrusterSet], Actuators | ThrusterSet],
 ) -> PerturbedLoop:

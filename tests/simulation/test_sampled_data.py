@@ -174,7 +174,7 @@ def test_sensor_noise_has_the_deviations_asked_for():
 def test_misaligned_thrusters_make_a_torque_that_allocation_does_not_know():
     ideal = Actuators.of(Thrusters([[1.0, 0.6], [0.0, 0.8], [0.0, 0.0]]), 5.0)
     angles, gains = jnp.array([[0.01, -0.02], [0.03, 0.0]]), jnp.array([0.1, -0.05])
-    real = ideal.misaligned(angles, gains)
+    real = ideal.misaligned(angles).stronger(gains)
     np.testing.assert_array_equal(real.thrust_map, ideal.thrust_map)
     for j in range(2):
         axis, true = ideal.torque_axes[:, j], real.torque_axes[:, j]
@@ -183,7 +183,7 @@ def test_misaligned_thrusters_make_a_torque_that_allocation_does_not_know():
         assert np.isclose(turned, np.linalg.norm(angles[j]), rtol=1e-3)
     parasitic = real(jnp.array([1.0, 2.0])) - ideal(jnp.array([1.0, 2.0]))
     assert abs(float(parasitic[2])) > 1e-3
-    same = ideal.misaligned(jnp.zeros((2, 2)), jnp.zeros(2))
+    same = ideal.misaligned(jnp.zeros((2, 2)))
     np.testing.assert_allclose(same.torque_axes, ideal.torque_axes, rtol=1e-15)
 
 
@@ -191,9 +191,7 @@ def test_misaligned_thrusters_make_a_torque_that_allocation_does_not_know():
 def test_a_noisy_delayed_misaligned_loop_is_the_plain_one_when_all_errors_are_zero():
     plain = switching_loop(CASE)
     full = SampledLoop(
-        plain.plant.with_effectors(
-            (plain.plant.effectors[0].misaligned(jnp.zeros((2, 2)), jnp.zeros(2)),)
-        ),
+        plain.plant.with_effectors((plain.plant.effectors[0].misaligned(jnp.zeros((2, 2))),)),
         plain.controller,
         sensors=Sensors(0.0, 0.0, key_of_seed(1)),
         delay=0.0,

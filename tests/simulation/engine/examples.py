@@ -102,7 +102,11 @@ def sampled_example():
     plain = switching_loop(CASE)
     loop = SampledLoop(
         plain.plant.with_effectors(
-            (plain.plant.effectors[0].misaligned(jnp.full((2, 2), 0.01), jnp.array([0.05, -0.05])),)
+            (
+                plain.plant.effectors[0]
+                .misaligned(jnp.full((2, 2), 0.01))
+                .stronger(jnp.array([0.05, -0.05])),
+            )
         ),
         plain.controller,
         substeps=2,
