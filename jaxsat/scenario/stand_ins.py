@@ -1,5 +1,5 @@
 """Keys that stand in place of others: types of actuators, Euler angles, speeds of wheels, positions
-from an origin that is not the centre of mass. What `read` returns has none of them."""
+from an origin that is not the centre of mass. `read` puts the others in their place."""
 
 import functools
 from collections.abc import Iterator, Mapping, Sequence

@@ -253,20 +253,34 @@ def test_devices_have_the_keys_of_their_type(written):
         ("30\n", "-30\n", "33: key gimbal_type.small.rate_limit_deg_s: must be at least"),
         ("_s = 0.02", "_s = 0.9", "20: key thruster_type.cold-gas.min_on_time_s: must be at most"),
         (
-            'type = "cold-gas"\nposition_m = [0.1',
-            'type = "cold_gas"\nposition_m = [0.1',
+            '"cold-gas"\nposition_m = [0.1',
+            '"cold_gas"\nposition_m = [0.1',
             'must be one of cold-gas, got "cold_gas", did you mean cold-gas?',
         ),
+    ],
+)
+def test_mistakes_in_a_type_are_told_once_where_they_are(written, old, new, message):
+    (found,) = mistakes(written(rest=changed(old, new)))
+    assert message in found
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
         ('type = "small"', "type = 3", "key gimbal.type: must be text in quotes, got 3"),
         ("[gimbal_type.small]", "[gimbal_typ.small]", "did you mean gimbal_type?"),
     ],
 )
-def test_mistakes_in_a_type_are_told_once_where_they_are(written, old, new, message):
+def test_a_device_without_its_type_lacks_keys_as_well(written, old, new, message):
+    found = mistakes(written(rest=changed(old, new)))
+    assert [message in line for line in found].count(True) == 1
+    assert "key gimbal.rate_limit_rad_s: must be given in rad/s, got nothing" in "".join(found)
+
+
+def changed(old, new):
     text = TYPED.format(force=0.5)
     assert text.count(old) == 1
-    found = mistakes(written(rest=text.replace(old, new)))
-    assert [message in line for line in found].count(True) == 1
-    assert len(found) == 1 or "_type." not in message
+    return text.replace(old, new)
 
 
 def test_every_actuator_has_types_of_all_that_its_devices_share():

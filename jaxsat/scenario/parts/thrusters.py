@@ -131,6 +131,8 @@ def _each_thruster_is_whole(thrusters):
         yield at("thruster", f"must be at most {MAX_THRUSTERS} tables, got {len(thrusters)}")
     by_force, by_torque = ("position_m", "direction", "force_N"), ("torque_axis", "torque_N_m")
     for number, one in enumerate(thrusters):
+        if one.type is not None:
+            continue  # a type that there is none of, which is told
         keys = {key for key in by_force + by_torque if getattr(one, key) is not None}
         if keys in (set(by_force), set(by_torque)):
             arm = NO_ARM * np.linalg.norm(one.position_m or 0.0)
