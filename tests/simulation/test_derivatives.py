@@ -31,6 +31,7 @@ from jaxsat.core.declaration.thrusters import IDEAL_KINDS, THRUSTER
 from jaxsat.core.declaration.wheels import WHEEL
 from jaxsat.scenario.build.run import build_loop
 from jaxsat.scenario.control import find_law
+from jaxsat.scenario.parts.registry import TYPES
 from jaxsat.scenario.plugins import ESTIMATOR
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -338,7 +339,8 @@ def test_derivatives_are_finite_and_equal_to_differences(part, place):
 
 
 NO_PARTS = {"title", "description", "initial", "simulation", "settled", "dispersion", "tuning"}
-"""Tables of a scenario that are none of the spacecraft or its surroundings."""
+NO_PARTS |= TYPES.keys()
+"""Tables that are none of the spacecraft or its surroundings, or types, which `read` takes in."""
 
 IN_OTHER_PLACES = {"actuators", "unloading", "modulation"}
 """Those of a plug-in, of magnetorquers beside wheels, and of throttled thrusters."""
