@@ -56,7 +56,7 @@ class RigidBody(eqx.Module):
     @property
     def stores_momentum(self) -> bool:
         """Whether any of the effectors stores momentum."""
-        return any(one.momentum(one.init()) is not None for one in self.effectors)
+        return any(one.storage() is not None for one in self.effectors)
 
     def find(self, kind: type[Kind]) -> Kind | None:
         """Its effector of this class; None without one."""

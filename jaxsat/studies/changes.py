@@ -27,7 +27,6 @@ from jaxsat.spacecraft.environment.disturbances import (
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.sensors import turned_slightly
 from jaxsat.spacecraft.spacecraft import Spacecraft
-from jaxsat.spacecraft.wheels import Wheels
 
 
 class PerturbedLoop(NamedTuple):
@@ -86,20 +85,21 @@ def possible_inertia(inertia: Float[Array, "3 3"]) -> Bool[Array, ""]:
 
 def possible_body(loop: AbstractLoop) -> Bool[Array, ""]:
     """Whether a body can have the plant's inertia, and the rotors of its wheels are part of it."""
-    return _with_rotors(loop.plant.spacecraft.inertia, loop.plant.find(Wheels))
+    return _with_rotors(loop.plant.spacecraft.inertia, loop)
 
 
 def possible_belief(loop: AbstractLoop) -> Bool[Array, ""]:
     """Whether a body can have the inertia that the controller believes, with rotors added."""
     parts = parts_of(Spacecraft, controller_of(loop))
-    return _with_rotors(parts[0].inertia + rotors_of(loop), loop.plant.find(Wheels))
+    return _with_rotors(parts[0].inertia + rotors_of(loop), loop)
 
 
-def _with_rotors(inertia: Float[Array, "3 3"], wheels: Wheels | None) -> Bool[Array, ""]:
-    possible = possible_inertia(inertia)
-    if wheels is None or wheels.rotor_inertia is None:
+def _with_rotors(inertia: Float[Array, "3 3"], loop: AbstractLoop) -> Bool[Array, ""]:
+    possible, stores = possible_inertia(inertia), [one.storage() for one in loop.plant.effectors]
+    rotors = [one.rotors for one in stores if one is not None]
+    if not rotors:
         return possible
-    return possible & _positive(inertia - wheels.rotors()) & jnp.all(wheels.rotor_inertia >= 0)
+    return possible & _positive(inertia - rotors_of(loop)) & jnp.all(jnp.concatenate(rotors) >= 0)
 
 
 def _positive(matrix: Float[Array, "3 3"]) -> Bool[Array, ""]:
@@ -109,10 +109,10 @@ def _positive(matrix: Float[Array, "3 3"]) -> Bool[Array, ""]:
     return (matrix[0, 0] > 0) & (two > 0) & (three > 0)
 
 
-def rotors_of(loop: AbstractLoop) -> Float[Array, "3 3"] | float:
-    """Σ J_w a aᵀ of the plant's wheels, kg m²."""
-    wheels = loop.plant.find(Wheels)
-    return 0.0 if wheels is None or wheels.rotor_inertia is None else wheels.rotors()
+def rotors_of(loop: AbstractLoop) -> Float[Array, "3 3"]:
+    """What of the inertia moves freely in the plant's effectors, Σ J_w a aᵀ of wheels, kg m²."""
+    free = (one.free_inertia() for one in loop.plant.effectors)
+    return -sum((one for one in free if one is not None), jnp.zeros((3, 3)))
 
 
 def scaled_inertia(inertia: Float[Array, "3 3"], change: Values) -> Float[Array, "3 3"]:

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,7 +18,7 @@ from helpers.switching import start
 from jaxsat.core import noise
 from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft.wheels import Wheels
-from jaxsat.studies.changes import possible_inertia
+from jaxsat.studies.changes import possible_body, possible_inertia
 from jaxsat.studies.designs import Independent
 from jaxsat.studies.dispersions import Dispersed, Dispersions, with_gains
 from jaxsat.studies.distributions import Normal, RandomAttitude, Uniform
@@ -217,6 +218,21 @@ def test_possible_inertia_against_eigenvalues():
         inertia = half @ half.T + 0.1 * np.diag(rng.normal(size=3))
         low, middle, high = np.linalg.eigvalsh(inertia)
         assert bool(possible_inertia(jnp.array(inertia))) is bool(low > 0 and low + middle > high)
+
+
+def test_the_rotors_of_all_effectors_are_part_of_the_body():
+    """The body has 264.6 kg m² about y."""
+    loop, axis = sampled(), np.array([[0.0], [1.0], [0.0]])
+    both = tuple(Wheels(axis, rotor_inertia=[100.0]) for _ in range(2))
+    loop = dataclasses.replace(loop, plant=loop.plant.with_effectors(both))
+    assert possible_body(loop)
+
+    def numbers(loop):
+        return [one.rotor_inertia for one in loop.plant.effectors]
+
+    for first, second, possible in ((150.0, 100.0, True), (150.0, 150.0, False), (-1, 2, False)):
+        drawn = [jnp.array([first]), jnp.array([second])]
+        assert bool(possible_body(eqx.tree_at(numbers, loop, drawn))) is possible
 
 
 def test_a_case_without_a_possible_body_says_so():
