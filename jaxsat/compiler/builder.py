@@ -12,7 +12,8 @@ import numpy as np
 from jaxsat.compiler import ir
 from jaxsat.compiler.operations import BOOL, INT, OPERATIONS, evaluate
 from jaxsat.compiler.passes.branching import are_cheap
-from jaxsat.compiler.passes.simplify import Ranges, identity, simplified
+from jaxsat.compiler.passes.counting import ranges_in
+from jaxsat.compiler.passes.simplify import Predicates, Ranges, identity, simplified
 from jaxsat.compiler.trace import Frame, Trace
 
 
@@ -40,7 +41,7 @@ class Builder:
         self._negated: dict[int, ir.Scalar] = {}  # what a value is the negative of
         # of products in a compact program
         self.factors: dict[int, tuple[ir.Scalar, ir.Scalar]] = {}
-        self.ranges = Ranges()
+        self.ranges, self.predicates = Ranges(), Predicates()
         self.truths: set[int] = set()  # numbers made of bools: 0 or 1
         self.written = 0  # operations so far
 
@@ -55,9 +56,13 @@ class Builder:
                 constant, uniform = False, uniform and arg.uniform
         if constant:
             return dtype.type(np.asarray(evaluate(name, args, dtype)).astype(dtype)[()])
+        if self.compact:  # elsewhere, how often a product is read decides whether it is fused
+            args = self.predicates.parts(name, args)
         simple = simplified(name, args, dtype)
         if simple is None:
             simple = self.ranges.simplified(name, args)
+        if simple is None:
+            simple = self.predicates.simplified(name, args)
         if simple is None and dtype.kind == "f":
             simple = self._with_sign_outside(name, args)
         if simple is not None:
@@ -74,10 +79,13 @@ class Builder:
                 self._negated[value.number] = args[0]
             if name == "mul" and self.compact:
                 self.factors[value.number] = (args[0], args[1])
-            if name == "convert":
+            if name in ("and", "sub"):
+                self.ranges.note_result(name, args, value)
+            self.predicates.note(name, args, value)
+            if name in ("convert", "bitcast"):
                 self.ranges.note_converted(args[0], value)
-                if args[0].dtype == BOOL or identity(args[0]) in self.truths:
-                    self.truths.add(value.number)
+            if name == "convert" and (args[0].dtype == BOOL or identity(args[0]) in self.truths):
+                self.truths.add(value.number)
         return value
 
     def _with_sign_outside(self, name: str, args: Sequence[ir.Scalar]) -> ir.Scalar | None:
@@ -158,6 +166,28 @@ class Builder:
         Raises `AssertionError` where the body makes a uniform one varying.
         """
         params = [ir.Value(x.dtype, u) for x, u in zip(before, uniform, strict=True)]
+        written = self.written
+        step = self._loop(params, before, condition, body, varying)
+        if self.compact and (known := ranges_in(step)):  # once more, with what is known now
+            for place, bounds in known.items():
+                self.ranges.note(params[place], *bounds)
+            self.written = written
+            step = self._loop(params, before, condition, body, varying)
+        self._note(*params)
+        for value, param in zip(step.after, params, strict=True):
+            assert ir.is_uniform(value) or not param.uniform, "a uniform carry became varying"
+            assert value.dtype == param.dtype, f"{param} became {value.dtype}"
+        self.block.steps.append(step)
+        return list(params)
+
+    def _loop(
+        self,
+        params: list[ir.Value],
+        before: Sequence[ir.Scalar],
+        condition: Callable[[list[ir.Scalar]], ir.Scalar],
+        body: Callable[[list[ir.Scalar]], list[ir.Scalar]],
+        varying: bool,
+    ) -> ir.Loop:
         test, work = ir.Block(self.block), ir.Block(self.block)
         with self.inside(test, self.mask):
             active = condition(list(params))
@@ -168,12 +198,7 @@ class Builder:
             after = body(list(params))
             if not ir.is_uniform(active):
                 after = [self.select(active, a, p) for a, p in zip(after, params, strict=True)]
-        self._note(*params)
-        for value, param in zip(after, params, strict=True):
-            assert ir.is_uniform(value) or not param.uniform, "a uniform carry became varying"
-            assert value.dtype == param.dtype, f"{param} became {value.dtype}"
-        self.block.steps.append(ir.Loop(params, list(before), test, active, work, after))
-        return list(params)
+        return ir.Loop(params, list(before), test, active, work, after)
 
     def switch(
         self, index: ir.Scalar, branches: Sequence[Callable[[], list[ir.Scalar]]]

@@ -6,20 +6,31 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from jaxsat.compiler.c.naming import comment
 from jaxsat.core.declaration.keys import Key
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.flight import interface
+from jaxsat.flight.calls import drawn_calls, expected_of_calls
 from jaxsat.flight.guard import guard_header
 from jaxsat.flight.guard_source import guard_source
-from jaxsat.flight.harness import library_source, records_header, test_program, vectors_file
+from jaxsat.flight.harness import (
+    MAGIC_OF_CALLS,
+    calls_header,
+    library_source,
+    records_header,
+    test_program,
+    vectors_file,
+)
 from jaxsat.flight.measure import ProcessorUse, measured
 from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.flight.readme import readme
+from jaxsat.flight.search import found_calls
 from jaxsat.flight.source import header, source
 from jaxsat.flight.templates import DEVIATIONS, template
-from jaxsat.flight.vectors import Vectors, vectors
+from jaxsat.flight.vectors import Reference, Vectors, vectors
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
@@ -53,6 +64,7 @@ class Export:
     program: FlightProgram
     files: Mapping[str, bytes]
     vectors: Vectors
+    calls: Vectors
     measured: Mapping[str, ProcessorUse]
     lines: int
 
@@ -70,8 +82,17 @@ def export(request: Request) -> Export:
         "controller.h": header(program, intro),
         "controller.c": source(program, intro, libm=request.libm),
     }
-    samples = vectors(program, request.loop, request.start, request.duration)
+    reference = Reference(program)
+    samples = vectors(program, request.loop, request.start, request.duration, reference=reference)
     table = interface.parameters(program, request.loop, request.keys)
+    texts |= {
+        "controller_records.h": records_header(program, intro),
+        "controller_calls.h": calls_header(program, intro),
+    }
+    drawn = drawn_calls(program, table, samples.given)
+    found = found_calls(texts, program, table, drawn, samples.given)
+    given = np.concatenate([drawn, found])
+    calls = Vectors(given, expected_of_calls(reference, given))
     rows = interface.rows(program, table, request.hold_samples)
     ulp = "1e18" if request.libm else "0"
     texts |= {
@@ -81,7 +102,6 @@ def export(request: Request) -> Export:
         "icd.md": interface.as_markdown(request.title, rows),
         "controller_guard.h": guard_header(program, intro),
         "controller_guard.c": guard_source(program, intro, request.hold_samples),
-        "controller_records.h": records_header(program, intro),
         "test_controller.c": test_program(program, intro),
         "controller_library.c": library_source(program, intro),
         "cortex_m.c": template("cortex_m.c"),
@@ -93,10 +113,11 @@ def export(request: Request) -> Export:
     }
     files = {name: text.encode() for name, text in texts.items()}
     files["test_vectors.bin"] = vectors_file(samples)
+    files["test_calls.bin"] = vectors_file(calls, MAGIC_OF_CALLS)
     processor_uses = measured(files)
     lines = texts["controller.c"].count("\n")
-    files["README.md"] = readme(request, program, samples, processor_uses, lines).encode()
-    return Export(program, files, samples, processor_uses, lines)
+    files["README.md"] = readme(request, program, samples, calls, processor_uses, lines).encode()
+    return Export(program, files, samples, calls, processor_uses, lines)
 
 
 def _intro(request: Request, program: FlightProgram) -> list[str]:

@@ -8,21 +8,24 @@ import numpy as np
 
 from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.layout import Field, Struct
+from jaxsat.compiler.c.naming import comment
+from jaxsat.flight.calls import call_sizes
+from jaxsat.flight.guard import real_type
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.source import reads_clock
 from jaxsat.flight.templates import template
 from jaxsat.flight.vectors import Vectors
 
-MAGIC = 0x4A585356
-"""The first number of a file of vectors."""
+MAGIC, MAGIC_OF_CALLS = 0x4A585356, 0x4A585343
+"""The first number of a file of vectors, and of one of calls."""
 
 ABI = 2
 """The version of the functions of controller_library.c and of the rows that they take."""
 
 
-def vectors_file(vectors: Vectors) -> bytes:
+def vectors_file(vectors: Vectors, magic: int = MAGIC) -> bytes:
     """Little-endian doubles: counts (magic, rows, numbers given, numbers expected), then rows."""
-    counts = [MAGIC, len(vectors.given), vectors.given.shape[1], vectors.expected.shape[1]]
+    counts = [magic, len(vectors.given), vectors.given.shape[1], vectors.expected.shape[1]]
     head = np.array(counts, "<f8").tobytes()
     return head + np.concatenate([vectors.given, vectors.expected], axis=1).astype("<f8").tobytes()
 
@@ -95,7 +98,14 @@ def test_program(program: FlightProgram, intro: Sequence[str]) -> str:
     real, word, least = (
         ("float", "int32_t", "INT32_MIN") if program.single else ("double", "int64_t", "INT64_MIN")
     )
-    text = template("test_controller.c", MAGIC=MAGIC, REAL=real, WORD=word, LEAST=least)
+    text = template(
+        "test_controller.c",
+        MAGIC=MAGIC,
+        MAGIC_OF_CALLS=MAGIC_OF_CALLS,
+        REAL=real,
+        WORD=word,
+        LEAST=least,
+    )
     return "\n".join([*intro, text])
 
 
@@ -198,3 +208,46 @@ def _call(program: FlightProgram, stage: str) -> str:
     name, _, rest = call.partition("(")
     args = [arguments[arg] for arg in re.findall(r"\w+", rest)]
     return f"{name}({', '.join(args)});"
+
+
+def calls_header(program: FlightProgram, intro: Sequence[str]) -> str:
+    """controller_calls.h: a call of an entry point by a row of doubles, for tests."""
+    sizes, place = call_sizes(program), 0
+    real = real_type(program)
+    lines = [*intro, "#ifndef CONTROLLER_CALLS_H", "#define CONTROLLER_CALLS_H", ""]
+    lines += ['#include "controller_records.h"', "", "#include <string.h>", ""]
+    lines += [f"#define CALL_SIZE ({sum(sizes.values())})", f"#define CALL_REAL {real}"]
+    lines += [f"#define CALL_PARAMETERS ({sizes['parameters']})", ""]
+    lines += reader(program.structs["parameters"])
+    lines += comment(
+        "Calls what the first number of the row tells: 0 controller_step, 1 controller_init, "
+        "2 controller_coast. found gets the outputs (zero where there are none), then the state."
+    )
+    lines += [
+        "static inline void make_call(const double *row, double *found)",
+        "{",
+        "  controller_parameters p;",
+        "  controller_input in;",
+        "  controller_state state;",
+        "  controller_output out;",
+    ]
+    reads = []
+    for name, size in sizes.items():
+        if name in ("parameters", "input", "state"):
+            variable = {"parameters": "p", "input": "in", "state": "state"}[name]
+            reads.append(f"  read_controller_{name}(row + {place}, &{variable});")
+        elif name == "attitude" and size:
+            lines.append(f"  {real} attitude[4];")
+            reads.append("  for (int i = 0; i < 4; i++)")
+            reads.append(f"    attitude[i] = ({real})row[{place} + i];")
+        place += size
+    lines += ["", "  (void)memset(&out, 0, sizeof(out));", *reads]
+    attitude = "attitude, " * program.estimates
+    lines += ["  if (row[0] == 0.0) {", "    controller_step(&p, &in, &state, &out);"]
+    lines += ["  } else if (row[0] == 1.0) {"] if program.estimates else ["  } else {"]
+    lines += [f"    controller_init(&p, {attitude}&in, &state);"]
+    if program.estimates:
+        lines += ["  } else {", "    controller_coast(&p, &in, &state);"]
+    lines += ["  }", "  write_controller_output(&out, found);"]
+    lines += ["  write_controller_state(&state, found + CONTROLLER_OUTPUT_SIZE);", "}", ""]
+    return "\n".join([*lines, "#endif /* CONTROLLER_CALLS_H */", ""])

@@ -108,15 +108,15 @@ def _measure(folder: Path, *, has_emulator: bool) -> dict[str, ProcessorUse]:
 
 def _use(folder: Path, flags: Sequence[str], board: str, samples: int) -> ProcessorUse:
     """What one processor uses; without samples it is not emulated."""
-    _run(folder, ARM, *flags, "-fcallgraph-info=su", "-c", "controller.c")
+    run_tool(folder, ARM, *flags, "-fcallgraph-info=su", "-c", "controller.c")
     stack = _stack((folder / "controller.ci").read_text())
-    sizes = _run(folder, "arm-none-eabi-size", "controller.o").splitlines()[1].split()
+    sizes = run_tool(folder, "arm-none-eabi-size", "controller.o").splitlines()[1].split()
     if not samples:
         return ProcessorUse(stack, int(sizes[0]), why=f"{QEMU} not installed")
     section = "-Wl,--section-start=.vectors=0x0"
     parts = ["-DSTEPS", "cortex_m.c", "controller.o", "-o", "steps.elf", "-lm"]
-    _run(folder, ARM, *flags, section, *parts)
-    output = _run(
+    run_tool(folder, ARM, *flags, section, *parts)
+    output = run_tool(
         folder, QEMU, "-M", board, "-nographic", "-icount", "shift=0",
         "-semihosting-config", "enable=on,target=native", "-kernel", "steps.elf",
     )  # fmt: skip
@@ -133,9 +133,9 @@ def samples_worth_emulating(folder: Path) -> Int[np.ndarray, " chosen"]:
     options = ["-std=gnu99", "-ffp-contract=off", "-O0"]
     coverage = "-fsanitize-coverage=trace-pc"
     try:
-        _run(folder, HOST, *options, coverage, "-c", "controller.c", "-o", "blocks_controller.o")
-        _run(folder, HOST, *options, "blocks.c", "blocks_controller.o", "-o", "blocks", "-lm")
-        output = _run(folder, str(folder / "blocks"))
+        run_tool(folder, HOST, *options, coverage, "-c", "controller.c")
+        run_tool(folder, HOST, *options, "blocks.c", "controller.o", "-o", "blocks", "-lm")
+        output = run_tool(folder, str(folder / "blocks"))
     except (OSError, subprocess.SubprocessError):
         return np.arange(count)
     blocks, is_new = np.array(output.split(), int).reshape(count, 2).T
@@ -152,9 +152,10 @@ def _some_of(vectors: bytes, chosen: Int[np.ndarray, " chosen"]) -> bytes:
     return head.tobytes() + rows.tobytes()
 
 
-def _run(folder: Path, *command: str) -> str:
+def run_tool(folder: Path, *command: str, longest: float = LONGEST) -> str:
+    """What a command prints in a folder; raises `subprocess.SubprocessError` where it fails."""
     process = subprocess.run(
-        command, cwd=folder, capture_output=True, text=True, timeout=LONGEST, check=True,
+        command, cwd=folder, capture_output=True, text=True, timeout=longest, check=True,
         stdin=subprocess.DEVNULL,
     )  # fmt: skip
     return process.stdout

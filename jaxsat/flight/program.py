@@ -43,8 +43,9 @@ class ProgramStage:
 class FlightProgram:
     """All stages in order, first those that begin, and their structures.
 
-    `whole(parameters, input, state)` is the step as one function, the reference of the proof, and
-    `start(parameters, attitude, input)` what is before the first; `parameters` are the arrays of
+    `whole(parameters, input, state)` is the step as one function, the reference of the proof,
+    `start(parameters, attitude, input)` what is before the first, and `coast(parameters, input,
+    memory)` the estimator's part of a step; `parameters` are the arrays of
     the structure, `now` and `begun` an input and a state for their shapes. These count samples from
     the first on; the structures have them from any number on, and the state has the first. `order`
     tells of each array of `FlightController` which of the parameters it is. `calls` has the call of
@@ -61,6 +62,7 @@ class FlightProgram:
     hash: str
     whole: Callable
     start: Callable
+    coast: Callable
     now: Input
     begun: State
     period: Any
@@ -152,6 +154,7 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
         _hash(traces, structs),
         whole,
         begin,
+        lambda parameters, now, memory: controller(parameters).estimate(now, memory)[1],
         now,
         begun,
         flight.law.period,

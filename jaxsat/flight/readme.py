@@ -22,6 +22,7 @@ def readme(
     request: "Request",
     program: FlightProgram,
     vectors: Vectors,
+    calls: Vectors,
     uses: Mapping[str, ProcessorUse],
     lines: int,
 ) -> str:
@@ -42,6 +43,7 @@ def readme(
         PLATFORM=request.provenance["platform"],
         SAMPLES=len(vectors.given),
         EDGES=EDGES,
+        CALLS=len(calls.given),
         AGREEMENT=_agreement(request),
         ATTITUDE=_attitude(program),
         PERIOD=_period(program),

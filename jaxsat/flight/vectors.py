@@ -78,7 +78,12 @@ class _RecordingEstimator(AbstractEstimator):
 
 
 def vectors(
-    program: FlightProgram, loop: SampledLoop, start: PlantState, duration: float, seed: int = 0
+    program: FlightProgram,
+    loop: SampledLoop,
+    start: PlantState,
+    duration: float,
+    seed: int = 0,
+    reference: "Reference | None" = None,
 ) -> Vectors:
     """At least ten thousand samples of closed loops from starts of all attitudes, and edge cases.
 
@@ -91,29 +96,88 @@ def vectors(
         now = now._replace(sample=begin + now.sample)  # which wraps
         state = state._replace(begin_sample=begin)
         now, state = _with_edges(rng, now), _with_edges(rng, state)
-    return Vectors(_rows((now, state)), expected(program, now, state))
+    reference = Reference(program) if reference is None else reference
+    return Vectors(rows_of((now, state)), reference.step(now, state))
+
+
+class Reference:
+    """The entry points of a program, compiled without fused operations.
+
+    All inputs and states have a leading axis of cases, which share the parameters. What comes out
+    are rows of outputs and next states.
+    """
+
+    def __init__(self, program: FlightProgram):
+        self.program = program
+        self._defaults = [np.asarray(x) for x in program.parameters]
+        self._compiled: dict[str, Mapped] = {}
+
+    def step(
+        self, now: Input, state: State, parameters: list | None = None
+    ) -> Float[np.ndarray, "n expected"]:
+        """Outputs and next states of samples."""
+        whole = self.program.whole
+        cases = (_since(state, now), state._replace(begin_sample=None))
+        examples = (self.program.now, self.program.begun)
+        out, after = self._run("step", whole, examples, cases, parameters)
+        return rows_of((out, after._replace(begin_sample=state.begin_sample)))
+
+    def begin(
+        self, attitude: Float[np.ndarray, "n q"], now: Input, parameters: list | None = None
+    ) -> Float[np.ndarray, "n state"]:
+        """States before samples; without an estimator attitudes have no numbers."""
+        zero = now._replace(sample=np.zeros_like(now.sample))
+        examples = (np.zeros(attitude.shape[1:]), self.program.now)
+        after = self._run("begin", self.program.start, examples, (attitude, zero), parameters)
+        return rows_of(after._replace(begin_sample=now.sample))
+
+    def coast(
+        self, now: Input, state: State, parameters: list | None = None
+    ) -> Float[np.ndarray, "n state"]:
+        """States after samples of the estimator alone."""
+        cases = (_since(state, now), state.estimator)
+        examples = (self.program.now, self.program.begun.estimator)
+        memory = self._run("coast", self.program.coast, examples, cases, parameters)
+        return rows_of(state._replace(estimator=memory))
+
+    def _run(
+        self, name: str, function: Callable, examples: tuple, cases: tuple, parameters: list | None
+    ) -> Any:
+        single = self.program.single
+        with jax.enable_x64(not single), np.errstate(all="ignore"):
+            if name not in self._compiled:
+
+                def call(case, shared):
+                    return function(shared, *case)
+
+                like = jax.tree.map(lambda x: np.zeros(x.shape, _type(x, single)), examples)
+                self._compiled[name] = Mapped(
+                    call, like, self.program.parameters, contract=False, kept=True
+                )
+            cases = jax.tree.map(
+                lambda x, like: np.asarray(x).astype(_type(like, single)), cases, examples
+            )
+            return self._compiled[name](cases, parameters or self._defaults)
+
+
+def _since(state: State, now: Input) -> Input:
+    """The input with its number of sample counted from the begin."""
+    begin: Any = state.begin_sample
+    with np.errstate(over="ignore"):
+        return now._replace(sample=now.sample - begin)
+
+
+def _type(array: Any, single: bool) -> np.dtype:
+    return np.dtype(np.float32) if single and array.dtype == np.float64 else array.dtype
 
 
 def expected(program: FlightProgram, now: Input, state: State) -> Float[np.ndarray, "n expected"]:
     """Outputs and next states of these samples (with a leading axis), as rows."""
-    begin: Any = state.begin_sample
-    with jax.enable_x64(not program.single), np.errstate(all="ignore"):
-        now, state = now._replace(sample=now.sample - begin), state._replace(begin_sample=None)
-        now, state = (
-            jax.tree.map(lambda x, like: np.asarray(x).astype(like.dtype), tree, example)
-            for tree, example in ((now, program.now), (state, program.begun))
-        )
-        examples = jax.tree.map(lambda x: np.zeros(x.shape, x.dtype), (program.now, program.begun))
-
-        def step(case, shared):
-            return program.whole(shared, *case)
-
-        reference = Mapped(step, examples, program.parameters, contract=False, kept=True)
-        out, after = reference((now, state), [np.asarray(x) for x in program.parameters])
-    return _rows((out, after._replace(begin_sample=begin)))
+    return Reference(program).step(now, state)
 
 
-def _rows(tree: PyTree) -> Float[np.ndarray, "n numbers"]:
+def rows_of(tree: PyTree) -> Float[np.ndarray, "n numbers"]:
+    """The arrays of a tree, which share their leading axis, as rows of doubles."""
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(tree) if np.size(leaf)]
     return np.concatenate([leaf.reshape(len(leaf), -1).astype(float) for leaf in leaves], axis=1)
 

@@ -47,6 +47,7 @@ def _few_samples():
         patch.setattr(vectors, "CASES", 2)
         patch.setattr(vectors, "LONGEST", 64)
         patch.setattr("jaxsat.flight.files.measured", lambda files: {})
+        patch.setattr("jaxsat.flight.files.found_calls", lambda *given: given[3][:0])
         yield
 
 
@@ -256,7 +257,7 @@ def test_estimator_and_modulation_agree_to_the_bit(tmp_path):
 def test_an_emulated_cortex_m_agrees_to_the_bit(tmp_path, filtered):
     _written(tmp_path, filtered)
     told = _make(tmp_path, "cortex-m")
-    assert told.count(" 0 numbers differ") == 2
+    assert told.count(" 0 numbers differ") == 4
     m4, m7 = (int(n) for n in re.findall(r"(\d+) instructions a step", told))
     assert 100 < m7 < m4 / 2  # its unit has double precision
 

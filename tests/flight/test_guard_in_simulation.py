@@ -52,7 +52,7 @@ def _flown(run, count: int) -> tuple[list[Any], list[Any]]:
 
 
 def _row(tree) -> np.ndarray:
-    return vectors._rows(tree)[0]
+    return vectors.rows_of(tree)[0]
 
 
 @needs("gcc")

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -10,11 +9,12 @@ from jaxsat.compiler import ir
 from jaxsat.compiler.c.arrays import Arrays
 from jaxsat.compiler.c.body import Body, Uses
 from jaxsat.compiler.c.contexts import arrays_in, squeezed
-from jaxsat.compiler.c.expressions import UNARY, Expression, called, operation
+from jaxsat.compiler.c.expressions import BOTH, UNARY, Expression, called, infix, operation
 from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.naming import Names
 from jaxsat.compiler.c.unit import POINTERS, AbstractUnit
 from jaxsat.compiler.lowering import CannotLower
+from jaxsat.compiler.passes.counting import CountedLoop, bound_of
 from jaxsat.compiler.trace import Trace
 
 
@@ -197,14 +197,40 @@ class Printer:
         turn = f"({name})++" if name.startswith("*") else f"{name}++"
         body.line(f"for (; {name} < {bound.end}; {turn}) {{")
         with body.inside():
-            self.block(step.condition)
-            if not bound.is_whole:
-                body.line(f"if (!{body.operand(step.active).inside(UNARY)}) {{")
-                body.line("  break;")
-                body.line("}")
+            self._leave_early(step, bound)
             self.block(step.body)
             self._carry_over(step, bound.counter)
         body.line("}")
+
+    def _leave_early(self, step: ir.Loop, bound: CountedLoop) -> None:
+        """End a loop before its count is reached, where it has another condition too."""
+        body = self.body
+        joined: set[int] = set()
+        others = self._conditions(step.active, joined)
+        counted = [one for one in others if isinstance(one, ir.Value) and one.number == bound.test]
+        if counted:  # the loop itself tests it
+            joined.update([bound.test] if self._uses.is_once(counted[0]) else [])
+            others = [one for one in others if one is not counted[0]]
+        for one in step.condition.steps:
+            if not (isinstance(one, ir.Operation) and one.out.number in joined):
+                self._step(one)
+        if not others:
+            return
+        condition = body.operand(others[0])
+        for one in others[1:]:
+            condition = infix("&&", BOTH, condition, body.operand(one))
+        body.line(f"if (!{condition.inside(UNARY)}) {{")
+        body.line("  break;")
+        body.line("}")
+
+    def _conditions(self, one: ir.Scalar, joined: set[int]) -> list[ir.Scalar]:
+        """The conditions that must all hold for one; `joined` gets the numbers of those of two
+        others that are read nowhere else."""
+        maker = self._uses.makers.get(one.number) if isinstance(one, ir.Value) else None
+        if maker is None or maker.name != "and" or not self._uses.is_once(maker.out):
+            return [one]
+        joined.add(maker.out.number)
+        return [part for arg in maker.args for part in self._conditions(arg, joined)]
 
     def _carry_over(self, step: ir.Loop, counter: int) -> None:
         """The params of the next turn, all computed before the first is assigned."""
@@ -236,47 +262,3 @@ def _is_enclosed(text: str) -> bool:
         if depth == 0:
             return letter == ")" and place == len(text) - 1
     return False
-
-
-class CountedLoop(NamedTuple):
-    """A loop that counts up: which param counts, where it ends (exclusive), and whether that is the
-    loop's whole condition."""
-
-    counter: int
-    end: int
-    is_whole: bool
-
-
-def bound_of(step: ir.Loop, makers: Mapping[int, ir.Operation]) -> CountedLoop | None:
-    """The bound of a loop that counts up from a constant to another; None of any other."""
-    for name in _conjuncts(step.active, makers):
-        maker = makers.get(name)
-        if maker is None or maker.name != "lt" or isinstance(maker.args[1], ir.Value):
-            continue
-        for i, (param, before, after) in enumerate(
-            zip(step.params, step.before, step.after, strict=True)
-        ):
-            turn = makers.get(after.number) if isinstance(after, ir.Value) else None
-            counts = (
-                maker.args[0] is param
-                and not isinstance(before, ir.Value)
-                and turn is not None
-                and turn.name == "add"
-                and turn.args[0] is param
-                and not isinstance(turn.args[1], ir.Value)
-                and turn.args[1] == 1
-            )
-            if counts:
-                whole = isinstance(step.active, ir.Value) and step.active.number == name
-                return CountedLoop(i, int(maker.args[1]), whole)  # pyright: ignore
-    return None
-
-
-def _conjuncts(active: ir.Scalar, makers: Mapping[int, ir.Operation]) -> list[int]:
-    """Numbers of the conditions that must all hold."""
-    if not isinstance(active, ir.Value):
-        return []
-    maker = makers.get(active.number)
-    if maker is not None and maker.name == "and":
-        return [number for arg in maker.args for number in _conjuncts(arg, makers)]
-    return [active.number]

@@ -72,6 +72,8 @@ _DECIDED = {
     "le": lambda a, b: True if a[1] <= b[0] else False if a[0] > b[1] else None,
     "gt": lambda a, b: True if a[0] > b[1] else False if a[1] <= b[0] else None,
     "ge": lambda a, b: True if a[0] >= b[1] else False if a[1] < b[0] else None,
+    "eq": lambda a, b: False if a[1] < b[0] or a[0] > b[1] else None,
+    "ne": lambda a, b: True if a[1] < b[0] or a[0] > b[1] else None,
 }
 
 
@@ -94,6 +96,21 @@ class Ranges:
         if limits.min <= bounds[0] and bounds[1] <= limits.max:
             self._known[out.number] = bounds
 
+    def note_result(self, name: str, args: Sequence[Scalar], out: Value) -> None:
+        """What is known of a result: bits of a constant, or a constant less a known value."""
+        if out.dtype.kind not in "iu":
+            return
+        x, y = (self._of(arg) for arg in args)
+        limits = np.iinfo(out.dtype)
+        if name == "and":
+            most = [b[0] for b in (x, y) if b is not None and b[0] == b[1] and b[0] >= 0]
+            if most:
+                self._known[out.number] = (0, most[0])
+        elif name == "sub" and x is not None and y is not None:
+            least, largest = x[0] - y[1], x[1] - y[0]
+            if limits.min <= least and largest <= limits.max:
+                self._known[out.number] = (least, largest)
+
     def simplified(self, name: str, args: Sequence[Scalar]) -> Scalar | None:
         """What an operation gives, or None where that is not known before."""
         if name not in _DECIDED and name not in ("min", "max"):
@@ -112,3 +129,40 @@ class Ranges:
         if isinstance(x, Value):
             return self._known.get(x.number)
         return (int(x), int(x)) if x.dtype.kind in "iu" else None
+
+
+class Predicates:
+    """Which predicates are opposites, and by which of them values are selected."""
+
+    def __init__(self):
+        self._opposite: dict[int, Scalar] = {}
+        self._selected: dict[int, tuple[Scalar, ...]] = {}
+
+    def note(self, name: str, args: tuple[Scalar, ...], out: Value) -> None:
+        """Let a value be known to be what this operation gives."""
+        if name == "select":
+            self._selected[out.number] = args
+        elif name == "xor" and out.dtype == BOOL and _is(args[1], True):
+            self._opposite[out.number] = args[0]
+
+    def parts(self, name: str, args: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
+        """The operands, of a selection without what the same predicate selects again."""
+        if name != "select":
+            return args
+        predicate, *others = args
+        parts = []
+        for which, one in enumerate(others, 1):
+            again = self._selected.get(one.number) if isinstance(one, Value) else None
+            same = again is not None and identity(again[0]) == identity(predicate)
+            parts.append(again[which] if again is not None and same else one)
+        return (predicate, *parts)
+
+    def simplified(self, name: str, args: tuple[Scalar, ...]) -> Scalar | None:
+        """Whether a predicate and its opposite both hold, or one of them does; None for others."""
+        if name not in ("and", "or") or args[0].dtype != BOOL:
+            return None
+        for one, other in (args, args[::-1]):
+            opposite = self._opposite.get(one.number) if isinstance(one, Value) else None
+            if opposite is not None and identity(opposite) == identity(other):
+                return np.bool_(name == "or")
+        return None

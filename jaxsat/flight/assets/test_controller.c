@@ -1,4 +1,4 @@
-#include "controller_records.h"
+#include "controller_calls.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -6,6 +6,7 @@
 #include <string.h>
 
 #define MAGIC (@MAGIC@.0)
+#define MAGIC_OF_CALLS (@MAGIC_OF_CALLS@.0)
 #define GIVEN (CONTROLLER_INPUT_SIZE + CONTROLLER_STATE_SIZE)
 #define EXPECTED (CONTROLLER_OUTPUT_SIZE + CONTROLLER_STATE_SIZE)
 
@@ -37,15 +38,32 @@ static void fail(const char *name)
   exit(2);
 }
 
-/* test_controller [FILE [ULP]]: compares every sample of the file, allowing so many units in the
-   last place. */
+static double row[CALL_SIZE + EXPECTED];
+static double found[EXPECTED];
+
+/* A sample with the default parameters. */
+static void step(void)
+{
+  controller_input in;
+  controller_state state;
+  controller_output out;
+
+  read_controller_input(row, &in);
+  read_controller_state(row + CONTROLLER_INPUT_SIZE, &state);
+  controller_step(&controller_default_parameters, &in, &state, &out);
+  write_controller_output(&out, found);
+  write_controller_state(&state, found + CONTROLLER_OUTPUT_SIZE);
+}
+
+/* test_controller [FILE [ULP]]: compares every sample or call of the file, allowing so many units in
+   the last place. */
 int main(int count, char **words)
 {
   const char *name = (count > 1) ? words[1] : "test_vectors.bin";
   const double allowed = (count > 2) ? atof(words[2]) : 0.0;
   double head[4];
-  double row[GIVEN + EXPECTED];
-  double found[EXPECTED];
+  bool calls;
+  size_t given;
   double largest = 0.0;
   long wrong = 0;
   long rows;
@@ -54,38 +72,37 @@ int main(int count, char **words)
   if ((file == NULL) || (fread(head, sizeof(double), 4, file) != 4)) {
     fail(name);
   }
-  if ((head[0] != MAGIC) || (head[2] != GIVEN) || (head[3] != EXPECTED)) {
+  calls = head[0] == MAGIC_OF_CALLS;
+  given = calls ? CALL_SIZE : GIVEN;
+  if ((!calls && (head[0] != MAGIC)) || (head[2] != (double)given) || (head[3] != EXPECTED)) {
     fail(name);
   }
   rows = (long)head[1];
   for (long number = 0; number < rows; number++) {
-    controller_input in;
-    controller_state state;
-    controller_output out;
-    if (fread(row, sizeof(double), GIVEN + EXPECTED, file) != GIVEN + EXPECTED) {
+    if (fread(row, sizeof(double), given + EXPECTED, file) != given + EXPECTED) {
       fail(name);
     }
-    read_controller_input(row, &in);
-    read_controller_state(row + CONTROLLER_INPUT_SIZE, &state);
-    controller_step(&controller_default_parameters, &in, &state, &out);
-    write_controller_output(&out, found);
-    write_controller_state(&state, found + CONTROLLER_OUTPUT_SIZE);
+    if (calls) {
+      make_call(row, found);
+    } else {
+      step();
+    }
     for (int i = 0; i < EXPECTED; i++) {
-      const double off = distance(found[i], row[GIVEN + i]);
+      const double off = distance(found[i], row[given + (size_t)i]);
       if (off > largest) {
         largest = off;
       }
       if (off > allowed) {
         if (wrong < 10) {
-          printf("sample %ld, number %d: %.17g, expected %.17g\n", number, i, found[i],
-                 row[GIVEN + i]);
+          printf("%s %ld, number %d: %.17g, expected %.17g\n", calls ? "call" : "sample", number,
+                 i, found[i], row[given + (size_t)i]);
         }
         wrong++;
       }
     }
   }
   fclose(file);
-  printf("%ld samples, %ld numbers differ, largest difference %g units in the last place\n",
-         rows, wrong, largest);
+  printf("%ld %s, %ld numbers differ, largest difference %g units in the last place\n", rows,
+         calls ? "calls" : "samples", wrong, largest);
   return (wrong == 0) ? 0 : 1;
 }

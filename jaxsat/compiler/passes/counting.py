@@ -1,0 +1,91 @@
+"""Loops that count up to a constant, and what whole numbers can be in them."""
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxsat.compiler.ir import Loop, Operation, Scalar, Value
+
+
+class CountedLoop(NamedTuple):
+    """A loop that counts up: which param counts, where it ends (exclusive), and the number of the
+    value that tests it."""
+
+    counter: int
+    end: int
+    test: int
+
+
+def bound_of(step: Loop, makers: Mapping[int, Operation]) -> CountedLoop | None:
+    """The bound of a loop that counts up from a constant to another; None of any other."""
+    for name in _conjuncts(step.active, makers):
+        maker = makers.get(name)
+        if maker is None or maker.name != "lt" or isinstance(maker.args[1], Value):
+            continue
+        for i, (param, before, after) in enumerate(
+            zip(step.params, step.before, step.after, strict=True)
+        ):
+            turn = makers.get(after.number) if isinstance(after, Value) else None
+            counts = (
+                maker.args[0] is param
+                and not isinstance(before, Value)
+                and turn is not None
+                and turn.name == "add"
+                and turn.args[0] is param
+                and not isinstance(turn.args[1], Value)
+                and turn.args[1] == 1
+            )
+            if counts:
+                return CountedLoop(i, int(maker.args[1]), name)  # pyright: ignore
+    return None
+
+
+def _conjuncts(active: Scalar, makers: Mapping[int, Operation]) -> list[int]:
+    """Numbers of the conditions that must all hold."""
+    if not isinstance(active, Value):
+        return []
+    maker = makers.get(active.number)
+    if maker is not None and maker.name == "and":
+        return [number for arg in maker.args for number in _conjuncts(arg, makers)]
+    return [active.number]
+
+
+def ranges_in(step: Loop) -> dict[int, tuple[int, int]]:
+    """The least and the largest number that params of a counted loop can be, by their places.
+
+    Of whole numbers, beside the counter, that begin with a constant and never become less.
+    """
+    both = (*step.condition.steps, *step.body.steps)
+    makers = {one.out.number: one for one in both if isinstance(one, Operation)}
+    bound = bound_of(step, makers)
+    if bound is None:
+        return {}
+    turns = max(0, bound.end - int(step.before[bound.counter]))  # pyright: ignore
+    found = {}
+    for i, (param, before, after) in enumerate(
+        zip(step.params, step.before, step.after, strict=True)
+    ):
+        if i == bound.counter or param.dtype.kind not in "iu" or isinstance(before, Value):
+            continue
+        most = _most_added(after, param, makers)
+        last = int(before) + turns * (most or 0)
+        if most is not None and last <= np.iinfo(param.dtype).max:
+            found[i] = (int(before), last)
+    return found
+
+
+def _most_added(x: Scalar, param: Value, makers: Mapping[int, Operation]) -> int | None:
+    """The most that a value is above a param, if it is never below; else None."""
+    if x is param:
+        return 0
+    maker = makers.get(x.number) if isinstance(x, Value) else None
+    if maker is None or maker.name not in ("add", "select"):
+        return None
+    if maker.name == "select":
+        parts = [_most_added(part, param, makers) for part in maker.args[1:]]
+        return None if None in parts else max(part for part in parts if part is not None)
+    one, other = maker.args
+    added = None if isinstance(other, Value) else int(other)
+    most = _most_added(one, param, makers)
+    return None if most is None or added is None or added < 0 else most + added

@@ -1,0 +1,153 @@
+"""Test calls: a row is one call of an entry point, with parameters of its own.
+
+A row has the number of the entry point, parameters, the first attitude if there is an estimator,
+input and state; what must come out is outputs (zero where the entry point has none), then state.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Float, PyTree
+
+from jaxsat.flight.flight import Input, State
+from jaxsat.flight.interface import Parameter
+from jaxsat.flight.program import FlightProgram
+from jaxsat.flight.vectors import EXTREMES, Reference
+
+STEP, INIT, COAST = 0, 1, 2
+"""Numbers of the entry points."""
+
+TABLES = 64
+"""Tables of parameters that are drawn."""
+
+BEGUN = 128
+"""Calls of `controller_init`, and of `controller_coast`, with the scenario's parameters."""
+
+
+def call_sizes(program: FlightProgram) -> dict[str, int]:
+    """The parts of a row in order, and how many numbers each has."""
+    structs = program.structs
+    return {
+        "kind": 1,
+        "parameters": structs["parameters"].size,
+        "attitude": 4 * program.estimates,
+        "input": structs["input"].size,
+        "state": structs["state"].size,
+    }
+
+
+def drawn_calls(
+    program: FlightProgram,
+    of_parameters: Sequence[Parameter],
+    samples: Float[np.ndarray, "n given"],
+    seed: int = 0,
+) -> Float[np.ndarray, "calls numbers"]:
+    """Calls of every entry point, at inputs and states (rows) of samples.
+
+    Parameters are the scenario's, drawn over their ranges, and at their bounds.
+    """
+    rng = np.random.default_rng(seed)
+    default = _row([np.asarray(one.default, float) for one in of_parameters])
+    others = (INIT, *([COAST] if program.estimates else []))
+    plan = [(kind, default) for kind in others for _ in range(BEGUN)]
+    for number in range(TABLES):
+        draw = _at_bounds if number % 2 else _over_range
+        table = _row([draw(rng, one) for one in of_parameters])
+        plan += [(kind, table) for kind in (STEP, STEP, *others)]
+    chosen = samples[rng.integers(0, len(samples), len(plan))]
+    attitudes = rng.normal(size=(len(plan), call_sizes(program)["attitude"]))
+    if program.estimates:
+        attitudes /= np.linalg.norm(attitudes, axis=1, keepdims=True)
+        struck = rng.random(attitudes.shape) < 0.05
+        attitudes = np.where(struck, rng.choice(EXTREMES, attitudes.shape), attitudes)
+    kinds = np.array([kind for kind, _ in plan], float)[:, None]
+    tables = np.stack([table for _, table in plan])
+    return np.concatenate([kinds, tables, attitudes, chosen], axis=1)
+
+
+def expected_of_calls(
+    reference: Reference, rows: Float[np.ndarray, "calls numbers"]
+) -> Float[np.ndarray, "calls expected"]:
+    """What must come out of these calls: rows of outputs, then of the next state."""
+    program = reference.program
+    sizes = call_sizes(program)
+    kinds, tables, attitudes, inputs, states = np.split(
+        rows, np.cumsum(list(sizes.values()))[:-1], axis=1
+    )
+    found = np.zeros((len(rows), program.structs["output"].size + sizes["state"]))
+    groups: dict[bytes, list[int]] = {}
+    for number, row in enumerate(rows):
+        groups.setdefault(row[: 1 + sizes["parameters"]].tobytes(), []).append(number)
+    for numbers in groups.values():
+        kind = kinds[numbers[0], 0]
+        with np.errstate(all="ignore"):
+            table = _parameters(program, tables[numbers[0]])
+            now, state = _trees(program, inputs[numbers], states[numbers])
+        if kind == STEP:
+            found[numbers] = reference.step(now, state, table)
+        elif kind == INIT:
+            found[numbers, -sizes["state"] :] = reference.begin(attitudes[numbers], now, table)
+        else:
+            found[numbers, -sizes["state"] :] = reference.coast(now, state, table)
+    return found
+
+
+def _row(arrays: Sequence[np.ndarray]) -> np.ndarray:
+    return np.concatenate([np.zeros(0), *(array.ravel().astype(float) for array in arrays)])
+
+
+def _over_range(rng: np.random.Generator, one: Parameter) -> np.ndarray:
+    """The parameter over its declared range; without one, from half its default to the double."""
+    value, shape = np.asarray(one.default, float), one.field.shape
+    if one.bounds is None:
+        return value
+    if one.key is None:
+        with np.errstate(over="ignore"):
+            return np.asarray(np.clip(value * 2 ** rng.uniform(-1, 1, shape), *one.bounds))
+    least, most = (float(bound) for bound in one.bounds)
+    if least > 0:
+        drawn = np.exp(rng.uniform(np.log(least), np.log(most), shape))
+    else:
+        drawn = rng.uniform(least, most, shape)
+    return np.asarray(np.clip(drawn, least, most))
+
+
+def _at_bounds(rng: np.random.Generator, one: Parameter) -> np.ndarray:
+    """The parameter at a declared bound or its default."""
+    value = np.asarray(one.default, float)
+    if one.bounds is None or one.key is None:
+        return value
+    least, most = (np.full(value.shape, bound, float) for bound in one.bounds)
+    return np.asarray(np.choose(rng.integers(0, 3, value.shape), [least, value, most]))
+
+
+def _parameters(program: FlightProgram, row: np.ndarray) -> list[np.ndarray]:
+    """The arrays of the program with the numbers of a row in the place of those it has."""
+    arrays = [np.asarray(array) for array in program.parameters]
+    place = 0
+    for field in program.structs["parameters"].fields:
+        part = row[place : place + field.size].reshape(field.shape)
+        arrays[field.number] = part.astype(field.dtype)
+        place += field.size
+    return arrays
+
+
+def _trees(program: FlightProgram, inputs: np.ndarray, states: np.ndarray) -> tuple[Input, State]:
+    now = unpacked(inputs, program.now)
+    state = unpacked(states[:, :-1], program.begun)
+    begin: Any = states[:, -1].astype(np.int32)
+    return now, state._replace(begin_sample=begin)
+
+
+def unpacked(rows: np.ndarray, like: PyTree) -> PyTree:
+    """Rows as a tree of arrays with a leading axis."""
+    leaves, structure = jax.tree.flatten(like)
+    arrays, place = [], 0
+    for leaf in leaves:
+        size = int(np.prod(leaf.shape))
+        part = rows[:, place : place + size].reshape(len(rows), *leaf.shape)
+        arrays.append((part != 0) if leaf.dtype == bool else part.astype(leaf.dtype))
+        place += size
+    return jax.tree.unflatten(structure, arrays)

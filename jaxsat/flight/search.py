@@ -1,0 +1,111 @@
+"""Calls that run branches of controller.c which no drawn call runs, searched by running it.
+
+This machine's compiler makes the controller tell its blocks and comparisons, and
+assets/search_calls.c changes calls until they run something new. What is found is kept in the cache
+of machine code, under a hash of the files, the compiler and the calls to begin from.
+"""
+
+import hashlib
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.compiler.llvm import cache
+from jaxsat.flight.calls import call_sizes
+from jaxsat.flight.interface import Parameter
+from jaxsat.flight.measure import HOST, run_tool
+from jaxsat.flight.program import FlightProgram
+from jaxsat.flight.templates import template
+
+BLOCKS = 400_000_000
+"""Blocks of code that a search runs: some 4 s."""
+
+LONGEST = 600.0
+"""Seconds that a search may take."""
+
+SEEDS = 256
+"""Samples that a search begins from, beside the drawn calls."""
+
+FLOAT, WHOLE, FLAG, FIXED = range(4)
+"""How a number of a call may change."""
+
+_OPTIONS = ["-std=gnu99", "-ffp-contract=off"]
+
+
+def found_calls(
+    files: Mapping[str, str],
+    program: FlightProgram,
+    of_parameters: Sequence[Parameter],
+    drawn: Float[np.ndarray, "calls numbers"],
+    samples: Float[np.ndarray, "n given"],
+) -> Float[np.ndarray, "found numbers"]:
+    """Calls that run a branch, or reach an outcome of a comparison, which none of `drawn` does.
+
+    Parameters stay within their bounds. None is found where this machine has no compiler that can
+    tell blocks. `files` are the sources by their names.
+    """
+    none, compiler = drawn[:0], shutil.which(HOST)
+    if compiler is None:
+        return none
+    status = Path(compiler).stat()
+    given = _given(program, of_parameters, drawn, samples)
+    sources = {**files, "search_calls.c": template("search_calls.c")}
+    origin = (BLOCKS, compiler, status.st_size, status.st_mtime_ns, *sources.items(), given)
+    entry = f"{hashlib.sha256(repr(origin).encode()).hexdigest()}.calls"
+    content = cache.kept(entry)
+    if content is None:
+        try:
+            content = _search(sources, given)
+        except (OSError, subprocess.SubprocessError):
+            return none
+        cache.keep(entry, content)
+    return np.frombuffer(content, "<f8").reshape(-1, drawn.shape[1])
+
+
+def _search(sources: Mapping[str, str], given: bytes) -> bytes:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for file, text in sources.items():
+            (folder / file).write_text(text)
+        (folder / "seeds.bin").write_bytes(given)
+        telling = "-fsanitize-coverage=trace-pc,trace-cmp"
+        run_tool(folder, HOST, *_OPTIONS, "-O0", telling, "-c", "controller.c")
+        objects = ["controller.o", "-o", "search", "-lm"]
+        run_tool(folder, HOST, *_OPTIONS, "-O1", "search_calls.c", *objects)
+        run_tool(
+            folder, str(folder / "search"), "seeds.bin", "found.bin", str(BLOCKS), longest=LONGEST
+        )
+        return (folder / "found.bin").read_bytes()
+
+
+def _given(
+    program: FlightProgram,
+    of_parameters: Sequence[Parameter],
+    drawn: Float[np.ndarray, "calls numbers"],
+    samples: Float[np.ndarray, "n given"],
+) -> bytes:
+    """Counts, then how each number may change, its bounds, and the calls to begin from."""
+    ways = {"f": FLOAT, "i": WHOLE, "u": FIXED, "b": FLAG}
+    of_numbers: list[tuple[float, float, float]] = [(FIXED, 0.0, 0.0)]
+    for one in of_parameters:
+        way = ways[one.field.dtype.kind]
+        bounds = (-np.inf, np.inf) if one.bounds is None else one.bounds
+        fixed = way == WHOLE or (way == FLOAT and one.bounds is None)
+        row = (FIXED if fixed else way, float(bounds[0]), float(bounds[1]))
+        of_numbers += [row] * one.field.size
+    of_numbers += [(FLOAT, -np.inf, np.inf)] * call_sizes(program)["attitude"]
+    for struct in ("input", "state"):
+        for field in program.structs[struct].fields:
+            of_numbers += [(ways[field.dtype.kind], -np.inf, np.inf)] * field.size
+    chosen = np.random.default_rng(0).integers(0, len(samples), SEEDS)
+    steps = np.repeat(drawn[:1], SEEDS, axis=0)
+    steps[:, 0], steps[:, -samples.shape[1] :] = 0.0, samples[chosen]
+    seeds = np.concatenate([steps, drawn])
+    head = np.array(seeds.shape, "<f8").tobytes()
+    table = np.array(of_numbers, "<f8").T.tobytes()
+    return head + table + seeds.astype("<f8").tobytes()

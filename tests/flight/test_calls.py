@@ -1,0 +1,166 @@
+"""Calls of every entry point with parameters of their own, and those that a search finds."""
+
+import re
+import subprocess
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array, Float
+
+from helpers.tools import needs
+from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.checks import as_float
+from jaxsat.core.declaration.keys import number
+from jaxsat.flight import search
+from jaxsat.flight.calls import COAST, INIT, STEP, call_sizes, drawn_calls, expected_of_calls
+from jaxsat.flight.files import Request, export
+from jaxsat.flight.harness import calls_header, records_header
+from jaxsat.flight.interface import parameters
+from jaxsat.flight.program import flight_program
+from jaxsat.flight.search import found_calls
+from jaxsat.flight.source import header, source
+from jaxsat.flight.vectors import Reference
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from tests.flight.laws import loop_of, start
+
+KEYS = (number("gain", "Gains", "N m s", at_least=1, at_most=50, size=2, tunable=True),)
+PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
+
+
+class Narrow(AbstractSampledController):
+    """Its memory counts samples at which a rate is nearly some number, which the first has."""
+
+    gain: Float[Array, "2"] = eqx.field(converter=as_float)
+    period: Float[Array, ""] = eqx.field(converter=as_float, default=0.5)
+
+    def init(self, state):
+        """The rate, and no samples."""
+        return state.omega[0] * self.gain[0], jnp.zeros_like(state.omega[0])
+
+    def step(self, t, state, memory):
+        """Feedback, and one more sample where the rate is near."""
+        near = jnp.abs(state.omega[1] - 0.3217) < 1e-9
+        count = jax.lax.cond(near, lambda x: x + jnp.sqrt(1 + x), lambda x: x, memory[1])
+        return -self.gain * state.omega[:2], (memory[0], count)
+
+
+@pytest.fixture(scope="module")
+def narrow():
+    """The program, its parameters, and samples: rows of inputs and states."""
+    loop = loop_of(Narrow(gain=[3.0, 2.0]))
+    program = flight_program(loop, start())
+    rng = np.random.default_rng(1)
+    samples = rng.normal(size=(20, program.structs["input"].size + program.structs["state"].size))
+    samples[:, 0] = samples[:, -1] = np.arange(20)  # the first sample and the number of this one
+    return program, parameters(program, loop, KEYS), samples
+
+
+def _parts(program, rows):
+    sizes = call_sizes(program)
+    ends = np.cumsum(list(sizes.values()))[:-1]
+    return dict(zip(sizes, np.split(rows, ends, axis=1), strict=True))
+
+
+def test_drawn_parameters_are_within_their_ranges_and_at_their_bounds(narrow):
+    program, table, samples = narrow
+    rows = drawn_calls(program, table, samples)
+    parts = _parts(program, rows)
+    assert set(parts["kind"][:, 0]) == {STEP, INIT}  # there is no estimator
+    place = 0
+    for one in table:
+        values = parts["parameters"][:, place : place + one.field.size]
+        place += one.field.size
+        least, most = one.bounds
+        assert ((values >= least) & (values <= most)).all()
+        assert len(np.unique(values)) > 20
+        if one.key is not None:
+            assert {least, most} <= set(values.ravel())
+
+
+def test_what_is_expected_of_calls_is_what_the_law_does_with_their_parameters(narrow):
+    program, table, samples = narrow
+    rows = drawn_calls(program, table, samples)[::7]
+    parts = _parts(program, rows)
+    found = expected_of_calls(Reference(program), rows)
+    names = [field.path for field in program.structs["input"].fields]
+    place = sum(f.size for f in program.structs["input"].fields[: names.index("omega")])
+    omega = parts["input"][:, place : place + 3]
+    gain = parts["parameters"][:, :2]
+    assert program.structs["parameters"].fields[0].path == "law.gain"
+    begun, stepped = parts["kind"][:, 0] == INIT, parts["kind"][:, 0] == STEP
+    assert begun.any()
+    assert stepped.any()
+    state = found[:, -program.structs["state"].size :]
+    np.testing.assert_array_equal(state[begun, 0], (omega[:, 0] * gain[:, 0])[begun])
+    np.testing.assert_array_equal(found[stepped, :2], (-gain * omega[:, :2])[stepped])
+    np.testing.assert_array_equal(found[begun, :2], 0.0)
+    np.testing.assert_array_equal(
+        state[:, -1], np.where(begun, parts["input"][:, 0], parts["state"][:, -1])
+    )
+
+
+@needs("cc")
+def test_a_search_finds_calls_that_take_a_branch_which_no_drawn_one_takes(
+    narrow, monkeypatch, tmp_path
+):
+    monkeypatch.setenv("JAXSAT_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(search, "BLOCKS", 3_000_000)
+    program, table, samples = narrow
+    drawn = drawn_calls(program, table, samples)
+    files = {
+        "controller.h": header(program, []),
+        "controller.c": source(program, [], libm=False),
+        "controller_records.h": records_header(program, []),
+        "controller_calls.h": calls_header(program, []),
+    }
+    found = found_calls(files, program, table, drawn, samples)
+
+    def near(rows):
+        parts = _parts(program, rows)
+        begin = sum(field.size for field in program.structs["input"].fields) - 3
+        rate = parts["input"][:, begin + 1]
+        return (parts["kind"][:, 0] == STEP) & (np.abs(rate - 0.3217) < 1e-9)
+
+    assert not near(drawn).any()
+    assert near(found).any()
+    values = _parts(program, found)["parameters"]
+    bounds = [(*one.bounds,) for one in table for _ in range(one.field.size)]
+    assert (values >= np.array(bounds)[:, 0]).all()
+    assert (values <= np.array(bounds)[:, 1]).all()
+    monkeypatch.setattr(search, "HOST", "no-such-compiler")
+    assert len(found_calls(files, program, table, drawn, samples)) == 0
+
+
+@needs("gcc")
+@needs("gcov")
+@pytest.mark.slow
+def test_test_vectors_run_every_line_and_nearly_every_branch(tmp_path, monkeypatch):
+    monkeypatch.setattr("jaxsat.flight.files.measured", lambda files: {})
+    monkeypatch.setattr("jaxsat.flight.vectors.SAMPLES", 64)
+    monkeypatch.setattr(search, "BLOCKS", 60_000_000)
+    scenario = load(
+        "switching",
+        ["gyro.bias_sigma_rad_s=1e-5", "star_tracker={across_rad=1e-5, along_rad=1e-4}"],
+    )
+    run = build(scenario)
+    keys = scenario.law.declaration.keys
+    made = export(Request(run.loop, run.start, 100.0, "", "", PROVENANCE, keys=keys))
+    for name, content in made.files.items():
+        (tmp_path / name).write_bytes(content)
+    assert COAST in made.calls.given[:, 0]
+    done = subprocess.run(
+        ["make", "coverage", "CC=gcc"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count(" 0 numbers differ") == 2
+    told = done.stdout[done.stdout.index("File 'controller.c'") :]
+    lines = re.search(r"Lines executed:([\d.]+)%", told)
+    branches = re.search(r"Taken at least once:([\d.]+)%", told)
+    assert lines is not None
+    assert branches is not None
+    assert float(lines.group(1)) == 100
+    assert float(branches.group(1)) > 95

@@ -1,0 +1,79 @@
+"""Conditions that cannot hold, or always do, are no part of exported C."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import pytest
+from jaxtyping import Array, Float
+
+from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.checks import as_float
+from jaxsat.flight.program import flight_program
+from jaxsat.flight.source import source
+from tests.flight.laws import Filtered, loop_of, start
+
+
+class _Law(AbstractSampledController):
+    """A law whose command is a function of rates."""
+
+    function: object = eqx.field(static=True)
+    period: Float[Array, ""] = eqx.field(converter=as_float, default=0.5)
+
+    def init(self, state):
+        """Nothing."""
+        return jnp.zeros_like(state.omega[0])
+
+    def step(self, t, state, memory):
+        """What the function gives."""
+        return self.function(state.omega), memory
+
+
+def _text(law) -> str:
+    return source(flight_program(loop_of(law), start()), [], libm=False)
+
+
+def _opposites(omega):
+    spins = omega[2] > 0.25
+    return jnp.where(spins | ~spins, omega[:2], 7.5)
+
+
+def _chosen_again(omega):
+    spins = omega[2] > 0.25
+    return jnp.where(spins, jnp.where(spins, omega[:2], 7.5), 2.0)
+
+
+def _phases(omega):
+    """The phase begins at 1 and never becomes less, so that it is never 0."""
+
+    def turn(carry):
+        number, phase, x = carry
+        x = jnp.where(phase == 0, 7.5, x / 2)
+        return number + 1, jnp.where(x[0] < 0.25, phase + 1, phase), x
+
+    def goes_on(carry):
+        return (carry[0] < 9) & (carry[1] < 4)
+
+    return jax.lax.while_loop(goes_on, turn, (0, 1, omega[:2]))[2]
+
+
+def _shifted(omega):
+    bits = jax.lax.bitcast_convert_type(omega[:2], jnp.int64)
+    return (bits << (bits & 63)).astype(omega.dtype) * 7.5
+
+
+@pytest.mark.parametrize("function", [_opposites, _chosen_again, _phases])
+def test_what_is_never_chosen_is_not_printed(function):
+    text = _text(_Law(function))
+    assert "7.5" not in text
+    assert "|| !" not in text
+
+
+def test_a_count_that_is_less_than_the_width_is_not_tested():
+    assert "UINT64_C(64)" not in _text(_Law(_shifted))
+
+
+def test_a_loop_does_not_test_its_count_twice():
+    text = _text(Filtered(gain=[3.0, 2.0]))
+    assert "< 30;" in text
+    assert "< INT64_C(30)" not in text
+    assert "break;" in text  # for its other condition
