@@ -46,8 +46,9 @@ _FLAGS = "-mthumb -mfloat-abi=hard -O2 -std=c99 -ffp-contract=off --specs=rdimon
 class ProcessorUse:
     """On a processor: bytes of stack, of code and constants, and instructions of a step at most.
 
-    The last is that of `samples` which were emulated. None is what could not be measured, for which
-    `why` is the reason.
+    `guarded_stack` and `guarded` are stack and instructions of a step behind the guard.
+    Instructions are those of `samples` which were emulated. None is what could not be measured, for
+    which `why` is the reason.
     """
 
     stack: int | None = None
@@ -55,6 +56,8 @@ class ProcessorUse:
     instructions: int | None = None
     samples: int | None = None
     why: str = ""
+    guarded_stack: int | None = None
+    guarded: int | None = None
 
 
 def measured(files: Mapping[str, bytes]) -> dict[str, ProcessorUse]:
@@ -108,21 +111,26 @@ def _measure(folder: Path, *, has_emulator: bool) -> dict[str, ProcessorUse]:
 
 def _use(folder: Path, flags: Sequence[str], board: str, samples: int) -> ProcessorUse:
     """What one processor uses; without samples it is not emulated."""
-    run_tool(folder, ARM, *flags, "-fcallgraph-info=su", "-c", "controller.c")
-    stack = _stack((folder / "controller.ci").read_text())
+    names = ("controller", "controller_guard")
+    for name in names:
+        run_tool(folder, ARM, *flags, "-fcallgraph-info=su", "-c", f"{name}.c")
+    graph = "".join((folder / f"{name}.ci").read_text() for name in names)
+    stack, guarded_stack = (_stack(graph, f"{name}_step") for name in names)
     sizes = run_tool(folder, "arm-none-eabi-size", "controller.o").splitlines()[1].split()
     if not samples:
-        return ProcessorUse(stack, int(sizes[0]), why=f"{QEMU} not installed")
+        why = f"{QEMU} not installed"
+        return ProcessorUse(stack, int(sizes[0]), why=why, guarded_stack=guarded_stack)
     section = "-Wl,--section-start=.vectors=0x0"
-    parts = ["-DSTEPS", "cortex_m.c", "controller.o", "-o", "steps.elf", "-lm"]
+    objects = [f"{name}.o" for name in names]
+    parts = ["-DSTEPS", "cortex_m.c", *objects, "-o", "steps.elf", "-lm"]
     run_tool(folder, ARM, *flags, section, *parts)
     output = run_tool(
         folder, QEMU, "-M", board, "-nographic", "-icount", "shift=0",
         "-semihosting-config", "enable=on,target=native", "-kernel", "steps.elf",
     )  # fmt: skip
-    match = re.search(r"(\d+) instructions", output)
-    instructions = int(match.group(1)) if match else None
-    return ProcessorUse(stack, int(sizes[0]), instructions, samples)
+    match = re.search(r"(\d+) instructions a step at most, (\d+) behind the guard", output)
+    counts = [int(count) for count in match.groups()] if match else [None, None]
+    return ProcessorUse(stack, int(sizes[0]), counts[0], samples, "", guarded_stack, counts[1])
 
 
 def samples_worth_emulating(folder: Path) -> Int[np.ndarray, " chosen"]:
@@ -161,9 +169,11 @@ def run_tool(folder: Path, *command: str, longest: float = LONGEST) -> str:
     return process.stdout
 
 
-def _stack(graph: str) -> int:
-    """Bytes of the deepest chain of calls from the step, by the compiler's graph of calls; without
-    the compiler's own functions for arithmetic, which have no frames in it."""
+def _stack(graph: str, begin: str) -> int:
+    """Bytes of the deepest chain of calls from a function, by the compiler's graph of calls.
+
+    Without the compiler's own functions for arithmetic, which have no frames in it.
+    """
     sizes = {
         name: int(size)
         for name, size in re.findall(r'node: \{ title: "([^"]*)"[^}]*?(\d+) bytes', graph)
@@ -175,4 +185,4 @@ def _stack(graph: str) -> int:
     def depth(name: str) -> int:
         return sizes.get(name, 0) + max(map(depth, calls.get(name, ())), default=0)
 
-    return depth("controller_step")
+    return depth(begin)

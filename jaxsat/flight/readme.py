@@ -118,7 +118,9 @@ def _measurement(numbers: ProcessorUse, vectors: Vectors) -> str:
     samples = _emulated_vectors(numbers, vectors)
     rows = {
         f"instructions of a step, the most over {samples}": numbers.instructions,
+        "instructions of a step behind the guard": numbers.guarded,
         "bytes of stack at most": numbers.stack,
+        "bytes of stack behind the guard at most": numbers.guarded_stack,
         "bytes of code and constants": numbers.code,
     }
     measurements = [f"- {name}: {number}" for name, number in rows.items() if number is not None]
