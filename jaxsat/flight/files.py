@@ -29,6 +29,7 @@ from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.flight.readme import readme
 from jaxsat.flight.search import found_calls
 from jaxsat.flight.source import header, source
+from jaxsat.flight.tasks import freertos_task
 from jaxsat.flight.templates import DEVIATIONS, template
 from jaxsat.flight.vectors import Reference, Vectors, vectors
 from jaxsat.simulation.loops import AbstractLoop
@@ -105,6 +106,7 @@ def export(request: Request) -> Export:
         "test_controller.c": test_program(program, intro),
         "controller_library.c": library_source(program, intro),
         "cortex_m.c": template("cortex_m.c"),
+        "freertos_task.c": freertos_task(program),
         "misra_deviations.txt": "".join(f"{rule}\n" for rule in DEVIATIONS),
         "Makefile": template("Makefile", ULP=ulp),
         "CMakeLists.txt": template("CMakeLists.txt", ULP=ulp),
