@@ -80,7 +80,7 @@ def simulate(
 
 @eqx.filter_jit
 def _by_diffrax(program: Program, case: PyTree, times, numbers, method, adjoint) -> Trajectory:
-    case, instants = program.case_factory(case, None), times
+    case, instants = program.case_factory(*case), times
     if numbers is not None:
         instants = times[0] + program.time_of(jnp.arange(program.intervals + 1))
     outputs, signals, held = integrated(program, case, instants, method, adjoint)
@@ -143,18 +143,25 @@ PARTED = 1e-4
 """Difference of the rates of two runs, of their largest rate, beyond which they have parted."""
 
 
+TABLE = 256
+"""Numbers of an array beyond which it is a table, such as that of gains over an orbit."""
+
+
 class _OneCase(AbstractCaseFactory):
     """The case whose numbers are the arrays of a loop and of its start, as a list.
 
-    (A kernel that is kept compares the structure of its arguments, and one of a loop need not equal
-    itself once it has been written and read. `places` has the numbers of the arrays in that list.)
+    Those of more numbers than `TABLE` are at its end, in the gains: machine code copies a case into
+    its state, number by number, and reads gains where they are. (A kernel that is kept compares the
+    structure of its arguments, and one of a loop need not equal itself once it has been written and
+    read. `places` has the numbers of the arrays in that list.)
     """
 
     rest: PyTree
     places: PyTree
 
     def __call__(self, case, gains):
-        arrays = jax.tree.map(lambda place: case[place], self.places)
+        numbers = [*case, *gains]
+        arrays = jax.tree.map(lambda place: numbers[place], self.places)
         loop, start = eqx.combine(arrays, self.rest)
         return Case(loop, start, {}, jnp.array(True))
 
@@ -164,7 +171,8 @@ class _Flight(eqx.Module):
 
     program: Program
     stepper: AbstractStepper
-    case: PyTree
+    case: list[Array]
+    tables: list[Array]
     every: int = eqx.field(static=True)
     pulsed: bool = eqx.field(static=True)
 
@@ -190,7 +198,7 @@ class _Flight(eqx.Module):
         engine = NativeEngine(stepper=self.stepper, simd_lanes=1)
         between = self.every if self.pulsed else 1  # samples of which the mean level is told
         instants = self.program.instants(self.every // between)
-        batch = engine.observed(self.program, self.cases, None, instants)
+        batch = engine.observed(self.program, self.cases, self.tables, instants)
         outputs, signals = jax.tree.map(lambda x: x[0], batch)
         forced = int(outputs.details.forced or 0)
         if between > 1:
@@ -228,8 +236,8 @@ def _plan(
         )
         pulsed = any(memory is not None for memory in memories)
     program, case = _program(loop, start, interval, every * len(gaps), tolerances)
-    flight = _Flight(program, stepper, case, every, pulsed)
-    obstacle = native_obstacle(stepper, program, flight.cases, lanes=1)
+    flight = _Flight(program, stepper, *case, every, pulsed)
+    obstacle = native_obstacle(stepper, program, flight.cases, flight.tables, lanes=1)
     return flight if obstacle is None else obstacle
 
 
@@ -240,14 +248,18 @@ def _program(
     count: int,
     tolerances: Tolerances | None,
     state_limit: float = STATE_LIMIT,
-) -> tuple[Program, PyTree]:
-    """The detailed program of one case, `count` intervals (s) long, and the numbers of the case."""
+) -> tuple[Program, tuple[list[Array], list[Array]]]:
+    """The detailed program of one case, `count` intervals (s) long, its numbers and its tables."""
     arrays, rest = eqx.partition((loop, start), eqx.is_array)
-    case, structure = jax.tree.flatten(arrays)
-    factory = _OneCase(rest, jax.tree.unflatten(structure, range(len(case))))
+    leaves, structure = jax.tree.flatten(arrays)
+    order = sorted(range(len(leaves)), key=lambda number: leaves[number].size > TABLE)
+    places = np.argsort(order).tolist()
+    factory = _OneCase(rest, jax.tree.unflatten(structure, places))
+    numbers = [x for x in leaves if x.size <= TABLE]
+    tables = [x for x in leaves if x.size > TABLE]
     tolerances = Tolerances() if tolerances is None else tolerances
     keys: dict[str, Any] = {"detailed": True, "error_every": 1, "state_limit": state_limit}
-    return Program(factory, interval, count, tolerances, **keys), case
+    return Program(factory, interval, count, tolerances, **keys), (numbers, tables)
 
 
 def _stepper(loop: AbstractLoop, method: Method, interval: float) -> AbstractStepper | str:

@@ -11,7 +11,7 @@ import pytest
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.engine.native import engine
-from jaxsat.simulation.engine.single import fly, simulate
+from jaxsat.simulation.engine.single import TABLE, _program, fly, simulate
 from jaxsat.simulation.methods import adaptive, fixed
 
 SMOOTH = ("rate-limited", ["simulation.duration_s=30"], 3e-9)
@@ -111,6 +111,18 @@ def test_levels_and_torques_between_saved_times_are_those_of_all_samples():
     means = np.asarray(each.torque_range.mean)[:-1].reshape(6, 4, 3).mean(axis=1)
     np.testing.assert_allclose(some.torque_range.mean[:-1], means, rtol=1e-12, atol=1e-18)
     np.testing.assert_array_equal(some.signals.omega, each.signals.omega[::4])
+
+
+def test_tables_are_no_numbers_of_the_case():
+    """Machine code would grow with a table of gains that it copies number by number."""
+    run = of("rods-only", [])
+    program, (numbers, tables) = _program(run.loop, run.start, 2.0, 1, None)
+    law = jax.tree.leaves(run.loop.controller)
+    assert [x.shape for x in tables] == [x.shape for x in law if x.size > TABLE]
+    assert len(tables) == 1
+    case = program.case_factory(numbers, tables)
+    found, expected = (jax.tree.leaves(x) for x in ((case.loop, case.start), (run.loop, run.start)))
+    assert all(x is y for x, y in zip(found, expected, strict=True))
 
 
 def test_other_numbers_compile_nothing(monkeypatch):
