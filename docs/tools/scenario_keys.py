@@ -24,9 +24,7 @@ def page(schema: Mapping[str, Any]) -> str:
         heading, about = places.get(name, name), definition.get("description", "")
         parts += [f"## `{heading}`", about.replace("\n", " ")]
         if definition.get("properties"):
-            parts.append(
-                "\n".join(_table(definition["properties"], definition.get("required", ())))
-            )
+            parts.append("\n".join(_table(definition["properties"], _required(definition))))
     return "\n\n".join(parts) + "\n"
 
 
@@ -81,6 +79,13 @@ def _table(properties: Mapping[str, Any], required: Any) -> list[str]:
             + " |"
         )
     return rows
+
+
+def _required(definition: Mapping[str, Any]) -> set[str]:
+    """The keys that a table must have, in any unit; those of a device may stand in its type."""
+    needed = definition.get("then", definition)
+    families = (rule["anyOf"] for rule in needed.get("allOf", ()) if "anyOf" in rule)
+    return {*needed.get("required", ()), *(family[0]["required"][0] for family in families)}
 
 
 def _default(entry: Mapping[str, Any]) -> str:

@@ -117,7 +117,10 @@ def _scaled(value: Any, size: float) -> Any:
 
 
 def with_units(schema: Any) -> Any:
-    """A JSON Schema in which every key may be given in each of its units, but only in one."""
+    """A JSON Schema in which every key may be given in each of its units, but only in one.
+
+    A table with a type needs no key, as its type may have them all.
+    """
     if isinstance(schema, list):
         return [with_units(entry) for entry in schema]
     if not isinstance(schema, dict):
@@ -126,27 +129,37 @@ def with_units(schema: Any) -> Any:
     properties = result.get("properties")
     if not isinstance(properties, dict):
         return result
-    families = [
-        spellings(key) for key in properties if len(spellings(key)) > 1 and spellings(key)[0] == key
-    ]
-    if not families:
-        return result
-    required = result.get("required", [])
+    families = [family for family in map(spellings, properties) if len(family) > 1]
+    families = [family for family in families if family[0] in properties]
     result["properties"] = properties | {
         key: _in_unit(properties[si], si, _unit(key))
         for si, *others in families
         for key in others
         if key not in properties
     }
-    result["required"] = [key for key in required if all(key != si for si, *_ in families)]
-    result["allOf"] = [_one_of(family, needed=family[0] in required) for family in families]
-    return result
+    required = result.pop("required", [])
+    plain = [key for key in required if len(spellings(key)) == 1]
+    needed = [_any_of(family) for family in families if family[0] in required]
+    only_one = [{"oneOf": [*_each(one), {"not": _any_of(one)}]} for one in families]
+    if "type" not in properties:
+        return result | _rules(plain, [*only_one, *needed])
+    without_type = {"if": {"not": {"required": ["type"]}}, "then": _rules(plain, needed)}
+    return result | _rules([], only_one) | without_type
 
 
-def _one_of(family: tuple[str, ...], *, needed: bool) -> dict[str, Any]:
-    """That one of these keys is there, or at most one."""
-    each = [{"required": [key]} for key in family]
-    return {"oneOf": each if needed else [*each, {"not": {"anyOf": each}}]}
+def _rules(required: list[str], rules: list[dict[str, Any]]) -> dict[str, Any]:
+    """What a table must have and obey; nothing where there is nothing, as lists are not empty."""
+    parts = {"required": required, "allOf": rules}
+    return {name: part for name, part in parts.items() if part}
+
+
+def _each(family: tuple[str, ...]) -> list[dict[str, Any]]:
+    return [{"required": [key]} for key in family]
+
+
+def _any_of(family: tuple[str, ...]) -> dict[str, Any]:
+    """That a key is there, in any of its units."""
+    return {"anyOf": _each(family)}
 
 
 def _in_unit(entry: Any, key: str, unit: Unit) -> Any:

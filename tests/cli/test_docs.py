@@ -89,3 +89,4 @@ def test_the_page_of_keys_has_every_table_and_key_of_the_schema():
     for heading in ("[orbit]", "[[thruster]]", "[simulation.solver]", '[control] law = "rate"'):
         assert f"## `{heading}`" in page
     assert "| `altitude_km` | km | number, > 0, ≤ 1.5e+06 | none |" in page
+    assert "| `omega_rad_s` | rad/s | list of 3: number | required |" in page

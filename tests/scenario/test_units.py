@@ -5,6 +5,7 @@ import math
 import pytest
 
 from jaxsat.scenario import ScenarioError, dump, json_schema, read
+from jaxsat.scenario.parts.registry import TABLES
 from jaxsat.scenario.units import UNITS, spellings
 
 BASE = """
@@ -116,15 +117,29 @@ def test_the_schema_has_one_unit_of_each_key():
                 continue
             found.add(key)
             assert set(family) <= set(properties)
-            assert key not in table["required"]
+            assert key not in table.get("required", [])
             each = [{"required": [one]} for one in family]
-            assert {"oneOf": each} in rules or {"oneOf": [*each, {"not": {"anyOf": each}}]} in rules
+            assert {"oneOf": [*each, {"not": {"anyOf": each}}]} in rules
     assert {"omega_rad_s", "z_rad", "rate_rad_s", "attitude_noise_rad", "angle_rad"} <= found
-    initial = schema["$defs"]["InitialTable"]
-    assert {"oneOf": [{"required": [one]} for one in spellings("omega_rad_s")]} in initial["allOf"]
     orbit = schema["$defs"]["OrbitTable"]["properties"]
     assert orbit["rate_rpm"]["anyOf"][0]["maximum"] == pytest.approx(30 / math.pi, rel=1e-15)
     assert orbit["rate_rpm"]["unit"] == "rpm"
+
+
+def test_the_schema_has_what_must_be_given():
+    """In any unit; of a device only where it has no type."""
+    tables = json_schema()["$defs"]
+    omega = {"anyOf": [{"required": [one]} for one in spellings("omega_rad_s")]}
+    assert omega in tables["InitialTable"]["allOf"]
+    assert tables["SimulationTable"]["required"] == ["duration_s"]
+    gimbal = tables["GimbalTable"]
+    assert gimbal["if"] == {"not": {"required": ["type"]}}
+    assert gimbal["then"]["required"] == ["axis", "spin_axis", "rotor_momentum_N_m_s"]
+    rate = {"anyOf": [{"required": [one]} for one in spellings("rate_limit_rad_s")]}
+    assert gimbal["then"]["allOf"] == [rate]
+    assert rate not in gimbal["allOf"]
+    typed = {name for name, table in tables.items() if "type" in table.get("properties", {})}
+    assert typed == {table.__name__ for table in TABLES.values()}
 
 
 EVERYWHERE = """
