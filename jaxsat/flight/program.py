@@ -119,25 +119,19 @@ def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgra
         return State(flight.begin_law(law_input), memory, flight.begin_modulation())
 
     out = jax.eval_shape(whole, defaults, now, begun)[0]
-    names = Names(fields=True)
-    own = fields_of(now._replace(measured=None), names)
-    remembered = begun._replace(begin_sample=now.sample)
-    in_fields = (*own, *fields_of(measured, names))
+
+    def struct(name: str, words: str, *trees: Any) -> Struct:
+        names = Names(fields=True)
+        return Struct(f"controller_{name}", words, sum((fields_of(x, names) for x in trees), ()))
+
+    clock = now._replace(measured=None)
     structs = {
         "parameters": Struct("controller_parameters", "Gains and what the law believes.", fields),
-        "input": Struct("controller_input", about(Input), in_fields),
-        "state": Struct(
-            "controller_state", about(State), fields_of(remembered, Names(fields=True))
-        ),
-        "output": Struct(
-            "controller_output", about(SampleCommands), fields_of(out, Names(fields=True))
-        ),
-        "clock": Struct(
-            "controller_clock",
-            "The number of a sample since the controller began.",
-            fields_of(now._replace(measured=None), Names(fields=True)),
-        ),
-        "seen": Struct("controller_seen", about(Seen), fields_of(law_input, Names(fields=True))),
+        "input": struct("input", about(Input), clock, measured),
+        "state": struct("state", about(State), begun._replace(begin_sample=now.sample)),
+        "output": struct("output", about(SampleCommands), out),
+        "clock": struct("clock", "The number of a sample since the controller began.", clock),
+        "seen": struct("seen", about(Seen), law_input),
     }
     stages, starts = _stages(controller, defaults, now, begun, law_input, q, structs)
     structs["parameters"] = _without_unread(structs["parameters"], [*stages, *starts])
