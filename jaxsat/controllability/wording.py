@@ -292,7 +292,7 @@ def _wheel_sentence(judgement: Judgement) -> str:
         return f"Controllable: {rank} by three independent wheel axes."
     if judgement.dimension == 6:
         return (
-            f"Controllable: {rank}; two wheels turn the body to any attitude, so that "
+            f"Controllable: {rank}; wheels turn the body to any attitude, so that "
             f"{_momentum_changers(judgement)} in any inertial direction. "
             f"{cone_words(judgement.cone).capitalize()}."
             + (" No law of jaxsat uses them." if judgement.laws == "none" else "")
@@ -305,14 +305,15 @@ def _wheel_sentence(judgement: Judgement) -> str:
             f"{wheels.momentum:.3g} N m s."
         )
     if wheels.axes == 2:
-        normal = _axis(wheels.missing[:, 0])
+        normal, count = _axis(wheels.missing[:, 0]), len(judgement.actuators.wheels)
+        few = "Two wheels" if count == 2 else f"{count} wheels in a plane"
         if not wheels.momentum:
             return (
-                f"Controllable: {rank} {where}. Two wheels, zero momentum: n·Jω stays zero "
+                f"Controllable: {rank} {where}. {few}, zero momentum: n·Jω stays zero "
                 f"with n = {normal}; the bracket of the two remaining rates reaches every attitude."
             )
         return (
-            f"Some attitudes: {rank} {where}. Two wheels with {wheels.momentum:.3g} N m s of total "
+            f"Some attitudes: {rank} {where}. {few} with {wheels.momentum:.3g} N m s of total "
             "momentum: the body can pass every attitude, but rest is possible only where the "
             "momentum "
             + (

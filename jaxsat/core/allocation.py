@@ -25,9 +25,14 @@ def unit_columns(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 
 
 
 def least_squares_map(
-    axes: Float[np.ndarray, "3 m"], torques: int, limits: Float[np.ndarray, " m"] | None = None
+    axes: Float[np.ndarray, "3 m"],
+    torques: int,
+    limits: Float[np.ndarray, " m"] | None = None,
+    directions: Float[np.ndarray, "3 torques"] | None = None,
 ) -> Float[np.ndarray, "m torques"]:
     """Torques of actuators along unit `axes` for a unit of each command, by least squares.
+
+    Commands are about the first body axes, or about `directions` in the plane of the actuators.
 
     Where they cannot make all of a command, they make what is nearest to it. The squares are those
     of use over limit; without `limits` all actuators count alike. Two actuators under two torques
@@ -37,6 +42,8 @@ def least_squares_map(
         return np.zeros((axes.shape[1], torques))
     relative_limits = np.ones(axes.shape[1]) if limits is None else finite_limits(limits)
     scaled = axes * relative_limits
+    if directions is not None and np.any(directions != np.eye(3)[:, :torques]):
+        return relative_limits[:, None] * direction_matrix(scaled, directions)
     try:
         return relative_limits[:, None] * allocation_matrix(scaled, torques)
     except ValueError:
@@ -51,11 +58,17 @@ def finite_limits(limits: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
 
 
 def what_is_left(
-    axes: Float[np.ndarray, "3 m"], shares: Float[np.ndarray, "m torques"]
+    axes: Float[np.ndarray, "3 m"],
+    shares: Float[np.ndarray, "m torques"],
+    directions: Float[np.ndarray, "3 torques"] | None = None,
 ) -> Float[np.ndarray, "torques torques"]:
-    """The part of a command that actuators along unit `axes` with these shares do not make."""
+    """The part of a command that actuators along unit `axes` with these shares do not make.
+
+    `directions` are those of `least_squares_map`.
+    """
     torques = shares.shape[1]
-    remainder = np.eye(torques) - (axes @ shares)[:torques]
+    along = np.eye(3)[:, :torques] if directions is None else directions
+    remainder = np.eye(torques) - along.T @ (axes @ shares)
     return np.where(np.abs(remainder) < LEFT_BY_ROUNDING, 0.0, remainder)
 
 
@@ -137,8 +150,8 @@ def pushed_directions(torque: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 
 
 
 def direction_matrix(
-    torque_axes: Float[np.ndarray, "3 m"], directions: Float[np.ndarray, "3 2"]
-) -> Float[np.ndarray, "m 2"]:
+    torque_axes: Float[np.ndarray, "3 m"], directions: Float[np.ndarray, "3 torques"]
+) -> Float[np.ndarray, "m torques"]:
     """Thrusts that make torques about `directions` of `torque_directions`."""
     return np.linalg.pinv(torque_axes) @ directions
 

@@ -11,6 +11,7 @@ from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import rotation
 from jaxsat.scenario.idle_actuators import idle_actuators
+from jaxsat.scenario.layout import wheel_directions
 from jaxsat.scenario.parts.thrusters import (
     ModulationTable,
     ThrusterTable,
@@ -61,7 +62,9 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     ):
         return
     has_relief = relieved_by_thrusters(scenario)
-    if has_relief or (law.torques and left_by_wheels(wheels, law.torques).any()):
+    if has_relief or (
+        law.torques and left_by_wheels(wheels, law.torques, wheel_directions(scenario)).any()
+    ):
         return  # thrusters take part
     axes, limit = wheel_axes(tuple(one for one in wheels if not one.failed)), np.array(limits)
     times, momenta = _momenta_to_hold(scenario)

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from jaxsat.core.allocation import BASIS_TOLERANCE, least_squares_map
 from jaxsat.scenario.errors import Issue, Location
-from jaxsat.scenario.layout import command_torques, ideal_shares
+from jaxsat.scenario.layout import command_torques, ideal_shares, wheel_directions
 from jaxsat.scenario.parts.actuator import names_of
 from jaxsat.scenario.parts.thrusters import signs
 from jaxsat.scenario.parts.wheels import left_by_wheels, relieved_by_thrusters, wheel_axes
@@ -74,8 +74,10 @@ def _idle_wheels(scenario: Scenario) -> Iterator[Issue]:
     if not working.size:
         return
     axes = wheel_axes(scenario.wheel)[:, working]
-    used = columns_in_use(np.hstack([axes, -axes]), np.eye(3)[:, :2]).reshape(2, -1).any(axis=0)
-    used |= np.abs(least_squares_map(axes, 2)).max(axis=1) > BASIS_TOLERANCE
+    directions = wheel_directions(scenario)
+    used = columns_in_use(np.hstack([axes, -axes]), directions).reshape(2, -1).any(axis=0)
+    shares = least_squares_map(axes, 2, directions=directions)
+    used |= np.abs(shares).max(axis=1) > BASIS_TOLERANCE
     names = names_of(scenario.wheel)
     yield from _issues(scenario, ("wheel",), (names[place] for place in working[~used]))
 

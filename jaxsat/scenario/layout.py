@@ -22,7 +22,7 @@ from jaxsat.core.declaration.actuators import STEERED
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.scenario.parts.thrusters import signs, working_torques
-from jaxsat.scenario.parts.wheels import limit_of_wheels, wheels_make_all
+from jaxsat.scenario.parts.wheels import directions_of_wheels, limit_of_wheels, wheels_make_all
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.rules import Values
 from jaxsat.scenario.tables import working_axes
@@ -32,17 +32,30 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
     """A unit column for each torque that a law of one torque, or of two in any plane, counts on.
 
     `scenario` is a checked one. Of thrusters that push these are the directions in which they make
-    torques of either sign, of wheels body x and y.
+    torques of either sign, of wheels their `wheel_directions`.
     """
     table = scenario.spacecraft
     if scenario.wheel:
-        return np.eye(3)[:, :2]
+        return wheel_directions(scenario)[:, :2]
     if scenario.thruster:
         torques = working_torques(scenario.thruster)
         if scenario.law.declaration.torques == 1:
             return torque_axis(unit_columns(torques))[:, None]
         return pushed_directions(torques)
     return working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
+
+
+def wheel_directions(scenario: Any) -> Float[np.ndarray, "3 torques"]:
+    """The directions about which the law commands wheels, which are in a scenario.
+
+    They are `torque_directions` of wheels alone under a law of two torques for any plane, else the
+    first body axes.
+    """
+    declaration = scenario.law.declaration
+    others = scenario.thruster or scenario.spacecraft.thruster_torque_axes
+    if declaration.torques != 2 or others or any(getattr(scenario, name) for name in STEERED):
+        return np.eye(3)[:, : declaration.torques or 2]
+    return directions_of_wheels(scenario.wheel, declaration)
 
 
 def has_invalid_samples(scenario: Any) -> bool:
@@ -75,7 +88,7 @@ def torque_limit(scenario: Any) -> float | None:
         return limit
     limits = []
     if scenario.wheel:
-        limits.append(limit_of_wheels(scenario.wheel, torques))
+        limits.append(limit_of_wheels(scenario.wheel, torques, wheel_directions(scenario)))
     if scenario.thruster and not (scenario.wheel and wheels_make_all(scenario.wheel, torques)):
         torque, cost, command = command_torques(scenario, torques)
         least_propellant(torque, cost, command)  # raises where some command cannot be made

@@ -142,12 +142,15 @@ class WheelsFirst(AbstractDistribution):
         wheel_limit: ArrayLike | list | None = None,
         failed: tuple[int, ...] = (),
         others: bool = False,
+        directions: ArrayLike | None = None,
     ) -> "WheelsFirst":
         """Wheels along `axes` (3, wheels), of which those numbered `failed` (from 1) do nothing.
 
-        Least squares share what all of them can make. Raises `ValueError` where that leaves
-        something to `others` and there are none.
+        Least squares share what all of them can make, about the first body axes or `directions`
+        (3, torques). Raises `ValueError` where that leaves something to `others` and there are
+        none.
         """
+        along = None if directions is None else np.asarray(directions, float)
         units = unit_columns(np.asarray(axes, float))
         working = [number not in failed for number in range(1, units.shape[1] + 1)]
         shares = np.zeros((units.shape[1], torques))
@@ -155,8 +158,8 @@ class WheelsFirst(AbstractDistribution):
         if wheel_limit is not None:
             limits = np.broadcast_to(np.asarray(wheel_limit, float), units.shape[1])
             limit, limits = as_float(limits), limits[working]
-        shares[working] = least_squares_map(units[:, working], torques, limits)
-        rest = what_is_left(units, shares)
+        shares[working] = least_squares_map(units[:, working], torques, limits, along)
+        rest = what_is_left(units, shares, along)
         working_axes = units * np.array(working)
         if not rest.any():
             return WheelsFirst(working_axes, as_array(shares), limit)

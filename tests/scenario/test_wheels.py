@@ -3,13 +3,14 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from jaxsat.control.controller import AbstractController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioError, ScenarioWarning, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build, build_uncontrolled
-from jaxsat.scenario.layout import torque_limit
+from jaxsat.scenario.layout import believed_axes, torque_limit
 from jaxsat.scenario.overrides import apply_overrides, parse_override
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation.loops import ContinuousLoop
@@ -167,3 +168,73 @@ def test_what_needs_no_law_needs_no_law_that_bears_friction():
 def test_what_cannot_be_is_told(name, changes, said):
     with pytest.raises(ScenarioError, match=said):
         load(name, changes)
+
+
+SKEW = (
+    "wheel=[{axis=[1,0,1],torque_limit_N_m=0.3},{axis=[0,1,1],torque_limit_N_m=0.3},"
+    "{axis=[1,-1,0],torque_limit_N_m=0.3}]"
+)
+
+
+TRIAXIAL = "spacecraft.inertia_kg_m2=[500,300,350]"
+ANY_PLANE = (
+    "control={law='three-slew'}",
+    "disturbance={}",
+    "orbit={rate_rad_s=0}",
+    "simulation={duration_s=60}",
+)
+OUTSIDE = pytest.mark.filterwarnings("ignore:.*where the law .* was verified")
+
+
+@OUTSIDE
+def test_wheels_alone_are_commanded_about_two_directions_of_their_plane():
+    """Of any plane, as thrusters are, where the law says so; what it believes is what they make."""
+    plane = np.array([[1.0, 0, 1], [0, 1, 1]]).T
+    for tables, columns in (
+        (SKEW, plane),
+        ("wheel=[{axis=[1,0,0]},{axis=[0,0,1]}]", np.eye(3)[:, ::2]),
+    ):
+        changes = [tables, "spacecraft.torque_limit_N_m=0.2", *ANY_PLANE, TRIAXIAL]
+        scenario = load("two-wheel-telescope", changes)
+        loop, believed = build(scenario).loop, believed_axes(scenario)
+        axes = loop.distribution.axes
+        np.testing.assert_allclose(axes @ loop.distribution.wheel_map, believed, atol=1e-12)
+        np.testing.assert_allclose(believed.T @ believed, np.eye(2), atol=1e-12)
+        assert np.linalg.matrix_rank(np.hstack([columns, believed]), tol=1e-9) == 2
+        assert loop.distribution.rest is None
+
+
+@OUTSIDE
+def test_the_limit_in_a_plane_is_what_its_wheels_make_about_both_directions_at_once():
+    scenario = load("two-wheel-telescope", [SKEW, *ANY_PLANE, TRIAXIAL])
+    axes = np.array([[1.0, 0, 1], [0, 1, 1], [1, -1, 0]]).T / np.sqrt(2)
+    most = min(
+        linprog(
+            [0, 0, 0, -1],
+            A_eq=np.column_stack([axes, -believed_axes(scenario) @ signs]),
+            b_eq=np.zeros(3),
+            bounds=[*[(-0.3, 0.3)] * 3, (0, None)],
+        ).x[-1]
+        for signs in ([1, 1], [1, -1])
+    )
+    assert torque_limit(scenario) <= most * (1 + 1e-9)
+
+
+@OUTSIDE
+@pytest.mark.slow
+def test_a_flight_is_the_same_in_body_axes_of_another_order():
+    """x, y, z become y, z, x, so that the two wheels are about y and z."""
+    flights = []
+    for shift, wheels in ((0, "[1,0,0],[0,1,0]"), (1, "[0,1,0],[0,0,1]")):
+        tables = (f"{{axis=[{axis}],torque_limit_N_m=0.4}}" for axis in wheels[1:-1].split("],["))
+        roll = lambda values, shift=shift: np.roll(values, shift).tolist()  # noqa: E731
+        changes = [
+            f"wheel=[{','.join(tables)}]",
+            f"spacecraft.inertia_kg_m2={roll([420.0, 350.0, 250.0])}",
+            f"initial={{quaternion={[0.8, *roll([0.4, -0.4, 0.2])]},omega_rad_s=[0,0,0]}}",
+            *ANY_PLANE,
+        ]
+        found = trajectory_dataset(build(load("two-wheel-telescope", changes)).simulate())
+        flights.append(np.roll(found["omega"].values, -shift, axis=-1))
+    assert np.abs(flights[0]).max() > 0.01
+    np.testing.assert_allclose(flights[1], flights[0], atol=1e-7)

@@ -21,7 +21,7 @@ class LawDeclaration:
       torque about each body axis, which takes three independent thrusters, 1 for one that commands
       a torque about the one axis that is left, `jaxsat.core.allocation.torque_axis`, 0 for none.
     - `any_plane`: the two torques are about `jaxsat.core.allocation.torque_directions` of the
-      thrusters left, in whatever plane these are, instead of body x and y.
+      thrusters left, or of wheels alone, in whatever plane these are, instead of body x and y.
     - `commands_actuators`: the law allocates its torques itself and commands the duty of each
       `[[thruster]]` and the torque of each `[[wheel]]`.
     - `steers`: the kinds of actuators with a steering of their own that such a law commands, too.

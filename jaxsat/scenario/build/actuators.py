@@ -16,7 +16,7 @@ from jaxsat.scenario.build.plant import field_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
 from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
-from jaxsat.scenario.layout import ideal_shares, thruster_costs
+from jaxsat.scenario.layout import ideal_shares, thruster_costs, wheel_directions
 from jaxsat.scenario.parts.thrusters import working_torques
 from jaxsat.scenario.parts.unloading import UnloadingTable
 from jaxsat.scenario.parts.wheels import (
@@ -87,7 +87,12 @@ def _wheels_first(scenario: Scenario) -> WheelsFirst:
     limit = limits if np.isfinite(limits).any() else None
     whole = wheels_make_all(tables, torques)
     distribution = WheelsFirst.of(
-        wheel_axes(tables), torques, limit, failed_wheels(tables), not whole
+        wheel_axes(tables),
+        torques,
+        limit,
+        failed_wheels(tables),
+        not whole,
+        wheel_directions(scenario),
     )
     if not relieved_by_thrusters(scenario):
         return distribution

@@ -6,7 +6,13 @@ from typing import Annotated, Any
 import numpy as np
 from annotated_types import Gt, Le
 
-from jaxsat.core.allocation import largest_torque, least_squares_map, unit_columns, what_is_left
+from jaxsat.core.allocation import (
+    largest_torque,
+    least_squares_map,
+    torque_directions,
+    unit_columns,
+    what_is_left,
+)
 from jaxsat.core.declaration.actuators import ACTUATORS, STEERED
 from jaxsat.core.declaration.wheels import WHEEL
 from jaxsat.core.ranges import Range
@@ -78,10 +84,16 @@ def failed_wheels(wheels: Tables) -> tuple[int, ...]:
     return tuple(number for number, one in enumerate(wheels, 1) if one.failed)
 
 
-def left_by_wheels(wheels: Tables, torques: int) -> np.ndarray:
-    """The part (torques, torques) of a command that the working wheels do not make."""
+def left_by_wheels(
+    wheels: Tables, torques: int, directions: np.ndarray | None = None
+) -> np.ndarray:
+    """The part (torques, torques) of a command that the working wheels do not make.
+
+    It is about the first body axes, or about `directions` (3, torques).
+    """
     axes = wheel_axes(tuple(one for one in wheels if not one.failed))
-    return what_is_left(axes, least_squares_map(axes, torques))
+    shares = least_squares_map(axes, torques, directions=directions)
+    return what_is_left(axes, shares, directions)
 
 
 def wheels_make_all(wheels: Tables, torques: int) -> bool:
@@ -100,10 +112,21 @@ def relieved_by_thrusters(scenario: Any) -> bool:
     return bool(scenario.wheel and working and takes_part)
 
 
-def limit_of_wheels(wheels: Tables, torques: int) -> float | None:
+def directions_of_wheels(wheels: Tables, declaration: Any) -> np.ndarray:
+    """The directions (3, 2) about which a law of two torques commands wheels without any other
+    actuators: of their plane, if it is for any plane, else body x and y."""
+    axes = wheel_axes(tuple(one for one in wheels if not one.failed))
+    is_plane = axes.size and np.linalg.matrix_rank(axes, tol=MISSING) == 2
+    return torque_directions(axes) if declaration.any_plane and is_plane else np.eye(3)[:, :2]
+
+
+def limit_of_wheels(
+    wheels: Tables, torques: int, directions: np.ndarray | None = None
+) -> float | None:
     """The largest command (N m) about all axes at once that working wheels make within limits.
 
-    The part of it that they do not make does not count; None for no limit.
+    It is about `directions` (3, torques). The part of it that they do not make does not count; None
+    for no limit.
     """
     working = tuple(one for one in wheels if not one.failed)
     if torques not in (2, 3):
@@ -114,7 +137,8 @@ def limit_of_wheels(wheels: Tables, torques: int) -> float | None:
     if largest is None:
         return None
     limits = np.array([UNBOUNDED * largest if one is None else one for one in torque_limits])
-    most = largest_torque(axes, -limits, limits, axes @ least_squares_map(axes, torques))
+    shares = least_squares_map(axes, torques, directions=directions)
+    most = largest_torque(axes, -limits, limits, axes @ shares)
     return most if most < largest * UNBOUNDED / 2 else None
 
 
@@ -190,7 +214,9 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
         return
     working = working_axes(axes or (), values["spacecraft.failed_thrusters"])
     missing = what_is_left(working, least_squares_map(working, torques))
-    missing = missing @ left_by_wheels(wheels, torques)
+    alone = torques == 2 and not axes
+    directions = directions_of_wheels(wheels, declaration) if alone else None
+    missing = missing @ left_by_wheels(wheels, torques, directions)
     if abs(missing).max() > MISSING:
         count = sum(not one.failed for one in wheels)
         which = "x and y" if torques == 2 else "x, y and z"
