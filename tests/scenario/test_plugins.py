@@ -172,9 +172,12 @@ TWO_WHEELS = ["wheel=[{axis=[1.0,0.0,0.0],momentum_limit_N_m_s=9.0},{axis=[0.0,1
 def test_the_law_of_a_package_flies_as_published(installed, actuators):
     """Tsiotras and Luo (Automatica 36, 2000), section 5: the numbers of an own simulation.
 
-    Two wheels without momentum in all turn the body as two torques do where it does not spin.
+    Two wheels without momentum in all turn the body as two torques do where it does not spin; the
+    thrusters of the file are then never used, which is told.
     """
-    trajectory = build(load(installed, actuators)).simulate()
+    cautions: list[str] = []
+    trajectory = build(load(installed, actuators, caution=cautions.append)).simulate()
+    assert ["never used" in one for one in cautions] == [True for _ in actuators]
     signals, times = trajectory.signals, np.asarray(trajectory.times)
     tilt = np.hypot(*np.asarray(signals.w).T)
     turn, torque = np.asarray(signals.z), np.abs(np.asarray(signals.torque))
