@@ -25,6 +25,7 @@ from jaxsat.compiler.operations import BOOL, INT
 from jaxsat.compiler.rules.elementwise import extremum
 from jaxsat.compiler.rules.indexing import memory_of, stored
 from jaxsat.core.jaxprs import Equation, Jaxpr, Literal
+from jaxsat.core.once import latest
 
 UNROLLED = 64
 """Scans of at most so many equations in all are written out."""
@@ -159,7 +160,15 @@ def _cond(b: Builder, eqn, which: Elements, *arrays: Elements) -> list[Elements]
 
 
 def varying_outputs(jaxpr: Jaxpr, varying: Sequence[bool]) -> list[bool]:
-    """Which outputs vary where these inputs do."""
+    """Which outputs vary where these inputs do.
+
+    It is remembered, as the loops around a loop ask the same of its body again and again.
+    """
+    return list(_varying_outputs(jaxpr, tuple(varying)))
+
+
+@latest(1024)
+def _varying_outputs(jaxpr: Jaxpr, varying: tuple[bool, ...]) -> tuple[bool, ...]:
     varies = dict(zip(jaxpr.inputs, varying, strict=True))
 
     def read(atom) -> bool:
@@ -168,7 +177,7 @@ def varying_outputs(jaxpr: Jaxpr, varying: Sequence[bool]) -> list[bool]:
     for eqn in jaxpr.equations:
         outputs = _outputs(eqn, [read(atom) for atom in eqn.inputs])
         varies.update(zip(eqn.outputs, outputs, strict=True))
-    return [read(atom) for atom in jaxpr.outputs]
+    return tuple(read(atom) for atom in jaxpr.outputs)
 
 
 def _outputs(eqn: Equation, varying: list[bool]) -> list[bool]:
