@@ -79,8 +79,7 @@ class Builder:
                 self._negated[value.number] = args[0]
             if name == "mul" and self.compact:
                 self.factors[value.number] = (args[0], args[1])
-            if name in ("and", "sub"):
-                self.ranges.note_result(name, args, value)
+            self.ranges.note_result(name, args, value)
             self.predicates.note(name, args, value)
             if name in ("convert", "bitcast"):
                 self.ranges.note_converted(args[0], value)

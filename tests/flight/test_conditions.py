@@ -1,5 +1,7 @@
 """Conditions that cannot hold, or always do, are no part of exported C."""
 
+import re
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -61,6 +63,17 @@ def _shifted(omega):
     return (bits << (bits & 63)).astype(omega.dtype) * 7.5
 
 
+def _in_turn(omega):
+    """Two rows are written in turn."""
+
+    def turn(carry, _):
+        number, rows = carry
+        return (number + 1, rows.at[number % 2].set(0.5 * rows[0] + omega)), None
+
+    rows = jax.lax.scan(turn, (0, jnp.zeros((2, 3))), None, length=4)[0][1]
+    return jnp.sum(rows, axis=0)[:2]
+
+
 @pytest.mark.parametrize("function", [_opposites, _chosen_again, _phases])
 def test_what_is_never_chosen_is_not_printed(function):
     text = _text(_Law(function))
@@ -70,6 +83,13 @@ def test_what_is_never_chosen_is_not_printed(function):
 
 def test_a_count_that_is_less_than_the_width_is_not_tested():
     assert "UINT64_C(64)" not in _text(_Law(_shifted))
+
+
+def test_an_element_is_compared_with_its_own_place_alone():
+    text = _text(_Law(_in_turn))
+    assert "% INT64_C(2)" in text
+    assert "< INT64_C(0)" not in text  # no remainder is less
+    assert set(re.findall(r" == (\d+)\)", text)) == {"0", "1", "3", "4"}  # two of three are read
 
 
 def test_a_loop_does_not_test_its_count_twice():

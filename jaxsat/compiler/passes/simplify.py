@@ -82,6 +82,7 @@ class Ranges:
 
     def __init__(self):
         self._known: dict[int, tuple[int, int]] = {}
+        self._steps: dict[int, tuple[int, int]] = {}
 
     def note(self, value: Value, least: int, largest: int) -> None:
         """Let a value be known to be within these, both included."""
@@ -97,19 +98,33 @@ class Ranges:
             self._known[out.number] = bounds
 
     def note_result(self, name: str, args: Sequence[Scalar], out: Value) -> None:
-        """What is known of a result: bits of a constant, or a constant less a known value."""
-        if out.dtype.kind not in "iu":
+        """What is known of a result: bits of a constant, and arithmetic with known values."""
+        if out.dtype.kind not in "iu" or name not in ("and", "add", "sub", "rem", "mul"):
             return
         x, y = (self._of(arg) for arg in args)
-        limits = np.iinfo(out.dtype)
         if name == "and":
             most = [b[0] for b in (x, y) if b is not None and b[0] == b[1] and b[0] >= 0]
             if most:
                 self._known[out.number] = (0, most[0])
-        elif name == "sub" and x is not None and y is not None:
+        if x is None or y is None:
+            return
+        limits = np.iinfo(out.dtype)
+        if name == "add":
+            least, largest = x[0] + y[0], x[1] + y[1]
+        elif name == "sub":
             least, largest = x[0] - y[1], x[1] - y[0]
-            if limits.min <= least and largest <= limits.max:
-                self._known[out.number] = (least, largest)
+        elif name == "rem" and x[0] >= 0 and y[0] > 0:
+            least, largest = 0, min(x[1], y[1] - 1)
+        elif name == "mul" and x[0] >= 0 and y[0] == y[1] > 0:
+            least, largest = x[0] * y[0], x[1] * y[0]
+        else:
+            return
+        if limits.min <= least and largest <= limits.max:
+            self._known[out.number] = (least, largest)
+            if name == "mul":
+                self._steps[out.number] = (y[0], 0)
+            elif name == "add" and y[0] == y[1] and (steps := self._steps_of(args[0])):
+                self._steps[out.number] = (steps[0], (steps[1] + y[0]) % steps[0])
 
     def simplified(self, name: str, args: Sequence[Scalar]) -> Scalar | None:
         """What an operation gives, or None where that is not known before."""
@@ -118,12 +133,23 @@ class Ranges:
         x, y = (self._of(arg) for arg in args)
         if x is None or y is None:
             return None
+        if name in ("eq", "ne") and self._is_between_steps(args[0], y):
+            return np.bool_(name == "ne")
         if name in _DECIDED:
             decided = _DECIDED[name](x, y)
             return None if decided is None else np.bool_(decided)
         if _DECIDED["le"](x, y):
             return args[0 if name == "min" else 1]
         return args[1 if name == "min" else 0] if _DECIDED["le"](y, x) else None
+
+    def _steps_of(self, x: Scalar) -> tuple[int, int] | None:
+        """Step and first number, if a value is a multiple of something or that and a constant."""
+        return self._steps.get(x.number) if isinstance(x, Value) else None
+
+    def _is_between_steps(self, x: Scalar, number: tuple[int, int]) -> bool:
+        """Whether a value has steps, and a number is none of them."""
+        steps = self._steps_of(x)
+        return steps is not None and number[0] == number[1] and number[0] % steps[0] != steps[1]
 
     def _of(self, x: Scalar) -> tuple[int, int] | None:
         if isinstance(x, Value):

@@ -1,5 +1,5 @@
-/* An example: a FreeRTOS task that runs the controller behind its guard once a period. Create it with
-   xTaskCreate, with a stack as README.md tells, and write the two functions below yourself. */
+/* An example: a FreeRTOS task that runs the controller behind its guard once a period. Create it
+   with xTaskCreate, with a stack as README.md tells; the two functions below are yours. */
 #include "controller_guard.h"
 
 #include <FreeRTOS.h>
