@@ -77,7 +77,7 @@ class LawContext(NamedTuple):
     for laws that command their duties, `wheels` but for those that command the torque of each. The
     unit columns of `wheel_axes` are those of all wheels, None where there are none.
     `gravity_gradient` tells whether that torque acts. `magnetic` is None without magnetorquers that
-    work.
+    work. `rate_noise` (rad/s) is the standard deviation of the measured rates.
     """
 
     model: RigidBody
@@ -90,6 +90,7 @@ class LawContext(NamedTuple):
     gravity_gradient: bool = False
     wheel_axes: Float[np.ndarray, "3 wheels"] | None = None
     magnetic: MagneticContext | None = None
+    rate_noise: float = 0.0
 
 
 Believed = Literal["inertia", "orbit_rate", "inclination"]

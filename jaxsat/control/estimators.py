@@ -93,7 +93,8 @@ class ThirdAxisEstimator(eqx.Module):
     None, is no reason to leave the wanted attitude. `gradient` is √3 ω0 times the direction to the
     Earth's centre along (x, y, n) in the wanted attitude (rad/s), None where no gravity gradient
     acts: its torque 3 ω0² o × J o is that of -ω × J ω at ω = √3 ω0 o with the other sign, so it
-    changes s by the same products.
+    changes s by the same products. If it `balances_steady`, the observer's steady acceleration
+    counts as a part of the drift at rest: what errors of the products leave of it.
     """
 
     form: NormalForm
@@ -101,6 +102,7 @@ class ThirdAxisEstimator(eqx.Module):
     least_squares: RecursiveLeastSquares | None
     balanced: RealScalar | None = None
     gradient: Float[Array, "3"] | None = None
+    balances_steady: bool = eqx.field(static=True, default=False)
 
     def init(self, omega: Float[Array, "3"]) -> EstimatorMemory:
         """The memory of an estimator that knows nothing but (p1, p2, s), rad/s."""
@@ -155,23 +157,35 @@ class ThirdAxisEstimator(eqx.Module):
             fit = self.least_squares.update(fit, omega, regressors, factors)
             errors, old = fit.estimate, memory.belief
             of_errors = factors + errors[2:8]
+            steady = self._balanced_steady(ripple)
             belief = jax.lax.cond(
-                fit.samples == 0, lambda: self._belief(of_errors, c, lean), lambda: old
+                fit.samples == 0, lambda: self._belief(of_errors, c, lean, steady), lambda: old
             )
             following = EstimatorMemory(ripple, fit, belief, omega, jnp.array(True))
         else:
-            belief = self._belief(factors, c, lean)
+            belief = self._belief(factors, c, lean, self._balanced_steady(ripple))
             following = EstimatorMemory(ripple, None, None, omega, jnp.array(True))
         return self._third_axis(omega, ripple, errors, factors, lean, belief), following
 
+    def _balanced_steady(self, ripple: PyTree) -> RealScalar | None:
+        """The steady acceleration (rad/s²) that the attitude is to balance, if it is."""
+        if self.observer is None or not self.balances_steady:
+            return None
+        return self.observer.believed(ripple).steady
+
     def _belief(
-        self, products: Float[Array, "6"], c: RealScalar, lean: Float[Array, "2"]
+        self,
+        products: Float[Array, "6"],
+        c: RealScalar,
+        lean: Float[Array, "2"],
+        steady: RealScalar | None,
     ) -> ThirdAxisBelief:
-        """From the factors of ds/dt believed; `c` and `lean` are the model's own."""
+        """From the factors of ds/dt believed; `c` and `lean` are the model's own, `steady` (rad/s²)
+        is what the attitude balances beside the products."""
         coupling, axes = _main_axes(products[0], products[1])
         if self.least_squares is not None:  # else the model's own value, however small
             coupling = jnp.maximum(coupling, jnp.minimum(MIN_COUPLING, MIN_SHARE * jnp.abs(c)))
-        turn = self._balance(products, lean)
+        turn = self._balance(products, lean, steady)
         drift = jnp.sum(products * products_of(leaned(self._orbit_rate(turn), lean)))
         if self.gradient is not None:
             gradient = leaned(seen_turned(self.gradient, turn), lean)
@@ -211,13 +225,17 @@ class ThirdAxisEstimator(eqx.Module):
             belief.drift if known.steady is None else belief.drift + known.steady,
         )
 
-    def _balance(self, products: Float[Array, "6"], lean: Float[Array, "2"]) -> Float[Array, "3"]:
+    def _balance(
+        self, products: Float[Array, "6"], lean: Float[Array, "2"], steady: RealScalar | None
+    ) -> Float[Array, "3"]:
         """The least turn (rad) from the orbit frame to where s stays, in parts of `MOST_TILT` and
         `MOST_TURN`, of which it is at most one."""
         drift, by_turn = _drift(products, lean, self.form.orbit_rate)
         if self.gradient is not None:
             less, slope = _drift(products, lean, self.gradient)
             drift, by_turn = drift - less, by_turn - slope
+        if steady is not None:
+            drift = drift + steady
         if self.balanced is not None:
             drift = drift - jnp.clip(drift, -self.balanced, self.balanced)
         most = jnp.array((MOST_TILT, MOST_TILT, MOST_TURN))

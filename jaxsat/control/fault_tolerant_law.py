@@ -24,6 +24,7 @@ from jaxsat.control.leaks import Leaks
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.planned import PlannedSettling, planned_settling
 from jaxsat.control.presets import (
+    balancing,
     coasting,
     oscillatory_settling,
     ripple_filter,
@@ -58,7 +59,8 @@ def build_oscillatory(values: Mapping[str, Any], context: LawContext) -> Oscilla
 
 def build_three_slew(values: Mapping[str, Any], context: LawContext) -> ThreeSlewSettling:
     """The law of three slews of a table; raises as `build_oscillatory` does."""
-    return _with_gains(_built(three_slew_settling, values, context), THREE_SLEW, values)
+    law = balancing(_built(three_slew_settling, values, context), context.rate_noise)
+    return _with_gains(law, THREE_SLEW, values)
 
 
 def build_planned(values: Mapping[str, Any], context: LawContext) -> PlannedSettling:
@@ -294,7 +296,7 @@ def _law(
     }
     own = context._replace(torque_axes=axes, torque_limit=limit)
     try:
-        law = build_three_slew(table, own)
+        law = _built(three_slew_settling, table, own)
     except UnsuitableModel:
         return None
     law = coasting(law, steps.pulse, steps.noise)

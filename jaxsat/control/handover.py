@@ -90,11 +90,13 @@ class UnbalancedDrift(NamedTuple):
         way = jnp.maximum(AIMED_TURN + jnp.sign(self.drift) * turn, 0.0)
         return -jnp.sign(self.drift) * jnp.sqrt(2 * jnp.abs(self.drift) * way + TINY)
 
-    def lasts(self, slow: Slow, limit: RealScalar, share: float) -> Bool[Array, ""]:
+    def lasts(
+        self, slow: Slow, limit: RealScalar, share: float, slack: RealScalar | None = None
+    ) -> Bool[Array, ""]:
         """Whether a hold lasts for that `share` of the time of one that begins here as aimed at.
 
         It ends where the turn exceeds the `limit` (rad). One that turns beyond it against the drift
-        does not last.
+        does not last. One that begins within `slack` (rad/s) of the rate aimed at counts as long.
         """
         side, size = jnp.sign(self.drift), jnp.abs(self.drift)
         way = jnp.maximum(limit - side * slow.turn, 0.0)
@@ -104,7 +106,10 @@ class UnbalancedDrift(NamedTuple):
             return jnp.sqrt(rate**2 + 2 * size * way + TINY) - rate
 
         stops = -side * slow.rate < jnp.sqrt(2 * (size + self.sure) * back + TINY)
-        long = time(side * slow.rate) >= share * time(side * self.aim(slow.turn))
+        aim = self.aim(slow.turn)
+        long = time(side * slow.rate) >= share * time(side * aim)
+        if slack is not None:
+            long = long | (jnp.abs(slow.rate - aim) < slack)
         return ~self.drifts | (stops & long)
 
     def deceleration(self, own: RealScalar) -> RealScalar:
@@ -160,8 +165,9 @@ class Handover(eqx.Module):
     |w| exceeds `leave_tilt` or one of the turns from the wanted attitude `leave_turn` (rad, rad/s).
     If it `coasts`, a hold begins against a drift that the end game cannot balance, and ends only
     when the turn itself exceeds `leave_turn` (see `UnbalancedDrift`): each hand-back takes rates
-    far above those of the end game. The first one is judged, as it begins before the drift is
-    known. `slack` is what of the slow rate counts for nothing, None for nothing of it.
+    far above those of the end game; it may begin within `aim_slack` (rad/s) of the slow rate aimed
+    at, if that is given. The first one is judged, as it begins before the drift is known. `slack`
+    is what of the slow rate counts for nothing, None for nothing of it.
     """
 
     enter_rate: RealScalar = eqx.field(converter=as_float)
@@ -171,6 +177,7 @@ class Handover(eqx.Module):
     leave_turn: RealScalar = eqx.field(converter=as_float, default=0.045)
     coasts: bool = eqx.field(static=True, default=False)
     slack: RippleSlack | None = None
+    aim_slack: RealScalar | None = None
 
     def __check_init__(self):
         for name in ("enter_rate", "enter_angle", "enter_turn", "leave_tilt", "leave_turn"):
@@ -213,7 +220,7 @@ class Handover(eqx.Module):
             & (jnp.abs(excess[1]) < self.enter_rate)
         )
         if coast is not None:
-            enter = enter & coast.lasts(wanted, self.leave_turn, NEAR_AIM)
+            enter = enter & coast.lasts(wanted, self.leave_turn, NEAR_AIM, self.aim_slack)
         leave = leave | (tilt.size > self.leave_tilt)
         return jnp.where(late, ~leave, enter)
 

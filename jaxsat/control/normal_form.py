@@ -9,6 +9,7 @@ With (w, z) of (36) the tilt (φ, θ) = 2 w / √(1 + |w|²) has |(φ, θ)| = 2 
 bounded upside down, and near zero φ, θ and z are the small angles about the three body axes.
 """
 
+import dataclasses
 import math
 from typing import NamedTuple
 
@@ -72,6 +73,12 @@ class NormalState(NamedTuple):
         scale = reciprocal(jnp.sqrt(1 + jnp.sum(half**2)))
         return self._replace(attitude=Quaternion(jnp.concatenate([scalar[None], vector]) * scale))
 
+    def turned(self, axes: Float[Array, "2"]) -> "NormalState":
+        """The same state in the frame of `NormalForm.turned`."""
+        q, turn = self.attitude.q, _turn_about_n(axes)
+        attitude = Quaternion(jnp.concatenate([q[:1], turn @ q[1:]]))
+        return NormalState(attitude, turn @ self.omega, turn @ self.frame_rate)
+
 
 class NormalForm(eqx.Module):
     """What a controller believes of the plant, and the frame (x, y, n) of its two torques.
@@ -95,6 +102,16 @@ class NormalForm(eqx.Module):
         directions = np.asarray(directions, dtype=float)
         axes, _ = normal_axes(np.asarray(model.spacecraft.inertia), directions)
         return NormalForm(model, axes, directions.T @ axes[:2].T)
+
+    def turned(self, axes: Float[Array, "2"]) -> "NormalForm":
+        """The same plant in the frame turned about n, (cos, sin) of the angle given.
+
+        Its reduced inertia is no longer diagonal.
+        """
+        turn = _turn_about_n(axes)
+        return dataclasses.replace(
+            self, axes=turn @ self.axes, to_command=self.to_command @ turn[:2, :2].T
+        )
 
     @property
     def inertia(self) -> Float[Array, "3 3"]:
@@ -188,6 +205,19 @@ class NormalForm(eqx.Module):
     def command(self, torque: Float[Array, "2"]) -> Float[Array, "2"]:
         """A torque about x and y as the two torques to command, N m."""
         return self.to_command @ torque
+
+
+def _turn_about_n(axes: Float[Array, "2"]) -> Float[Array, "3 3"]:
+    """The matrix into a frame turned about n by an angle, its (cos, sin) given."""
+    cosine, sine = axes
+    zero, one = jnp.zeros_like(cosine), jnp.ones_like(cosine)
+    return jnp.stack(
+        [
+            jnp.stack([cosine, sine, zero]),
+            jnp.stack([-sine, cosine, zero]),
+            jnp.stack([zero, zero, one]),
+        ]
+    )
 
 
 def leaned(rate: Float[Array, "3"], lean: Float[Array, "2"]) -> Float[Array, "3"]:

@@ -66,6 +66,11 @@ STEADY, STEADY_DRIFT, CALM = 5e-9, 4e-12, 4.0
 rad per `fine_time`², and per its 5/2nd power; learnt at rates below so many amplitudes of the end
 game."""
 
+ORBIT_STEADY, ORBIT_STEADY_DRIFT, AIM_SLACK = 0.05, 1e-4, 2.0
+"""Under gravity gradient: the acceleration at rest that errors of the products leave, in parts of
+ω0², and how fast it may change with the attitude, in parts of ω0^2.5; and how far from the aimed
+slow rate a hold may begin, in parts of the oscillation's dead zone."""
+
 PULSE_SHARE, LEAST_QUIET = 0.2, 0.5
 """The amplitude of the end game is smaller by the first share of a pulse's rate, but at least the
 second of itself: pulses and hold together stay within the tolerance of the rate."""
@@ -188,19 +193,50 @@ def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSet
     """
     unit = _scaling(law.form, float(law.torque_limit), float(law.period)).fine_time
     amplitude = float(law.fine.holding_amplitude)
-    steady = STEADY / unit**2, STEADY_DRIFT / unit**2.5, CALM * amplitude
-    ripple = cast(RippleFilter, law.estimator.observer)
-    noise = max(float(ripple.noise), noise)
-    observer = dataclasses.replace(
-        ripple, steady=Steady(*map(as_float, steady)), noise=as_float(noise)
-    )
+    law = _with_steady(law, (STEADY / unit**2, STEADY_DRIFT / unit**2.5), noise)
     amplitude = max(amplitude - PULSE_SHARE * pulse, LEAST_QUIET * amplitude)
-    fine = dataclasses.replace(
-        law.fine,
-        handover=dataclasses.replace(law.fine.handover, coasts=True),
-        holding_amplitude=as_float(amplitude),
+    fine = dataclasses.replace(law.fine, holding_amplitude=as_float(amplitude))
+    estimator = dataclasses.replace(law.estimator, balanced=_balanced(fine))
+    return eqx.tree_at(lambda one: (one.estimator, one.fine), law, (estimator, fine))
+
+
+def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
+    """The same law with an estimate of the drift that errors of the products leave under gravity
+    gradient, which moves the held attitude, and holds that begin against what no attitude balances.
+    Its slews are about the axes that are believed once an attitude has been lost.
+
+    The estimate expects at least the `noise` (rad/s) that the measured rates have. A law that does
+    not know of gravity gradient, or has no ripple filter, stays as it is.
+    """
+    if law.estimator.gradient is None or law.estimator.observer is None:
+        return law
+    orbit_rate = abs(float(law.form.model.orbit.rate))
+    steady = ORBIT_STEADY * orbit_rate**2, ORBIT_STEADY_DRIFT * orbit_rate**2.5
+    law = _with_steady(law, steady, noise)
+    slack = AIM_SLACK * law.fine.oscillator.dead_zone
+    handover = dataclasses.replace(law.fine.handover, aim_slack=slack)
+    return dataclasses.replace(
+        law,
+        fine=dataclasses.replace(law.fine, handover=handover),
+        estimator=dataclasses.replace(law.estimator, balances_steady=True),
+        turns_slews=True,
     )
-    estimator = dataclasses.replace(law.estimator, observer=observer, balanced=_balanced(fine))
+
+
+def _with_steady(
+    law: ThreeSlewSettling, steady: tuple[float, float], noise: float
+) -> ThreeSlewSettling:
+    """The law with an estimate of a `steady` acceleration, size and drift, and holds that coast."""
+    calm = CALM * float(law.fine.holding_amplitude)
+    ripple = cast(RippleFilter, law.estimator.observer)
+    observer = dataclasses.replace(
+        ripple,
+        steady=Steady(*map(as_float, (*steady, calm))),
+        noise=as_float(max(float(ripple.noise), noise)),
+    )
+    handover = dataclasses.replace(law.fine.handover, coasts=True)
+    fine = dataclasses.replace(law.fine, handover=handover)
+    estimator = dataclasses.replace(law.estimator, observer=observer)
     return eqx.tree_at(lambda one: (one.estimator, one.fine), law, (estimator, fine))
 
 

@@ -5,6 +5,7 @@ axes one after the other. With the body at rest before each slew, ω1 ω2 = 0 th
 stays what it was.
 """
 
+import dataclasses
 import enum
 from typing import NamedTuple
 
@@ -119,6 +120,10 @@ class SlewPlanner(eqx.Module):
             "rate_tolerance",
         ):
             require_positive(name, getattr(self, name))
+
+    def about(self, axes: Float[Array, "2"]) -> "SlewPlanner":
+        """The planner of slews in the frame of `NormalForm.turned`."""
+        return dataclasses.replace(self, form=self.form.turned(axes))
 
     def init(self, omega: Float[Array, "3"]) -> Slewing:
         """The memory of a planner that has planned nothing."""

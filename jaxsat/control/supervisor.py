@@ -13,7 +13,7 @@ from jaxsat.control.fine import FineMemory, FineMode, FineStage
 from jaxsat.control.finite_time_rate import FiniteTimeRate, Signs
 from jaxsat.control.leaks import Aid, wanted_push
 from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
-from jaxsat.control.oscillatory import Slow
+from jaxsat.control.oscillatory import Slow, turned
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.slews import Leg, Slewing, SlewPlanner
 from jaxsat.core.array_types import RealScalar
@@ -41,7 +41,8 @@ class SettlingMemory(NamedTuple):
     """The phase but `HOLDING`, the memories of its parts, and when the phase began (s).
 
     `samples` counts those since the law began, from which all its times count. `lost` tells whether
-    a fine stage has ended without success.
+    a fine stage has ended without success, and `slew_axes` are (cos, sin) of the angle about n from
+    x and y to the axes of the slews, None where these stay x and y.
     """
 
     phase: Int[Array, ""]
@@ -54,6 +55,7 @@ class SettlingMemory(NamedTuple):
     samples: Int[Array, ""]
     push: RealScalar | None
     lost: Bool[Array, ""]
+    slew_axes: Float[Array, "2"] | None
 
 
 class ThreeSlewSettling(AbstractSampledController):
@@ -66,8 +68,10 @@ class ThreeSlewSettling(AbstractSampledController):
     `slow_rate` (rad/s), and where it is not the rate law brakes and begins again; the fine stage
     begins after as long beyond the planned end of the slews, and all begins again where the slews
     meet twice `slow_rate`, and after as long in the fine stage where |z| is still above `late_turn`
-    (rad). Once it has begun again from the fine stage, that asks for no oscillation that the torque
-    cannot make (`made_amplitude`). `torque_limit` (N m) cuts the commands, `period` is in s.
+    (rad). Once it has begun again from the fine stage, that asks for no oscillation that the
+    torque cannot make (`made_amplitude`), and if the law `turns_slews` these are about the axes
+    that are believed to be those of the reduced inertia. `torque_limit` (N m) cuts the commands,
+    `period` is in s.
     """
 
     modes: ClassVar[type[enum.IntEnum]] = Phase
@@ -85,6 +89,7 @@ class ThreeSlewSettling(AbstractSampledController):
     slow_rate: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
     late_turn: RealScalar = eqx.field(converter=as_float, default=0.1)
     aided: bool = eqx.field(static=True, default=False)
+    turns_slews: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         for name in ("torque_limit", "stopped_rate", "lost_turn", "lost_rate", "period"):
@@ -111,6 +116,7 @@ class ThreeSlewSettling(AbstractSampledController):
             jnp.array(0),
             jnp.zeros_like(omega[0]) if self.aided else None,
             jnp.array(False),
+            _along_x(omega) if self.turns_slews else None,
         )
 
     @property
@@ -153,14 +159,17 @@ class ThreeSlewSettling(AbstractSampledController):
             None if aid is None else aid.thrust,
         )
         seen = seen.relative_to(third.turn)
-        slewing = self.planner.advance(t, seen, memory.slewing, self.period)
+        axes, planner, slewed = self.slew_axes(memory, third), self.planner, seen
+        if axes is not None:
+            planner, slewed = planner.about(axes), seen.turned(axes)
+        slewing = planner.advance(t, slewed, memory.slewing, self.period)
         chosen = self._phase(t, memory, seen, third, slewing)
         phase = jnp.where(prescribed > 0, prescribed, chosen)
         begun = phase != memory.phase
         begins_fine = begun & (phase == Phase.OSCILLATING)
         again = begun & (phase == Phase.STOPPING)
         lost = memory.lost | (again & (memory.phase == Phase.OSCILLATING))
-        plan = self.planner.plan(t, seen)
+        plan = planner.plan(t, slewed)
         slewing = choose(begun & (phase == Phase.SLEWING), plan, slewing)
         signs = choose(again, self.rate_law.init(state), memory.signs)
         vain = (phase == Phase.STOPPING) & ~begun & (t - memory.since > self.patience)
@@ -186,13 +195,23 @@ class ThreeSlewSettling(AbstractSampledController):
         torque = _by_phase(
             phase,
             self.rate_law.torque(seen.omega, tracking),
-            self.planner.torque(seen.omega, slewing),
+            _along_xy(axes, planner.torque(slewed.omega, slewing)),
             fine_torque,
         )
-        slew_reference = self.planner.references(slewing)
+        slew_reference = _along_xy(axes, planner.references(slewing))
         reference = _by_phase(phase, tracking.rate, slew_reference, fine_reference)
         following = SettlingMemory(
-            phase, signs, slewing, fine, since, estimator, reference, memory.samples + 1, push, lost
+            phase,
+            signs,
+            slewing,
+            fine,
+            since,
+            estimator,
+            reference,
+            memory.samples + 1,
+            push,
+            lost,
+            axes,
         )
         return self.form.command(clipped(torque, self.torque_limit)), following
 
@@ -205,6 +224,17 @@ class ThreeSlewSettling(AbstractSampledController):
         """The `Phase` at work."""
         holding = (memory.phase == Phase.OSCILLATING) & memory.fine.late
         return jnp.where(holding, Phase.HOLDING, memory.phase)
+
+    def slew_axes(self, memory: SettlingMemory, third: ThirdAxis) -> Float[Array, "2"] | None:
+        """Those of slews under way, or of slews that would begin now.
+
+        Once a fine stage has been lost these are believed to be the axes of the reduced inertia:
+        about others a rate p changes s by b p², which is much where c is small.
+        """
+        if memory.slew_axes is None:
+            return None
+        believed = jnp.where(memory.lost, third.axes, _along_x(third.axes))
+        return jnp.where(memory.phase == Phase.SLEWING, memory.slew_axes, believed)
 
     def _phase(
         self,
@@ -231,6 +261,16 @@ class ThreeSlewSettling(AbstractSampledController):
         after_fine = jnp.where(lost, Phase.STOPPING, Phase.OSCILLATING)
         chosen = jnp.where(phase == Phase.SLEWING, after_slewing, after_fine)
         return jnp.where(phase == Phase.STOPPING, after_stopping, chosen)
+
+
+def _along_x(like: Float[Array, " n"]) -> Float[Array, "2"]:
+    """(cos, sin) of no angle, in the precision of `like`."""
+    return jnp.stack([jnp.ones_like(like[0]), jnp.zeros_like(like[0])])
+
+
+def _along_xy(axes: Float[Array, "2"] | None, pair: Float[Array, "2"]) -> Float[Array, "2"]:
+    """Components along x and y of a pair along the axes of the slews."""
+    return pair if axes is None else turned(axes, *pair)
 
 
 def _by_phase(phase: Int[Array, ""], stopping, slewing, fine):

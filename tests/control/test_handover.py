@@ -115,3 +115,13 @@ def test_oscillating_before_a_hold_is_no_age_of_it():
     _, (drifts, judged) = jax.lax.scan(cycle, HoldRecord.none(jnp.zeros(3)), clocks)
     np.testing.assert_array_equal(drifts, clocks > begins + age)
     assert clocks[judged] == pytest.approx([begins + age], abs=2 * step)
+
+
+def test_a_hold_near_the_aim_begins_however_short_it_is():
+    """Where the rate aimed at is below what is known of a rate, its share of time means nothing."""
+    one, still = coast(1e-9), jnp.array(0.0)
+    aim = float(one.aim(still))
+    slow = Slow(jnp.array(aim + 3e-6), still)
+    assert not one.lasts(slow, jnp.array(LIMIT), 0.999)
+    assert one.lasts(slow, jnp.array(LIMIT), 0.999, jnp.array(4e-6))
+    assert not one.lasts(slow, jnp.array(LIMIT), 0.999, jnp.array(2e-6))

@@ -124,6 +124,26 @@ def test_commands_make_the_torque_that_is_meant(seed):
     np.testing.assert_allclose(made, meant @ np.asarray(form.axes)[:2], atol=1e-12)
 
 
+def test_a_frame_turned_about_n_is_the_same_plant():
+    """It sees the same state, feels the same gyroscopic torque and makes the same commands."""
+    rng = np.random.default_rng(8)
+    form = NormalForm.of(body(any_inertia(rng)), torque_directions(any_axes(rng)))
+    axes = jnp.array([np.cos(0.7), np.sin(0.7)])
+    turn = Rotation.from_rotvec([0, 0, -0.7]).as_matrix()
+    other = form.turned(axes)
+    np.testing.assert_allclose(other.inertia, turn @ form.inertia @ turn.T, atol=1e-12)
+    q = Quaternion(jnp.asarray(Rotation.random(rng=rng).as_quat(scalar_first=True)))
+    state = PlantState(q, rng.normal(size=3))
+    seen, expected = form.seen(state).turned(axes), other.seen(state)
+    np.testing.assert_allclose(seen.omega, expected.omega, atol=1e-12)
+    np.testing.assert_allclose(seen.attitude.q, expected.attitude.q, atol=1e-12)
+    np.testing.assert_allclose(seen.frame_rate, expected.frame_rate, atol=1e-12)
+    torque = form.gyroscopic_torque(form.seen(state).omega)
+    turned = turn[:2, :2] @ np.asarray(torque)
+    np.testing.assert_allclose(other.gyroscopic_torque(seen.omega), turned, atol=1e-12)
+    np.testing.assert_allclose(other.command(jnp.asarray(turned)), form.command(torque), atol=1e-12)
+
+
 @pytest.mark.parametrize("failed", [0, 1, 2])
 def test_directions_of_body_axes_are_body_axes(failed):
     """The two left, in cyclic order, exactly."""

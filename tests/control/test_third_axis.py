@@ -12,7 +12,8 @@ from jaxsat.control.fine import Handover
 from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.control.normal_form import NormalForm, NormalState, tilt_of
 from jaxsat.control.oscillatory import Slow, turned
-from jaxsat.control.presets import three_slew_settling
+from jaxsat.control.presets import balancing, three_slew_settling
+from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.supervisor import Phase
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.core.inertia import normal_axes
@@ -128,6 +129,32 @@ def test_a_drift_that_the_end_game_balances_is_no_reason_to_turn(share, turns):
     assert bool(jnp.any(third.turn != 0)) == turns
 
 
+class Known(RippleFilter):
+    """A filter that knows a steady acceleration (rad/s²) from the start."""
+
+    known: float = 0.0
+
+    def believed(self, memory):
+        """That acceleration."""
+        return super().believed(memory)._replace(steady=jnp.array(self.known))
+
+
+@pytest.mark.parametrize("counts", [True, False])
+def test_a_steady_acceleration_moves_the_held_attitude(counts):
+    """There the drift by Euler's equation and the steady acceleration cancel each other."""
+    form = leaning_form()
+    first = told(form, np.asarray(form.rest).tolist(), gravity_gradient=True).turn
+    known = -drift_at(form, first / 2, gravity_gradient=True)  # balanced at half of that turn
+    filter_ = Known(0.1, 1e-5, 1e-5, 1e-7, 0.01, known=float(known))
+    estimator = ThirdAxisEstimator(
+        form, filter_, None, gradient=form.gradient_rate, balances_steady=counts
+    )
+    third, _ = estimator.update(form.rest, estimator.init(form.rest), jnp.array(0.1))
+    left = drift_at(form, third.turn, gravity_gradient=True) + known
+    assert third.drift == pytest.approx(left, abs=2e-2 * abs(known))
+    assert bool(abs(left) < 2e-2 * abs(known)) == counts
+
+
 def test_an_attitude_relative_to_a_turned_frame():
     """Against SciPy's rotations."""
     attitude, turn = Rotation.from_rotvec([0.4, -0.3, 0.9]), np.array([0.02, -0.01, 0.015])
@@ -204,6 +231,37 @@ def test_no_phase_is_stayed_in_in_vain():
     assert phase(Phase.OSCILLATING, early, 0.0, z=1.1 * turn) == Phase.OSCILLATING
     assert phase(Phase.OSCILLATING, late, 0.0, z=0.9 * turn) == Phase.OSCILLATING
     assert phase(Phase.OSCILLATING, late, 0.0, z=1.1 * turn) == Phase.STOPPING
+
+
+@pytest.mark.parametrize("acts", [True, False])
+def test_only_under_gravity_gradient_errors_of_the_products_are_balanced(acts):
+    """The estimate scales with the orbit, and expects the noise of the sensors."""
+    law = three_slew_settling(body(), 5.0, gravity_gradient=acts)
+    found = balancing(law, 1e-3)
+    if not acts:
+        assert found is law
+        return
+    assert found.fine.handover.coasts
+    assert found.estimator.balances_steady
+    assert float(found.estimator.observer.steady.size) == pytest.approx(0.05 * ORBIT_RATE**2)
+    assert float(found.estimator.observer.noise) == 1e-3
+    assert float(found.fine.holding_amplitude) == float(law.fine.holding_amplitude)
+
+
+def test_slews_of_a_lost_attitude_are_about_the_axes_that_are_believed():
+    """About other axes they go on as they began."""
+    law = three_slew_settling(body(), 5.0)
+    controller = balancing(three_slew_settling(body(), 5.0, gravity_gradient=True), 0.0)
+    state = PlantState(WZ([0.1, 0.2], 0.3), [0.0, 0.0, 0.0])
+    assert law.init(state).slew_axes is None
+    third = told(leaning_form(about_n=0.3), [0.0, 0.0, 0.0])
+    stopping = controller.init(state)
+    axes = controller.slew_axes(stopping, third)
+    np.testing.assert_array_equal(axes, [1.0, 0.0])
+    lost = stopping._replace(lost=jnp.array(True))
+    np.testing.assert_array_equal(controller.slew_axes(lost, third), third.axes)
+    slewing = lost._replace(phase=jnp.array(Phase.SLEWING))
+    np.testing.assert_array_equal(controller.slew_axes(slewing, third), [1.0, 0.0])
 
 
 def _at(omega):

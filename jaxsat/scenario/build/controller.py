@@ -11,7 +11,7 @@ from jaxsat.scenario.build.actuators import magnetic_context, wheel_context
 from jaxsat.scenario.build.errors import BuildError
 from jaxsat.scenario.build.plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.scenario.build.plugin_trial import broken
-from jaxsat.scenario.build.thrusters import thruster_context
+from jaxsat.scenario.build.thrusters import rate_noise, thruster_context
 from jaxsat.scenario.control import ModelTable, is_plugin
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.layout import believed_axes, torque_limit
@@ -43,6 +43,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         disturbance.gravity_gradient,
         wheel_axes(scenario.wheel) if scenario.wheel else None,
         magnetic_context(scenario),
+        rate_noise(scenario) if law.declaration.sampled else 0.0,
     )
     try:
         controller = law.from_table(values, context)
