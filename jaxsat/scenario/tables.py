@@ -228,7 +228,7 @@ class SolverTable(ScenarioTable):
     )
 
     @property
-    def tolerance(self) -> dict[str, float]:
+    def tolerance(self) -> dict[str, float | int]:
         """What is given of adaptive steps, by the names of `jaxsat.simulation.methods.adaptive`."""
         return {
             key.removesuffix("_s"): value
