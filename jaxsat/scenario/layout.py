@@ -48,14 +48,15 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
 def wheel_directions(scenario: Any) -> Float[np.ndarray, "3 torques"]:
     """The directions about which the law commands wheels, which are in a scenario.
 
-    They are `torque_directions` of wheels alone under a law of two torques for any plane, else the
-    first body axes.
+    They are `torque_directions` of wheels under a law of two torques for any plane, where these
+    make all of it, else the first body axes.
     """
-    declaration = scenario.law.declaration
+    wheels, declaration = scenario.wheel, scenario.law.declaration
     others = scenario.thruster or scenario.spacecraft.thruster_torque_axes
-    if declaration.torques != 2 or others or any(getattr(scenario, name) for name in STEERED):
+    has_steering = any(getattr(scenario, name) for name in STEERED)
+    if declaration.torques != 2 or has_steering or (others and not wheels_make_all(wheels, 2)):
         return np.eye(3)[:, : declaration.torques or 2]
-    return directions_of_wheels(scenario.wheel, declaration)
+    return directions_of_wheels(wheels, declaration)
 
 
 def has_invalid_samples(scenario: Any) -> bool:

@@ -187,14 +187,17 @@ OUTSIDE = pytest.mark.filterwarnings("ignore:.*where the law .* was verified")
 
 
 @OUTSIDE
+@pytest.mark.filterwarnings("ignore:.*ever fires")
 def test_wheels_alone_are_commanded_about_two_directions_of_their_plane():
     """Of any plane, as thrusters are, where the law says so; what it believes is what they make."""
     plane = np.array([[1.0, 0, 1], [0, 1, 1]]).T
-    for tables, columns in (
-        (SKEW, plane),
-        ("wheel=[{axis=[1,0,0]},{axis=[0,0,1]}]", np.eye(3)[:, ::2]),
+    jet = "thruster=[{torque_axis=[0,0,1],torque_N_m=0.1,min_on_time_s=0.02}]"
+    for tables, columns, more in (
+        (SKEW, plane, ()),
+        (SKEW, plane, (jet,)),  # which never fires
+        ("wheel=[{axis=[1,0,0]},{axis=[0,0,1]}]", np.eye(3)[:, ::2], ()),
     ):
-        changes = [tables, "spacecraft.torque_limit_N_m=0.2", *ANY_PLANE, TRIAXIAL]
+        changes = [tables, "spacecraft.torque_limit_N_m=0.2", *ANY_PLANE, TRIAXIAL, *more]
         scenario = load("two-wheel-telescope", changes)
         loop, believed = build(scenario).loop, believed_axes(scenario)
         axes = loop.distribution.axes
