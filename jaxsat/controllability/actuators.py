@@ -13,6 +13,17 @@ LEVER_ROUNDING = 1e-9
 """A torque r × f smaller than this times |r||f| is rounding: the force points at the centre."""
 
 
+MOMENTUM_ROUNDING = 1e-12
+"""Momentum, over the sum of those that it is a sum of, that counts as none."""
+
+
+def sum_of_momenta(momenta: Float[np.ndarray, "3 n"]) -> Float[np.ndarray, "3"]:
+    """The sum of the columns; zero where it is what rounding leaves of columns that cancel."""
+    total = momenta.sum(axis=1)
+    size = np.linalg.norm(momenta, axis=0).sum()
+    return total if np.linalg.norm(total) > MOMENTUM_ROUNDING * size else np.zeros(3)
+
+
 @dataclass(frozen=True, eq=False)
 class ActuatorSet:
     """The torque of every thruster at full force, and the axis of every wheel.
@@ -73,7 +84,9 @@ class ActuatorSet:
             wheels=tuple(self.wheels[i] for i in wheel_places),
             stored=self.stored[wheel_places],
             rotors=self.rotors[wheel_places],
-            coasting=self.coasting + axes @ self.stored[coasting_wheels],
+            coasting=sum_of_momenta(
+                np.column_stack([self.coasting, axes * self.stored[coasting_wheels]])
+            ),
             coasting_rotors=self.coasting_rotors + (axes * self.rotors[coasting_wheels]) @ axes.T,
         )
 

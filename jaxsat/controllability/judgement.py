@@ -9,10 +9,7 @@ from jaxtyping import Float
 from jaxsat.controllability.actuators import ActuatorSet
 from jaxsat.controllability.cone import TorqueCone
 from jaxsat.controllability.decision import RankDecision
-from jaxsat.controllability.wheels import (
-    MOMENTUM_ROUNDING,
-    MomentumLevelSet,
-)
+from jaxsat.controllability.wheels import MomentumLevelSet
 
 Verdict = Literal[
     "controllable", "by drift", "some attitudes", "not decided", "borderline", "uncontrollable"
@@ -96,9 +93,8 @@ class Judgement:
 
     @property
     def coasting(self) -> float:
-        """Momentum of the wheels that coast, N m s, zero if rounding."""
-        size = float(np.linalg.norm(self.actuators.coasting))
-        return size if size > MOMENTUM_ROUNDING else 0.0
+        """Momentum of the wheels that coast, N m s."""
+        return float(np.linalg.norm(self.actuators.coasting))
 
     @property
     def one_signed(self) -> bool:

@@ -27,11 +27,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.controllability.actuators import ActuatorSet
+from jaxsat.controllability.actuators import MOMENTUM_ROUNDING, ActuatorSet
 from jaxsat.controllability.layout import TOLERANCE
-
-MOMENTUM_ROUNDING = 1e-12
-"""Total momentum, N m s, that counts as none."""
 
 _LEVEL = 1e-9  # a singular value of unit columns below this is zero
 
@@ -78,9 +75,11 @@ def momentum_level_set(
     directions, values, _ = np.linalg.svd(unit, full_matrices=True)
     count = int(np.sum(values > tolerance))
     momentum = float(np.linalg.norm(actuators.momentum))
-    momentum = momentum if momentum > MOMENTUM_ROUNDING else 0.0
+    coasting = float(np.linalg.norm(actuators.coasting))
+    nothing = MOMENTUM_ROUNDING * (momentum + coasting + np.abs(actuators.stored).sum())
+    momentum = momentum if momentum > nothing else 0.0
     across = float(np.linalg.norm(directions[:, count:].T @ actuators.coasting))
-    across = across if across > MOMENTUM_ROUNDING else 0.0
+    across = across if across > nothing else 0.0
     rank, turned_about = (0, 2, 5, 6)[count], None
     if count == 1:
         turn = np.linalg.solve(inertia / np.max(np.abs(inertia)), directions[:, 0])
@@ -121,7 +120,7 @@ def _one_wheel_rank(
 
     momentum = np.array([0.6180, -0.5291, 0.8437]) * momentum_left
     size = float(np.linalg.norm(coasting))
-    fixed = coasting / (size if size > MOMENTUM_ROUNDING else 1.0)
+    fixed = coasting / (size or 1.0)
     c = bracket(momentum) - np.cross(b, inverse @ fixed)
     d = np.cross(b, c) - bracket(np.cross(b, momentum))
     size = float(np.linalg.norm(b))

@@ -7,6 +7,7 @@ from jaxsat.controllability.cone import TorqueCone, direction_words, torque_cone
 from jaxsat.controllability.decision import RankDecision
 from jaxsat.controllability.judgement import Judgement, OrbitRank
 from jaxsat.core.numerals import fixed_text, number_text
+from jaxsat.core.text import capitalised
 
 LAW_WORDS = {
     "three torques": "every law applies; the allocation distributes its torque among the actuators",
@@ -290,9 +291,11 @@ def _wheel_sentence(judgement: Judgement) -> str:
         return f"{_ONE_WHEEL[judgement.verdict].format(rank=rank)}; {cone_words(judgement.cone)}."
     if judgement.dimension == 6 and wheels.axes == 3:
         return f"Controllable: {rank} by three independent wheel axes."
+    count = len(judgement.actuators.wheels)
+    few = "two wheels" if count == 2 else f"{count} wheels in a plane"
     if judgement.dimension == 6:
         return (
-            f"Controllable: {rank}; wheels turn the body to any attitude, so that "
+            f"Controllable: {rank}; {few} turn the body to any attitude, so that "
             f"{_momentum_changers(judgement)} in any inertial direction. "
             f"{cone_words(judgement.cone).capitalize()}."
             + (" No law of jaxsat uses them." if judgement.laws == "none" else "")
@@ -305,17 +308,16 @@ def _wheel_sentence(judgement: Judgement) -> str:
             f"{wheels.momentum:.3g} N m s."
         )
     if wheels.axes == 2:
-        normal, count = _axis(wheels.missing[:, 0]), len(judgement.actuators.wheels)
-        few = "Two wheels" if count == 2 else f"{count} wheels in a plane"
+        normal = _axis(wheels.missing[:, 0])
         if not wheels.momentum:
             return (
-                f"Controllable: {rank} {where}. {few}, zero momentum: n·Jω stays zero "
+                f"Controllable: {rank} {where}. {capitalised(few)}, zero momentum: n·Jω stays zero "
                 f"with n = {normal}; the bracket of the two remaining rates reaches every attitude."
             )
         return (
-            f"Some attitudes: {rank} {where}. {few} with {wheels.momentum:.3g} N m s of total "
-            "momentum: the body can pass every attitude, but rest is possible only where the "
-            "momentum "
+            f"Some attitudes: {rank} {where}. {capitalised(few)} with "
+            f"{wheels.momentum:.3g} N m s of total momentum: the body can pass every "
+            "attitude, but rest is possible only where the momentum "
             + (
                 f"along n = {normal} is the {wheels.coasting:.3g} N m s of the wheels that coast."
                 if wheels.coasting

@@ -60,3 +60,20 @@ def test_two_wheels_beside_one_that_coasts():
     found = judge(INERTIA, spun.only([0, 1]))
     assert found.verdict == "uncontrollable"
     assert "rest is possible at no attitude" in verdict_sentence(found)
+
+
+def test_verdicts_are_the_same_for_a_body_of_any_size():
+    """Lengths of 1e-3 are inertia and momentum of 1e-15; what cancels leaves no momentum."""
+    verdicts = []
+    for scale in (1e-15, 1.0, 1e6):
+        whole = scale * np.array([0.0, 0.1, 0.3])
+        actuators = actuator_set(wheel_axes=np.eye(3), stored=whole, momentum=whole)
+        records = failure_records(failure_table(scale * INERTIA, actuators))
+        verdicts.append([(one["verdict"], one["laws"], one["rank"]) for one in records])
+        opposed = actuator_set(
+            wheel_axes=np.array([[1, 1, 0, 0], [1, 1, 0, 1], [0, 0, 1, 0]]),
+            stored=scale * np.array([0.1 + 0.2, -0.3, 0, 0]),
+        )
+        assert judge(scale * INERTIA, opposed.only([2, 3])).laws == "two torques"
+    assert verdicts[0] == verdicts[1] == verdicts[2]
+    assert ("some attitudes", "none", 5) in verdicts[1]

@@ -6,7 +6,12 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.controllability.actuators import ActuatorSet, actuator_set, thruster_torques
+from jaxsat.controllability.actuators import (
+    ActuatorSet,
+    actuator_set,
+    sum_of_momenta,
+    thruster_torques,
+)
 from jaxsat.controllability.cone import ROUNDING
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.controllability.judging import judge
@@ -48,7 +53,7 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
         wheel_names=wheel_names,
         stored=relative + rotors * (axes.T @ omega),
         rotors=rotors,
-        momentum=inertia @ omega + axes @ relative,
+        momentum=sum_of_momenta(np.column_stack([inertia @ omega, axes * relative])),
     )
     failed = [*failed, *(one.failed for one in wheels)]
     return actuators, [place for place, gone in enumerate(failed) if not gone]
