@@ -2,10 +2,11 @@
 
 import dataclasses
 import enum
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, cast
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.diagnosis.diagnosis import Diagnosis, DiagnosisMemory, false_alarm_rate
@@ -19,7 +20,7 @@ from jaxsat.control.tolerant_actuators import (
     TolerantMode,
 )
 from jaxsat.control.tolerant_mix import Mix, MixMemory
-from jaxsat.control.tolerant_rods import RodMemory, TolerantRods
+from jaxsat.control.tolerant_rods import RodMemory, TolerantRods, about
 from jaxsat.control.tolerant_wheels import TolerantWheels
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
@@ -27,6 +28,9 @@ from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.three_torques import FAULT_TOLERANT
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.wheels import wheel_momentum
+
+PARALLEL = 1e-6
+"""Of a singular value of unit axes: what counts as none."""
 
 
 class FaultTolerantMemory(NamedTuple):
@@ -93,24 +97,59 @@ class FaultTolerant(AbstractSampledController):
         ]
         mix = self._mix(reading, able)
         three = mix.spans(memory.mix)
-        law = self._slowed(state, reading, able, three)
-        torque, healthy = law.step(t, state, memory.healthy)
-        for one in self.actuators:
-            stored = one.stored(reading)
-            torque = torque if stored is None else torque + jnp.cross(state.omega, stored)
-        dipoles, made, rods = self._rods(t, state, reading, able, three, memory.rods)
-        torque = torque if made is None else torque - made
+        law, axis = self._slowed(state, reading, able, three), self._axis(able, three)
+        torque, healthy = self._feedback(t, state, reading, law, axis, memory.healthy)
+        dipoles, made, rods = self._rods(t, state, reading, able, torque, axis, three, memory.rods)
+        whole = three
+        if made is not None and axis is not None:
+            torque, whole = torque - made, three | jnp.any(axis != 0)
+            torque = torque - axis * jnp.sum(axis * torque)
         following, unloading = self._unloading(state, reading, able, three, mix, memory.mix)
         commands, memories = [], []
-        demands, unmade = mix.demands(torque, unloading, three)
+        demands, unmade = mix.demands(torque, unloading, whole)
         following = None if following is None else following._replace(unmade=unmade)
         for (one, before), now, demand in zip(pairs, able, demands, strict=True):
             command, after = one.act(state, reading, law, demand, before, now)
             commands.append(command)
             memories.append(after)
-        mode = self._mode(three, memories)
+        mode = self._mode(whole, axis, memories)
         memory = FaultTolerantMemory(healthy, tuple(memories), following, mode, rods)
         return jnp.concatenate([*commands, *dipoles]), memory
+
+    def _axis(self, able: list[TolerantMemory], three: Bool[Array, ""]) -> Float[Array, "3"] | None:
+        """The one about which magnetorquers make torques that nothing else does, or zero; None
+        without magnetorquers."""
+        if self.rods is None:
+            return None
+        pairs = zip(self.actuators, able, strict=True)
+        axis = sum((one.missing(now) for one, now in pairs), jnp.zeros(3))
+        holds = self.rods.holds(self.healthy.model.spacecraft.inertia, axis)
+        return jnp.where(holds & ~three, axis, 0.0)
+
+    def _feedback(
+        self,
+        t: RealScalar,
+        state: PlantState,
+        reading: Reading,
+        law: QuaternionFeedback,
+        axis: Float[Array, "3"] | None,
+        before: QuaternionFeedbackMemory,
+    ) -> tuple[Float[Array, "3"], QuaternionFeedbackMemory]:
+        """The torque of a law (N m), slower about an axis, with that of what is stored."""
+        stored, slower = self._stored(reading), law
+        if self.rods is not None and axis is not None:
+            law, slower = self.rods.slowed(state, law, axis, cast(Float[Array, "3"], stored))
+        torque, after = law.step(t, state, before)
+        if axis is not None:
+            slow, _ = slower.step(t, state, before)
+            torque = about(law.model.spacecraft.inertia, axis, torque, slow)
+        return torque if stored is None else torque + jnp.cross(state.omega, stored), after
+
+    def _stored(self, reading: Reading) -> Float[Array, "3"] | None:
+        """The momentum (N m s) that all kinds hold; None where none can."""
+        each = [one.stored(reading) for one in self.actuators]
+        held = [one for one in each if one is not None]
+        return sum(held[1:], held[0]) if held else None
 
     def _rods(
         self,
@@ -118,18 +157,23 @@ class FaultTolerant(AbstractSampledController):
         state: PlantState,
         reading: Reading,
         able: list[TolerantMemory],
+        torque: Float[Array, "3"],
+        axis: Float[Array, "3"] | None,
         three: Bool[Array, ""],
         before: RodMemory | None,
     ) -> tuple[list[Float[Array, " k"]], Float[Array, "3"] | None, RodMemory | None]:
         """The dipoles of magnetorquers (A m²), their torque (N m) and their memory, if there are
         any."""
-        if self.rods is None or before is None:
+        if self.rods is None or before is None or axis is None:
             return [], None, None
         bias, field = self.rods.bias, self.rods.field(t, state)
+        holds = jnp.any(axis != 0)
         pairs = zip(self.actuators, able, strict=True)
-        excess = sum((one.unloadable(reading, now, bias, field) for one, now in pairs), 0 * bias)
-        excess = jnp.where(three, excess, 0.0)
-        dipoles, made, after = self.rods.unload(field, excess, self.period, before)
+        each = [one.unloadable(reading, now, bias, field, holds) for one, now in pairs]
+        excess = jnp.where(three | holds, sum(each, 0 * bias), 0.0)
+        stored = cast(Float[Array, "3"], self._stored(reading))
+        relief = self.rods.relief(state, self.healthy, axis, excess, stored - bias - excess)
+        dipoles, made, after = self.rods.act(field, relief, torque, axis, self.period, before)
         return [dipoles], made, after
 
     def _slowed(
@@ -193,7 +237,12 @@ class FaultTolerant(AbstractSampledController):
             one.watch, reading, memory.commanded, self.period, memory.diagnosis, one.needed(memory)
         )
 
-    def _mode(self, three: Bool[Array, ""], memories: list[TolerantMemory]) -> Int[Array, ""]:
+    def _mode(
+        self,
+        three: Bool[Array, ""],
+        axis: Float[Array, "3"] | None,
+        memories: list[TolerantMemory],
+    ) -> Int[Array, ""]:
         changed, alarmed = jnp.array(False), jnp.array(False)
         mode = jnp.array(int(TolerantMode.DAMPING))
         for one, memory in zip(self.actuators, memories, strict=True):
@@ -202,6 +251,8 @@ class FaultTolerant(AbstractSampledController):
             changed = changed | one.changed(memory)
             alarmed = alarmed | memory.diagnosis.alarmed
         whole = jnp.where(changed, int(TolerantMode.REALLOCATED), int(TolerantMode.THREE_AXES))
+        if axis is not None:
+            whole = jnp.where(jnp.any(axis != 0), int(TolerantMode.RODS), whole)
         mode = jnp.where(three, whole, mode)
         return jnp.where(alarmed, int(TolerantMode.ALARM), mode)
 
@@ -209,6 +260,14 @@ class FaultTolerant(AbstractSampledController):
     def known(self) -> Bool[Array, " wheels"] | None:
         """Which wheels it knows to have failed before the start; None without wheels."""
         return next((one.known for one in self.actuators if isinstance(one, TolerantWheels)), None)
+
+    def holds_by_rods(self, axes: Float[np.ndarray, "3 k"]) -> bool:
+        """Whether magnetorquers make the torques that wheels along these axes do not."""
+        directions, sizes, _ = np.linalg.svd(axes)
+        if self.rods is None or np.sum(sizes > PARALLEL) != 2:
+            return False
+        inertia = self.healthy.model.spacecraft.inertia
+        return bool(self.rods.holds(inertia, as_float(directions[:, 2])))
 
     def false_alarm_rate(self, reference: float, threshold: float) -> float:
         """False alarms in a sample at most, of all tests of all actuators; both in sigmas."""

@@ -171,7 +171,7 @@ def _tolerant_rods(context: LawContext) -> TolerantRods | None:
     magnetic, wheels = context.magnetic, context.wheels
     if magnetic is None or wheels is None:
         return None
-    return TolerantRods(magnetic.steering, wheels.delay)
+    return TolerantRods.of(magnetic.steering, wheels.delay)
 
 
 def _tolerant_thrusters(

@@ -163,11 +163,14 @@ class MagneticSteering(AbstractSteering):
     ) -> tuple[Float[Array, " k"], Float[Array, "3"]]:
         """The dipole of each (A m²) for a torque (N m) in a field (T, body axes), and what they
         make of it."""
-        across = jnp.cross(self.axes, field[:, None], axis=0)
+        reach = self.reach(field)
+        dipoles = allocate(reach, reach.columns @ self.unlimited(field, torque)).use
+        return dipoles, reach.columns @ dipoles
+
+    def reach(self, field: Float[Array, "3"]) -> Reach:
+        """What the dipole of each (A m²) makes in a field (T, body axes), within its limit."""
         limit = jnp.where(jnp.any(self.shares != 0, axis=1), self.dipole_limit, 0.0)
-        shares = self.unlimited(field, torque)
-        dipoles = allocate(Reach(across, -limit, limit), across @ shares).use
-        return dipoles, across @ dipoles
+        return Reach(jnp.cross(self.axes, field[:, None], axis=0), -limit, limit)
 
     def within_reach(
         self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]

@@ -32,6 +32,7 @@ class TolerantMode(enum.IntEnum):
     HOLDING = 6
     DAMPING = 7
     TWO_WHEELS = 8
+    RODS = 9
 
 
 class TolerantMemory(NamedTuple):
@@ -130,6 +131,10 @@ class AbstractTolerantActuators(eqx.Module):
         """Whether something has failed."""
         return jnp.any(memory.diagnosis.condition.failed)
 
+    def missing(self, memory: TolerantMemory) -> Float[Array, "3"]:
+        """The unit vector about which they make no torque, but all across it; or zero."""
+        return jnp.zeros(3)
+
     def flows(self, memory: TolerantMemory) -> Bool[Array, ""]:
         """Whether one that has failed makes a torque on the spacecraft all the time."""
         return jnp.zeros_like(memory.diagnosis.alarmed)
@@ -143,9 +148,11 @@ class AbstractTolerantActuators(eqx.Module):
         memory: TolerantMemory,
         bias: Float[Array, "3"],
         field: Float[Array, "3"],
+        held: Bool[Array, ""],
     ) -> Float[Array, "3"]:
         """The momentum (N m s) beyond a `bias` that they hold, and can do without alone: against
-        a torque that takes it out across the Earth's `field` (T), they make all torques."""
+        a torque that takes it out across the Earth's `field` (T), they make all torques. Where the
+        axis about which they make none is `held`, it may be more than that."""
         return jnp.zeros_like(bias)
 
     def overfull(

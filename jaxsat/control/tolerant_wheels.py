@@ -119,6 +119,10 @@ class TolerantWheels(AbstractTolerantActuators):
         """Whether something has failed, also a wheel that stays in service."""
         return jnp.any((memory.diagnosis.kind >= 0) | self.known)
 
+    def missing(self, memory: TolerantMemory) -> Float[Array, "3"]:
+        """The normal of two axes."""
+        return jnp.where(memory.ability.left == Left.PLANE, memory.ability.normal, 0.0)
+
     def stored(self, reading: Reading) -> Float[Array, "3"]:
         """The momentum of the wheels with that of rotors which turn with the body, N m s."""
         return self.filter.wheels.axes @ momentum_with_rotors(self.filter.wheels, reading)
@@ -156,10 +160,13 @@ class TolerantWheels(AbstractTolerantActuators):
         memory: TolerantMemory,
         bias: Float[Array, "3"],
         field: Float[Array, "3"],
+        held: Bool[Array, ""],
     ) -> Float[Array, "3"]:
         """What wheels in use hold beyond the bias."""
         momentum = momentum_with_rotors(self.filter.wheels, reading)
-        return self.allocation.unloadable(memory.ability, momentum, bias, field)
+        alone = self.allocation.unloadable(memory.ability, momentum, bias, field)
+        working = jnp.where(memory.ability.working, momentum, 0.0)
+        return jnp.where(held, self.filter.wheels.axes @ working - bias, alone)
 
     def overfull(
         self,

@@ -1,7 +1,7 @@
 """Which kind of actuator made which part of the torque, and the momentum that came from outside."""
 
 import math
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -11,36 +11,51 @@ from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.numerals import number_text
 from jaxsat.report.facts import scenario_tables
 from jaxsat.report.plot import TIME, Axis, Line, Plot
+from jaxsat.scenario.build.plant import field_of
 from jaxsat.scenario.tables import OrbitTable
+from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION
 
-WHEEL = "wheel"
+WHEEL, ROD = "wheel", "magnetorquer"
 
 
-class Shares(NamedTuple):
-    """Torque of the wheels and of all `other` actuators on the body (N m, body axes), over time.
+def shares_of(dataset: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None:
+    """The torque on the body (N m, body axes) of the wheels, over time, and of each other kind by
+    its name; None where wheels alone, or no wheels, make it.
 
-    `called` is what the others are, "thrusters" for instance.
+    That of magnetorquers is of their axes as the scenario has them. Where there are thrusters and
+    gyros, they are one.
     """
-
-    wheels: Float[np.ndarray, "n 3"]
-    other: Float[np.ndarray, "n 3"]
-    called: str
-
-
-def shares_of(dataset: xr.Dataset) -> Shares | None:
-    """The parts of a run's torque; None where wheels alone, or no wheels, make it."""
     tables = scenario_tables(dataset)
     if "wheel_torque" not in dataset or not tables.get(WHEEL):
         return None
-    others = [f"{one.called}s" for one in ACTUATORS if tables.get(one.name) and one.name != WHEEL]
+    kinds = [one for one in ACTUATORS if tables.get(one.name) and one.name != WHEEL]
+    others = [f"{one.called}s" for one in kinds if one.name != ROD]
     if tables.get("spacecraft", {}).get("thruster_torque_axes"):
         others.insert(0, "thrusters")
-    if not others:
-        return None
-    axes = np.array([one["axis"] for one in tables[WHEEL]], float)
-    axes /= np.linalg.norm(axes, axis=1)[:, None]
-    wheels = dataset["wheel_torque"].values @ axes
-    return Shares(wheels, dataset["torque"].values - wheels, " and ".join(others))
+    found = {"wheels": dataset["wheel_torque"].values @ _axes(tables[WHEEL])}
+    rest = dataset["torque"].values - found["wheels"]
+    if tables.get(ROD):
+        rods = _rods_torque(dataset, tables) if others else rest
+        found["magnetorquers"], rest = rods, rest - rods
+    if others:
+        found[" and ".join(others)] = rest
+    return found if len(found) > 1 else None
+
+
+def _axes(tables: list[dict[str, Any]]) -> Float[np.ndarray, "m 3"]:
+    axes = np.array([one["axis"] for one in tables], float)
+    return axes / np.linalg.norm(axes, axis=1)[:, None]
+
+
+def _rods_torque(dataset: xr.Dataset, tables: dict[str, Any]) -> Float[np.ndarray, "n 3"]:
+    """m × B of the dipoles, N m."""
+    time = dataset["time"].values
+    field = field_of(OrbitTable.model_validate(tables.get("orbit", {})))
+    b = field.sampled(time, EARTH_ROTATION * time)
+    from scipy.spatial.transform import Rotation  # slow to import
+
+    to_orbit = Rotation.from_quat(np.roll(dataset["quaternion"].values, -1, axis=1))
+    return np.cross(dataset["dipole"].values @ _axes(tables[ROD]), to_orbit.inv().apply(b))
 
 
 def share_plots(dataset: xr.Dataset) -> list[Plot]:
@@ -48,8 +63,7 @@ def share_plots(dataset: xr.Dataset) -> list[Plot]:
     shares, time = shares_of(dataset), dataset["time"].values
     if shares is None:
         return []
-    sizes = [np.linalg.norm(one, axis=1) for one in (shares.wheels, shares.other)]
-    lines = [Line(time, *one) for one in zip(sizes, ("wheels", shares.called), strict=True)]
+    lines = [Line(time, np.linalg.norm(one, axis=1), name) for name, one in shares.items()]
     return [Plot("Torque by kind of actuator", "", TIME, Axis("|T|", "N m"), lines)]
 
 
@@ -70,8 +84,7 @@ def momentum_budget(dataset: xr.Dataset) -> str:
     shares, parts = shares_of(dataset), []
     if "disturbance" in dataset:
         parts.append(("external torques", dataset["disturbance"].values))
-    if shares is not None:
-        parts.append((shares.called, shares.other))
+    parts += [(name, torque) for name, torque in (shares or {}).items() if name != "wheels"]
     texts = []
     for name, torque in parts:
         impulse = np.trapezoid(_in_inertial(dataset, torque), dataset["time"].values, axis=0)

@@ -11,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.steering import MagneticSteering
 from jaxsat.controllability.actuators import actuator_set
 from jaxsat.controllability.layout import TOLERANCE
 from jaxsat.controllability.rods import RodSet, judge_with_rods
@@ -20,10 +19,10 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import AbstractEffector, Reach, Storage
-from jaxsat.spacecraft.environment.disturbances import GravityGradient
 from jaxsat.spacecraft.magnetorquers import Magnetorquers
 from jaxsat.spacecraft.wheels import Wheels
 from jaxsat.studies.failure_codes import NEVER, first_code
+from jaxsat.studies.rods_left import law_uses_rods, rod_set, wheels_hold_turned
 
 SAME_TORQUE = 1e-9
 """Of the largest torque: less than this in every direction is none."""
@@ -123,17 +122,7 @@ class _Rods(NamedTuple):
         """The magnetorquers of a loop, by the reach of its effectors in every case."""
         for one, reach in parts:
             if isinstance(one, Magnetorquers):
-                disturbance = loop.plant.disturbance
-                terms = getattr(disturbance, "terms", (disturbance,))
-                rods = RodSet(
-                    names=tuple(f"m{number}" for number in range(1, one.count + 1)),
-                    axes=np.asarray(one.axes, float),
-                    limits=np.asarray(one.dipole_limit, float),
-                    field=one.field,
-                    bias=_momentum_bias(loop),
-                    gravity_gradient=any(isinstance(term, GravityGradient) for term in terms),
-                )
-                return _Rods(rods, _healthy(one, reach))
+                return _Rods(rod_set(loop, one), _healthy(one, reach))
         return _Rods(None, np.zeros((len(parts[0][1].low), 0), bool))
 
 
@@ -196,16 +185,6 @@ def _reaches_left(loop: AbstractLoop, failures: Mapping[str, np.ndarray]) -> lis
         reaches.append(_Reaches.of(reach, cases))
         before += one.count
     return reaches
-
-
-def _momentum_bias(loop: AbstractLoop) -> float:
-    """Momentum (N m s) along the orbit normal that wheels are to keep, whoever steers rods."""
-
-    def steers(part: object) -> bool:
-        return isinstance(part, MagneticSteering)
-
-    steering = [one for one in jax.tree.leaves(loop, is_leaf=steers) if steers(one)]
-    return -float(steering[0].bias[1]) if steering else 0.0
 
 
 def _sound_reach(one: AbstractEffector) -> Reach:
@@ -278,6 +257,16 @@ def _holds_momentum(loop: AbstractLoop, here: _Exchanger) -> bool:
     return bool(reserve > LEAST_HOLD * most[healthy].max(initial=0.0))
 
 
+def _turns_runaways(loop: AbstractLoop, here: list[_Exchanger]) -> bool:
+    """Whether healthy wheels beside magnetorquers can live with what runaway ones hold."""
+    most = [one.storage.capacity for one in here]
+    runaway = [one.columns * limit for one, limit in zip(here, most, strict=True)]
+    lost = [columns[:, one.runaway] for one, columns in zip(here, runaway, strict=True)]
+    kept = [limit[one.healthy] for one, limit in zip(here, most, strict=True)]
+    least = float(np.concatenate([np.array([np.inf]), *kept]).min())
+    return wheels_hold_turned(loop, np.concatenate([np.zeros((3, 0)), *lost], axis=1), least)
+
+
 def _judge(
     loop: AbstractLoop,
     momentum: np.ndarray,
@@ -304,6 +293,8 @@ def _judge(
         return TorquesLeft.UNOPPOSED_TORQUE
     if rods is not None:
         judgement = judge_with_rods(judgement, rods, left, TOLERANCE)
+    if judgement.without_rods is not None and not law_uses_rods(loop, axes):
+        judgement = judgement.without_rods
     if judgement.orbit is not None and judgement.verdict == "controllable":
-        return TorquesLeft.MAGNETIC
+        return TorquesLeft.MAGNETIC if _turns_runaways(loop, here) else TorquesLeft.UNHELD_MOMENTUM
     return _LEFT.get(judgement.verdict, TorquesLeft.NOT_DECIDED)

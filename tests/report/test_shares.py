@@ -5,7 +5,8 @@ import pytest
 import xarray as xr
 from scipy.spatial.transform import Rotation
 
-from jaxsat.report.shares import momentum_budget, share_plots
+from jaxsat.report.shares import momentum_budget, share_plots, shares_of
+from oracle import magnetic
 
 ORBIT = 2e-3
 SCENARIO = f"""
@@ -72,3 +73,24 @@ def test_shares_are_drawn_where_wheels_are_not_alone():
     np.testing.assert_allclose(others.y, 5e-3, rtol=1e-9)
     np.testing.assert_allclose(wheels.y, np.hypot(np.sin(wheels.x), np.cos(2 * wheels.x)))
     assert not share_plots(run(1, push=push, outside=push, scenario=SCENARIO))
+
+
+def test_magnetorquers_have_a_share_of_their_own():
+    """Beside thrusters theirs is m × B, and thrusters make the rest; alone they make all of it."""
+    rods = "[[magnetorquer]]\naxis = [0.0, 0.0, 2.0]\ndipole_limit_A_m2 = 1.0\n"
+    push = np.array([0.0, 3e-3, 4e-3])
+    both = run(1, push=push, outside=0 * push, scenario=SCENARIO + JETS + rods)
+    time = both["time"].values
+    both["dipole"] = (("time", "magnetorquer"), 0.3 * np.sin(time)[:, None])
+    found = shares_of(both)
+    orbit = (ORBIT, 0.0, 0.0, 0.0, 0.0)
+    places = [0, 700, 4000]
+    turned = Rotation.from_quat(both["quaternion"].values[places], scalar_first=True).inv()
+    b = turned.apply([magnetic.field(time[place], orbit) for place in places])
+    expected = np.cross([[0.0, 0.0, 0.3 * np.sin(time[place])] for place in places], b)
+    np.testing.assert_allclose(found["magnetorquers"][places], expected, rtol=0, atol=1e-12)
+    rest = found["thrusters"] + found["magnetorquers"]
+    np.testing.assert_allclose(np.linalg.norm(rest, axis=1), 5e-3, rtol=1e-9)
+    alone = shares_of(run(1, push=push, outside=0 * push, scenario=SCENARIO + rods))
+    assert list(alone) == ["wheels", "magnetorquers"]
+    np.testing.assert_allclose(np.linalg.norm(alone["magnetorquers"], axis=1), 5e-3, rtol=1e-9)

@@ -20,6 +20,7 @@ SETTLING = ["two-torque-free", "two-torque-free-1", "two-torque-free-20"]
 ACCEPTANCE = ["acceptance-hard", "acceptance-mc", "acceptance-nominal"]
 REAL = [
     "cubesat-12u",
+    "cubesat-3w3m",
     "failures-12u",
     "failures-telescope",
     "hybrid-wheels",

@@ -6,23 +6,25 @@ import pytest
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.studies import torques_left as judging
 from jaxsat.studies.failure_codes import FAILURES, NEVER
+from jaxsat.studies.rods_left import momentum_bias
 from jaxsat.studies.torques_left import TorquesLeft, torques_left
 
+QUICK = {"law": "quaternion-feedback", "natural_frequency_rad_s": 0.01, "period_s": 2.0}
+"""A law that is quickly made."""
 
-def left(name, *cases):
-    """Of every case: which devices die, wheels counted before magnetorquers."""
+
+def left(name, *cases, law=QUICK, kind="wheel dead"):
+    """Of every case: which devices die, wheels as told and counted before magnetorquers."""
     data = load(name).model_dump(exclude_none=True)
     devices = [(of, one["name"]) for of in ("wheel", "magnetorquer") for one in data.get(of, ())]
     data["failure"] = [
         {"of": f"{of} {which}", "kind": "dead", "at_s": 100.0 * at}
         for at, (of, which) in enumerate(devices, 1)
     ]
-    law = {"law": "quaternion-feedback", "natural_frequency_rad_s": 0.01, "period_s": 2.0}
-    data["control"] = law  # one that is quickly made
+    data["control"] = law
     loop = build(Scenario.model_validate(data)).loop
-    codes = [FAILURES.index("wheel dead" if of == "wheel" else "dead") for of, _ in devices]
+    codes = [FAILURES.index(kind if of == "wheel" else "dead") for of, _ in devices]
     places = np.arange(len(devices))
     dies = np.array([np.isin(places, case) for case in cases])
     struck = {
@@ -51,6 +53,26 @@ def test_a_wheel_and_rods():
     assert found[3:] == [TorquesLeft.TOO_FEW] * 2
 
 
+@pytest.mark.slow
+def test_the_fault_tolerant_law_uses_rods_beside_two_wheels_alone():
+    law = {"law": "fault-tolerant", "natural_frequency_rad_s": 0.05, "period_s": 0.5}
+    assert left("cubesat-3w3m", (0,), (1,), (2,), (0, 1), law=law) == [
+        *[TorquesLeft.MAGNETIC] * 3,
+        TorquesLeft.TOO_FEW,
+    ]
+    assert left("cubesat-3w3m", (0, 1)) == [TorquesLeft.MAGNETIC]
+
+
+def test_the_orbit_turns_the_momentum_of_a_runaway():
+    """Nothing takes it out, but about the orbit normal it stays."""
+    law = {"law": "fault-tolerant", "natural_frequency_rad_s": 0.05, "period_s": 0.5}
+    assert left("cubesat-3w3m", (0,), (1,), (2,), law=law, kind="wheel runaway") == [
+        TorquesLeft.UNHELD_MOMENTUM,
+        TorquesLeft.MAGNETIC,
+        TorquesLeft.UNHELD_MOMENTUM,
+    ]
+
+
 RODS = ", ".join(f"{{axis={axis}, dipole_limit_A_m2=10}}" for axis in np.eye(3).tolist())
 BESIDE_WHEELS = [f"magnetorquer=[{RODS}]", "orbit.rate_rad_s=1.1e-3"]
 
@@ -60,4 +82,4 @@ def test_the_bias_of_wheels_is_known_whatever_steers_the_rods():
     feedback = ['control={law="quaternion-feedback", natural_frequency_rad_s=0.05}', "failure=[]"]
     for changes in ([], feedback):
         loop = build(load("wheels-fail", [*more, *changes])).loop
-        assert judging._momentum_bias(loop) == 0.3
+        assert momentum_bias(loop) == 0.3

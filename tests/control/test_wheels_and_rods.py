@@ -1,0 +1,185 @@
+"""Two wheels, and magnetorquers about the axis that they lack: against an independent program."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import null_space
+from scipy.spatial.transform import Rotation
+
+from helpers.magnetic import document
+from jaxsat.control.tolerant_actuators import TolerantMode
+from jaxsat.control.tolerant_rods import FULL_AT, RELIEF, SHALLOW
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.simulation.engine.single import simulate
+from oracle import magnetic as oracle
+
+RATE = 1.1e-3  # rad/s
+
+
+def mean_square(limit, orbit, count=16):
+    """Of the largest torque about any axis, by its quadratic form: the field has few harmonics."""
+    total = np.zeros((3, 3))
+    for along in np.arange(count) * 2 * np.pi / count:
+        for turn in np.arange(count) * 2 * np.pi / count:
+            across = oracle.cross(oracle.field(0.0, (*orbit[:3], along, turn)))
+            total += limit**2 * across.T @ across / count**2
+    return total
+
+
+def feedback(c, omega, inertia, rate, frequency, most):
+    """The acceleration of quaternion feedback with critical damping, rad/s²."""
+    frame = c @ [0, -rate, 0]
+    relative = omega - frame
+    x, y, z, w = Rotation.from_matrix(c.T).as_quat()
+    wanted = -frequency * np.sign(w) * np.array([x, y, z])
+    wanted *= min(1.0, most / np.linalg.norm(wanted))
+    return np.cross(frame, relative) - 2 * frequency * (relative - wanted)
+
+
+def commands(c, omega, h, b, *, inertia, rate, spun, normal, power, frequency, relief):
+    """Torques of the wheels along `spun`, of which the last is lost, and dipoles along x, y, z."""
+    along = inertia @ normal
+    strength = np.sqrt(normal @ power @ normal)
+    slow = min(np.sqrt(strength / np.linalg.norm(along) / FULL_AT), frequency)
+    momentum = inertia @ omega + spun @ h
+    across = momentum - normal * (normal @ momentum)
+    most = strength / np.linalg.norm(across)
+    fast = feedback(c, omega, inertia, rate, frequency, most)
+    slower = feedback(c, omega, inertia, rate, slow, min(most, slow * FULL_AT))
+    e = along / np.linalg.norm(along)
+    torque = np.cross(omega, momentum) + inertia @ (fast + e * (e @ (slower - fast)))
+    used, coasting = spun[:, :-1], spun[:, -1] * h[-1]
+    wanted = np.cross(c @ [0, -rate, 0], coasting)
+    wanted = wanted - max(relief, RELIEF * slow) * used @ h[:-1]
+    way = np.cross(b, normal)
+    square = max(way @ way, SHALLOW**2 * b @ b)
+    dipole = way * (normal @ torque) / square
+    other = np.cross(b, wanted) / (b @ b)
+    dipole = dipole + other - way * (way @ other) / square
+    return np.linalg.pinv(used) @ (torque - np.cross(dipole, b)), dipole
+
+
+@pytest.mark.slow
+def test_a_flight_is_that_of_an_independent_program():
+    data = document(wheels=3, tolerant=True)
+    data["magnetorquer"] = [{"axis": a, "dipole_limit_A_m2": 1.0} for a in np.eye(3).tolist()]
+    for wheel, momentum in zip(data["wheel"], (1e-4, -2e-4, 5e-5), strict=True):
+        wheel["momentum_N_m_s"] = momentum
+    data["failure"] = [{"of": "wheel 3", "at_s": 0, "kind": "dead"}]
+    data["control"] |= {"natural_frequency_rad_s": 0.1, "damping": 1.0}
+    data["initial"] = {
+        "quaternion": [0.9998, 0.01, -0.012, 0.012488395],
+        "omega_rad_s": [1e-3, -2e-3, 1e-3],
+    }
+    chosen = Scenario.model_validate(data)
+    run = build(chosen)
+    loop = eqx.tree_at(
+        lambda one: one.controller.actuators[0].known, run.loop, jnp.array([False, False, True])
+    )
+    found = simulate(loop, run.start, run.times, method=run.method)
+    assert set(np.asarray(found.signals.mode)) == {TolerantMode.RODS}
+    table, inertia = chosen.orbit, np.array(data["spacecraft"]["inertia_kg_m2"])
+    orbit = (
+        float(run.loop.plant.orbit.rate),
+        table.inclination_rad,
+        table.ascending_node_rad,
+        table.argument_of_latitude_rad,
+        table.sidereal_angle_rad,
+    )
+    spun = np.array([one["axis"] for one in data["wheel"]]).T
+    spun = spun / np.linalg.norm(spun, axis=0)
+    normal, period = null_space(spun[:, :2].T)[:, 0], chosen.control.period_s
+    known = {
+        "inertia": inertia,
+        "rate": orbit[0],
+        "spun": spun,
+        "normal": normal,
+        "power": mean_square(1.0, orbit),
+        "frequency": 0.1,
+        "relief": 2e-3,
+    }
+    w, x, y, z = chosen.initial.quaternion
+    c = Rotation.from_quat([x, y, z, w]).as_matrix().T
+    y = np.concatenate([c.ravel(), chosen.initial.omega_rad_s, [1e-4, -2e-4, 5e-5]])
+    dipoles = np.asarray(found.signals.parts["dipole"])
+    assert np.abs(dipoles).max() < 0.99  # no limit is met
+    for number in range(len(found.times) - 1):
+        t = number * period
+        c, omega, h = y[:9].reshape(3, 3), y[9:12], y[12:]
+        np.testing.assert_allclose(found.signals.omega[number], omega, rtol=0, atol=1e-10)
+        np.testing.assert_allclose(
+            found.signals.parts["wheel_momentum"][number], h, rtol=0, atol=1e-11
+        )
+        b, m = c @ oracle.field(t, orbit), dipoles[number]
+        torques, expected = commands(c, omega, h, b, **known)
+        made = np.cross(m, b)  # a part along the field makes nothing
+        np.testing.assert_allclose(made, np.cross(expected, b), rtol=0, atol=1e-11)
+
+        def motion(now, y, m=m, torques=torques):
+            c, omega, h = y[:9].reshape(3, 3), y[9:12], y[12:]
+            total = np.cross(m, c @ oracle.field(now, orbit)) + spun[:, :2] @ torques
+            total = total - np.cross(omega, inertia @ omega + spun @ h)
+            turning = oracle.cross(omega - c @ [0, -orbit[0], 0])
+            rates = [(-turning @ c).ravel(), np.linalg.solve(inertia, total), -torques, [0.0]]
+            return np.concatenate(rates)
+
+        y = solve_ivp(motion, (t, t + period), y, method="DOP853", rtol=1e-11, atol=1e-15).y[:, -1]
+
+
+def orbit_map(lost, inclination, turn, steps=48):
+    """What an orbit makes of small (turn, rate, momenta) about a lost axis, wheels quick."""
+    inertia, normal, rate = np.diag([0.13, 0.11, 0.05]), np.eye(3)[lost], RATE
+    plane, down = np.delete(np.eye(3), lost, axis=1), np.array([0.0, -1.0, 0.0])
+    orbit = (rate, np.deg2rad(inclination), 0.0)
+    power = normal @ mean_square(0.2, orbit, 8) @ normal
+    moment = inertia[lost, lost]
+    slow = np.sqrt(np.sqrt(power) / moment / FULL_AT)
+
+    def motion(x, b):
+        h = plane @ x[2:]
+        omega = rate * (down - x[0] * np.cross(normal, down)) + x[1] * normal
+        gyroscopic = np.cross(omega, inertia @ omega + h)
+        wanted = normal @ gyroscopic - moment * (2 * slow * x[1] + slow**2 * x[0])
+        way = np.cross(b, normal)
+        square = max(way @ way, SHALLOW**2 * b @ b)
+        other = np.cross(b, -RELIEF * slow * h) / (b @ b)
+        m = way * wanted / square + other - way * (way @ other) / square
+        torque = np.cross(m, b) - gyroscopic
+        return np.concatenate([[x[1], normal @ torque / moment], plane.T @ torque])
+
+    total, small = np.eye(4), np.diag([1e-4, 1e-6, 1e-6, 1e-6])
+    for along in np.arange(steps) * 2 * np.pi / steps:
+        b = oracle.field(0.0, (*orbit, along, turn))
+        columns = [(motion(d, b) - motion(-d, b)) / 2 for d in small]
+        generator = np.stack(columns, axis=1) / np.diag(small)
+        step = solve_ivp(
+            lambda _, y, a=generator: (a @ y.reshape(4, 4)).ravel(),
+            (0.0, 2 * np.pi / steps / rate),
+            total.ravel(),
+            method="LSODA",
+            rtol=1e-7,
+            atol=1e-12,
+        )
+        total = step.y[:, -1].reshape(4, 4)
+    return total
+
+
+@pytest.mark.parametrize("lost", [0, 1, 2])
+@pytest.mark.parametrize(("inclination", "turn"), [(51.6, 0.0), (79.0, np.pi), (97.4, 0.0)])
+def test_errors_decrease_in_every_orbit(lost, inclination, turn):
+    """The Floquet multipliers of the loop about rest, at the worst turn of the Earth."""
+    assert np.abs(np.linalg.eigvals(orbit_map(lost, inclination, turn))).max() < 0.75
+
+
+@pytest.mark.slow
+def test_a_cubesat_that_loses_a_wheel_keeps_three_axes():
+    run = build(load("cubesat-3w3m", ["simulation.duration_s=3000"]))
+    found = run.simulate()
+    mode, times = np.asarray(found.signals.mode), np.asarray(found.times)
+    assert mode[-1] == TolerantMode.RODS
+    assert TolerantMode.RODS not in mode[times < 600]
+    assert float(found.assessment.settled_from) < 2000
