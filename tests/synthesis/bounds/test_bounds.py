@@ -28,6 +28,7 @@ pytest.importorskip("casadi")
 
 REAL = (
     "cubesat-12u",
+    "cubesat-3w3m",
     "failures-12u",
     "failures-telescope",
     "hybrid-wheels",
