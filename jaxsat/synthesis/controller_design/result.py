@@ -21,7 +21,7 @@ from jaxsat.synthesis.plain_data import plain_data
 DesignOutcome = Literal["reached", "not reached", "nothing to design"]
 
 HELD_COUPLING = 0.2
-"""c below which the balance about the third axis in orbit is seldom held by 99 % of the cases."""
+"""c below which the balance about the third axis in orbit may be lost in over 1 % of the cases."""
 
 
 class Step(NamedTuple):
@@ -133,10 +133,10 @@ class ControllerDesign:
         if orbit_rate(scenario) == 0 or c >= HELD_COUPLING:
             return ()
         return (
-            f"In orbit with c = {c:.2g}, below {HELD_COUPLING:g}, seldom do 99 % of the cases "
-            "settle, however long the run: inertia errors leave a drift about the unactuated axis, "
-            "of which so small a c can balance only a small part, and sensor noise moves the "
-            "estimated balance until the hold is lost. A better known inertia helps.",
+            f"In orbit with c = {c:.2g}, below {HELD_COUPLING:g}, fewer than 99 % of the cases "
+            "may settle, however long the run: inertia errors leave a drift about the unactuated "
+            "axis, of which attitude and oscillation can balance only a part at so small a c. "
+            "A better known inertia helps.",
         )
 
     @property
