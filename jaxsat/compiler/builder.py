@@ -26,7 +26,7 @@ class Builder:
         self.compact = like is not None and like.compact  # functions are called, never written out
         self.trace: Trace | None = None if like is None else like.trace
         self.mask: ir.Scalar | None = None
-        self.outside: dict[int, tuple[int, int]] = {}  # array from outside and element, by value
+        self.outside: dict[int, list[ir.Value]] = {}  # arrays from outside, by their first value
         self.functions: dict[tuple, ir.Function] = {}
         self.repeated: dict[int, Any] = {}
         self.outlined: dict[int, Any] = {}  # jaxprs of Python functions, by identity

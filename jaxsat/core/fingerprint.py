@@ -52,7 +52,7 @@ def _of_jaxpr(jaxpr: Jaxpr, hashes: dict[int, str]) -> str:
         origins: dict[Any, str] = {variable: f"input {i}" for i, variable in enumerate(inputs)}
 
         def read(atom: Any) -> str:
-            return _of_array(atom.value, atom.aval) if isinstance(atom, Literal) else origins[atom]
+            return array_text(atom.value, atom.aval) if isinstance(atom, Literal) else origins[atom]
 
         for equation in jaxpr.equations:
             operands = [read(atom) for atom in equation.inputs]
@@ -84,7 +84,8 @@ def _kind(aval: Any) -> str:
 _name = once(str)  # NumPy takes its time for the name of a type
 
 
-def _of_array(value: Any, aval: Any = None) -> str:
+def array_text(value: Any, aval: Any = None) -> str:
+    """Type, shape and numbers of an array, or a hash of many, as text."""
     if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key):
         value, aval = jax.random.key_data(value), None
     array = np.asarray(value, None if aval is None else aval.dtype)
@@ -97,7 +98,7 @@ def _text_of(value: Any, hashes: dict[int, str]) -> str:
     """A parameter of an operation as text that depends on nothing but what it says."""
     match value:
         case Jaxpr():
-            constants = [_of_array(constant) for _, constant in value.constants]
+            constants = [array_text(constant) for _, constant in value.constants]
             return " ".join([_of_jaxpr(value, hashes), *constants])
         case None | bool() | str() | bytes() | float() | complex() | np.dtype():
             return repr(value)
@@ -106,7 +107,7 @@ def _text_of(value: Any, hashes: dict[int, str]) -> str:
         case int() | np.integer():
             return str(operator.index(value))
         case np.ndarray() | np.generic() | jax.Array():
-            return _of_array(value)
+            return array_text(value)
         case Mapping():
             entries = sorted(
                 f"{_text_of(key, hashes)}:{_text_of(value[key], hashes)}" for key in value

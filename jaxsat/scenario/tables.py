@@ -1,5 +1,6 @@
 """The tables of a scenario file apart from `[control]`."""
 
+import datetime
 import math
 from collections.abc import Sequence
 from typing import Annotated, Literal
@@ -7,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len, Lt
 from jaxtyping import Float
-from pydantic import AfterValidator
+from pydantic import AfterValidator, BeforeValidator
 
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.earth import circular_orbit_rate
@@ -103,7 +104,14 @@ def _known_epoch(text: str) -> str:
     return text
 
 
-Epoch = Annotated[Line, AfterValidator(_known_epoch)]
+def _as_text(value: object) -> object:
+    """A date or a date and time of TOML as text."""
+    if isinstance(value, datetime.date):
+        return value.isoformat().replace("+00:00", "Z")
+    return value
+
+
+Epoch = Annotated[Line, BeforeValidator(_as_text), AfterValidator(_known_epoch)]
 
 
 class OrbitTable(ScenarioTable):

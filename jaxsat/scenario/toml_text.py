@@ -27,7 +27,7 @@ def toml_value(value: Any) -> str:
     if isinstance(value, Mapping):
         pairs = (f"{toml_key(key)} = {toml_value(entry)}" for key, entry in value.items())
         return "{" + ", ".join(pairs) + "}"
-    return str(value)  # dates and times, which no scenario key takes
+    return str(value)  # dates and times
 
 
 def toml_key(key: str) -> str:

@@ -34,7 +34,7 @@ def _text(rows: int, dtype, lanes: int) -> str:
     params.append(Value(INT, False))
     places = [SharedElement(0, element) for element in range(size)]
     b = Builder()
-    b.outside = {params[element].number: (0, element) for element in range(size)}
+    b.outside = {params[0].number: params[:size]}
     arrays = arrays_of(params, [aval.shape for aval in jaxpr.in_avals])
     function = Function("begin", params, b.block, scalars_of(lower(b, jaxpr, arrays)))
     inputs = [*places, SharedElement(1, 0), PerCase(2, 0, 1)]

@@ -53,9 +53,11 @@ class EntryPoint:
     outputs: list[Location]
 
     def needs(self) -> dict[Location, frozenset[Location]]:
-        """By the location of every result, the locations of the inputs that it needs."""
-        numbers = dependencies(self.function)
-        inputs = {some: frozenset(self.inputs[i] for i in some) for some in set(numbers)}
+        """By the location of every result, the inputs in the state that it needs, by location."""
+        pairs = zip(self.function.params, self.inputs, strict=True)
+        moving = [(param, place) for param, place in pairs if isinstance(place, Slot)]
+        numbers = dependencies(replace(self.function, params=[param for param, _ in moving]))
+        inputs = {some: frozenset(moving[i][1] for i in some) for some in set(numbers)}
         return {place: inputs[some] for place, some in zip(self.outputs, numbers, strict=True)}
 
     def with_outputs(self, outputs: Container[Location]) -> "EntryPoint":

@@ -13,7 +13,15 @@ from jaxtyping import Array, Shaped
 
 from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.ir import Function, Scalar, Source, Value, uses
-from jaxsat.compiler.lowering import Elements, arrays_of, lower, lowers, scalars_of, written
+from jaxsat.compiler.lowering import (
+    LONGEST,
+    Elements,
+    arrays_of,
+    lower,
+    lowers,
+    scalars_of,
+    written,
+)
 from jaxsat.compiler.passes.dead_code import without_dead_code
 from jaxsat.core.jax_internals import CALL
 
@@ -23,9 +31,15 @@ def _call(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
     inner = eqn.parameters["body"]
     if id(inner) in b.outlined:
         return _outlined_call(b, inner, arrays)
-    if id(inner) in b.repeated:
+    if id(inner) in b.repeated and not _has_large_from_outside(b, arrays):
         return _shared_call(b, eqn, inner, arrays)
     return lower(b, inner, arrays)
+
+
+def _has_large_from_outside(b: Builder, arrays: Sequence[Elements]) -> bool:
+    """Whether one of the arrays is better read where it is than handed over."""
+    large = (array.flat[0] for array in arrays if array.size > LONGEST)
+    return any(isinstance(first, Value) and first.number in b.outside for first in large)
 
 
 def _shared_call(b: Builder, eqn, inner, arrays: Sequence[Elements]) -> list[Elements]:

@@ -40,7 +40,7 @@ def stored(b: Builder, elements: np.ndarray) -> Memory:
     """A memory that holds the elements of an array in order; one from outside is there already."""
     flat = list(elements.flat)
     dtype = flat[0].dtype
-    if _from_outside(b, flat):
+    if isinstance(flat[0], Value) and b.outside.get(flat[0].number) == flat:
         memory = Memory(dtype, len(flat), True)
         memory.elements = flat[:1]
         return memory
@@ -50,15 +50,6 @@ def stored(b: Builder, elements: np.ndarray) -> Memory:
     for number, scalar in enumerate(flat):
         b.store(memory, INT.type(number), scalar)
     return memory
-
-
-def _from_outside(b: Builder, flat: Sequence[Scalar]) -> bool:
-    """Whether elements follow each other in one array from outside."""
-    places = [b.outside.get(x.number) if isinstance(x, Value) else None for x in flat]
-    if places[0] is None:
-        return False
-    array, first = places[0]
-    return places == [(array, first + number) for number in range(len(flat))]
 
 
 def element(b: Builder, elements: Sequence[Scalar], index: Scalar) -> Scalar:

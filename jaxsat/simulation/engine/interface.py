@@ -9,6 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, PyTree
 
+from jaxsat.core.fingerprint import array_text
 from jaxsat.core.jaxprs import Jaxpr
 from jaxsat.simulation.engine.program import Program
 from jaxsat.simulation.engine.progress import Outputs
@@ -157,6 +158,10 @@ def count_of(cases: PyTree) -> int:
     return leaves[0][1][0]
 
 
+LISTED = 1 << 14
+"""Numbers of the largest array that an identity lists."""
+
+
 def program_identity(
     engine: AbstractEngine,
     program: Program,
@@ -166,12 +171,15 @@ def program_identity(
 ) -> dict[str, Any]:
     """What tells programs apart, as plain data: numbers, length, and a hash of the operations.
 
-    `cases` are examples; with a `mode` the operations are those of the costs' derivatives by
-    `gains`.
+    Of arrays of more than `LISTED` numbers it is a hash. `cases` are examples; with a `mode` the
+    operations are those of the costs' derivatives by `gains`.
     """
     numbers = [leaf for leaf in jax.tree.leaves(program) if eqx.is_array_like(leaf)]
     return {
-        "numbers": [np.asarray(number).tolist() for number in numbers],
+        "numbers": [
+            np.asarray(number).tolist() if np.size(number) <= LISTED else array_text(number)
+            for number in numbers
+        ],
         "intervals": program.intervals,
         "operations": engine.operations(program, cases, gains, mode),
     }

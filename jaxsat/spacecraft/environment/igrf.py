@@ -7,7 +7,6 @@ to 2025, and for 2030 what secular variation makes of them. Between, they are li
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -32,8 +31,8 @@ ORDERS = DEGREE + 1
 EXACT = 32
 """Points of an orbit, and turns of the Earth, by which a field of this degree is known exactly."""
 
-PHASES, TURNS, ORDER = 64, 64, 5
-"""Of the orbit and of the Earth, of the table of `IgrfField`, and the order of its splines."""
+PLACES = 160
+"""On the orbit, and turns of the Earth, in the table of `IgrfField`."""
 
 Coefficients = Float[np.ndarray, "2 orders orders"]
 """g and h of degrees (rows) and orders (columns) from 0 on, T, Schmidt semi-normalised."""
@@ -150,77 +149,59 @@ class IgrfField(AbstractMagneticField):
     """The IGRF-14 at a `date` (UTC) along the circular `orbit`, within 1e-6 of the field.
 
     In orbit axes it is periodic in the argument of latitude and in the longitude of the node, a
-    trigonometric polynomial of degree 13 in both, here a table of B-splines. The table is a
-    constant of compiled programs: those are compiled anew for another `rate` (rad/s),
-    `inclination` (rad) or `date`, the first two being those of the orbit when the field is made.
-    Secular variation within a run is left out. Raises `ArgumentError` for a date that the IGRF-14
+    trigonometric polynomial of degree 13 in both, here a `table` of cubic B-splines, T, with three
+    places more of each than a period has: no neighbours wrap. Secular variation within a run is
+    left out. `dipole` is the first degree, T. Raises `ArgumentError` for a date that the IGRF-14
     lacks.
     """
 
     orbit: CircularOrbit
-    rate: float = eqx.field(static=True)
-    inclination: float = eqx.field(static=True)
-    date: str = eqx.field(static=True)
+    table: Float[Array, "phases turns 3"]
+    dipole: Float[Array, "3"]
 
     def __init__(self, orbit: CircularOrbit, date: np.datetime64):
-        igrf_coefficients(date)
-        self.orbit, self.date = orbit, str(date)
-        self.rate, self.inclination = float(orbit.rate), float(orbit.inclination)
-
-    @property
-    def dipole(self) -> Float[Array, "3"]:
-        """The first degree at the date, T."""
-        g, h = igrf_coefficients(np.datetime64(self.date))[:, 1]
-        return as_float([g[1], h[1], g[0]])
-
-    def _table(self) -> Float[np.ndarray, "phases turns 3"]:
-        return _splines(self.rate, self.inclination, np.datetime64(self.date))
+        g, h = igrf_coefficients(date)[:, 1]
+        self.orbit, self.dipole = orbit, as_float([g[1], h[1], g[0]])
+        self.table = as_float(_splines(float(orbit.rate), float(orbit.inclination), date))
 
     def over(self, t: Float[Array, ""], turn: Float[Array, ""]) -> Float[Array, "3"]:
         """B in orbit axes, T, where the orbit is at time `t` (s) and the Earth has turned by `turn`
         (rad) since time zero: periodic in both."""
         orbit = self.orbit
-        phase, after_phase = place_on_circle(orbit.argument_of_latitude + orbit.rate * t, PHASES)
-        node, after_node = place_on_circle(orbit.node - orbit.sidereal_angle - turn, TURNS)
-        near = jax.lax.dynamic_slice(
-            jnp.asarray(self._table()), (phase, node, 0), (ORDER + 1, ORDER + 1, 3)
-        )
-        rows = jnp.sum(jnp.stack(_weights(after_node))[None, :, None] * near, axis=1)
-        return jnp.sum(jnp.stack(_weights(after_phase))[:, None] * rows, axis=0)
+        phase, late = place_on_circle(orbit.argument_of_latitude + orbit.rate * t, PLACES)
+        node, east = place_on_circle(orbit.node - orbit.sidereal_angle - turn, PLACES)
+        near = jax.lax.dynamic_slice(self.table, (phase, node, 0), (4, 4, 3))
+        rows = jnp.sum(jnp.stack(_weights(east))[None, :, None] * near, axis=1)
+        return jnp.sum(jnp.stack(_weights(late))[:, None] * rows, axis=0)
 
     def sampled(
         self, t: Float[np.ndarray, "*#shape"], turn: Float[np.ndarray, "*#shape"]
     ) -> Float[np.ndarray, "*both 3"]:
         """`over` of broadcast arrays in NumPy, for tables."""
-        orbit, table = self.orbit, self._table()
-        along = float(orbit.argument_of_latitude) + float(orbit.rate) * t
-        node = float(orbit.node) - float(orbit.sidereal_angle) - turn
+        orbit, table = self.orbit, np.asarray(self.table)
+        phase, late = _place(float(orbit.argument_of_latitude) + float(orbit.rate) * t)
+        node, east = _place(float(orbit.node) - float(orbit.sidereal_angle) - turn)
         total = np.zeros(3)
-        (phase, late), (east, share) = _place(along, PHASES), _place(node, TURNS)
         for row, weight in enumerate(_weights(late)):
-            for column, other in enumerate(_weights(share)):
-                total = total + (weight * other)[..., None] * table[phase + row, east + column]
+            for column, other in enumerate(_weights(east)):
+                total = total + (weight * other)[..., None] * table[phase + row, node + column]
         return total
 
 
-def _place(angle: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _place(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`place_on_circle` in NumPy."""
-    place = np.mod(angle * (count / (2 * np.pi)), count)
-    low = np.minimum(np.floor(place), count - 1).astype(int)
+    place = np.mod(angle * (PLACES / (2 * np.pi)), PLACES)
+    low = np.minimum(np.floor(place), PLACES - 1).astype(int)
     return low, place - low
 
 
 def _weights(share: Any) -> list[Any]:
-    """Of the B-splines that overlap, at a share of the way between the middle two: Cox-de Boor."""
-    weights = [1 + 0 * share]
-    for order in range(1, ORDER + 1):
-        lower = [0 * share, *weights, 0 * share]
-        weights = [
-            ((share + order - place) * lower[place] + (1 - share + place) * lower[place + 1])
-            / order
-            for place in range(order + 1)
-        ]
-    return weights
+    """Six times those of the cubic B-splines that overlap, at a share of the way between the middle
+    two."""
+    rest = 1 - share
+    first, last = rest * rest * rest, share * share * share
+    second, third = (4 - 3 * x * x * (2 - x) for x in (share, rest))
+    return [first, second, third, last]
 
 
 def _exact(
@@ -246,20 +227,17 @@ def _vectors(*parts: Any) -> Float[np.ndarray, "phases turns 3"]:
 def _splines(
     rate: float, inclination: float, date: np.datetime64
 ) -> Float[np.ndarray, "phases turns 3"]:
-    """Coefficients of B-splines, T, `ORDER` more of each than a period has: no neighbours wrap.
+    """A 36th of the coefficients of B-splines, T.
 
     They are those of Fourier divided by the transform of a B-spline. What is left of each wave of
-    number p is its aliases, 2 (p / PHASES)^(ORDER + 1) of it.
+    number p is its aliases, 2 (p / PLACES)^4 of it.
     """
     radius = float(np.cbrt(EARTH_GRAVITY / rate**2))
     exact = _exact(radius, inclination, igrf_coefficients(date))
     waves = np.fft.fftfreq(EXACT, 1 / EXACT).astype(int)
-    spectrum = np.fft.fft2(exact, axes=(0, 1)) / EXACT**2
-    for axis, count in enumerate((PHASES, TURNS)):
-        shape = (-1, *[1] * (2 - axis))
-        spectrum = spectrum / np.sinc(waves / count).reshape(shape) ** (ORDER + 1)
-    wide = np.zeros((PHASES, TURNS, 3), complex)
-    wide[np.ix_(waves, waves)] = spectrum
-    table = np.fft.ifft2(wide, axes=(0, 1)).real * (PHASES * TURNS)
-    more = (ORDER - 1) // 2, (ORDER + 1) // 2
-    return np.pad(table, (more, more, (0, 0)), mode="wrap")
+    transform = np.sinc(waves / PLACES) ** 4
+    spectrum = np.fft.fft2(exact, axes=(0, 1)) / (transform[:, None] * transform)[..., None]
+    wide = np.zeros((PLACES, PLACES, 3), complex)
+    wide[np.ix_(waves, waves)] = spectrum * (PLACES / EXACT) ** 2 / 36
+    table = np.fft.ifft2(wide, axes=(0, 1)).real
+    return np.pad(table, ((1, 2), (1, 2), (0, 0)), mode="wrap")

@@ -110,14 +110,13 @@ REFERENCE_RADIUS = 6371.2e3
 
 
 class AbstractMagneticField(eqx.Module):
-    """The Earth's magnetic field along a circular `orbit`, in orbit axes."""
+    """The Earth's magnetic field along a circular `orbit`, in orbit axes.
+
+    `dipole` is its first degree as (g11, h11, g10), T.
+    """
 
     orbit: eqx.AbstractVar[CircularOrbit]
-
-    @property
-    @abc.abstractmethod
-    def dipole(self) -> Float[Array, "3"]:
-        """The first degree as (g11, h11, g10), T."""
+    dipole: eqx.AbstractVar[Float[Array, "3"]]
 
     @abc.abstractmethod
     def over(self, t: Float[Array, ""], turn: Float[Array, ""]) -> Float[Array, "3"]:
@@ -145,7 +144,7 @@ class DipoleField(AbstractMagneticField):
     orbit: CircularOrbit
 
     @property
-    def dipole(self) -> Float[Array, "3"]:
+    def dipole(self) -> Float[Array, "3"]:  # pyright: ignore[reportIncompatibleVariableOverride]
         """`DIPOLE`, T."""
         return as_float(DIPOLE)
 

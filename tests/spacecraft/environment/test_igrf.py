@@ -2,6 +2,7 @@
 
 import datetime
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +13,7 @@ from jaxsat.core.earth import circular_orbit_rate
 from jaxsat.core.epoch import epoch_of, sidereal_angle
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.study import build_study
 from jaxsat.spacecraft.environment.igrf import IgrfField, igrf_coefficients, igrf_field
 from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField
 from oracle import orbital_torques as oracle
@@ -98,6 +100,41 @@ def test_the_table_along_an_orbit_is_the_field():
     assert max(error) < 1e-6
 
 
+def test_another_orbit_or_date_compiles_nothing_anew():
+    traces = []
+
+    @eqx.filter_jit
+    def there(field):
+        traces.append(field)
+        return field(jnp.array(60.0))
+
+    first, *rest = (
+        there(IgrfField(CircularOrbit(circular_orbit_rate(height), tilt), np.datetime64(date)))
+        for height, tilt, date in [
+            (300e3, 1.0, "1960-05-05"),
+            (900e3, 1.0, "1960-05-05"),
+            (300e3, 1.7, "1960-05-05"),
+            (300e3, 1.0, "2025-05-05"),
+        ]
+    )
+    assert len(traces) == 1
+    assert min(np.linalg.norm(other - first) for other in rest) > 1e-3 * np.linalg.norm(first)
+
+
+@pytest.mark.slow
+def test_a_study_flies_in_the_igrf():
+    def study(*changes):
+        changes = ["orbit.sidereal_angle_rad=0.0", 'orbit.field="igrf"', *changes]
+        return build_study(load("rods-only", changes, purpose="study"), 8)
+
+    def kernel(one):
+        return one.engine.kernel(one.program, one.cases(np.arange(8)))
+
+    flown, other = (study(f"orbit.epoch={day}T12:00:00") for day in ("2026-03-20", "1961-04-12"))
+    assert np.isfinite(flown.evaluate(np.arange(8)).settling_time).all()
+    assert kernel(other) is kernel(flown)
+
+
 def test_far_away_the_field_is_a_dipole():
     orbit = CircularOrbit(circular_orbit_rate(1e9), *PLACE)
     field, dipole = IgrfField(orbit, np.datetime64("2020-01-01")), DipoleField(orbit)
@@ -118,9 +155,11 @@ def test_sidereal_time(epoch, hours):
 
 
 def test_the_epoch_of_a_scenario_tells_where_greenwich_is():
-    changes = ["orbit.sidereal_angle_rad=0.0", 'orbit.epoch="2026-03-20T12:00:00"']
-    run = load("rods-only", [*changes, 'orbit.field="igrf"'])
-    assert (run.orbit.field, run.orbit.greenwich()) == ("igrf", sidereal_angle(EPOCH))
+    given = ('"2026-03-20T12:00:00"', "2026-03-20T12:00:00", "2026-03-20 12:00:00.000Z")
+    for epoch in given:  # text, and dates and times of TOML
+        changes = ["orbit.sidereal_angle_rad=0.0", f"orbit.epoch={epoch}"]
+        run = load("rods-only", [*changes, 'orbit.field="igrf"'], purpose="text")
+        assert (run.orbit.field, run.orbit.greenwich()) == ("igrf", sidereal_angle(EPOCH))
 
 
 @pytest.mark.parametrize(
@@ -128,6 +167,8 @@ def test_the_epoch_of_a_scenario_tells_where_greenwich_is():
     [
         (['orbit.field="igrf"'], r"orbit\.epoch.*must be given"),
         (['orbit.epoch="noon"'], "a date and time in UTC"),
+        (["orbit.epoch=2026-03-20"], "a date and time in UTC .* got 2026-03-20"),
+        (["orbit.epoch=2026-03-20T12:00:00+02:00"], "a date and time in UTC"),
         (['orbit.epoch="2026-03-20T12:00"'], "sidereal_angle_rad.*must not be given with epoch"),
         (
             [

@@ -170,6 +170,7 @@ def _begin(
     params = [Value(source.dtype, source.uniform) for source in outside]
     where = dict(zip((param.number for param in params), outside, strict=True))
     b = Builder()
+    b.outside = _arrays_outside(params, [source.location for source in outside])
     arrays = arrays_of(params, [aval.shape for aval in jaxpr.in_avals])
     elements = lower(b, jaxpr, arrays)
     fixed, moving = scalars_of(elements[:n_fixed]), scalars_of(elements[n_fixed:])
@@ -195,7 +196,7 @@ def _begin(
 def _later(name: str, jaxpr: Jaxpr, sources: list[_Source], outputs: list[Location]) -> EntryPoint:
     """An entry point after the first; inputs that have no source are the numbers a and b."""
     scalars, params, locations = [], [], []
-    free, b = iter(["a", "b"]), Builder()
+    free = iter(["a", "b"])
     for number, (*_, dtype) in enumerate(_elements(jaxpr.in_avals)):
         after = number >= len(sources)
         source = _Source(dtype, None, ScalarArgument(next(free))) if after else sources[number]
@@ -204,12 +205,31 @@ def _later(name: str, jaxpr: Jaxpr, sources: list[_Source], outputs: list[Locati
             scalar = Value(dtype, source.uniform)
             params.append(scalar)
             locations.append(source.location)
-            if isinstance(source.location, SharedElement):
-                b.outside[scalar.number] = source.location.array, source.location.element
         scalars.append(scalar)
+    b = Builder()
+    b.outside = _arrays_outside(params, locations)
     arrays = arrays_of(scalars, [aval.shape for aval in jaxpr.in_avals])
     results = scalars_of(lower(b, jaxpr, arrays))
     return EntryPoint(Function(name, params, b.block, results), locations, outputs)
+
+
+def _arrays_outside(
+    params: Sequence[Value], locations: Sequence[Location | None]
+) -> dict[int, list[Value]]:
+    """The values of arrays that are the same for all cases, by the number of the first, in order.
+
+    Those that come out of order, or not at all, end an array.
+    """
+    arrays: dict[int, list[Value]] = {}
+    number, values = -1, []
+    for param, location in zip(params, locations, strict=True):
+        if isinstance(location, SharedElement):
+            if location.element == 0:
+                number, values = location.array, []
+                arrays[param.number] = values
+            if location.array == number and location.element == len(values):
+                values.append(param)
+    return arrays
 
 
 def _with_needed_results(onwards: EntryPoint, others: Iterable[EntryPoint]) -> EntryPoint:
