@@ -32,7 +32,7 @@ def convert(
     ----------
     source
         Folder that `jaxsat simulate` or `montecarlo --case` wrote, or its trajectory.nc; for a
-        scenario a file SC_....txt of the simulator 42.
+        scenario a spacecraft file of the simulator 42.
     to
         aem: quaternions over UTC as defined by CCSDS 504.0-B; csv: all signals, one column each;
         scenario: inertia, wheels, magnetorquers and thrusters of one rigid body.
