@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import jaxsat
 from jaxsat.compiler.c.naming import ascii_text
+from jaxsat.core.epoch import epoch_of
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.text import clean
 from jaxsat.scenario.build.plant import place_of
@@ -95,6 +96,12 @@ def attitude_ephemeris(
     for time, quaternion in zip(times, _nearest_signs(turns.as_quat()), strict=True):
         lines.append(f"{time} {' '.join(f'{part:.15f}' for part in quaternion)}")
     return "\n".join([*lines, "DATA_STOP", ""])
+
+
+def epoch_of_run(dataset: xr.Dataset) -> np.datetime64 | None:
+    """UTC at the start of a run, where its scenario tells."""
+    orbit = tomllib.loads(str(dataset.attrs.get("scenario", ""))).get("orbit", {})
+    return epoch_of(orbit["epoch"]) if "epoch" in orbit else None
 
 
 def _instants(epoch: np.datetime64, seconds: np.ndarray) -> np.ndarray:

@@ -39,7 +39,8 @@ def convert(
     output.out
         File to write; by default beside the source, with its name and .aem, .csv or .toml.
     epoch
-        UTC at the start of the run, such as 2026-03-20T12:00:00; for AEM.
+        UTC at the start of the run, such as 2026-03-20T12:00:00; for AEM. By default the epoch of
+        the scenario.
     frame
         Reference frame of an AEM: inertial (EME2000), computed with the angles of [orbit], or orbit
         (LVLH: x along the velocity, z to the Earth's centre).
@@ -54,7 +55,7 @@ def convert(
     target = output.out or _beside(path, "toml" if to == "scenario" else to)
     if to != "aem" and epoch is not None:
         raise UserMistake(f"--epoch: must be given with --to aem, got --to {to}")
-    start = _epoch(epoch) if to == "aem" else None
+    start = None if epoch is None else _epoch(epoch)
     from jaxsat.store.files import refuse_existing, save_file
 
     refuse_existing(target, overwrite=output.overwrite)
@@ -64,7 +65,7 @@ def convert(
     else:
         use_double_precision()
         show_progress(f"reading {path}")
-        text = interruptibly(lambda: _convert(path, start, frame, object_name, object_id))
+        text = interruptibly(lambda: _convert(path, to, start, frame, object_name, object_id))
     save_file(target, text, overwrite=output.overwrite)
     if not output.quiet:
         for line in left_out:
@@ -113,17 +114,30 @@ def _beside(run: Path, ending: str) -> Path:
 
 def _convert(
     path: Path,
+    to: str,
     start: "np.datetime64 | None",
     frame: str,
     name: str | None,
     identifier: str | None,
 ) -> str:
-    from jaxsat.cli.conversion import ConversionError, attitude_ephemeris, signal_table
+    from jaxsat.cli.conversion import (
+        ConversionError,
+        attitude_ephemeris,
+        epoch_of_run,
+        signal_table,
+    )
+    from jaxsat.core.epoch import EPOCH_FORM
     from jaxsat.store.dataset import coarseness, open_trajectory
 
     dataset = open_trajectory(path)
-    if start is None:
+    if to == "csv":
         return signal_table(dataset)
+    start = epoch_of_run(dataset) if start is None else start
+    if start is None:
+        raise UserMistake(
+            "--epoch: must be given with --to aem where the scenario has no epoch, "
+            f"{EPOCH_FORM}, got nothing"
+        )
     warning = coarseness(dataset)
     if warning:
         print_warning(f"{path}: {warning}")
@@ -139,12 +153,10 @@ def _convert(
         raise UserMistake(f"{path}: {error}") from None
 
 
-def _epoch(text: str | None) -> "np.datetime64":
-    from jaxsat.core.epoch import EPOCH_FORM, epoch_of
+def _epoch(text: str) -> "np.datetime64":
+    from jaxsat.core.epoch import epoch_of
     from jaxsat.core.errors import ArgumentError
 
-    if text is None:
-        raise UserMistake(f"--epoch: must be given with --to aem, {EPOCH_FORM}, got nothing")
     try:
         return epoch_of(text)
     except ArgumentError as error:

@@ -15,6 +15,7 @@ from jaxsat.scenario.wording import shown
 
 ALTERNATIVES: tuple[tuple[frozenset[str], ...], ...] = (
     (frozenset({"orbit.rate_rad_s"}), frozenset({"orbit.altitude_km"})),
+    (frozenset({"orbit.sidereal_angle_rad"}), frozenset({"orbit.epoch"})),
     (
         frozenset({"initial.w", "initial.z_rad"}),
         frozenset({"initial.quaternion"}),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from helpers.pages import run_dataset
+from helpers.pages import SCENARIO, run_dataset
 from jaxsat.store.netcdf import dataset_bytes
 
 
@@ -56,6 +56,16 @@ def test_it_is_written_beside_the_run(command_line, run, tmp_path, monkeypatch):
     assert (status, "mine.csv already exists" in err) == (2, True)
     monkeypatch.chdir(tmp_path / "mine")
     assert "mine.csv already exists" in command_line("convert", ".", "--to", "csv")[2]
+
+
+def test_the_epoch_is_that_of_the_scenario_unless_given(command_line, tmp_path):
+    scenario = SCENARIO + '\n[orbit]\nrate_rad_s = 0.001\nepoch = "2025-01-02T03:04:05"\n'
+    (tmp_path / "mine.nc").write_bytes(dataset_bytes(run_dataset(scenario=scenario)))
+    aem = ("convert", "mine.nc", "--to", "aem", "--overwrite")
+    for epoch in ("2025-01-02T03:04:05", "2026-03-20T12:00:00"):
+        assert command_line(*aem)[0] == 0
+        assert f"START_TIME = {epoch}.000000000" in (tmp_path / "mine.aem").read_text()
+        aem = (*aem, "--epoch", "2026-03-20T12:00:00")
 
 
 def test_an_epoch_beyond_64_bits_is_right(command_line, run, tmp_path):

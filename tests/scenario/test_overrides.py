@@ -70,6 +70,8 @@ def test_one_form_displaces_the_other():
     assert (scenario.orbit.rate_rad_s, scenario.orbit.altitude_km) == (None, 400)
     scenario = load("paper-rate", ["initial.quaternion=[1,0,0,0]"])
     assert (scenario.initial.w, scenario.initial.z_rad) == (None, None)
+    scenario = load("rods-only", ["orbit.epoch=2025-06-01T12:00:00"])
+    assert (scenario.orbit.sidereal_angle_rad, scenario.orbit.epoch) == (0.0, "2025-06-01T12:00:00")
     scenario = load("free-third-rate", ["simulation.solver.step_s=0.01"])
     assert scenario.simulation.solver.rtol is None
     scenario = load("free-third-rate", ["simulation.solver.steps=fixed",
