@@ -151,18 +151,22 @@ class IgrfField(AbstractMagneticField):
     In orbit axes it is periodic in the argument of latitude and in the longitude of the node, a
     trigonometric polynomial of degree 13 in both, here a `table` of cubic B-splines, T, with three
     places more of each than a period has: no neighbours wrap. Secular variation within a run is
-    left out. `dipole` is the first degree, T. Raises `ArgumentError` for a date that the IGRF-14
-    lacks.
+    left out. Raises `ArgumentError` for a date that the IGRF-14 lacks.
     """
 
     orbit: CircularOrbit
     table: Float[Array, "phases turns 3"]
-    dipole: Float[Array, "3"]
+    first_degree: Float[Array, "3"]
 
     def __init__(self, orbit: CircularOrbit, date: np.datetime64):
         g, h = igrf_coefficients(date)[:, 1]
-        self.orbit, self.dipole = orbit, as_float([g[1], h[1], g[0]])
+        self.orbit, self.first_degree = orbit, as_float([g[1], h[1], g[0]])
         self.table = as_float(_splines(float(orbit.rate), float(orbit.inclination), date))
+
+    @property
+    def dipole(self) -> Float[Array, "3"]:
+        """The first degree at the date, T."""
+        return self.first_degree
 
     def over(self, t: Float[Array, ""], turn: Float[Array, ""]) -> Float[Array, "3"]:
         """B in orbit axes, T, where the orbit is at time `t` (s) and the Earth has turned by `turn`

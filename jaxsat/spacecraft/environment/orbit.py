@@ -110,13 +110,14 @@ REFERENCE_RADIUS = 6371.2e3
 
 
 class AbstractMagneticField(eqx.Module):
-    """The Earth's magnetic field along a circular `orbit`, in orbit axes.
-
-    `dipole` is its first degree as (g11, h11, g10), T.
-    """
+    """The Earth's magnetic field along a circular `orbit`, in orbit axes."""
 
     orbit: eqx.AbstractVar[CircularOrbit]
-    dipole: eqx.AbstractVar[Float[Array, "3"]]
+
+    @property
+    @abc.abstractmethod
+    def dipole(self) -> Float[Array, "3"]:
+        """The first degree as (g11, h11, g10), T."""
 
     @abc.abstractmethod
     def over(self, t: Float[Array, ""], turn: Float[Array, ""]) -> Float[Array, "3"]:
@@ -144,7 +145,7 @@ class DipoleField(AbstractMagneticField):
     orbit: CircularOrbit
 
     @property
-    def dipole(self) -> Float[Array, "3"]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def dipole(self) -> Float[Array, "3"]:
         """`DIPOLE`, T."""
         return as_float(DIPOLE)
 
