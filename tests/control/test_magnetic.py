@@ -71,9 +71,8 @@ def motion(x, momentum):
     return np.concatenate([relative, total / INERTIA + np.cross(relative, frame)])
 
 
-@pytest.mark.parametrize(
-    ("wheel", "spanned"), [pytest.param(False, ALL, marks=pytest.mark.slow), (True, TWO)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("wheel", "spanned"), [(False, ALL), (True, TWO)])
 def test_errors_fall_in_an_orbit_as_the_multipliers_tell(wheel, spanned):
     """The motion is differentiated numerically, and SciPy carries it over an orbit."""
     linear, count = motion_of(wheel, spanned), 6 + wheel

@@ -163,7 +163,9 @@ def test_uses_of_many_layouts_are_those_of_the_programmes(mix):
     check_uses(mix, 80, 8)
 
 
-@pytest.mark.parametrize("price", [None, [0.0, 0.0, 1.0, 0.0, 1.5, 0.0]])
+@pytest.mark.parametrize(
+    "price", [None, pytest.param([0.0, 0.0, 1.0, 0.0, 1.5, 0.0], marks=pytest.mark.slow)]
+)
 def test_derivatives_are_those_of_differences_within_at_and_beyond_the_limits(price):
     rng = np.random.default_rng(44)
     columns = rng.normal(size=(3, 6))

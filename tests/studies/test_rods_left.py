@@ -36,6 +36,7 @@ def left(name, *cases, law=QUICK, kind="wheel dead"):
     return [TorquesLeft(int(code)) for code in torques_left(loop, np.zeros(3), struck)]
 
 
+@pytest.mark.slow
 def test_rods_alone():
     assert left("rods-only", (), (0,), (2,), (0, 2), (0, 1, 2)) == [
         TorquesLeft.MAGNETIC,
@@ -63,6 +64,7 @@ def test_the_fault_tolerant_law_uses_rods_beside_two_wheels_alone():
     assert left("cubesat-3w3m", (0, 1)) == [TorquesLeft.MAGNETIC]
 
 
+@pytest.mark.slow
 def test_the_orbit_turns_the_momentum_of_a_runaway():
     """Nothing takes it out, but about the orbit normal it stays."""
     law = {"law": "fault-tolerant", "natural_frequency_rad_s": 0.05, "period_s": 0.5}
