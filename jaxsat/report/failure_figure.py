@@ -15,6 +15,7 @@ from jaxsat.report.timeline import (
     diagnosed_names,
     diagnosed_part,
     failures_of,
+    mode_names,
     subject_title,
     verdicts,
 )
@@ -94,12 +95,16 @@ def phases(dataset: xr.Dataset) -> list[tuple[float, float, str]]:
 
 
 def _remaining_wheels(dataset: xr.Dataset, at: float) -> str:
-    """What is left at a time (s): how many wheels, where these are diagnosed."""
+    """What is left at a time (s): how many wheels, where these are diagnosed, and magnetorquers
+    that take an axis."""
     if diagnosed_part(dataset) != "wheel":
         return "what is left"
     kinds = dataset["diagnosed_kind"].sel(time=at).values
     out_of_service = [kind >= 0 and DIAGNOSED[int(kind)] not in IN_SERVICE for kind in kinds]
-    return f"{len(kinds) - sum(out_of_service)} wheels"
+    after = dataset.sel(time=slice(at, None)).isel(time=slice(2))  # the law may act one later
+    rods = " and rods" if "rods" in mode_names(after).values() else ""
+    count = len(kinds) - sum(out_of_service)
+    return f"{count} wheel{'' if count == 1 else 's'}{rods}"
 
 
 def _draw_phases(dataset: xr.Dataset, axes: Axes) -> None:

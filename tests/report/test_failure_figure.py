@@ -45,6 +45,15 @@ def test_phases_are_divided_by_failure_isolation_and_settling():
     ]
 
 
+def test_rods_that_take_an_axis_are_named_beside_the_wheels_left():
+    made = run(np.inf).rename(thruster="wheel")
+    made.attrs["scenario"] = SCENARIO.replace("thruster", "wheel")
+    assert phases(made)[-1][2] == "settling by\n1 wheel"
+    after = made["mode"].where(made["time"] < 42, 2)
+    meanings = {"flag_values": np.arange(3.0), "flag_meanings": "three_axes alarm rods"}
+    assert phases(made.assign(mode=after.assign_attrs(meanings)))[-1][2].endswith(" and rods")
+
+
 def test_the_figure_names_what_happened_and_is_left_out_where_nothing_fails():
     made = failure_figure(run(70.0))
     texts = " ".join(text.get_text() for panel in made.axes for text in panel.texts)
