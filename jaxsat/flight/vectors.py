@@ -171,11 +171,6 @@ def _type(array: Any, single: bool) -> np.dtype:
     return np.dtype(np.float32) if single and array.dtype == np.float64 else array.dtype
 
 
-def expected(program: FlightProgram, now: Input, state: State) -> Float[np.ndarray, "n expected"]:
-    """Outputs and next states of these samples (with a leading axis), as rows."""
-    return Reference(program).step(now, state)
-
-
 def rows_of(tree: PyTree) -> Float[np.ndarray, "n numbers"]:
     """The arrays of a tree, which share their leading axis, as rows of doubles."""
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(tree) if np.size(leaf)]

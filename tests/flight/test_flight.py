@@ -11,7 +11,7 @@ import pytest
 from jaxsat.flight.flight import Input, Seen, State
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import header, source
-from jaxsat.flight.vectors import expected
+from jaxsat.flight.vectors import Reference
 from tests.flight.laws import Clocked, loop_of, start
 
 DRIVER = r"""
@@ -64,7 +64,7 @@ def test_what_is_expected_counts_from_the_begin(single):
     seen = jnp.array([[1.0, 0, 0, 0]] * 3), np.array([[0.125, 0.25, 0.5]] * 3)
     told = Seen(type(start().attitude)(seen[0]), seen[1])
     now = Input(begin + np.int32(5), told)
-    rows = expected(program, now, State(np.zeros(3), begin_sample=begin))
+    rows = Reference(program).step(now, State(np.zeros(3), begin_sample=begin))
     np.testing.assert_array_equal(rows[:, :2], [[2.5, 2.5 * 0.25]] * 3)
     np.testing.assert_array_equal(rows[:, -1], begin)  # the state keeps it
 
