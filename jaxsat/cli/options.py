@@ -56,10 +56,10 @@ def option_mistake(
     Of an error for which an `ArgumentError` is the cause, that one counts; `otherwise` begins the
     text of any other.
     """
-    found = error if isinstance(error, ArgumentError) else error.__cause__
-    if isinstance(found, ArgumentError) and found.argument in options:
-        got = "" if found.got is None else f", got {found.got}"
-        return UserMistake(f"--{found.argument}: {found.rule}{got}")
+    cause = error if isinstance(error, ArgumentError) else error.__cause__
+    if isinstance(cause, ArgumentError) and cause.argument in options:
+        got = "" if cause.got is None else f", got {cause.got}"
+        return UserMistake(f"--{cause.argument}: {cause.rule}{got}")
     return UserMistake(f"{otherwise}{error}")
 
 

@@ -197,7 +197,7 @@ class InertiaFit(eqx.Module):
         rows = jnp.sum(basis * change[None, None, :], axis=-1) + _antisymmetric(turned)
         across = -directions_across(self.axis) * memory.impulse
         regressors = jnp.concatenate([rows, across])  # (8, 3)
-        known = jnp.sum(self.moments[:, None] * rows[:3], axis=0) - self.axis * memory.impulse
+        impulse = jnp.sum(self.moments[:, None] * rows[:3], axis=0) - self.axis * memory.impulse
         noise = 2 * (jnp.mean(self.moments) * self.rate_noise) ** 2
         noise += (self.torque_noise * self.samples * period) ** 2
         errors, covariance = memory.errors, memory.covariance
@@ -205,7 +205,7 @@ class InertiaFit(eqx.Module):
             regressor = regressors[:, number]
             projected = jnp.sum(covariance * regressor[None, :], axis=1)
             gain = projected / (noise + jnp.sum(regressor * projected))
-            errors = errors - gain * (known[number] + jnp.sum(regressor * errors))
+            errors = errors - gain * (impulse[number] + jnp.sum(regressor * errors))
             covariance = covariance - gain[:, None] * projected[None, :]
         return errors, covariance
 

@@ -155,8 +155,8 @@ class MagneticSteering(AbstractSteering):
     ) -> tuple[Float[Array, " k"], Float[Array, "3"]]:
         """The dipole of each magnetorquer (A m²), and the command left to others (N m)."""
         field = self.field.in_body(t, state.attitude)
-        dipoles, made = self.within_limits(field, self.wanted_torque(state, command))
-        return dipoles, command - made
+        dipoles, torque = self.within_limits(field, self.wanted_torque(state, command))
+        return dipoles, command - torque
 
     def within_limits(
         self, field: Float[Array, "3"], torque: Float[Array, "3"]

@@ -26,8 +26,8 @@ def reciprocal(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 @reciprocal.defjvp
 def _reciprocal_jvp(primals, tangents):
-    found = reciprocal(primals[0])
-    return found, -found * found * tangents[0]
+    value = reciprocal(primals[0])
+    return value, -value * value * tangents[0]
 
 
 @jax.custom_jvp
@@ -40,12 +40,12 @@ def quotient(x: Float[Array, "*n"], y: Float[Array, "*n"]) -> Float[Array, "*n"]
 def _quotient_jvp(primals, tangents):
     (x, y), (dx, dy) = primals, tangents
     inverse = reciprocal(y)
-    found = x * inverse
+    value = x * inverse
     if isinstance(dy, SymbolicZero):
-        change = jnp.zeros_like(found) if isinstance(dx, SymbolicZero) else dx
+        change = jnp.zeros_like(value) if isinstance(dx, SymbolicZero) else dx
     else:
-        change = -found * dy if isinstance(dx, SymbolicZero) else dx - found * dy
-    return found, inverse * change
+        change = -value * dy if isinstance(dx, SymbolicZero) else dx - value * dy
+    return value, inverse * change
 
 
 def share_within(most: Float[Array, ""], size: Float[Array, ""]) -> Float[Array, ""]:
@@ -65,9 +65,9 @@ def root(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 @root.defjvp
 def _root_jvp(primals, tangents):
-    found = root(primals[0])
-    positive = found > 0
-    return found, jnp.where(positive, tangents[0] * (0.5 / jnp.where(positive, found, 1.0)), 0.0)
+    value = root(primals[0])
+    positive = value > 0
+    return value, jnp.where(positive, tangents[0] * (0.5 / jnp.where(positive, value, 1.0)), 0.0)
 
 
 def length(vector: Float[Array, " n"]) -> Float[Array, ""]:

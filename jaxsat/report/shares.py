@@ -32,14 +32,14 @@ def shares_of(dataset: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None
     others = [f"{one.called}s" for one in kinds if one.name != ROD]
     if tables.get("spacecraft", {}).get("thruster_torque_axes"):
         others.insert(0, "thrusters")
-    found = {"wheels": dataset["wheel_torque"].values @ _axes(tables[WHEEL])}
-    rest = dataset["torque"].values - found["wheels"]
+    torques = {"wheels": dataset["wheel_torque"].values @ _axes(tables[WHEEL])}
+    rest = dataset["torque"].values - torques["wheels"]
     if tables.get(ROD):
         rods = _rods_torque(dataset, tables) if others else rest
-        found["magnetorquers"], rest = rods, rest - rods
+        torques["magnetorquers"], rest = rods, rest - rods
     if others:
-        found[" and ".join(others)] = rest
-    return found if len(found) > 1 else None
+        torques[" and ".join(others)] = rest
+    return torques if len(torques) > 1 else None
 
 
 def _axes(tables: list[dict[str, Any]]) -> Float[np.ndarray, "m 3"]:

@@ -42,7 +42,7 @@ def _name_marks(panel: Axes, timeline: Timeline) -> None:
 
     A name is right of its mark, or left of it where it would leave the panel.
     """
-    taken: list[list[tuple[float, float]]] = [[] for _ in range(MARK_ROWS)]
+    occupied: list[list[tuple[float, float]]] = [[] for _ in range(MARK_ROWS)]
     measuring = RendererAgg(1, 1, panel.figure.dpi)
     for at, name in timeline.marks:
         if not name:
@@ -64,9 +64,9 @@ def _name_marks(panel: Axes, timeline: Timeline) -> None:
             begin, end = begin - span.width, begin
         free = (
             row
-            for row, others in enumerate(taken)
+            for row, others in enumerate(occupied)
             if all(end <= left or begin >= right for left, right in others)
         )
         row = next(free, MARK_ROWS - 1)
-        taken[row].append((begin, end))
+        occupied[row].append((begin, end))
         text.set_y(0.97 - MARK_STEP * row)

@@ -139,18 +139,18 @@ PARTNERS = {
 
 @rule(*(f"initial.{key}" for key in ATTITUDE_KEYS))
 def _one_attitude(*values):
-    given = {key: one for key, one in zip(ATTITUDE_KEYS, values, strict=True) if one is not None}
-    if not given:
+    present = {key: one for key, one in zip(ATTITUDE_KEYS, values, strict=True) if one is not None}
+    if not present:
         message = "must be given with z_rad, or quaternion, euler_rad or mrp, got none of them"
         yield at("initial.w", message, True)
         return
-    first, *others = given
+    first, *others = present
     partner = PARTNERS.get(first)
-    if partner is not None and partner not in given:
+    if partner is not None and partner not in present:
         yield at(f"initial.{partner}", f"must be given with {first}, got nothing", True)
     for key in others:
         if key != partner:
-            message = f"must not be given with {first}, got {shown(given[key])}"
+            message = f"must not be given with {first}, got {shown(present[key])}"
             yield at(f"initial.{key}", message)
 
 

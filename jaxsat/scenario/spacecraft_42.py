@@ -97,7 +97,7 @@ def scenario_of_42(text: str, read_beside: Callable[[str], str]) -> Converted:
         "magnetorquer": [_magnetorquer(one) for one in _devices(sections, "MTB Parameters")],
         "thruster": [_thruster(one, nodes, centre) for one in thrusters],
     }
-    tables |= {name: found for name, found in devices.items() if found}
+    tables |= {name: entries for name, entries in devices.items() if entries}
     modes = [one.words("Mode")[0] for one in thrusters if one.find("Mode")]
     if modes and set(modes) == {"PROPORTIONAL"}:
         tables["modulation"] = {"kind": "ideal"}

@@ -115,10 +115,10 @@ def _named_tables(tables: Any) -> Iterator[tuple[str, dict[str, Any]]]:
 
 def _tables(data: Mapping[str, Any], name: str) -> list[tuple[Location, dict[str, Any]]]:
     """The table of a name, or all of a list of them, each with its location."""
-    found = data.get(name)
-    tables = {(name,): found}
-    if isinstance(found, list):
-        tables = {(name, number): one for number, one in enumerate(found)}
+    value = data.get(name)
+    tables = {(name,): value}
+    if isinstance(value, list):
+        tables = {(name, number): one for number, one in enumerate(value)}
     return [(location, one) for location, one in tables.items() if isinstance(one, dict)]
 
 

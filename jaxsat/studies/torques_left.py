@@ -262,8 +262,8 @@ def _turns_runaways(loop: AbstractLoop, here: list[_Exchanger]) -> bool:
     most = [one.storage.capacity for one in here]
     runaway = [one.columns * limit for one, limit in zip(here, most, strict=True)]
     lost = [columns[:, one.runaway] for one, columns in zip(here, runaway, strict=True)]
-    kept = [limit[one.healthy] for one, limit in zip(here, most, strict=True)]
-    least = float(np.concatenate([np.array([np.inf]), *kept]).min())
+    limits = [limit[one.healthy] for one, limit in zip(here, most, strict=True)]
+    least = float(np.concatenate([np.array([np.inf]), *limits]).min())
     return wheels_hold_turned(loop, np.concatenate([np.zeros((3, 0)), *lost], axis=1), least)
 
 

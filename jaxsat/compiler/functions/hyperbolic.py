@@ -49,9 +49,9 @@ def tanh(x: Double) -> Double:
     size = lax.abs(x)
     t, t_low = expm1_pair(2.0 * select(size > 20.0, 20.0, size))
     whole, whole_low = fast_two_sum(lax.full_like(t, 2.0), t)
-    found = t / whole
-    correction = (t_low - whole_low * found) * (0.5 - 0.5 * found)
-    return with_sign_of(found + select(t < 2.0, correction, 0.0), x)
+    quotient = t / whole
+    correction = (t_low - whole_low * quotient) * (0.5 - 0.5 * quotient)
+    return with_sign_of(quotient + select(t < 2.0, correction, 0.0), x)
 
 
 def _half_exp(x: Double) -> Double:

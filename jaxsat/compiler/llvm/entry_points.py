@@ -95,10 +95,10 @@ def emit_entry_point(module: Module, entry: EntryPoint) -> None:
     ]
     of_cases = {x.number: place for x, place in inputs if isinstance(place, PerCase)}
     copies, moved = _copies(moved, of_cases)
-    read = {number for step in entry.function.block.steps for number in ir.uses(step)}
-    read.update(ir.numbers_of(result for result, _ in moved))
+    used = {number for step in entry.function.block.steps for number in ir.uses(step)}
+    used.update(ir.numbers_of(result for result, _ in moved))
     for param, location in inputs:
-        if param.number not in of_cases or param.number in read:
+        if param.number not in of_cases or param.number in used:
             body.read(param, location)
     body.program(entry.function)
     chosen = {

@@ -62,7 +62,7 @@ def ranges_in(step: Loop) -> dict[int, tuple[int, int]]:
     if bound is None:
         return {}
     turns = max(0, bound.end - int(step.before[bound.counter]))  # pyright: ignore
-    found = {}
+    ranges = {}
     for i, (param, before, after) in enumerate(
         zip(step.params, step.before, step.after, strict=True)
     ):
@@ -71,8 +71,8 @@ def ranges_in(step: Loop) -> dict[int, tuple[int, int]]:
         most = _most_added(after, param, makers)
         last = int(before) + turns * (most or 0)
         if most is not None and last <= np.iinfo(param.dtype).max:
-            found[i] = (int(before), last)
-    return found
+            ranges[i] = (int(before), last)
+    return ranges
 
 
 def _most_added(x: Scalar, param: Value, makers: Mapping[int, Operation]) -> int | None:

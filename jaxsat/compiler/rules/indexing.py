@@ -133,9 +133,9 @@ def _dynamic_slice(b: Builder, eqn, x: Elements, *starts: Elements) -> Elements:
         for start, dim, size in zip(starts, x.shape, sizes, strict=True)
     ]
     last = [dim - size for dim, size in zip(x.shape, sizes, strict=True)]
-    read, out = _reader(b, x, last), np.empty(sizes, object)
+    reader, out = _reader(b, x, last), np.empty(sizes, object)
     for offset in np.ndindex(*sizes):
-        out[offset] = read(where, offset)
+        out[offset] = reader(where, offset)
     return out
 
 
@@ -174,7 +174,7 @@ def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
     window_dims = [d for d in range(x.ndim) if d not in gone]
     batch_dims = [d for d in range(out.ndim) if d not in numbers.offset_dims]
     last = [dim - size for dim, size in zip(x.shape, sizes, strict=True)]
-    read = _reader(b, x, last)
+    reader = _reader(b, x, last)
     for index in np.ndindex(*out.shape):
         batch = tuple(index[d] for d in batch_dims)
         offset = [0] * x.ndim
@@ -189,7 +189,7 @@ def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
             starts[dim] = INT.type(batch[of])
         inside = _inside(b, starts, last)
         starts = [_clamped(b, s, end) for s, end in zip(starts, last, strict=True)]
-        value = read(starts, offset)
+        value = reader(starts, offset)
         if mode == GatherScatterMode.FILL_OR_DROP:
             value = b.select(inside, value, _filling(eqn, value.dtype))
         out[index] = value

@@ -159,8 +159,8 @@ class MultiplicativeFilter(AbstractEstimator):
 
     def _variance(self, rate, period) -> Float[Array, "3"]:
         """Of the noise of a measured rate, about each axis; of the whole range at its limit."""
-        known = jnp.abs(rate) < self.gyro.limit
-        return jnp.where(known, self.gyro.rate_variance(period), self.gyro.limit**2)
+        within_limit = jnp.abs(rate) < self.gyro.limit
+        return jnp.where(within_limit, self.gyro.rate_variance(period), self.gyro.limit**2)
 
     def _estimate(self, belief: Belief, rate, period) -> Estimate:
         """The error of the rate is -(β + n)."""
