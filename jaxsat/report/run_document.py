@@ -12,6 +12,7 @@ from jaxsat.core.numerals import number_text, vector_text
 from jaxsat.core.text import capitalised
 from jaxsat.report.document import Document, Facts, Verdict
 from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude, step_error
+from jaxsat.report.requirements import judgements, requirement_table
 from jaxsat.report.run_plots import has_effectors, shown_unit
 from jaxsat.report.shares import momentum_budget
 from jaxsat.report.timeline import failures_of
@@ -25,15 +26,17 @@ UNMADE = 1e-9
 
 
 def run_document(dataset: xr.Dataset, name: str = "") -> Document:
-    """When it settled, the state at the end, and what actuators did.
+    """When it settled, the state at the end, what actuators did, and which requirements it meets.
 
     `name` stands for a title where the dataset has none.
     """
     scenario = scenario_tables(dataset)
+    found = judgements(dataset)
     dataset = until_end(dataset)
     failures = failures_of(scenario, dataset["time"].values)
     facts = Facts("Result", {**_final_state(dataset), **_actuation(dataset, scenario)})
-    return Document(_title(dataset, name), run_verdict(dataset, scenario, failures), [facts])
+    blocks = [facts, requirement_table(found)] if found else [facts]
+    return Document(_title(dataset, name), run_verdict(dataset, scenario, failures), blocks)
 
 
 def _title(dataset: xr.Dataset, name: str) -> str:

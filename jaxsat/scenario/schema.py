@@ -23,6 +23,7 @@ from jaxsat.scenario.parts.disturbances import DisturbanceTable, PanelTable
 from jaxsat.scenario.parts.failures import FailureTable
 from jaxsat.scenario.parts.named import ActuatorsOfAKind
 from jaxsat.scenario.parts.registry import TABLES, TYPES
+from jaxsat.scenario.parts.requirements import RequirementTable
 from jaxsat.scenario.parts.sensors import TABLES as SENSORS
 from jaxsat.scenario.parts.sensors import (
     EstimatorOfAKind,
@@ -89,6 +90,9 @@ class Scenario(table_with(_TYPES | _ACTUATORS | SENSORS, _Body)):
     control: ControlTable = choice("The control law")
     simulation: SimulationTable = choice("How to integrate and what to save")
     settled: SettledTable = choice("When a case counts as settled", SettledTable())
+    requirement: Annotated[tuple[RequirementTable, ...], Len(0, 1000)] = choice(
+        "What a run must show", ()
+    )
     sampling: SamplingTable | None = choice("Sensors and delay of a sampled law", None)
     estimator: EstimatorOfAKind | None = choice(
         "Estimator that gives the law attitude and rates from both", None

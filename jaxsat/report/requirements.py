@@ -1,0 +1,112 @@
+"""Which requirements of its scenario a run meets, and by which margin."""
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from jaxsat.core.declaration.requirements import comparisons
+from jaxsat.core.numerals import number_text
+from jaxsat.report.document import Shown, Table
+from jaxsat.report.facts import scenario_tables
+from jaxsat.scenario.parts.requirements import RequirementTable
+from jaxsat.scenario.tables import OrbitTable
+from jaxsat.simulation.requirements import raw_signals, saved_margin
+from jaxsat.spacecraft.environment.orbital_torques import Sunlight
+
+NOTE = (
+    "A margin is how far the deciding signal is on the right side of its limit. It is judged at "
+    "the saved times, between which signals count as linear."
+)
+
+
+class Judgement(NamedTuple):
+    """A requirement and what a run showed of it.
+
+    The `margin`, in `unit`, is negative where the run violates it, infinite where none of its
+    windows has begun, and NaN where the run ended before or has no such signal. `signal` decided
+    it, at `time` (s).
+    """
+
+    id: str
+    text: str
+    margin: float
+    unit: str
+    signal: str
+    time: float
+
+    @property
+    def met(self) -> bool:
+        """Whether the run meets it."""
+        return self.margin >= 0
+
+
+def judgements(dataset: xr.Dataset) -> list[Judgement]:
+    """Every requirement of the scenario of a run, by the signals at its saved times."""
+    scenario = scenario_tables(dataset)
+    return [
+        _judgement(dataset, scenario, RequirementTable.model_validate(table))
+        for table in scenario.get("requirement", ())
+    ]
+
+
+def _judgement(dataset: xr.Dataset, scenario: dict, requirement: RequirementTable) -> Judgement:
+    formula = requirement.parsed
+    sentence = requirement.text or requirement.formula
+    if missing := raw_signals(formula) - set(dataset.data_vars):
+        return Judgement(requirement.id, sentence, math.nan, "", min(missing), math.nan)
+    signals = {name: np.asarray(dataset[name].values) for name in raw_signals(formula)}
+    failures = dataset.attrs.get("drawn_failure_time")
+    if failures is None:
+        failures = [float(one["at_s"]) for one in scenario.get("failure", ())]
+    needs_sun = any(one.signal == "sun_angle" for one in comparisons(formula))
+    light = _light(scenario) if needs_sun else None
+    found = saved_margin(formula, dataset["time"].values, signals, np.ravel(failures), light)
+    decisive = comparisons(formula)[int(found.comparison)]
+    return Judgement(
+        requirement.id,
+        sentence,
+        float(found.value) / decisive.size,
+        decisive.unit,
+        decisive.signal,
+        float(found.time),
+    )
+
+
+def _light(scenario: dict) -> Sunlight:
+    """Where the Sun is along the orbit of a scenario's tables."""
+    from jaxsat.scenario.build.plant import place_of
+
+    place = place_of(OrbitTable.model_validate(scenario["orbit"]))
+    return Sunlight(np.array(scenario["disturbance"]["sun_direction"], float), place)
+
+
+def requirement_table(found: Sequence[Judgement]) -> Table:
+    """Requirements, their margins, whether they are met, and when it was decided."""
+    return Table(
+        "Requirements",
+        ["requirement", "text", "margin", "met", "decided at"],
+        [[one.id, one.text, _margin(one), _met(one), _time(one)] for one in found],
+        NOTE,
+    )
+
+
+def _margin(one: Judgement) -> Shown | None:
+    if not math.isfinite(one.margin):
+        return None
+    text = f"{number_text(one.margin, 4)} {one.unit}".strip()
+    return Shown(f"{text} of {one.signal}", one.margin)
+
+
+def _met(one: Judgement) -> Shown:
+    if math.isnan(one.margin):
+        return Shown("not shown", 0, False)
+    if math.isinf(one.margin) and one.met:
+        return Shown("yes: nothing to judge", 1, None)
+    return Shown("yes" if one.met else "no", int(one.met), one.met)
+
+
+def _time(one: Judgement) -> Shown | None:
+    return None if math.isnan(one.time) else Shown(f"{number_text(one.time, 6)} s", one.time)

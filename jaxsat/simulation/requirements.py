@@ -1,0 +1,287 @@
+"""Whether a run meets a requirement, and by which margin, from one instant to the next.
+
+The margin is the quantitative semantics (robustness) of signal temporal logic: A. Donzé and
+O. Maler, "Robust satisfaction of temporal logic over real-valued signals", FORMATS 2010. That of a
+comparison is how far the signal is on the right side of its limit, in SI; the smaller one counts
+of what must hold both or always, the larger one of what may hold either or at some time. It
+streams: what is kept does not grow with the run, as no window lies inside another.
+"""
+
+from collections.abc import Mapping
+from functools import partial, reduce
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float, Int
+
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.declaration.requirements import (
+    Comparison,
+    Formula,
+    Junction,
+    Negation,
+    Temporal,
+    all_parts,
+    comparisons,
+)
+from jaxsat.spacecraft.environment.orbital_torques import Sunlight
+
+AXES = ("rate_x", "rate_y", "rate_z")
+SIZES = ("rate", "relative_rate", "torque", "disturbance")
+"""Signals of which a requirement has one component, and those of which it has the length."""
+
+
+class Margin(NamedTuple):
+    """A margin (SI), and by which of the comparisons and at which time (s) it was decided.
+
+    It is infinite where nothing was compared, and the time is NaN.
+    """
+
+    value: Float[Array, "*n"]
+    comparison: Int[Array, "*n"]
+    time: Float[Array, "*n"]
+
+    @staticmethod
+    def none(value: float, like: Float[Array, ""]) -> "Margin":
+        """Nothing compared yet, in the precision of `like`."""
+        return Margin(jnp.full_like(like, value), jnp.array(0), jnp.full_like(like, jnp.nan))
+
+    def negated(self) -> "Margin":
+        """That of the negation."""
+        return self._replace(value=-self.value)
+
+    def least(self, other: "Margin") -> "Margin":
+        """The smaller one, NaN if one is."""
+        worse = (other.value < self.value) | jnp.isnan(other.value)
+        return _either(worse, other, self)
+
+    def most(self, other: "Margin") -> "Margin":
+        """The larger one, NaN if one is."""
+        return self.negated().least(other.negated()).negated()
+
+
+def _either(condition: Bool[Array, ""], one: Margin, other: Margin) -> Margin:
+    return Margin(*(jnp.where(condition, a, b) for a, b in zip(one, other, strict=True)))
+
+
+class Track(NamedTuple):
+    """What is kept of a window: the margin so far, and that of `held` at all times before."""
+
+    best: Margin
+    held: Margin
+
+
+class Monitor(NamedTuple):
+    """Tracks of all windows of a formula, and the last time (s) and margins of comparisons."""
+
+    tracks: tuple[Track, ...]
+    time: Float[Array, ""]
+    margins: Float[Array, " c"]
+
+
+_RAW: dict[str, str] = {
+    **dict.fromkeys(("pointing_error", "tilt", "sun_angle"), "quaternion"),
+    **dict.fromkeys(("rate", *AXES), "omega"),
+}
+"""The signals of a run from which others are computed."""
+
+
+def compared(
+    formula: Formula,
+    signals: Mapping[str, ArrayLike],
+    sun: Float[Array, "3"] | None = None,
+) -> Float[Array, " c"]:
+    """How far each comparison of a formula holds (SI) at an instant, by the signals of it by name.
+
+    `sun` is the unit vector to the Sun in orbit axes, which formulas with a `sun_angle` need.
+    """
+    margins = []
+    for one in comparisons(formula):
+        value = _signal(one, signals, sun)
+        margins.append(one.limit - value if one.below else value - one.limit)
+    return jnp.stack(margins)
+
+
+def _signal(
+    one: Comparison, signals: Mapping[str, ArrayLike], sun: Float[Array, "3"] | None
+) -> Float[Array, ""]:
+    """The value of the signal that a comparison names."""
+    if one.signal in ("pointing_error", "tilt", "sun_angle"):
+        q = jnp.asarray(signals["quaternion"])
+        if one.signal == "pointing_error":
+            return 2 * jnp.arctan2(_size(q[1:]), jnp.abs(q[0]))
+        if one.signal == "tilt":
+            return 2 * jnp.arctan2(_size(q[1:3]), _size(q[::3]))
+        assert sun is not None
+        direction, light = jnp.asarray(one.direction), Quaternion(q).as_dcm().matrix @ sun
+        return jnp.arctan2(_size(jnp.cross(direction, light)), direction @ light)
+    if one.signal in AXES:
+        return jnp.asarray(signals["omega"])[AXES.index(one.signal)]
+    value = jnp.asarray(signals["omega" if one.signal == "rate" else one.signal])
+    if one.signal in SIZES:
+        return _size(value)
+    return jnp.max(jnp.abs(value)) if value.ndim else value
+
+
+def raw_signals(formula: Formula) -> set[str]:
+    """The names of the signals of a run that `compared` reads."""
+    return {_RAW.get(one.signal, one.signal) for one in comparisons(formula)}
+
+
+def _size(vector: Float[Array, " n"]) -> Float[Array, ""]:
+    return jnp.sqrt(jnp.sum(vector**2))
+
+
+def initial_monitor(
+    formula: Formula, time: Float[Array, ""], margins: Float[Array, " c"], failures: int
+) -> Monitor:
+    """Before the first observation, which will be at `time` (s), in a run with so many failures."""
+    nothing = Track(Margin.none(-jnp.inf, time), Margin.none(jnp.inf, time))
+    count = sum(failures if one.after_failure else 1 for one in _temporals(formula))
+    return Monitor((nothing,) * count, time, margins)
+
+
+def observe(
+    formula: Formula,
+    monitor: Monitor,
+    time: Float[Array, ""],
+    margins: Float[Array, " c"],
+    end: Float[Array, ""],
+    failures: Float[Array, " f"],
+) -> Monitor:
+    """With one more observation at `time` (s) of the margins of all comparisons.
+
+    The run goes on to `end` (s), and something fails at the times `failures` (s). The margin of a
+    comparison is linear between two observations, so that a window may begin or end between them.
+    """
+    order = comparisons(formula)
+
+    def at(instant: Float[Array, ""], part: Formula) -> Margin:
+        span = time - monitor.time
+        share = (instant - monitor.time) / jnp.where(span > 0, span, 1.0)
+        share = jnp.where(span > 0, jnp.clip(share, 0.0, 1.0), 1.0)
+        mixed = monitor.margins * (1 - share) + margins * share
+        values = jnp.where(share > 0, mixed, monitor.margins)
+        return _at_instant(part, order, values, instant)
+
+    after = []
+    for one, (begin, stop), track in zip(
+        *_windows(formula, end, failures), monitor.tracks, strict=True
+    ):
+        low, high = jnp.maximum(monitor.time, begin), jnp.minimum(time, stop)
+        for instant in (low, high):
+            track = _with_instant(track, one, partial(at, instant), low <= high)
+        if one.until is not None:
+            track = track._replace(held=track.held.least(at(time, one.held)))
+        after.append(track)
+    return Monitor(tuple(after), time, margins)
+
+
+def _with_instant(track: Track, one: Temporal, at, inside: Bool[Array, ""]) -> Track:
+    """A track with one more instant, if that is `inside` the window."""
+    margin, held = at(one.held), track.held
+    if one.until is not None:
+        margin, held = at(one.until).least(held), _either(inside, held.least(margin), held)
+    elif one.kind == "always":
+        margin = margin.negated()
+    return Track(_either(inside, track.best.most(margin), track.best), held)
+
+
+def margin_of(
+    formula: Formula, monitor: Monitor, end: Float[Array, ""], failures: Float[Array, " f"]
+) -> Margin:
+    """The margin after the last observation, at the `end` (s) of a run.
+
+    It is infinite where no window has begun.
+    """
+    tracks = zip(*_windows(formula, end, failures), monitor.tracks, strict=True)
+    met = Margin.none(jnp.inf, monitor.time)
+    found: dict[int, Margin] = {}
+    for one, (begin, _), track in tracks:
+        margin = track.best.negated() if one.kind == "always" else track.best
+        margin = _either(begin <= end, margin, met)
+        found[id(one)] = found[id(one)].least(margin) if id(one) in found else margin
+
+    def of(part: Formula) -> Margin:
+        if isinstance(part, Temporal):
+            return found.get(id(part), met)
+        return _combined(part, of)
+
+    return of(formula)
+
+
+def _combined(formula: Formula, of) -> Margin:
+    """The margin of a negation or a junction, `of` its parts."""
+    if isinstance(formula, Negation):
+        return of(formula.part).negated()
+    assert isinstance(formula, Junction)
+    return reduce(Margin.least if formula.every else Margin.most, map(of, formula.parts))
+
+
+def _at_instant(
+    formula: Formula,
+    order: tuple[Comparison, ...],
+    margins: Float[Array, " c"],
+    time: Float[Array, ""],
+) -> Margin:
+    """The margin of a formula without windows at one instant."""
+
+    def of(part: Formula) -> Margin:
+        if isinstance(part, Comparison):
+            number = order.index(part)
+            return Margin(margins[number], jnp.array(number), time)
+        return _combined(part, of)
+
+    return of(formula)
+
+
+def _temporals(formula: Formula) -> list[Temporal]:
+    return [one for one in all_parts(formula) if isinstance(one, Temporal)]
+
+
+def _windows(formula: Formula, end: Float[Array, ""], failures: Float[Array, " f"]):
+    """Every window of a formula, one for each failure where it is counted from these: of what it
+    is, and its begin and end (s), cut at the `end` of the run."""
+    of, windows = [], []
+    for one in _temporals(formula):
+        for failed_at in failures if one.after_failure else (None,):
+            anchors = {"start": 0.0, "end": end, "failure": failed_at}
+            begin, stop = (anchors[limit.anchor] + limit.offset for limit in (one.begin, one.end))
+            of.append(one)
+            windows.append((jnp.asarray(begin), jnp.minimum(stop, end)))
+    return of, windows
+
+
+@eqx.filter_jit
+def _saved_margin(formula, times, signals, failures, sun) -> Margin:
+    margins = jax.vmap(partial(compared, formula))(signals, sun)
+    end = times[-1]
+
+    def step(monitor, instant):
+        time, here = instant
+        return observe(formula, monitor, time, here, end, failures), None
+
+    start = initial_monitor(formula, times[0], margins[0], len(failures))
+    monitor, _ = jax.lax.scan(step, start, (times, margins))
+    return margin_of(formula, monitor, end, failures)
+
+
+def saved_margin(
+    formula: Formula,
+    times: Float[np.ndarray, " times"],
+    signals: Mapping[str, np.ndarray],
+    failures: np.ndarray,
+    light: Sunlight | None = None,
+) -> Margin:
+    """The margin of a formula by the signals (times, ...) of a run by name at saved times (s).
+
+    Something fails at the times `failures` (s); those after the last time do not count. `light`
+    tells where the Sun is, which formulas with a `sun_angle` need.
+    """
+    named = {name: jnp.asarray(signals[name]) for name in raw_signals(formula)}
+    sun = None if light is None else jax.vmap(lambda t: light(t)[0])(jnp.asarray(times))
+    at = jnp.asarray(failures, float).reshape(-1)
+    return _saved_margin(formula, jnp.asarray(times), named, at, sun)
