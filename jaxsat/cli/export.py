@@ -9,7 +9,7 @@ from jaxsat.cli.computing import interruptibly
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import Output, Overrides
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import SUCCESS, UserMistake, print_stdout
+from jaxsat.cli.terminal import SUCCESS, UserMistake, print_stdout, print_warning
 
 if TYPE_CHECKING:
     from jaxsat.flight.files import Export
@@ -67,6 +67,8 @@ def export(
         raise UserMistake(f"{scenario}: {error}") from None
     except CannotLower as error:
         raise UserMistake(f"{scenario}: cannot be flight code: {error}") from None
+    if code.unsearched:
+        print_warning(f"no test calls were searched for that run other branches: {code.unsearched}")
     if not output.quiet:
         print_stdout(f"controller       {code.lines} lines of C, program {code.program.hash[:12]}")
         print_stdout(f"test vectors     {len(code.vectors.given)} samples")

@@ -99,8 +99,12 @@ def _row(arrays: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def _over_range(rng: np.random.Generator, one: Parameter) -> np.ndarray:
-    """The parameter over its declared range; without one, from half its default to the double."""
+    """The parameter over its declared range; without one, from half its default to the double, and
+    a whole number over `whole_range`."""
     value, shape = np.asarray(one.default, float), one.field.shape
+    if one.field.dtype.kind == "i":
+        least, most = whole_range(one)
+        return rng.integers(least, most, shape, endpoint=True).astype(float)
     if one.bounds is None:
         return value
     if one.key is None:
@@ -112,6 +116,14 @@ def _over_range(rng: np.random.Generator, one: Parameter) -> np.ndarray:
     else:
         drawn = rng.uniform(least, most, shape)
     return np.asarray(np.clip(drawn, least, most))
+
+
+def whole_range(one: Parameter) -> tuple[int, int]:
+    """From one less than the least number of a parameter of whole numbers to one more than the
+    largest: they are numbers of choices, and one is none."""
+    limits = np.iinfo(one.field.dtype)
+    least, most = int(np.min(one.default)), int(np.max(one.default))
+    return max(least - 1, int(limits.min)), min(most + 1, int(limits.max))
 
 
 def _at_bounds(rng: np.random.Generator, one: Parameter) -> np.ndarray:

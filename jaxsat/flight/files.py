@@ -26,8 +26,9 @@ from jaxsat.flight.harness import (
 from jaxsat.flight.measure import ProcessorUse, measured
 from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.program import FlightProgram, flight_program
+from jaxsat.flight.proof import prove_source
 from jaxsat.flight.readme import readme
-from jaxsat.flight.search import found_calls
+from jaxsat.flight.search import NoSearch, found_calls
 from jaxsat.flight.source import header, source
 from jaxsat.flight.tasks import freertos_task
 from jaxsat.flight.templates import DEVIATIONS, template
@@ -60,7 +61,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Export:
-    """The files, and what is known of them."""
+    """The files, and what is known of them; `unsearched` is why no calls were searched for."""
 
     program: FlightProgram
     files: Mapping[str, bytes]
@@ -68,6 +69,7 @@ class Export:
     calls: Vectors
     measured: Mapping[str, ProcessorUse]
     lines: int
+    unsearched: str
 
 
 def export(request: Request) -> Export:
@@ -91,8 +93,12 @@ def export(request: Request) -> Export:
         "controller_calls.h": calls_header(program, intro),
     }
     drawn = drawn_calls(program, table, samples.given)
-    found = found_calls(texts, program, table, drawn, samples.given)
-    given = np.concatenate([drawn, found])
+    given, unsearched = drawn, ""
+    try:
+        found = found_calls(texts, program, table, drawn, samples.given)
+        given = np.concatenate([drawn, found])
+    except NoSearch as error:
+        unsearched = str(error)
     calls = Vectors(given, expected_of_calls(reference, given))
     rows = interface.rows(program, table, request.hold_samples)
     ulp = "1e18" if request.libm else "0"
@@ -105,6 +111,7 @@ def export(request: Request) -> Export:
         "controller_guard.c": guard_source(program, intro, request.hold_samples),
         "test_controller.c": test_program(program, intro),
         "controller_library.c": library_source(program, intro),
+        "prove_controller.c": prove_source(program, intro),
         "cortex_m.c": template("cortex_m.c"),
         "freertos_task.c": freertos_task(program),
         "misra_deviations.txt": "".join(f"{rule}\n" for rule in DEVIATIONS),
@@ -118,8 +125,9 @@ def export(request: Request) -> Export:
     files["test_calls.bin"] = vectors_file(calls, MAGIC_OF_CALLS)
     processor_uses = measured(files)
     lines = texts["controller.c"].count("\n")
-    files["README.md"] = readme(request, program, samples, calls, processor_uses, lines).encode()
-    return Export(program, files, samples, calls, processor_uses, lines)
+    words = readme(request, program, samples, calls, processor_uses, lines, unsearched)
+    files["README.md"] = words.encode()
+    return Export(program, files, samples, calls, processor_uses, lines, unsearched)
 
 
 def _intro(request: Request, program: FlightProgram) -> list[str]:

@@ -25,6 +25,7 @@ def readme(
     calls: Vectors,
     uses: Mapping[str, ProcessorUse],
     lines: int,
+    unsearched: str,
 ) -> str:
     """The text: what an export is, where it comes from, how it is built, tested and called."""
     versions = request.provenance["versions"]
@@ -44,6 +45,7 @@ def readme(
         SAMPLES=len(vectors.given),
         EDGES=EDGES,
         CALLS=len(calls.given),
+        SEARCH=_search(unsearched),
         AGREEMENT=_agreement(request),
         ATTITUDE=_attitude(program),
         PERIOD=_period(program),
@@ -90,6 +92,14 @@ def _agreement(request: "Request") -> str:
             "the largest difference and allows it."
         )
     return "All bits must agree."
+
+
+def _search(unsearched: str) -> str:
+    if unsearched:
+        return f"No calls were searched for that run other branches: {unsearched}."
+    return (
+        "They include calls that were searched for until they run branches which no other call ran."
+    )
 
 
 def _attitude(program: FlightProgram) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.compiler.llvm import cache
-from jaxsat.flight.calls import call_sizes
+from jaxsat.flight.calls import call_sizes, whole_range
 from jaxsat.flight.interface import Parameter
 from jaxsat.flight.measure import HOST, run_tool
 from jaxsat.flight.program import FlightProgram
@@ -37,6 +37,10 @@ FLOAT, WHOLE, FLAG, FIXED = range(4)
 _OPTIONS = ["-std=gnu99", "-ffp-contract=off"]
 
 
+class NoSearch(Exception):
+    """No calls were searched for, and why."""
+
+
 def found_calls(
     files: Mapping[str, str],
     program: FlightProgram,
@@ -46,12 +50,12 @@ def found_calls(
 ) -> Float[np.ndarray, "found numbers"]:
     """Calls that run a branch, or reach an outcome of a comparison, which none of `drawn` does.
 
-    Parameters stay within their bounds. None is found where this machine has no compiler that can
-    tell blocks. `files` are the sources by their names.
+    Parameters stay within their bounds. `files` are the sources by their names. Raises `NoSearch`
+    where this machine has no compiler that can tell blocks, and where compiler or search fail.
     """
-    none, compiler = drawn[:0], shutil.which(HOST)
+    compiler = shutil.which(HOST)
     if compiler is None:
-        return none
+        raise NoSearch(f"no C compiler ({HOST}) is installed")
     status = Path(compiler).stat()
     given = _given(program, of_parameters, drawn, samples)
     sources = {**files, "search_calls.c": template("search_calls.c")}
@@ -61,8 +65,8 @@ def found_calls(
     if content is None:
         try:
             content = _search(sources, given)
-        except (OSError, subprocess.SubprocessError):
-            return none
+        except (OSError, subprocess.SubprocessError) as error:
+            raise NoSearch(_reason(error)) from None
         cache.keep(entry, content)
     return np.frombuffer(content, "<f8").reshape(-1, drawn.shape[1])
 
@@ -83,6 +87,17 @@ def _search(sources: Mapping[str, str], given: bytes) -> bytes:
         return (folder / "found.bin").read_bytes()
 
 
+def _reason(error: OSError | subprocess.SubprocessError) -> str:
+    """What failed, with the first line that it printed of an error."""
+    if isinstance(error, subprocess.TimeoutExpired):
+        return f"it took longer than {error.timeout:g} s"
+    if not isinstance(error, subprocess.CalledProcessError):
+        return str(error)
+    lines = [line for line in (error.stderr or "").splitlines() if "error" in line]
+    name = Path(error.cmd[0]).name
+    return f"{name} failed with code {error.returncode}" + "".join(f": {x}" for x in lines[:1])
+
+
 def _given(
     program: FlightProgram,
     of_parameters: Sequence[Parameter],
@@ -94,8 +109,8 @@ def _given(
     of_numbers: list[tuple[float, float, float]] = [(FIXED, 0.0, 0.0)]
     for one in of_parameters:
         way = ways[one.field.dtype.kind]
-        bounds = (-np.inf, np.inf) if one.bounds is None else one.bounds
-        fixed = way == WHOLE or (way == FLOAT and one.bounds is None)
+        bounds = whole_range(one) if way == WHOLE else (one.bounds or (-np.inf, np.inf))
+        fixed = way == FLOAT and one.bounds is None
         row = (FIXED if fixed else way, float(bounds[0]), float(bounds[1]))
         of_numbers += [row] * one.field.size
     of_numbers += [(FLOAT, -np.inf, np.inf)] * call_sizes(program)["attitude"]

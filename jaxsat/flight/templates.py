@@ -5,7 +5,7 @@ import jaxsat.core.package_files as package_files
 BUILT = frozenset(f"build/{name}" for name in (
     "controller.o", "controller_guard.o", "controller_parameters.o",
     "test_controller", "libcontroller.so", "test_sanitized",
-    "test_coverage", "coverage.o", "coverage.gcno", "coverage.gcda",
+    "test_coverage", "coverage.o", "coverage.gcno", "coverage.gcda", "proof.txt",
     "cortex-m4-steps.elf", "cortex-m4-test.elf", "cortex-m7-steps.elf", "cortex-m7-test.elf",
     "libflight_controller.a", "CMakeCache.txt", "cmake_install.cmake",
     "CTestTestfile.cmake", "Makefile",

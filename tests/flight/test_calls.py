@@ -1,5 +1,6 @@
 """Calls of every entry point with parameters of their own, and those that a search finds."""
 
+import dataclasses
 import re
 import subprocess
 
@@ -20,7 +21,7 @@ from jaxsat.flight.files import Request, export
 from jaxsat.flight.harness import calls_header, records_header
 from jaxsat.flight.interface import parameters
 from jaxsat.flight.program import flight_program
-from jaxsat.flight.search import found_calls
+from jaxsat.flight.search import NoSearch, found_calls
 from jaxsat.flight.source import header, source
 from jaxsat.flight.vectors import Reference
 from jaxsat.scenario.build.load import load
@@ -81,6 +82,15 @@ def test_drawn_parameters_are_within_their_ranges_and_at_their_bounds(narrow):
             assert {least, most} <= set(values.ravel())
 
 
+def test_whole_numbers_are_drawn_from_one_below_the_least_to_one_above_the_largest(narrow):
+    program, table, samples = narrow
+    numbers = np.array([3, 5], np.int32)
+    field = dataclasses.replace(table[0].field, dtype=numbers.dtype)
+    one = dataclasses.replace(table[0], field=field, default=numbers, key=None)
+    rows = drawn_calls(program, [one, *table[1:]], samples)
+    assert set(_parts(program, rows)["parameters"][:, :2].ravel()) == {2, 3, 4, 5, 6}
+
+
 def test_what_is_expected_of_calls_is_what_the_law_does_with_their_parameters(narrow):
     program, table, samples = narrow
     rows = drawn_calls(program, table, samples)[::7]
@@ -131,8 +141,21 @@ def test_a_search_finds_calls_that_take_a_branch_which_no_drawn_one_takes(
     bounds = [(*one.bounds,) for one in table for _ in range(one.field.size)]
     assert (values >= np.array(bounds)[:, 0]).all()
     assert (values <= np.array(bounds)[:, 1]).all()
+
+
+def test_why_there_was_no_search_is_told(narrow, monkeypatch, tmp_path):
+    monkeypatch.setenv("JAXSAT_CACHE_DIR", str(tmp_path))
+    program, table, samples = narrow
+    drawn = drawn_calls(program, table, samples)
     monkeypatch.setattr(search, "HOST", "no-such-compiler")
-    assert len(found_calls(files, program, table, drawn, samples)) == 0
+    with pytest.raises(NoSearch, match=r"no C compiler \(no-such-compiler\) is installed"):
+        found_calls({}, program, table, drawn, samples)
+    compiler = tmp_path / "compiler"
+    compiler.write_text("#!/bin/sh\necho 'one\nx.c: error: no block' >&2\nexit 3\n")
+    compiler.chmod(0o755)
+    monkeypatch.setattr(search, "HOST", str(compiler))
+    with pytest.raises(NoSearch, match=r"^compiler failed with code 3: x.c: error: no block$"):
+        found_calls({}, program, table, drawn, samples)
 
 
 @needs("gcc")

@@ -74,7 +74,19 @@ def _in_turn(omega):
     return jnp.sum(rows, axis=0)[:2]
 
 
-@pytest.mark.parametrize("function", [_opposites, _chosen_again, _phases])
+def _from_zero(omega):
+    """The larger of a number and 0 is not less than 0, in a wider type either."""
+    number = jnp.maximum(jax.lax.convert_element_type(omega[2], jnp.int32), 0)
+    return jnp.where(number.astype(jnp.int64) < 0, 7.5, omega[:2] * number)
+
+
+def _narrow(omega):
+    """A number of 32 bits is less than 2^40."""
+    number = jax.lax.convert_element_type(omega[2], jnp.int32).astype(jnp.int64)
+    return jnp.where(number > 2**40, 7.5, omega[:2] * number)
+
+
+@pytest.mark.parametrize("function", [_opposites, _chosen_again, _phases, _from_zero, _narrow])
 def test_what_is_never_chosen_is_not_printed(function):
     text = _text(_Law(function))
     assert "7.5" not in text

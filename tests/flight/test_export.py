@@ -387,6 +387,21 @@ def test_parts_of_longer_rows_agree_to_the_bit(tmp_path, single):
 @needs("cc")
 @needs("gcc")
 @needs("gcov")
+@needs("frama-c")
+@pytest.mark.slow
+def test_frama_c_finds_no_run_time_error_and_one_that_is_put_in(tmp_path, filtered):
+    _written(tmp_path, filtered)
+    assert "0 alarms generated" in _make(tmp_path, "prove")
+    text = (tmp_path / "controller.c").read_text()
+    begin = "  state->begin_sample = in->sample;"
+    assert text.count(begin) == 1
+    wrong = f"  state->law_rates[in->sample & 7][0] = 0.0;\n{begin}"
+    (tmp_path / "controller.c").write_text(text.replace(begin, wrong))
+    done = subprocess.run(["make", "prove"], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode != 0
+    assert "accessing out of bounds index" in done.stdout
+
+
 @pytest.mark.slow
 def test_emulated_are_all_samples_that_reach_new_code(tmp_path, filtered, monkeypatch):
     """Counted by gcov: with the samples chosen, as many lines run as with all."""

@@ -90,16 +90,22 @@ class Ranges:
 
     def note_converted(self, x: Scalar, out: Value) -> None:
         """A value as another type, in which it fits, keeps its range."""
-        bounds = self._of(x)
-        if bounds is None or out.dtype.kind not in "iu":
+        if x.dtype.kind not in "iu" or out.dtype.kind not in "iu":
             return
+        bounds = self._within(x)
         limits = np.iinfo(out.dtype)
         if limits.min <= bounds[0] and bounds[1] <= limits.max:
             self._known[out.number] = bounds
 
     def note_result(self, name: str, args: Sequence[Scalar], out: Value) -> None:
         """What is known of a result: bits of a constant, and arithmetic with known values."""
-        if out.dtype.kind not in "iu" or name not in ("and", "add", "sub", "rem", "mul"):
+        if out.dtype.kind not in "iu":
+            return
+        if name in ("min", "max"):
+            limit = min if name == "min" else max
+            x, y = (self._within(arg) for arg in args)
+            self._known[out.number] = (limit(x[0], y[0]), limit(x[1], y[1]))
+        if name not in ("and", "add", "sub", "rem", "mul"):
             return
         x, y = (self._of(arg) for arg in args)
         if name == "and":
@@ -150,6 +156,12 @@ class Ranges:
         """Whether a value has steps, and a number is none of them."""
         steps = self._steps_of(x)
         return steps is not None and number[0] == number[1] and number[0] % steps[0] != steps[1]
+
+    def _within(self, x: Scalar) -> tuple[int, int]:
+        """The range of a whole number: what is known, or all that its type can be."""
+        dtype: np.dtype = x.dtype
+        limits = np.iinfo(dtype)
+        return self._of(x) or (int(limits.min), int(limits.max))
 
     def _of(self, x: Scalar) -> tuple[int, int] | None:
         if isinstance(x, Value):
