@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.compiler.llvm import cache
+from jaxsat.core.errors import JaxsatError
 from jaxsat.flight.calls import call_sizes, whole_range
 from jaxsat.flight.interface import Parameter
 from jaxsat.flight.measure import HOST, run_tool
@@ -37,7 +38,7 @@ FLOAT, WHOLE, FLAG, FIXED = range(4)
 _OPTIONS = ["-std=gnu99", "-ffp-contract=off"]
 
 
-class NoSearch(Exception):
+class NoSearch(JaxsatError):
     """No calls were searched for, and why."""
 
 
