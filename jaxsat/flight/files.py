@@ -115,6 +115,7 @@ def export(request: Request) -> Export:
         "cortex_m.c": template("cortex_m.c"),
         "freertos_task.c": freertos_task(program),
         "misra_deviations.txt": "".join(f"{rule}\n" for rule in DEVIATIONS),
+        "mcdc.py": template("mcdc.py"),
         "Makefile": template("Makefile", ULP=ulp),
         "CMakeLists.txt": template("CMakeLists.txt", ULP=ulp),
         "scenario.toml": request.scenario,

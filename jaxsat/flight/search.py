@@ -23,8 +23,8 @@ from jaxsat.flight.measure import HOST, run_tool
 from jaxsat.flight.program import FlightProgram
 from jaxsat.flight.templates import template
 
-BLOCKS = 400_000_000
-"""Blocks of code that a search runs: some 4 s."""
+BLOCKS = 300_000
+"""Blocks of code that a search runs for each line of controller.c: some 3 s for 1,000 lines."""
 
 LONGEST = 600.0
 """Seconds that a search may take."""
@@ -73,6 +73,7 @@ def found_calls(
 
 
 def _search(sources: Mapping[str, str], given: bytes) -> bytes:
+    blocks = BLOCKS * sources["controller.c"].count("\n")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, text in sources.items():
@@ -83,7 +84,7 @@ def _search(sources: Mapping[str, str], given: bytes) -> bytes:
         objects = ["controller.o", "-o", "search", "-lm"]
         run_tool(folder, HOST, *_OPTIONS, "-O1", "search_calls.c", *objects)
         run_tool(
-            folder, str(folder / "search"), "seeds.bin", "found.bin", str(BLOCKS), longest=LONGEST
+            folder, str(folder / "search"), "seeds.bin", "found.bin", str(blocks), longest=LONGEST
         )
         return (folder / "found.bin").read_bytes()
 

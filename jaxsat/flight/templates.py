@@ -6,10 +6,11 @@ BUILT = frozenset(f"build/{name}" for name in (
     "controller.o", "controller_guard.o", "controller_parameters.o",
     "test_controller", "libcontroller.so", "test_sanitized",
     "test_coverage", "coverage.o", "coverage.gcno", "coverage.gcda", "proof.txt",
+    "mcdc.c", "mcdc.txt", "mcdc.log", "test_mcdc",
     "cortex-m4-steps.elf", "cortex-m4-test.elf", "cortex-m7-steps.elf", "cortex-m7-test.elf",
     "libflight_controller.a", "CMakeCache.txt", "cmake_install.cmake",
     "CTestTestfile.cmake", "Makefile",
-)) | {"build", "controller.c.gcov"}  # fmt: skip
+)) | {"build", "controller.c.gcov", "controller.c.mcdc"}  # fmt: skip
 """What `make` and CMake leave in the folder."""
 
 OF_CMAKE = ("build/CMakeFiles", "build/Testing")

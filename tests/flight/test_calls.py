@@ -118,7 +118,7 @@ def test_a_search_finds_calls_that_take_a_branch_which_no_drawn_one_takes(
     narrow, monkeypatch, tmp_path
 ):
     monkeypatch.setenv("JAXSAT_CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(search, "BLOCKS", 3_000_000)
+    monkeypatch.setattr(search, "BLOCKS", 20_000)
     program, table, samples = narrow
     drawn = drawn_calls(program, table, samples)
     files = {
@@ -149,13 +149,13 @@ def test_why_there_was_no_search_is_told(narrow, monkeypatch, tmp_path):
     drawn = drawn_calls(program, table, samples)
     monkeypatch.setattr(search, "HOST", "no-such-compiler")
     with pytest.raises(NoSearch, match=r"no C compiler \(no-such-compiler\) is installed"):
-        found_calls({}, program, table, drawn, samples)
+        found_calls({"controller.c": ""}, program, table, drawn, samples)
     compiler = tmp_path / "compiler"
     compiler.write_text("#!/bin/sh\necho 'one\nx.c: error: no block' >&2\nexit 3\n")
     compiler.chmod(0o755)
     monkeypatch.setattr(search, "HOST", str(compiler))
     with pytest.raises(NoSearch, match=r"^compiler failed with code 3: x.c: error: no block$"):
-        found_calls({}, program, table, drawn, samples)
+        found_calls({"controller.c": ""}, program, table, drawn, samples)
 
 
 @needs("gcc")
@@ -164,7 +164,7 @@ def test_why_there_was_no_search_is_told(narrow, monkeypatch, tmp_path):
 def test_test_vectors_run_every_line_and_nearly_every_branch(tmp_path, monkeypatch):
     monkeypatch.setattr("jaxsat.flight.files.measured", lambda files: {})
     monkeypatch.setattr("jaxsat.flight.vectors.SAMPLES", 64)
-    monkeypatch.setattr(search, "BLOCKS", 60_000_000)
+    monkeypatch.setattr(search, "BLOCKS", 50_000)
     scenario = load(
         "switching",
         ["gyro.bias_sigma_rad_s=1e-5", "star_tracker={across_rad=1e-5, along_rad=1e-4}"],
@@ -180,6 +180,10 @@ def test_test_vectors_run_every_line_and_nearly_every_branch(tmp_path, monkeypat
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count(" 0 numbers differ") == 2
+    assert (tmp_path / "build" / "mcdc.log").read_text().count(" 0 numbers differ") == 2
+    effects = re.search(r"independent effect \(MC/DC\): ([\d.]+)% of", done.stdout)
+    assert effects is not None
+    assert float(effects.group(1)) > 90
     told = done.stdout[done.stdout.index("File 'controller.c'") :]
     lines = re.search(r"Lines executed:([\d.]+)%", told)
     branches = re.search(r"Taken at least once:([\d.]+)%", told)

@@ -86,11 +86,26 @@ def _narrow(omega):
     return jnp.where(number > 2**40, 7.5, omega[:2] * number)
 
 
-@pytest.mark.parametrize("function", [_opposites, _chosen_again, _phases, _from_zero, _narrow])
+def _divided(omega):
+    """What a division needs where it is not chosen is never evaluated."""
+    spins = omega[2] > 0.25
+    quotient = jnp.where(spins, omega[0] / jnp.where(spins, omega[2], 7.5), 2.0)
+    root = jnp.where(spins, 2.0, jnp.sqrt(jnp.where(spins, 7.5, omega[1])))
+    return jnp.stack([quotient, root])
+
+
+_FUNCTIONS = [_opposites, _chosen_again, _phases, _from_zero, _narrow, _divided]
+
+
+@pytest.mark.parametrize("function", _FUNCTIONS)
 def test_what_is_never_chosen_is_not_printed(function):
     text = _text(_Law(function))
     assert "7.5" not in text
     assert "|| !" not in text
+
+
+def test_what_is_chosen_stays_the_argument_of_a_function():
+    assert "? 2.0 : sqrt(in->omega[1]);" in _text(_Law(_divided))
 
 
 def test_a_count_that_is_less_than_the_width_is_not_tested():

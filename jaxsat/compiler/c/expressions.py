@@ -1,5 +1,6 @@
 """Operations of the scalar program as C expressions, every one rounded as the program says."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -92,6 +93,7 @@ def operation(
     match name:
         case "select":
             first, yes, no = (arg.inside(UNARY) for arg in args)
+            yes, no = _chosen(yes, first, 0), _chosen(no, first, 1)
             return Expression(f"{first} ? {yes} : {no}", CHOICE)
         case "convert":
             return _converted(args[0], dtype, out, need)
@@ -107,6 +109,29 @@ def operation(
     if expression is None:
         raise NativeBug("printing C", f"no {name} of {dtype} numbers")
     return expression
+
+
+_PLACE, _NUMBER = re.compile(r"[\w>.\-\[\]]+"), re.compile(r"-?[\d.]+(e[+-]?\d+)?F?|true|false")
+
+
+def _chosen(text: str, predicate: str, which: int) -> str:
+    """What a predicate has chosen, without selections by it of this or of a number."""
+    begin = text.find(f"({predicate} ? ") if _PLACE.fullmatch(predicate) else -1
+    if begin < 0:
+        return text
+    end, depth = begin, 0
+    parts = [begin + len(predicate) + 4]
+    while depth or end == begin:
+        depth += (text[end] == "(") - (text[end] == ")")
+        if depth == 1 and text.startswith(" : ", end):
+            parts += [end, end + 3]
+        end += 1
+    chosen = [text[parts[0] : parts[1]], text[parts[2] : end - 1]]
+    if not _NUMBER.fullmatch(chosen[1 - which]):
+        return text
+    is_call = re.search(r"\w$", text[:begin])
+    part = f"({chosen[which]})" if is_call else chosen[which]
+    return text[:begin] + part + text[end:]
 
 
 def _floating(name, args, dtype, need) -> Expression | None:
