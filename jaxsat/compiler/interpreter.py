@@ -60,7 +60,7 @@ class _Run:
                 case ir.Loop():
                     self._loop(step)
                 case ir.BlockSwitch():
-                    number = int(self.value(step.index))
+                    number = int(np.ravel(self.value(step.index))[0])  # the same in all lanes
                     self.block(step.blocks[number])
                     for out, result in zip(step.outs, step.yields[number], strict=True):
                         self._set(out, self.value(result))

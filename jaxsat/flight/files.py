@@ -13,6 +13,7 @@ from jaxsat.core.declaration.keys import Key
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.flight import interface
 from jaxsat.flight.calls import drawn_calls, expected_of_calls
+from jaxsat.flight.function_calls import function_calls
 from jaxsat.flight.guard import guard_header
 from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.harness import (
@@ -110,6 +111,7 @@ def export(request: Request) -> Export:
         "controller_guard.h": guard_header(program, intro),
         "controller_guard.c": guard_source(program, intro, request.hold_samples),
         "test_controller.c": test_program(program, intro),
+        "test_functions.c": function_calls(program, intro),
         "controller_library.c": library_source(program, intro),
         "prove_controller.c": prove_source(program, intro),
         "cortex_m.c": template("cortex_m.c"),

@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxsat.compiler.c.layout import Struct, about, fields_of, parameter_fields
 from jaxsat.compiler.c.naming import Names
-from jaxsat.compiler.ir import Block, Value, uses
+from jaxsat.compiler.ir import Block, Function, Value, uses
 from jaxsat.compiler.scalar_program import ScalarProgram, scalar_program
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.flight.flight import (
@@ -49,7 +49,8 @@ class FlightProgram:
     the structure, `now` and `begun` an input and a state for their shapes. These count samples from
     the first on; the structures have them from any number on, and the state has the first. `order`
     tells of each array of `FlightController` which of the parameters it is. `calls` has the call of
-    each stage in C, once that is written.
+    each stage in C, and `functions` the elementary ones of numbers by their C names, once that is
+    written.
     """
 
     begin: list[ProgramStage]
@@ -68,6 +69,7 @@ class FlightProgram:
     period: Any
     order: list[int]
     calls: dict[str, str] = field(default_factory=dict)
+    functions: dict[str, Function] = field(default_factory=dict)
 
 
 def flight_program(loop: object, start: PlantState, *, single: bool = False) -> FlightProgram:

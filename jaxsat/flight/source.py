@@ -110,6 +110,7 @@ def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
     unit = Unit(libm, types, _shapes(program))
     calls = {stage.name: _stage(unit, stage) for stage in (*program.begin, *program.step)}
     program.calls.update(calls)
+    program.functions.update(unit.of_numbers)
     lines = [*intro, '#include "controller.h"', ""]
     lines += ["#include <float.h>", "#include <math.h>", "#include <string.h>", ""]
     lines += _PRAGMAS

@@ -26,7 +26,8 @@ LIBM = frozenset((
 class Unit(AbstractUnit):
     """A C file while it is printed: the static functions and tables that its programs need.
 
-    `contexts` are those of the functions of the stage that is printed; `types` of the pointers to
+    `of_numbers` are the elementary functions of floats alone, by their names; `contexts` are those
+    of the functions of the stage that is printed; `types` of the pointers to
     structures, and `shapes` of the arrays there.
     """
 
@@ -36,6 +37,7 @@ class Unit(AbstractUnit):
         self.helpers: dict[str, str] = {}
         self.tables: dict[str, str] = {}
         self.functions: list[list[str]] = []
+        self.of_numbers: dict[str, Function] = {}
         self.contexts: dict[int, Context] = {}
         self._reserved: dict[str, str] = {}
         self._printed: dict[int, CallSignature] = {}
@@ -94,6 +96,8 @@ class Unit(AbstractUnit):
             name = self.names.new(identifier(f"{word}_of" if word in LIBM else word))
             self._printed[id(function)] = CallSignature(name, (), (), ())
             self.functions.append(_elementary_text(self, name, function, trace))
+            if {one.dtype.kind for one in (*function.params, *function.results)} == {"f"}:
+                self.of_numbers[name] = function
         return self._printed[id(function)].name
 
     def python(self, function: Function, trace: Trace) -> CallSignature:

@@ -55,6 +55,10 @@ static void step(void)
   write_controller_state(&state, found + CONTROLLER_OUTPUT_SIZE);
 }
 
+#ifdef TEST_FUNCTIONS
+int test_functions(void);
+#endif
+
 /* test_controller [FILE [ULP]]: compares every sample or call of the file, allowing so many units in
    the last place. */
 int main(int count, char **words)
@@ -69,6 +73,10 @@ int main(int count, char **words)
   long rows;
   FILE *file = fopen(name, "rb");
 
+#ifdef TEST_FUNCTIONS
+  wrong = test_functions();
+  printf("elementary functions: %ld numbers differ\n", wrong);
+#endif
   if ((file == NULL) || (fread(head, sizeof(double), 4, file) != 4)) {
     fail(name);
   }
