@@ -41,6 +41,13 @@ FREQUENCY = Range(-1e6, 1e6)
 KNOWN_FREQUENCY = Range(1e-9, 1e6)
 """Frequency of an internal model, rad/s."""
 
+DAMPING = Range(0.0, 10.0)
+"""Damping ratio of a flexible mode."""
+
+COUPLING = Range(-1e5, 1e5)
+COUPLING_SIZE = Range(1e-9, 2e5)
+"""Couplings of a flexible mode, each component and the size, √kg m."""
+
 ANGLE = Range(-1e6, 1e6)
 """Phases and directions, rad."""
 

@@ -30,7 +30,7 @@ from jaxsat.controllability.maps import (
 from jaxsat.controllability.rank import Analysis, analyse
 from jaxsat.controllability.rods import judge_with_rods
 from jaxsat.controllability.wording import verdict_sentence
-from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.actuators import ACTUATORS, PASSIVE
 from jaxsat.core.declaration.magnetorquers import MAGNETORQUER
 from jaxsat.report.controllability_document import (
     controllability_document,
@@ -146,6 +146,8 @@ def controllability_study(
     lines += [*_magnetic_lines(scenario), *([] if gyros is None else gyros.lines())]
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: only single and double failures")
+    if passive := [f"{one.called}s" for one in PASSIVE if getattr(scenario, one.name)]:
+        lines.append(f"Not included, as if locked to the body: {', '.join(passive)}.")
     if scenario.disturbance.torques:
         names = ", ".join(scenario.disturbance.torques)
         lines.append(f"Disturbances not included: {names}.")

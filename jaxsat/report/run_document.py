@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.actuators import PARTS
 from jaxsat.core.numerals import number_text, vector_text
 from jaxsat.core.text import capitalised
 from jaxsat.report.document import Document, Facts, Verdict
@@ -118,11 +118,12 @@ def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, st
     if "wheel_momentum" in dataset:
         moved = np.sum(np.abs(np.diff(dataset["wheel_momentum"].values, axis=0)), axis=0)
         rows["momentum moved"] = f"{_numbers(moved)} N m s by each wheel, taken up and given back"
-    for actuator in ACTUATORS:
-        for signal in actuator.signals:
+    for part in PARTS:
+        for signal in part.signals:
             if signal.peak and signal.name in dataset:
-                limits = [one.get(signal.limit) for one in scenario.get(actuator.name, ())]
-                rows[f"{actuator.name}s"] = _peaks(dataset[signal.name], signal.units, limits)
+                limits = [one.get(signal.limit) for one in scenario.get(part.name, ())]
+                label = f"{part.name}s".replace("_", " ")
+                rows[label] = _peaks(dataset[signal.name], signal.units, limits)
     if "thrust_level" in dataset:
         spans = np.diff(dataset["time"].values)
         open_for = spans @ dataset["thrust_level"].values[:-1]

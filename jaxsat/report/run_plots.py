@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import xarray as xr
 
-from jaxsat.core.declaration.actuators import EFFECTORS, SIGNALS
+from jaxsat.core.declaration.actuators import ACTUATORS, SIGNALS
 from jaxsat.core.text import capitalised
 from jaxsat.report.plot import TIME, Axis, Band, Line, Plot, Strips
 from jaxsat.report.style import MOST_LINES
@@ -76,7 +76,7 @@ def shown_unit(unit: str) -> str:
 
 def has_effectors(dataset: xr.Dataset) -> bool:
     """Whether other actuators than thrusters make torques."""
-    names = {signal.name for actuator in EFFECTORS for signal in actuator.signals}
+    names = {signal.name for actuator in ACTUATORS if actuator.maker for signal in actuator.signals}
     return not names.isdisjoint(dataset.data_vars)
 
 

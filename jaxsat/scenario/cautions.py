@@ -12,6 +12,7 @@ from jaxsat.core.ranges import SETTLED_W
 from jaxsat.scenario.actuator_cautions import actuator_cautions
 from jaxsat.scenario.domain import believed_normal_form, domain_cautions
 from jaxsat.scenario.errors import Issue
+from jaxsat.scenario.flexibility import flexibility_cautions
 from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.layout import believed_axes, is_upside_down, torque_limit
 from jaxsat.scenario.parts.failures import failure_cautions
@@ -49,6 +50,7 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
         *_one_torque_cautions(scenario),
         *failure_cautions(scenario),
         *actuator_cautions(scenario),
+        *flexibility_cautions(scenario),
         *resolution_cautions(scenario),
     ]
 

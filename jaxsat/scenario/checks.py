@@ -7,7 +7,7 @@ themselves, so that one mistake hides no other.
 import math
 
 from jaxsat.core.allocation import allocation_matrix, torque_directions
-from jaxsat.core.declaration.actuators import EFFECTORS
+from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.disturbances import needs_orbit
 from jaxsat.core.epoch import IGRF_DATES, epoch_of
 from jaxsat.core.ranges import STATE_LIMIT
@@ -62,13 +62,13 @@ def _failed_thrusters_exist(axes, failed):
     "control.law",
     "spacecraft.thruster_torque_axes",
     "spacecraft.failed_thrusters",
-    *(one.name for one in EFFECTORS),
+    *(one.name for one in ACTUATORS),
 )
 def _law_has_its_torques(values):
     declaration = values["control.law"].declaration
     axes = values["spacecraft.thruster_torque_axes"]
     failed, torques = values["spacecraft.failed_thrusters"], declaration.torques
-    if axes is None or not torques or any(values[one.name] for one in EFFECTORS):
+    if axes is None or not torques or any(values[one.name] for one in ACTUATORS):
         return
     if any(number > len(axes) for number in failed):
         return

@@ -18,7 +18,7 @@ from jaxsat.core.allocation import (
     torque_directions,
     unit_columns,
 )
-from jaxsat.core.declaration.actuators import STEERED
+from jaxsat.core.declaration.actuators import PASSIVE, STEERED
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.scenario.parts.thrusters import signs, working_torques
@@ -139,6 +139,7 @@ ERROR_COORDINATE_KEYS = (
     "spacecraft.failed_thrusters",
     "spacecraft.torque_limit_N_m",
     "wheel",
+    *(one.name for one in PASSIVE),
     "failure",
     "orbit.rate_rad_s",
     "orbit.altitude_km",
@@ -161,6 +162,8 @@ def error_coordinate_obstacle(values: Values) -> str | None:
         return "the torque is limited"
     if values["wheel"]:
         return "the spacecraft has wheels"
+    if any(values[one.name] for one in PASSIVE):
+        return "the spacecraft has parts that move by themselves"
     if values["failure"]:
         return "something fails in flight"
     if "actuators.kind" in values:

@@ -9,6 +9,7 @@ import numpy as np
 
 from jaxsat.scenario.dispersion_tables import DistributionTable
 from jaxsat.scenario.errors import Issue, Location
+from jaxsat.scenario.flexibility import oscillations
 from jaxsat.scenario.parts.wheels import rotors, wheel_axes
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
@@ -100,11 +101,15 @@ def resolution_cautions(scenario: Scenario) -> Iterator[Issue]:
 def fastest(scenario: Scenario) -> Fast | None:
     """The fastest motion that follows from the numbers of a scenario, None without any.
 
-    That is a periodic torque, the spin of the start with its nutation, or the spin-down of a rotor
-    by viscous friction or a failure; with what is dispersed at its largest.
+    That is a periodic torque, the spin of the start with its nutation, the spin-down of a rotor
+    by viscous friction or a failure, or an oscillation of a passive part; with what is dispersed
+    at its largest.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         motions = [*_periodic(scenario), *_spin(scenario), *_friction(scenario)]
+        found = oscillations(scenario)
+        more = 1 + np.max(_dispersed_size(scenario, "mode_frequency", len(found)), initial=0.0)
+        motions += [Fast(one.of, more * one.frequency, one.location) for one in found]
     fast = max((one for one in motions if one.rate > 0), key=lambda one: one.rate, default=None)
     return None if fast is None else fast._replace(rate=min(fast.rate, FASTEST))
 

@@ -13,7 +13,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
-from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.actuators import PARTS
 from jaxsat.core.declaration.laws import Law
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
 from jaxsat.scenario.control import ControlTable
@@ -55,9 +55,9 @@ class _Body(ScenarioTable):
     actuators: ActuatorsOfAKind | None = choice("Actuators that do not come with jaxsat", None)
 
 
-_ACTUATORS = {
+_PARTS = {
     one.name: (Annotated[tuple[TABLES[one.name], ...], Len(0, one.most)], choice(one.meaning, ()))
-    for one in ACTUATORS
+    for one in PARTS
 }
 _TYPES = {
     name: (dict[str, table], choice("Keys that several have in common, by types", {}, exclude=True))
@@ -65,7 +65,7 @@ _TYPES = {
 }
 
 
-class Scenario(table_with(_TYPES | _ACTUATORS | SENSORS, _Body)):
+class Scenario(table_with(_TYPES | _PARTS | SENSORS, _Body)):
     """One spacecraft, its control law and one run of them.
 
     Raises pydantic's `ValidationError` holding every mistake at once. Each of its errors carries

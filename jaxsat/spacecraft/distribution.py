@@ -180,7 +180,7 @@ class WheelsFirst(AbstractDistribution):
             rest = command[:0] if self.rest is None else self.rest @ command
         else:
             wheels, rest, left = self._relieved(self.relief, state.omega, momentum, command)
-        if not others:
+        if not any(one.command_size for one in others):
             left, rest = left + torque_of(rest), rest[:0]
         uses = iter(Direct()(t, state, rest, others).uses)
         each = tuple(wheels if isinstance(one, Wheels) else next(uses) for one in effectors)
@@ -206,7 +206,7 @@ class WheelsFirst(AbstractDistribution):
 
     def out_of_reach(self, command, effectors) -> Float[Array, " torques"]:
         """The part that wheels leave to others, where there are none."""
-        alone = all(isinstance(one, Wheels) for one in effectors)
+        alone = all(isinstance(one, Wheels) or not one.command_size for one in effectors)
         return self.rest @ command if alone and self.rest is not None else jnp.zeros_like(command)
 
     def tells_left(self, effectors) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.actuators import PARTS as DECLARED
 
 AXES: dict[str, tuple[str, ...]] = {
     "body_axis": ("x", "y", "z"),
@@ -20,8 +20,8 @@ AXES: dict[str, tuple[str, ...]] = {
 """The names of the components along each axis; those along any other axis are numbered from 1."""
 
 
-PARTS = tuple(one.name for one in ACTUATORS)
-"""The axes along which actuators stand, by their kind in a scenario."""
+PARTS = tuple(one.name for one in DECLARED)
+"""The axes along which actuators and passive parts stand, by their kind in a scenario."""
 
 ALL_PARTS = "actuator"
 """The axis of what is told of thrusters and wheels together, in this order."""
@@ -66,7 +66,7 @@ VARIABLES = {
     ),
     **{
         one.name: Label((actuator.name,) if one.each else (), one.units, one.meaning)
-        for actuator in ACTUATORS
+        for actuator in DECLARED
         for one in actuator.signals
     },
     "diagnosed_kind": Label(
@@ -99,7 +99,7 @@ VARIABLES = {
     ),
 }
 """Signals, each over `time`; those from `constraint_torque` on only where there is such a torque,
-thruster (a two-sided one counts as two), wheel, magnetorquer, gimbal or estimate."""
+device (a two-sided thruster counts as two) or estimate."""
 
 RANGES = {
     "least": ("torque_min", "least"),

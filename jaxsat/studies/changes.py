@@ -97,9 +97,9 @@ def possible_belief(loop: AbstractLoop) -> Bool[Array, ""]:
 def _with_rotors(inertia: Float[Array, "3 3"], loop: AbstractLoop) -> Bool[Array, ""]:
     possible, stores = possible_inertia(inertia), [one.storage() for one in loop.plant.effectors]
     rotors = [one.rotors for one in stores if one is not None]
-    if not rotors:
-        return possible
-    return possible & _positive(inertia - rotors_of(loop)) & jnp.all(jnp.concatenate(rotors) >= 0)
+    if any(one.free_inertia() is not None for one in loop.plant.effectors):
+        possible = possible & _positive(inertia - rotors_of(loop))
+    return possible & jnp.all(jnp.concatenate(rotors) >= 0) if rotors else possible
 
 
 def _positive(matrix: Float[Array, "3 3"]) -> Bool[Array, ""]:
@@ -110,7 +110,8 @@ def _positive(matrix: Float[Array, "3 3"]) -> Bool[Array, ""]:
 
 
 def rotors_of(loop: AbstractLoop) -> Float[Array, "3 3"]:
-    """What of the inertia moves freely in the plant's effectors, Σ J_w a aᵀ of wheels, kg m²."""
+    """What of the inertia moves freely in the plant's effectors, Σ J_w a aᵀ of wheels
+    and Σ d dᵀ of flexible modes, kg m²."""
     free = (one.free_inertia() for one in loop.plant.effectors)
     return -sum((one for one in free if one is not None), jnp.zeros((3, 3)))
 

@@ -244,7 +244,7 @@ def _holds_momentum(loop: AbstractLoop, here: _Exchanger) -> bool:
     take momentum out.
     """
     healthy, runaway = here.healthy, here.runaway
-    outside = any(one.storage() is None for one in loop.plant.effectors)
+    outside = any(one.storage() is None and one.command_size for one in loop.plant.effectors)
     if not runaway.any() or outside:
         return True
     most = here.storage.capacity

@@ -229,6 +229,13 @@ def gimbals():
     return Scenario.model_validate(data, context={"law": True})
 
 
+def flexible_modes():
+    data = gyros.document()
+    mode = {"frequency_rad_s": 1.3, "damping": 0.02, "coupling_sqrt_kg_m": [0.6, -0.3, 0.5]}
+    data["flexible_mode"] = [mode | {"angle_rad": 0.01}]
+    return Scenario.model_validate(data, context={"law": True})
+
+
 def estimated(kind):
     return Part(f"navigation-{kind}", lambda: navigation(kind))
 
@@ -243,7 +250,7 @@ class Part(NamedTuple):
 
 OF_JAXSAT = [ideal, pulsed, wheels, magnetorquers, noise_and_delay, disturbances, panels]
 OF_JAXSAT += [failing_ideal_thrusters, failing_pulsed_thrusters, failing_magnetorquers]
-OF_JAXSAT += [failing_wheels, failing_wheels_without_rotors, gimbals]
+OF_JAXSAT += [failing_wheels, failing_wheels_without_rotors, gimbals, flexible_modes]
 PARTS = [Part(one.__name__, one) for one in OF_JAXSAT] + [estimated(kind) for kind in ESTIMATOR.own]
 PARTS += [Part("tachometers", tachometers, "healthy.natural_frequency")]
 PLUGINS = [

@@ -89,8 +89,11 @@ MAGNETORQUERS = {"dipole_limit", "magnetorquer_misalignment", "failed_magnetorqu
 GYROS = {"rotor_momentum", "failed_gimbal"}
 """In tests/scenario/test_gimbals.py."""
 
+MODES = {"mode_coupling", "mode_frequency", "mode_damping"}
+"""In tests/scenario/test_flexible_modes.py."""
+
 OTHERWISE = {"misalignment", "attitude_error", "rate_error", "wheel_momentum", "rotor_inertia"}
-OTHERWISE |= {*FAILURES, *SENSORS, *MAGNETORQUERS, *GYROS}
+OTHERWISE |= {*FAILURES, *SENSORS, *MAGNETORQUERS, *GYROS, *MODES}
 
 
 def test_every_quantity_has_its_test():

@@ -55,6 +55,9 @@ BEYOND = {
     "magnetorquer_misalignment": (-1.1, 1.1),
     "failed_gimbal": (-0.6, 1.6),
     "rotor_momentum": (-1.1, 2e9),
+    "mode_coupling": (-1.1, 1e7),
+    "mode_frequency": (-1.1, 1e7),
+    "mode_damping": (-1.1, 1e4),
     "wheel_momentum": (-21.0, 21.0),
     "failure_kind": (-0.6, 6.6),
     "failure_amount": (-0.1, 1.1),
@@ -103,12 +106,21 @@ GYROS = (
 )
 
 
+OF_MODES = ("mode_coupling", "mode_frequency", "mode_damping")
+MODES = (
+    "flexible_mode=[{frequency_rad_s=1.0,damping=0.01,coupling_sqrt_kg_m=[0.1,0.0,0.0]},"
+    "{frequency_rad_s=2.0,damping=0.01,coupling_sqrt_kg_m=[0.0,0.1,0.0]}]",
+)
+
+
 def scenario(name):
     """The scenario in which a quantity may be drawn: its name, and what is changed in it."""
     if name in OF_RODS:
         return "cubesat-12u", RODS
     if name in OF_GYROS:
         return "cubesat-12u", GYROS
+    if name in OF_MODES:
+        return "cubesat-12u", MODES
     if name.startswith("fail") and "wheel" not in name:
         return "cubesat-12u", ()
     if name == "rate_error":

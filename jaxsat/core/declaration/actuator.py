@@ -42,22 +42,14 @@ class Signal:
 
 
 @dataclass(frozen=True)
-class ActuatorDeclaration:
-    """All that is known of a kind of actuator without its equations.
+class EffectorDeclaration:
+    """All that is known of a part that acts on the body, without its equations.
 
-    - `name`: of its tables `[[name]]`, and of what fails: "name 3".
+    - `name`: of its tables `[[name]]`.
     - `summary`: one line, what one of them is.
     - `most`: how many tables there may be.
     - `meaning`: one line, for the schema.
-    - `keys`: those of a table, without `name`, `type` and `failed`, which every actuator has.
-    - `failed`: what it means that one has failed before the start.
-    - `kinds`: how one of them may fail in flight, members of one enumeration.
-    - `idle`: those that change nothing of one that has failed before the start.
-    - `drawn`: those that a study can draw, the first ones of their enumeration.
-    - `both_signs`: whether what is stuck may be stuck either way.
-    - `steering`: "module:Class.method" of the function that makes an `AbstractSteering` of the
-      effector, its checked tables and a `SteeringContext`: how it takes its part of a command of
-      three torques before others; None for actuators that have no steering of their own.
+    - `keys`: those of a table, without `name` and `type`, which every part has.
     - `maker`: "module:Class.method" of the function that makes an `AbstractEffector` of checked
       tables and an `EffectorContext`; None for actuators that are no effector of the body.
       Nothing is imported before it is used.
@@ -65,9 +57,9 @@ class ActuatorDeclaration:
     - `dispersible`: quantities that a study can draw; the class of the effector has under
       `dispersible` what they change.
     - `signals`: what results have of its devices.
-    - `judged`: whether the verdict on controllability counts it with the others.
     - `called`: one of them in words, by default the name.
-    - `numbered`: what is to say of the numbers by which a study draws them.
+
+    One that is no `ActuatorDeclaration` is passive: nothing commands it, and it does not fail.
     """
 
     name: str
@@ -75,19 +67,11 @@ class ActuatorDeclaration:
     most: int
     meaning: str
     keys: tuple[Key, ...]
-    failed: str
-    kinds: tuple[AbstractFailureKind, ...]
-    idle: tuple[AbstractFailureKind, ...]
-    drawn: tuple[AbstractFailureKind, ...]
-    both_signs: bool = False
-    steering: str | None = None
     maker: str | None = None
     rules: tuple[Rule, ...] = ()
     dispersible: tuple[DispersibleQuantity, ...] = ()
     signals: tuple[Signal, ...] = ()
     called: str = ""
-    judged: bool = False
-    numbered: str = ""
 
     def __post_init__(self):
         require_own_keys(self.keys, "actuator", ("name", "type", "failed"))
@@ -104,6 +88,32 @@ class ActuatorDeclaration:
         """What makes the effector of checked tables and an `EffectorContext`."""
         assert self.maker is not None
         return pkgutil.resolve_name(self.maker)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActuatorDeclaration(EffectorDeclaration):
+    """All that is known of a kind of actuator without its equations, which goes by its name.
+
+    - `failed`: what it means that one has failed before the start, a key of every table.
+    - `kinds`: how one of them may fail in flight, members of one enumeration.
+    - `idle`: those that change nothing of one that has failed before the start.
+    - `drawn`: those that a study can draw, the first ones of their enumeration.
+    - `both_signs`: whether what is stuck may be stuck either way.
+    - `steering`: "module:Class.method" of the function that makes an `AbstractSteering` of the
+      effector, its checked tables and a `SteeringContext`: how it takes its part of a command of
+      three torques before others; None for actuators that have no steering of their own.
+    - `judged`: whether the verdict on controllability counts it with the others.
+    - `numbered`: what is to say of the numbers by which a study draws them.
+    """
+
+    failed: str
+    kinds: tuple[AbstractFailureKind, ...]
+    idle: tuple[AbstractFailureKind, ...]
+    drawn: tuple[AbstractFailureKind, ...]
+    both_signs: bool = False
+    steering: str | None = None
+    judged: bool = False
+    numbered: str = ""
 
     @property
     def failed_quantity(self) -> DispersibleQuantity:

@@ -1,9 +1,10 @@
-"""The kinds of actuators that a scenario can have."""
+"""The kinds of actuators and of passive parts that a scenario can have."""
 
 import warnings
 from importlib.metadata import entry_points
 
-from jaxsat.core.declaration.actuator import ActuatorDeclaration
+from jaxsat.core.declaration.actuator import ActuatorDeclaration, EffectorDeclaration
+from jaxsat.core.declaration.flexible_modes import FLEXIBLE_MODE
 from jaxsat.core.declaration.gimbals import GIMBAL
 from jaxsat.core.declaration.magnetorquers import MAGNETORQUER
 from jaxsat.core.declaration.thrusters import THRUSTER
@@ -12,6 +13,9 @@ from jaxsat.core.errors import foreign_exceptions
 
 OWN: tuple[ActuatorDeclaration, ...] = (THRUSTER, WHEEL, MAGNETORQUER, GIMBAL)
 """The actuators that come with jaxsat."""
+
+PASSIVE: tuple[EffectorDeclaration, ...] = (FLEXIBLE_MODE,)
+"""Parts of the body that move by themselves, which no law commands or knows."""
 
 GROUP = "jaxsat.effectors"
 """Entry points of other packages, each an `ActuatorDeclaration` of a further actuator."""
@@ -23,7 +27,7 @@ def _installed() -> tuple[ActuatorDeclaration, ...]:
     for entry in sorted(entry_points(group=GROUP), key=lambda one: one.name):
         try:
             one = entry.load()
-            _require_usable(one, (*OWN, *declarations.values()))
+            _require_usable(one, (*OWN, *PASSIVE, *declarations.values()))
         except foreign_exceptions() as error:
             reason = f"{type(error).__name__}: {error}"
             text = f"Entry point {entry.name} of {GROUP}, {entry.value}, is left out: {reason}"
@@ -33,7 +37,7 @@ def _installed() -> tuple[ActuatorDeclaration, ...]:
     return tuple(declarations.values())
 
 
-def _require_usable(one: object, others: tuple[ActuatorDeclaration, ...]) -> None:
+def _require_usable(one: object, others: tuple[EffectorDeclaration, ...]) -> None:
     """Raise `ValueError` for what is no declaration of an effector with names of its own."""
     if not isinstance(one, ActuatorDeclaration) or one.maker is None or one.steering is None:
         raise ValueError("must be an ActuatorDeclaration with a `maker` and a `steering`")
@@ -48,14 +52,17 @@ def _require_usable(one: object, others: tuple[ActuatorDeclaration, ...]) -> Non
 ACTUATORS: tuple[ActuatorDeclaration, ...] = (*OWN, *_installed())
 """All actuators, in the order in which the body has them."""
 
-EFFECTORS = tuple(one for one in ACTUATORS if one.maker is not None)
-"""The actuators that are effectors of the body."""
+PARTS: tuple[EffectorDeclaration, ...] = (*ACTUATORS, *PASSIVE)
+"""All actuators and passive parts, in the order in which the body has them."""
 
-SIGNALS = {signal.name: signal for one in ACTUATORS for signal in one.signals}
-"""The signals that results have of the devices of all actuators, by name."""
+EFFECTORS = tuple(one for one in PARTS if one.maker is not None)
+"""Those that are effectors of the body."""
 
-STUDIED = {one.column: (one, kind) for kind in ACTUATORS for one in kind.signals if one.column}
-"""The signals of which a study has a column, by its name, with their actuators."""
+SIGNALS = {signal.name: signal for one in PARTS for signal in one.signals}
+"""The signals that results have of all devices, by name."""
+
+STUDIED = {one.column: (one, kind) for kind in PARTS for one in kind.signals if one.column}
+"""The signals of which a study has a column, by its name, with their parts."""
 
 STEERED = tuple(one.name for one in ACTUATORS if one.steering)
 """The names of the actuators that have a steering of their own."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
-from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.actuators import ACTUATORS, PARTS
 from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.core.declaration.keys import DispersibleQuantity
 from jaxsat.core.declaration.sensors import SENSED
@@ -84,8 +84,8 @@ RATE_ERROR = DispersibleQuantity(
 )
 
 
-def _of_actuators(stage: str) -> Iterable[DispersibleQuantity]:
-    return (one for part in ACTUATORS for one in part.dispersible if one.stage == stage)
+def _of_parts(stage: str) -> Iterable[DispersibleQuantity]:
+    return (one for part in PARTS for one in part.dispersible if one.stage == stage)
 
 
 DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
@@ -93,15 +93,15 @@ DISPERSIBLE: Mapping[str, DispersibleQuantity] = MappingProxyType(
         quantity.name: quantity
         for quantity in (
             *BODY,
-            *_of_actuators("body"),
-            *_of_actuators("part"),
+            *_of_parts("body"),
+            *_of_parts("part"),
             *(one for part in DISTURBANCES.values() for one in part.quantities),
             *BELIEF,
             *(one for part in SENSED.values() for one in part.quantities),
             *FAILURES,
             DELAY,
             *START,
-            *_of_actuators("start"),
+            *_of_parts("start"),
             RATE_ERROR,
         )
     }

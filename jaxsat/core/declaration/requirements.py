@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.actuators import PARTS
 
 _DEGREE = math.pi / 180
 
@@ -69,7 +69,7 @@ REQUIRED_SIGNALS: Mapping[str, RequiredSignal] = {
                 ("largest " if signal.each else "") + signal.meaning,
                 actuator.name,
             )
-            for actuator in ACTUATORS
+            for actuator in PARTS
             for signal in actuator.signals
         ),
     )

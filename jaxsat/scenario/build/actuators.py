@@ -11,7 +11,8 @@ from jaxsat.control.controller import MagneticContext, WheelContext
 from jaxsat.control.steering import AbstractSteering, MagneticSteering, Steered, SteeringContext
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float
-from jaxsat.core.declaration.actuators import EFFECTORS, STEERED
+from jaxsat.core.declaration.actuators import ACTUATORS as DECLARED
+from jaxsat.core.declaration.actuators import STEERED
 from jaxsat.scenario.build.plant import field_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
 from jaxsat.scenario.build.sensors import tachometer_noise
@@ -169,7 +170,7 @@ def _steering_context(scenario: Scenario) -> SteeringContext:
 def _steering(scenario: Scenario, plant: RigidBody) -> tuple[AbstractSteering, ...]:
     """What steers effectors of the plant, in the order in which they are asked."""
     context = _steering_context(scenario)
-    makers = {one.name: one.steering for one in EFFECTORS if one.steering}
+    makers = {one.name: one.steering for one in DECLARED if one.steering}
     return tuple(
         pkgutil.resolve_name(makers[one.kind])(one, getattr(scenario, one.kind), context)
         for one in plant.effectors

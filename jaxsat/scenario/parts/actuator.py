@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from pydantic import Field
 from pydantic.fields import FieldInfo
 
-from jaxsat.core.declaration.actuator import ActuatorDeclaration
+from jaxsat.core.declaration.actuator import ActuatorDeclaration, EffectorDeclaration
 from jaxsat.scenario.quantities import (
     STAND_IN,
     Line,
@@ -27,11 +27,13 @@ class DeviceTable(ScenarioTable):
     )
 
 
-def table_of_device(actuator: ActuatorDeclaration) -> Any:
-    """The class of one table `[[NAME]]` of an actuator."""
-    fields = fields_of(actuator.keys) | {"failed": (Switch, choice(actuator.failed, False))}
-    doc = f"`[[{actuator.name}]]`: {actuator.summary}."
-    return table_class(actuator.name, doc, fields, DeviceTable, "Table")
+def table_of_device(part: EffectorDeclaration) -> Any:
+    """The class of one table `[[NAME]]` of an actuator, or of a passive part."""
+    fields = fields_of(part.keys)
+    if isinstance(part, ActuatorDeclaration):
+        fields |= {"failed": (Switch, choice(part.failed, False))}
+    doc = f"`[[{part.name}]]`: {part.summary}."
+    return table_class(part.name, doc, fields, DeviceTable, "Table")
 
 
 def type_name(name: str) -> str:

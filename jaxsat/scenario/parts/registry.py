@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from jaxsat.core.declaration.actuator import ActuatorDeclaration
-from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
+from jaxsat.core.declaration.actuator import ActuatorDeclaration, EffectorDeclaration
+from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS, PARTS
 from jaxsat.core.declaration.law import LawDeclaration
 from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.errors import Issue
@@ -15,11 +15,11 @@ from jaxsat.scenario.rules import RULES, at, declared_rule, rule, rule_over
 from jaxsat.scenario.wording import shown, suggestion
 
 TABLES: Mapping[str, type[ScenarioTable]] = {
-    **{one.name: table_of_device(one) for one in ACTUATORS},
+    **{one.name: table_of_device(one) for one in PARTS},
     "thruster": ThrusterTable,
     "wheel": WheelTable,
 }
-"""The class of one table of an actuator, by its name."""
+"""The class of one table of an actuator or of a passive part, by its name."""
 
 TYPES = {type_name(name): table_of_type(name, table) for name, table in TABLES.items()}
 """The class of one type of an actuator, by the name of the table of types."""
@@ -27,9 +27,9 @@ TYPES = {type_name(name): table_of_type(name, table) for name, table in TABLES.i
 AXES = "spacecraft.thruster_torque_axes"
 
 
-def _declare_rules(actuator: ActuatorDeclaration) -> None:
-    """Register what holds for every kind of actuator."""
-    name = actuator.name
+def _declare_rules(part: EffectorDeclaration) -> None:
+    """Register what holds for every actuator and for every passive part."""
+    name = part.name
 
     @rule(name)
     def _names_differ(tables):
@@ -49,15 +49,23 @@ def _declare_rules(actuator: ActuatorDeclaration) -> None:
                 message = f"must be {among}, got {shown(one.type)}{suggestion(one.type, types)}"
                 yield Issue((name, number, "type"), message)
 
+    @rule(name, "spacecraft.third_rate")
+    def _third_rate_is_free(tables, third_rate):
+        if tables and part in EFFECTORS and third_rate == "held":
+            yield at("spacecraft.third_rate", f'must be "free" with [[{name}]], got "held"')
+
+    for declared in part.rules:
+        RULES.append(declared_rule(declared))
+
+
+def _declare_rules_of_actuator(actuator: ActuatorDeclaration) -> None:
+    """Register what holds for every kind of actuator besides."""
+    name = actuator.name
+
     @rule(name, "actuators.kind")
     def _actuators_are_those_of_jaxsat(tables, kind):
         if tables:
             yield at("actuators", f"must not be given with [[{name}]], got {shown(kind)}")
-
-    @rule(name, "spacecraft.third_rate")
-    def _third_rate_is_free(tables, third_rate):
-        if tables and actuator in EFFECTORS and third_rate == "held":
-            yield at("spacecraft.third_rate", f'must be "free" with [[{name}]], got "held"')
 
     @rule(name, "control.law")
     def _law_commands_three_torques(tables, law):
@@ -79,9 +87,6 @@ def _declare_rules(actuator: ActuatorDeclaration) -> None:
             message = "must leave one that works where there is no other actuator"
             yield at(name, f"{message}, got {len(tables)} that have failed")
 
-    for declared in actuator.rules:
-        RULES.append(declared_rule(declared))
-
 
 def _suits(actuator: ActuatorDeclaration, declaration: LawDeclaration) -> bool:
     """Whether a law commands three torques once a period, of any actuators or of this one too."""
@@ -89,5 +94,7 @@ def _suits(actuator: ActuatorDeclaration, declaration: LawDeclaration) -> bool:
     return declaration.sampled and declaration.torques == 3 and commands
 
 
-for _one in ACTUATORS:
+for _one in PARTS:
     _declare_rules(_one)
+for _actuator in ACTUATORS:
+    _declare_rules_of_actuator(_actuator)

@@ -7,7 +7,7 @@ import numpy as np
 from annotated_types import Gt, Le
 
 from jaxsat.core.allocation import least_propellant, plane_map
-from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
+from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.thrusters import THRUSTER
 from jaxsat.core.ranges import SECONDS
 from jaxsat.scenario.errors import Issue
@@ -111,7 +111,7 @@ def _one_kind_of_thruster(values):
     axes = values["spacecraft.thruster_torque_axes"]
     failed = values["spacecraft.failed_thrusters"]
     if not values["thruster"]:
-        if axes is None and not any(values[one.name] for one in EFFECTORS):
+        if axes is None and not any(values[one.name] for one in ACTUATORS):
             *tables, last = (f"[[{one.name}]]" for one in ACTUATORS)
             message = f"must be given, or tables {', '.join(tables)} or {last}, got none of them"
             yield at("spacecraft.thruster_torque_axes", message, True)

@@ -8,6 +8,7 @@ import numpy as np
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.domain import dimensionless_numbers, domain_cautions
+from jaxsat.scenario.flexibility import flexibility_cautions
 from jaxsat.studies.statistics import Interval, fraction_text
 from jaxsat.studies.summary import Summary
 from jaxsat.synthesis.comparison.verdict import ComparisonRow, ComparisonVerdict
@@ -114,11 +115,12 @@ class ControllerDesign:
 
     @property
     def cautions(self) -> tuple[str, ...]:
-        """Sentences on where the vehicle lies beyond what the laws are verified on."""
+        """Sentences on where the vehicle lies beyond what the laws are verified on, and on parts
+        that they may excite."""
         beyond = (
             f"{'.'.join(map(str, issue.location))} {issue.message}"
             for one in self.candidates
-            for issue in domain_cautions(one.scenario)
+            for issue in (*domain_cautions(one.scenario), *flexibility_cautions(one.scenario))
         )
         return (*self._lost_holds, *beyond)
 

@@ -1,0 +1,94 @@
+"""Oscillations of passive parts with the body free: their frequencies, and what excites them."""
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxsat.core.declaration.flexible_modes import FLEXIBLE_MODE
+from jaxsat.scenario.errors import Issue, Location
+from jaxsat.scenario.parts.actuator import names_of
+from jaxsat.scenario.quantities import inertia_matrix
+from jaxsat.scenario.schema import Scenario
+
+SEPARATION = 5.0
+"""How many times the natural frequency of a law the lowest oscillation should have at least."""
+
+NEAR_HARMONIC = 0.05
+"""Relative distance from a multiple of the sampling rate within which pulses excite a mode."""
+
+MOST_HARMONICS = 10
+"""Multiples of the sampling rate that pulses are taken to have."""
+
+
+class Oscillation(NamedTuple):
+    """An oscillation by what it is `of`, its `frequency` with the body free (rad/s), and its key.
+
+    `held` (rad/s) is the frequency with the body held.
+    """
+
+    of: str
+    frequency: float
+    held: float
+    location: Location
+
+
+def oscillations(scenario: Scenario) -> list[Oscillation]:
+    """The oscillations of all parts with the body free, the slowest first; without damping.
+
+    With d² η/dt² + Ω² η = -Dᵀ dω/dt and J dω/dt = -D d²η/dt² they are the eigenvalues of
+    Ω (1 - Dᵀ J⁻¹ D)⁻¹ Ω. One is told by the part that has most of its motion.
+    """
+    modes = scenario.flexible_mode
+    if not modes:
+        return []
+    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
+    couplings = np.array([one.coupling_sqrt_kg_m for one in modes], float).T
+    held = np.array([one.frequency_rad_s for one in modes])
+    mobility = np.linalg.inv(np.eye(held.size) - couplings.T @ np.linalg.solve(inertia, couplings))
+    squares, shapes = np.linalg.eigh(held[:, None] * mobility * held)
+    names, places = names_of(modes), np.argmax(np.abs(shapes), axis=0)
+    return [
+        Oscillation(
+            f"{FLEXIBLE_MODE.called} {names[place]}",
+            float(math.sqrt(max(square, 0.0))),
+            float(held[place]),
+            (FLEXIBLE_MODE.name, int(place), "frequency_rad_s"),
+        )
+        for square, place in zip(squares, places, strict=True)
+    ]
+
+
+def flexibility_cautions(scenario: Scenario) -> Iterator[Issue]:
+    """A law that is fast enough to excite an oscillation, and pulses in step with one."""
+    found = oscillations(scenario)
+    bandwidth = getattr(scenario.control, "natural_frequency_rad_s", None)
+    if found and bandwidth is not None and found[0].frequency < SEPARATION * bandwidth:
+        yield Issue(
+            ("control", "natural_frequency_rad_s"),
+            f"should be at most 1/{SEPARATION:g} of {_told(found[0])}, got {bandwidth:.4g}: the "
+            f"oscillation is {found[0].frequency / bandwidth:.3g} times as fast as the law, which "
+            "does not know of it",
+            (found[0].location,),
+        )
+    period = getattr(scenario.control, "period_s", None)
+    if not scenario.thruster or period is None:
+        return
+    for one in found:
+        turns = one.frequency * period / (2 * math.pi)
+        harmonic = round(turns)
+        if 1 <= harmonic <= MOST_HARMONICS and abs(turns / harmonic - 1) < NEAR_HARMONIC:
+            yield Issue(
+                ("control", "period_s"),
+                f"should be away from a whole number of cycles of {_told(one)}, as pulses "
+                f"would excite it each time: a period has {turns:.3g} cycles, got {period:.4g} s",
+                (one.location,),
+            )
+
+
+def _told(one: Oscillation) -> str:
+    return (
+        f"the frequency of {one.of}, {one.frequency:.4g} rad/s with the body free "
+        f"({one.held:.4g} rad/s with it held)"
+    )
