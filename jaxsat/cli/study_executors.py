@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from cyclopts import Parameter
 
 from jaxsat.cli.options import BatchSize, OptionalBatchSize, Text, Workers
-from jaxsat.cli.terminal import UserMistake, print_stderr
+from jaxsat.cli.terminal import UserMistake, print_stderr, print_warning
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.process import processors
 
@@ -76,7 +76,7 @@ def chosen_executor(
     if processes is not None:
         count = min(processes, processors())
         share = processors() // count
-        return Processes(count, min(workers or share, share))
+        return Processes(count, min(workers or share, share), tell=print_warning)
     workers = min(workers or processors(), processors())
     return Threads(workers) if workers > 1 else Serial()
 

@@ -11,14 +11,17 @@ from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import rotation
 from jaxsat.scenario.idle_actuators import idle_actuators
-from jaxsat.scenario.layout import wheel_directions
 from jaxsat.scenario.parts.thrusters import (
     ModulationTable,
     ThrusterTable,
     modulation_kind,
     working_torques,
 )
-from jaxsat.scenario.parts.wheels import left_by_wheels, relieved_by_thrusters, wheel_axes
+from jaxsat.scenario.parts.wheels import (
+    relieved_by_thrusters,
+    wheel_axes,
+    wheels_make_all,
+)
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import InitialTable
@@ -62,9 +65,7 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     ):
         return
     has_relief = relieved_by_thrusters(scenario)
-    if has_relief or (
-        law.torques and left_by_wheels(wheels, law.torques, wheel_directions(scenario)).any()
-    ):
+    if has_relief or (law.torques and not wheels_make_all(wheels, law)):
         return  # thrusters take part
     axes, limit = wheel_axes(tuple(one for one in wheels if not one.failed)), np.array(limits)
     times, momenta = _momenta_to_hold(scenario)

@@ -8,10 +8,15 @@ from jaxtyping import Bool, Float
 
 from jaxsat.core.allocation import BASIS_TOLERANCE, least_squares_map
 from jaxsat.scenario.errors import Issue, Location
-from jaxsat.scenario.layout import command_torques, ideal_shares, wheel_directions
+from jaxsat.scenario.layout import command_torques, ideal_shares
 from jaxsat.scenario.parts.actuator import names_of
 from jaxsat.scenario.parts.thrusters import signs
-from jaxsat.scenario.parts.wheels import left_by_wheels, relieved_by_thrusters, wheel_axes
+from jaxsat.scenario.parts.wheels import (
+    directions_of_wheels,
+    left_by_wheels,
+    relieved_by_thrusters,
+    wheel_axes,
+)
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import working_axes
 
@@ -30,7 +35,7 @@ def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
     working = [place for place, one in enumerate(scenario.thruster) if not one.failed]
     if not working or relieved_by_thrusters(scenario):
         return
-    left = left_by_wheels(scenario.wheel, 2) if scenario.wheel else np.eye(2)
+    left = _left(scenario)
     if not left.any():
         message = (
             "should leave the thrusters a torque to make: the wheels make all that the law "
@@ -53,7 +58,7 @@ def _idle_ideal_thrusters(scenario: Scenario, torques: int) -> Iterator[Issue]:
     """
     table = scenario.spacecraft
     axes = working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
-    left = left_by_wheels(scenario.wheel, torques) if scenario.wheel else np.eye(torques)
+    left = _left(scenario)
     if not axes.size:
         return
     used = np.zeros(axes.shape[1], bool)
@@ -74,12 +79,20 @@ def _idle_wheels(scenario: Scenario) -> Iterator[Issue]:
     if not working.size:
         return
     axes = wheel_axes(scenario.wheel)[:, working]
-    directions = wheel_directions(scenario)
+    directions = directions_of_wheels(scenario.wheel, scenario.law.declaration)
     used = columns_in_use(np.hstack([axes, -axes]), directions).reshape(2, -1).any(axis=0)
     shares = least_squares_map(axes, 2, directions=directions)
     used |= np.abs(shares).max(axis=1) > BASIS_TOLERANCE
     names = names_of(scenario.wheel)
     yield from _issues(scenario, ("wheel",), (names[place] for place in working[~used]))
+
+
+def _left(scenario: Scenario) -> Float[np.ndarray, "torques torques"]:
+    """The part of a command that wheels do not make, which is all of it without any."""
+    wheels, declaration = scenario.wheel, scenario.law.declaration
+    if not wheels:
+        return np.eye(declaration.torques)
+    return left_by_wheels(wheels, declaration.torques, directions_of_wheels(wheels, declaration))
 
 
 def _issues(scenario: Scenario, location: Location, idle: Iterable[str]) -> Iterator[Issue]:

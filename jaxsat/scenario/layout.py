@@ -22,7 +22,12 @@ from jaxsat.core.declaration.actuators import PASSIVE, STEERED
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.scenario.parts.thrusters import signs, working_torques
-from jaxsat.scenario.parts.wheels import directions_of_wheels, limit_of_wheels, wheels_make_all
+from jaxsat.scenario.parts.wheels import (
+    directions_of_wheels,
+    limit_of_wheels,
+    some_work,
+    wheels_make_all,
+)
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.rules import Values
 from jaxsat.scenario.tables import working_axes
@@ -32,31 +37,17 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
     """A unit column for each torque that a law of one torque, or of two in any plane, counts on.
 
     `scenario` is a checked one. Of thrusters that push these are the directions in which they make
-    torques of either sign, of wheels their `wheel_directions`.
+    torques of either sign, of wheels their `directions_of_wheels`.
     """
     table = scenario.spacecraft
-    if scenario.wheel:
-        return wheel_directions(scenario)[:, :2]
+    if some_work(scenario.wheel):
+        return directions_of_wheels(scenario.wheel, scenario.law.declaration)[:, :2]
     if scenario.thruster:
         torques = working_torques(scenario.thruster)
         if scenario.law.declaration.torques == 1:
             return torque_axis(unit_columns(torques))[:, None]
         return pushed_directions(torques)
     return working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
-
-
-def wheel_directions(scenario: Any) -> Float[np.ndarray, "3 torques"]:
-    """The directions about which the law commands wheels, which are in a scenario.
-
-    They are `torque_directions` of wheels under a law of two torques for any plane, where these
-    make all of it, else the first body axes.
-    """
-    wheels, declaration = scenario.wheel, scenario.law.declaration
-    others = scenario.thruster or scenario.spacecraft.thruster_torque_axes
-    has_steering = any(getattr(scenario, name) for name in STEERED)
-    if declaration.torques != 2 or has_steering or (others and not wheels_make_all(wheels, 2)):
-        return np.eye(3)[:, : declaration.torques or 2]
-    return directions_of_wheels(wheels, declaration)
 
 
 def has_invalid_samples(scenario: Any) -> bool:
@@ -84,13 +75,14 @@ def torque_limit(scenario: Any) -> float | None:
     By default it is what wheels and thrusters can make about all commanded axes at once.
     """
     limit = scenario.spacecraft.torque_limit_N_m
-    torques = scenario.law.declaration.torques
+    wheels, declaration = scenario.wheel, scenario.law.declaration
+    torques = declaration.torques
     if limit is not None or not torques:
         return limit
     limits = []
-    if scenario.wheel:
-        limits.append(limit_of_wheels(scenario.wheel, torques, wheel_directions(scenario)))
-    if scenario.thruster and not (scenario.wheel and wheels_make_all(scenario.wheel, torques)):
+    if wheels:
+        limits.append(limit_of_wheels(wheels, torques, directions_of_wheels(wheels, declaration)))
+    if scenario.thruster and not (wheels and wheels_make_all(wheels, declaration)):
         torque, cost, command = command_torques(scenario, torques)
         least_propellant(torque, cost, command)  # raises where some command cannot be made
         limits.append(largest_torque(torque, 0.0, 1.0, command))
@@ -103,7 +95,7 @@ def command_torques(scenario: Any, torques: int) -> tuple[np.ndarray, np.ndarray
     All are at full thrust.
     """
     torque = working_torques(scenario.thruster)
-    any_plane = scenario.law.declaration.any_plane and not scenario.wheel
+    any_plane = scenario.law.declaration.any_plane
     return torque, thruster_costs(scenario), plane_map(torque, torques, any_plane)
 
 
@@ -113,7 +105,7 @@ def ideal_shares(scenario: Any, axes: Float[np.ndarray, "3 m"]) -> Float[np.ndar
     Raises `ValueError` where they cannot make these, and nothing else makes torques.
     """
     law = scenario.law.declaration
-    if any(getattr(scenario, name) for name in ("wheel", *STEERED)):
+    if some_work(scenario.wheel) or any(getattr(scenario, name) for name in STEERED):
         return least_squares_map(axes, law.torques)
     if law.any_plane:
         return direction_matrix(axes, torque_directions(axes))

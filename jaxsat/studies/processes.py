@@ -7,7 +7,7 @@ import subprocess
 import sys
 import threading
 from collections import Counter, deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from typing import IO, Any, NamedTuple, cast
@@ -34,13 +34,15 @@ class Processes(AbstractExecutor):
 
     They talk to this process through anonymous pipes: nothing listens, and no other process can
     send them work. What is to be computed is sent to every worker once, so that it compiles once
-    there. A worker that dies is replaced, and its chunks are computed again, now one at a time, so
-    that a chunk is not blamed for another one. Raises `ClusterError` where `ATTEMPTS` workers
-    died on a chunk, or before they could compute any, or where none can be started.
+    there. A worker that dies is replaced, which `tell` is told, and its chunks are computed again,
+    now one at a time, so that a chunk is not blamed for another one. Raises `ClusterError` where
+    `ATTEMPTS` workers died on a chunk, or before they could compute any, or where none can be
+    started.
     """
 
     count: int
     threads: int = 1
+    tell: Callable[[str], None] | None = field(default=None, repr=False, compare=False)
     _stop: Stop = field(default_factory=Stop, init=False, repr=False, compare=False)
 
     def __post_init__(self):
@@ -69,21 +71,26 @@ class _End(NamedTuple):
     status: int
 
     def __str__(self) -> str:
+        """The words for the last of several."""
+        return f"the last {'was ' if self.status < 0 else ''}{self.how}"
+
+    @property
+    def how(self) -> str:
         if self.status >= 0:
-            return f"the last ended with status {self.status}"
+            return f"ended with status {self.status}"
         try:
             name = signal.Signals(-self.status).name
         except ValueError:
             name = f"signal {-self.status}"
         likely = ", as the system does where memory runs out" if name == "SIGKILL" else ""
-        return f"the last was killed by {name}{likely}"
+        return f"killed by {name}{likely}"
 
 
 class _Crew:
     """The workers of a run, and the chunks that are to be computed again."""
 
     def __init__(self, executor: Processes, work: Work):
-        self._count = executor.count
+        self._count, self._tell = executor.count, executor.tell
         self._room = executor.threads + AHEAD
         self._order = WorkerTask(packed(work), executor.threads)
         self._workers: list[_Worker] = []
@@ -164,11 +171,13 @@ class _Crew:
                 raise ClusterError(
                     f"{ATTEMPTS} worker processes died before they could compute; {end}"
                 )
-            return
-        for chunk in worker.chunks:
+        for chunk in worker.chunks if worker.ready else ():
             self._deaths[chunk] += 1
             if self._deaths[chunk] == ATTEMPTS:
                 raise ClusterError(f"{ATTEMPTS} worker processes died on chunk {chunk}; {end}")
+        if self._tell is not None:
+            which = ", ".join(map(str, sorted(worker.chunks)))
+            self._tell(f"a worker process died, {end.how}; another computes chunk {which} again")
 
 
 class _Worker:

@@ -31,8 +31,8 @@ START_DRIFT = np.array([1, -2, 1.5, 0.1, -0.2, 0.3]) * 1e-3
 class Commands:
     """What a law commands, by the logarithms of its gains, and changes of attitude and rate."""
 
-    def __init__(self, law):
-        self.loop = build_loop(scenario_of(law))
+    def __init__(self, law, **changes):
+        self.loop = build_loop(scenario_of(law, **changes))
         self.law = controller_of(self.loop)
         places = LAWS[law].declaration.tunable.items()
         self.gains = [(key, place, number_at(self.law, place)) for key, place in places]
@@ -68,18 +68,27 @@ class Commands:
 
 
 def _all_laws():
-    """Those that no gradient is taken of take longest."""
+    """Those that no gradient is taken of take longest.
+
+    Gravity gradient gives the laws for any plane more to estimate: the drift that is left.
+    """
+    gradient = {"disturbance": {"gravity_gradient": True}}
     for name, law in LAWS.items():
         if name != PLANNED:
             long = law.declaration.commands_actuators or name == "three-slew"
             slow = [pytest.mark.slow] if long else []
-            yield pytest.param(name, marks=slow)
+            yield pytest.param((name, {}), marks=slow, id=name)
+            if law.declaration.any_plane:
+                yield pytest.param(
+                    (name, gradient), marks=pytest.mark.slow, id=f"{name}, gravity gradient"
+                )
 
 
 @pytest.fixture(scope="module", params=_all_laws())
 def law(request):
-    commands = Commands(request.param)
-    return request.param, commands, Derivatives(commands, commands.names)
+    name, changes = request.param
+    commands = Commands(name, **changes)
+    return name, commands, Derivatives(commands, commands.names)
 
 
 @pytest.mark.parametrize("place", PLACES)

@@ -160,6 +160,12 @@ def thrusters(*axes):
 
 
 WHEEL = "{axis=%s, torque_limit_N_m=0.4}"
+SWITCHING = (
+    "control={law='switching', k1=0.5, k2=0.3, k3=0.05, mu=0.5, a=0.2, k4=60.0, period_s=0.1, "
+    "internal_model_frequency_rad_s=[0.7,0.8], upper_threshold_rad_s=8e-3, "
+    "lower_threshold_rad_s=1.4e-3, rate_slope_limit_rad_s2=[0.1,0.1], "
+    "three_axis_slope_limit_rad_s2=[0.1,0.1]}"
+)
 IN_PLANE = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)]
 
 
@@ -169,9 +175,12 @@ IN_PLANE = [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)]
         ((thrusters(*IN_PLANE, (0, 0, 1)),), ["thruster: 5"]),
         ((thrusters(*IN_PLANE, (0, 0, 1), (0, 0, -1)),), ["thruster: 5, 6"]),  # only cancel
         ((thrusters(*IN_PLANE, (0, 0, 1), (1, 0, -1)),), []),
-        ((thrusters(*IN_PLANE), "wheel=[{axis=[1,0,0]}]"), ["thruster: 1, 2"]),
-        ((thrusters(*IN_PLANE, (1, 1, 0), (-1, 1, 0)), "wheel=[{axis=[1,0,0]}]"), []),
-        ((thrusters(*IN_PLANE), "wheel=[{axis=[0,0,1]}]"), ["wheel: 1"]),
+        ((thrusters(*IN_PLANE), SWITCHING, "wheel=[{axis=[1,0,0]}]"), ["thruster: 1, 2"]),
+        (
+            (thrusters(*IN_PLANE, (1, 1, 0), (-1, 1, 0)), SWITCHING, "wheel=[{axis=[1,0,0]}]"),
+            [],
+        ),
+        ((thrusters(*IN_PLANE), SWITCHING, "wheel=[{axis=[0,0,1]}]"), ["wheel: 1"]),
         ((f"wheel=[{WHEEL % [1, 0, 0]}, {WHEEL % [0, 1, 1]}, {WHEEL % [0, 0, 1]}]",), []),
     ],
 )

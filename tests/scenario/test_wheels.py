@@ -1,5 +1,7 @@
 """`[[wheel]]`: what is built of it, and what is refused."""
 
+import warnings
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
 from jaxsat.spacecraft.wheels import Wheels, wheel_momentum
 from jaxsat.store.dataset import trajectory_dataset
 
+ZERO = np.zeros(3)
 X, Y = "{axis=[2.0,0.0,0.0]}", "{axis=[0.0,1.0,0.0]}"
 HEAVY = "{axis=[0.0,1.0,0.0],rotor_inertia_kg_m2=1.5}"
 
@@ -84,7 +87,7 @@ def test_thrusters_make_what_wheels_leave():
         f"{{torque_axis=[{x},{y},0.0],torque_N_m=1.0}}"
         for x, y in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
     )
-    wheelless = load("two-torque-free")
+    wheelless = load("switching")
     document = wheelless.model_dump()
     document["spacecraft"] |= {"thruster_torque_axes": None, "failed_thrusters": ()}
     changes = [parse_override(f"thruster=[{pushing}]"), parse_override(f"wheel=[{X}]")]
@@ -96,6 +99,51 @@ def test_thrusters_make_what_wheels_leave():
     assert isinstance(wheels, Wheels)
     np.testing.assert_allclose(pulsed.distribution.wheels(command), [0.3])
     np.testing.assert_allclose(pulsed.distribution.rest, [[0, 0], [0, 1]])
+
+
+def test_wheels_that_have_failed_do_not_change_the_plane_of_the_thrusters():
+    """Skew thrusters, pushing or ideal, make the same torques beside a wheel that does nothing."""
+    failed = "wheel=[{axis=[0,1,0],failed=true}]"
+    jets = ("[1,0,0.3]", "[-1,0,-0.3]", "[0,1,0.2]", "[0,-1,-0.2]")
+    tables = ",".join(f"{{torque_axis={axis},torque_N_m=1,min_on_time_s=0.02}}" for axis in jets)
+    ideal = "spacecraft.thruster_torque_axes=[[0.8,0,0.6],[0,0.6,0.8],[0,0,1]]"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScenarioWarning)
+        for name, change in (
+            ("pulsed-two-torque", f"thruster=[{tables}]"),
+            ("two-torque-free", ideal),
+        ):
+            alone, beside = load(name, [change]), load(name, [change, failed])
+            np.testing.assert_array_equal(believed_axes(beside), believed_axes(alone))
+            assert torque_limit(beside) == torque_limit(alone)
+            made = []
+            for scenario in (alone, beside):
+                loop, at_rest = build(scenario).loop, PlantState(Quaternion([1.0, 0, 0, 0]), ZERO)
+                command = jnp.array([0.03, -0.02])
+                effectors = loop.plant.effectors
+                uses = loop.distribution(jnp.zeros(()), at_rest, command, effectors).uses
+                made.append(np.asarray(uses[0]))
+            np.testing.assert_allclose(made[1], made[0], atol=1e-15)
+
+
+@pytest.mark.parametrize("law", ["oscillatory", "three-slew", "planned"])
+def test_a_settling_law_flies_wheels_or_says_why_not(law):
+    """Two wheels without momentum keep n·Jω at zero; a wheel beside thrusters changes c.
+
+    Of 8 flights of `oscillatory` with two wheels none settles, whatever their plane.
+    """
+    for axes, more in (("[1,0,0.2]", "{axis=[0,1,0]}"), ("[0,1,0]", "{axis=[0,0.3,1]}")):
+        changes = [f"wheel=[{{axis={axes}}},{more}]", f"control={{law='{law}'}}"]
+        changes += ["spacecraft.torque_limit_N_m=0.2", *ANY_PLANE[1:], TRIAXIAL]
+        if law == "three-slew":
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ScenarioWarning)
+                load("two-wheel-telescope", changes)
+            continue
+        with pytest.raises(ScenarioError, match=r"wheel: must leave none .*gyroscopic"):
+            load("two-wheel-telescope", changes)
+    with pytest.raises(ScenarioError, match="wheel: must leave two independent axes"):
+        load("two-torque-free", [f"control.law='{law}'", f"wheel=[{X}]"])
 
 
 def test_the_limit_of_a_law_is_what_wheels_make_about_both_axes_at_once():

@@ -121,7 +121,7 @@ def test_workers_that_die_are_replaced(tmp_path, chunks, deaths, how):
 @pytest.mark.slow
 def test_a_worker_killed_is_replaced_and_changes_nothing(tmp_path):
     """Two processes; one is killed after the first chunk, and what it had is computed again."""
-    seen = []
+    seen, said = [], []
 
     def kill(_):
         seen.append(children())
@@ -129,10 +129,12 @@ def test_a_worker_killed_is_replaced_and_changes_nothing(tmp_path):
             os.kill(min(seen[0]), signal.SIGKILL)
 
     study = tumbling(chunk=4)
-    run_study(study, tmp_path / "s", executor=Processes(2), report=kill)
+    run_study(study, tmp_path / "s", executor=Processes(2, tell=said.append), report=kill)
     same(without_status(contents(tmp_path / "s")), _by_column(study.evaluate(np.arange(100))))
     assert len(seen) == 25
     assert len(set.union(*seen)) == 3, "the one killed was replaced"
+    (line,) = said
+    assert line.startswith("a worker process died, killed by SIGKILL")
 
 
 @pytest.mark.slow

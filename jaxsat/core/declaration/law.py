@@ -33,6 +33,8 @@ class LawDeclaration:
     - `needs_torque_limit`: the thrusters must be limited.
     - `takes_orbits`: its motion goes by the place in the orbit, so that its unit of time is 1/ω0.
     - `needs_unequal_moments`: the law moves ω3 through (J1 - J2) ω1 ω2 alone.
+    - `needs_gyroscopic_torque`: the law moves the third axis as the gyroscopic torque of a body
+      without wheels does, which the momentum of wheels that make its torques changes.
     - `tracks_rates`: the law tracks reference rates as in (43), a subclass of
       `AbstractBacksteppingLaw`, so that its loop may be integrated in error coordinates.
     - `works_in_wz`: the law uses (w, z), which are singular upside down.
@@ -57,6 +59,7 @@ class LawDeclaration:
     needs_torque_limit: bool = False
     takes_orbits: bool = False
     needs_unequal_moments: bool = False
+    needs_gyroscopic_torque: bool = False
     tracks_rates: bool = False
     works_in_wz: bool = False
     regulates_attitude: bool = True

@@ -115,6 +115,7 @@ OSCILLATORY = LawDeclaration(
     ),
     any_plane=True,
     needs_torque_limit=True,
+    needs_gyroscopic_torque=True,
     domain=sweeps_of("oscillatory"),
 )
 
@@ -174,5 +175,6 @@ PLANNED = LawDeclaration(
     ),
     any_plane=True,
     needs_torque_limit=True,
+    needs_gyroscopic_torque=True,
     searched=("planning_margin", "replan_s"),
 )

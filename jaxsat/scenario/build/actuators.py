@@ -17,10 +17,11 @@ from jaxsat.scenario.build.plant import field_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
 from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
-from jaxsat.scenario.layout import ideal_shares, thruster_costs, wheel_directions
+from jaxsat.scenario.layout import ideal_shares, thruster_costs
 from jaxsat.scenario.parts.thrusters import working_torques
 from jaxsat.scenario.parts.unloading import UnloadingTable
 from jaxsat.scenario.parts.wheels import (
+    directions_of_wheels,
     failed_wheels,
     left_by_wheels,
     relieved_by_thrusters,
@@ -47,7 +48,7 @@ def build_thrusters(scenario: Scenario) -> AbstractEffector | None:
     """
     torques, wheels = scenario.law.declaration.torques, scenario.wheel
     none = not (scenario.thruster or scenario.spacecraft.thruster_torque_axes)
-    idle = wheels and torques and (none or wheels_make_all(wheels, torques))
+    idle = wheels and torques and (none or wheels_make_all(wheels, scenario.law.declaration))
     if wheels and scenario.law.declaration.commands_actuators:
         if not scenario.thruster:
             return None
@@ -86,14 +87,14 @@ def _wheels_first(scenario: Scenario) -> WheelsFirst:
     tables, torques = scenario.wheel, scenario.law.declaration.torques
     limits = np.array([one.torque_limit_N_m or np.inf for one in tables])
     limit = limits if np.isfinite(limits).any() else None
-    whole = wheels_make_all(tables, torques)
+    whole = wheels_make_all(tables, scenario.law.declaration)
     distribution = WheelsFirst.of(
         wheel_axes(tables),
         torques,
         limit,
         failed_wheels(tables),
         not whole,
-        wheel_directions(scenario),
+        directions_of_wheels(tables, scenario.law.declaration),
     )
     if not relieved_by_thrusters(scenario):
         return distribution

@@ -45,8 +45,9 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     thrusters = _thruster_set(working)
     draws_kinds = getattr(scenario.dispersion, "failure_kind", None) is not None
     late = delay or draws_kinds or any(one.kind == "delayed" for one in scenario.failure)
-    as_commanded = scenario.law.declaration.commands_actuators
-    behind = relieved_by_thrusters(scenario) and wheels_make_all(scenario.wheel, torques or 3)
+    law = scenario.law.declaration
+    as_commanded = law.commands_actuators
+    behind = relieved_by_thrusters(scenario) and wheels_make_all(scenario.wheel, law)
     command = command_torques(scenario, torques or 3)
     return PulsedThrusters(
         thrusters=thrusters,

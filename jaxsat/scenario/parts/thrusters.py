@@ -12,7 +12,7 @@ from jaxsat.core.declaration.thrusters import THRUSTER
 from jaxsat.core.ranges import SECONDS
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import table_of_device
-from jaxsat.scenario.parts.wheels import wheels_make_all
+from jaxsat.scenario.parts.wheels import some_work, wheels_make_all
 from jaxsat.scenario.quantities import (
     Number,
     ScenarioTable,
@@ -174,8 +174,8 @@ def _whole(thrusters) -> bool:
 @rule("thruster", "control.law", "wheel")
 def _thrusters_make_what_the_law_commands(thrusters, law, wheels):
     declaration = law.declaration
-    torques, any_plane = declaration.torques, declaration.any_plane and not wheels
-    if wheels and torques and wheels_make_all(wheels, torques):
+    torques, any_plane = declaration.torques, declaration.any_plane
+    if some_work(wheels) and torques and (any_plane or wheels_make_all(wheels, declaration)):
         return
     if not torques or not thrusters or not _whole(thrusters) or len(thrusters) > MAX_THRUSTERS:
         return

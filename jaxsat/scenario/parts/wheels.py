@@ -79,6 +79,11 @@ def wheel_axes(wheels: Tables) -> np.ndarray:
     return unit_columns(np.array([one.axis for one in wheels], float).reshape(-1, 3).T)
 
 
+def some_work(wheels: Tables) -> bool:
+    """Whether any of the wheels has not failed before the start."""
+    return any(not one.failed for one in wheels)
+
+
 def failed_wheels(wheels: Tables) -> tuple[int, ...]:
     """Numbers, from 1, of the wheels that have failed."""
     return tuple(number for number, one in enumerate(wheels, 1) if one.failed)
@@ -96,9 +101,11 @@ def left_by_wheels(
     return what_is_left(axes, shares, directions)
 
 
-def wheels_make_all(wheels: Tables, torques: int) -> bool:
-    """Whether the working wheels make every command, so that thrusters beside them do nothing."""
-    return not left_by_wheels(wheels, torques).any()
+def wheels_make_all(wheels: Tables, declaration: Any) -> bool:
+    """Whether the working wheels make every command of a law, so that thrusters beside them do
+    nothing. A law that commands no torque counts as one that commands three."""
+    directions = directions_of_wheels(wheels, declaration)
+    return not left_by_wheels(wheels, directions.shape[1], directions).any()
 
 
 def relieved_by_thrusters(scenario: Any) -> bool:
@@ -113,11 +120,15 @@ def relieved_by_thrusters(scenario: Any) -> bool:
 
 
 def directions_of_wheels(wheels: Tables, declaration: Any) -> np.ndarray:
-    """The directions (3, 2) about which a law of two torques commands wheels without any other
-    actuators: of their plane, if it is for any plane, else body x and y."""
+    """The directions (3, torques) about which a law commands wheels.
+
+    They are `torque_directions` of working wheels in a plane under a law for any plane, else the
+    first body axes.
+    """
     axes = wheel_axes(tuple(one for one in wheels if not one.failed))
-    is_plane = axes.size and np.linalg.matrix_rank(axes, tol=MISSING) == 2
-    return torque_directions(axes) if declaration.any_plane and is_plane else np.eye(3)[:, :2]
+    if declaration.any_plane and axes.size and np.linalg.matrix_rank(axes, tol=MISSING) == 2:
+        return torque_directions(axes)
+    return np.eye(3)[:, : declaration.torques or 3]
 
 
 def limit_of_wheels(
@@ -180,6 +191,25 @@ def _rotors_are_part_of_the_body(values):
 
 
 @rule("wheel", "control.law")
+def _settling_laws_suit_the_momentum_of_wheels(wheels, law):
+    working, declaration = sum(not one.failed for one in wheels), law.declaration
+    if working and declaration.any_plane and not wheels_make_all(wheels, declaration):
+        yield at(
+            "wheel",
+            f'must leave two independent axes under the law "{law}", or none: beside thrusters '
+            "for one of the two torques the momentum of wheels about the other one turns the body "
+            f"about the third axis in a way that the law does not know of, got {working}",
+        )
+    elif working and declaration.needs_gyroscopic_torque:
+        yield at(
+            "wheel",
+            f'must leave none under the law "{law}", which moves the third axis by the gyroscopic '
+            "torque of the body: the momentum of wheels changes it, and of two wheels alone "
+            f'cancels it ("three-slew" and "three-axis" turn the body without it), got {working}',
+        )
+
+
+@rule("wheel", "control.law")
 def _coulomb_friction_needs_a_sampled_law(wheels, law):
     if law.declaration.sampled:
         return
@@ -213,10 +243,10 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
     if not wheels or thrusters or has_steering or torques not in (2, 3):
         return
     working = working_axes(axes or (), values["spacecraft.failed_thrusters"])
+    if declaration.any_plane:  # which makes all of it, or none
+        return
     missing = what_is_left(working, least_squares_map(working, torques))
-    alone = torques == 2 and not axes
-    directions = directions_of_wheels(wheels, declaration) if alone else None
-    missing = missing @ left_by_wheels(wheels, torques, directions)
+    missing = missing @ left_by_wheels(wheels, torques)
     if abs(missing).max() > MISSING:
         count = sum(not one.failed for one in wheels)
         which = "x and y" if torques == 2 else "x, y and z"

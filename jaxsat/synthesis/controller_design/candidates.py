@@ -65,8 +65,8 @@ LAWS_LEFT: Mapping[str, tuple[str, ...]] = {
 }
 """Laws by what `Judgement.laws` says can be flown."""
 
-WHEEL_LAWS, THRUSTER_LAWS = ("three-axis",), ("planned",)
-"""Laws for two wheels without momentum, and those that know nothing of a limit of momentum."""
+WHEEL_LAWS = ("three-axis", "three-slew")
+"""Laws for two torques of which wheels make some."""
 
 SLOW_LAWS: Mapping[str, str] = {
     "planned": "plans in flight, so its verification takes many minutes; give the law planned or "
@@ -190,7 +190,7 @@ def _names(scenario: Scenario, verdict: VehicleVerdict, law: str) -> list[str]:
         return [law]
     names = list(LAWS_LEFT[verdict.judgement.laws])
     if names and scenario.wheel and verdict.judgement.laws == "two torques":
-        names = [*WHEEL_LAWS, *(one for one in names if one not in THRUSTER_LAWS)]
+        names = list(WHEEL_LAWS)
     return names
 
 

@@ -94,7 +94,7 @@ def _distributions(
     """The dispersions of the level hard by key, times in τ."""
     alone = bool(scenario.wheel) and (
         not verdict.judgement.actuators.torques.any()
-        or wheels_make_all(scenario.wheel, scenario.law.declaration.torques)
+        or wheels_make_all(scenario.wheel, scenario.law.declaration)
     )
     rate, start = RATE / scale.time, {"attitude": {"distribution": "random-attitude"}}
     if alone:
