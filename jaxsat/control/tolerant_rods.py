@@ -39,7 +39,7 @@ SHALLOW = 0.6
 what this torque has across the axis would fill the wheels, and nothing would take it out again."""
 
 SMALLEST = 1e-30
-"""Keeps a quotient of two zeros finite."""
+"""Keeps a quotient of two zeros finite; both have no unit."""
 
 
 class RodMemory(NamedTuple):
@@ -105,7 +105,9 @@ class TolerantRods(eqx.Module):
         self, inertia: Float[Array, "3 3"], axis: Float[Array, "3"]
     ) -> Float[Array, ""]:
         """The largest (rad/s) about J n, for an `axis` n and an inertia J (kg m²)."""
-        square = jnp.sum(axis * (self.power @ axis)) / (jnp.sum((inertia @ axis) ** 2) + SMALLEST)
+        unit = jnp.trace(inertia)
+        square = jnp.sum((inertia @ axis / unit) ** 2) + SMALLEST
+        square = jnp.sum(axis * (self.power @ axis)) / unit**2 / square
         return root(root(square) / FULL_AT)
 
     def holds(self, inertia: Float[Array, "3 3"], axis: Float[Array, "3"]) -> Bool[Array, ""]:
@@ -135,7 +137,8 @@ class TolerantRods(eqx.Module):
         most = root(jnp.sum(axis * (self.power @ axis)))
         momentum = inertia @ state.omega + stored
         across = momentum - axis * jnp.sum(axis * momentum)
-        opposed = most / jnp.sqrt(jnp.sum(across**2) + SMALLEST)
+        unit = law.model.spacecraft.momentum_unit
+        opposed = most / unit / jnp.sqrt(jnp.sum((across / unit) ** 2) + SMALLEST)
         rate = jnp.minimum(law.max_rate, jnp.where(jnp.any(axis != 0), opposed, jnp.inf))
         frequency = jnp.minimum(self.natural_frequency(inertia, axis), law.natural_frequency)
         braked = law.damping * frequency * FULL_AT
@@ -201,6 +204,7 @@ def about(
 ) -> Float[Array, "3"]:
     """The torque whose part about an `axis` n is that of `slow`, and which turns the body of an
     inertia J (kg m²) as `torque` does across Jn, all in N m. For no axis it is the torque."""
-    along = inertia @ (inertia @ axis)  # J⁻¹ times the difference is along Jn
+    relative = inertia / jnp.trace(inertia)
+    along = relative @ (relative @ axis)  # J⁻¹ times the difference is along Jn
     lacking = jnp.sum(axis * (torque - slow)) / (jnp.sum(axis * along) + SMALLEST)
     return torque - along * lacking

@@ -7,6 +7,7 @@ import numpy as np
 
 from jaxsat.core.allocation import least_propellant, plane_map
 from jaxsat.core.declaration.actuators import STEERED
+from jaxsat.core.declaration.magnetorquers import MAGNETORQUER
 from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import rotation
@@ -53,14 +54,15 @@ def actuator_cautions(scenario: Scenario) -> Iterator[Issue]:
 def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     """Momentum of body and wheels that the wheels cannot hold where the law is to bring it.
 
-    Of the torques from outside the constant one is counted.
+    Of the torques from outside the constant one is counted. Beside magnetorquers, which take
+    momentum out in time, it is that at the start alone; gyros hold some themselves.
     """
     wheels, law = scenario.wheel, scenario.law.declaration
     limits = [one.momentum_limit_N_m_s for one in wheels if not one.failed]
     if (
         not limits
         or None in limits
-        or any(getattr(scenario, name) for name in STEERED)
+        or any(getattr(scenario, name) for name in STEERED if name != MAGNETORQUER.name)
         or not law.regulates_attitude
     ):
         return
@@ -69,6 +71,8 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
         return  # thrusters take part
     axes, limit = wheel_axes(tuple(one for one in wheels if not one.failed)), np.array(limits)
     times, momenta = _momenta_to_hold(scenario)
+    if scenario.magnetorquer:
+        times, momenta = times[:1], momenta[:1]
     loads = [_largest_load(axes, limit, momentum) for momentum in momenta]
     shares = np.array([share for share, _ in loads])
     worst = int(np.argmax(shares))

@@ -2,6 +2,7 @@
 
 import copy
 import dataclasses
+import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
@@ -33,10 +34,31 @@ class Conversion(NamedTuple):
         """An issue about the keys that the user wrote."""
         location = self._user_location(issue.location)
         involved = tuple(map(self._user_location, issue.involved))
-        message, converted = issue.message, self._converted(issue.location)
+        message, converted = self._with_own_keys(issue), self._converted(issue.location)
         if converted and converted[-1] not in location:
             message = f"{message} (read as {converted[-1]})"
         return dataclasses.replace(issue, location=location, involved=involved, message=message)
+
+    def _with_own_keys(self, issue: Issue) -> str:
+        """The message, in which each key that the user wrote otherwise is named as in the file.
+
+        A key without its table belongs to one of the tables that the issue is about.
+        """
+        tables = {_dotted(one[:-1]) for one in (issue.location, *issue.involved)}
+        own = {_dotted(new): str(old[-1]) for new, old in self.places.items()}
+
+        def named(match: re.Match[str]) -> str:
+            table, key = match[1], match[2]
+            places = [table] if table else [f"{one}." for one in tables]
+            place = next((one for one in places if one + key in own), None)
+            if place is None:
+                return match[0]
+            written = own[place + key]
+            while place + written in own:
+                written = own[place + written]
+            return f"{table}{written} (read as {key})"
+
+        return re.sub(r"\b((?:\w+\.)*)(\w+)\b", named, issue.message)
 
     def _converted(self, location: Location) -> Location:
         """The beginning of a location that is none in the file; nothing if it is one."""
@@ -48,3 +70,8 @@ class Conversion(NamedTuple):
         if not converted:
             return location
         return self._user_location((*self.places[converted], *location[len(converted) :]))
+
+
+def _dotted(location: Location) -> str:
+    """Names of tables and keys; entries of arrays are alike."""
+    return ".".join(part for part in location if isinstance(part, str))

@@ -1,5 +1,8 @@
 """Two wheels, and magnetorquers about the axis that they lack: against an independent program."""
 
+from types import SimpleNamespace
+from typing import cast
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from helpers.magnetic import document
 from jaxsat.control.tolerant_actuators import TolerantMode
-from jaxsat.control.tolerant_rods import FULL_AT, RELIEF, SHALLOW
+from jaxsat.control.tolerant_rods import FULL_AT, RELIEF, SHALLOW, TolerantRods, about
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -28,6 +31,21 @@ def mean_square(limit, orbit, count=16):
             across = oracle.cross(oracle.field(0.0, (*orbit[:3], along, turn)))
             total += limit**2 * across.T @ across / count**2
     return total
+
+
+@pytest.mark.parametrize("size", [1e-16, 1.0, 1e16])
+def test_magnetorquers_turn_bodies_of_every_size_alike(size):
+    """√(|τ| / (|Jn| θ)), and a torque whose part about n is another one."""
+    inertia, axis = size * np.diag([2.0, 1.0, 3.0]), np.array([0.6, 0.0, 0.8])
+    rods = cast(TolerantRods, SimpleNamespace(power=size**2 * 4e-8 * np.eye(3)))
+    found = TolerantRods.natural_frequency(rods, jnp.array(inertia), jnp.array(axis))
+    along = np.hypot(2.0 * 0.6, 3.0 * 0.8)
+    assert found == pytest.approx(np.sqrt(2e-4 / along / FULL_AT), rel=1e-12)
+    torques = size * np.array([0.1, -0.2, 0.3]), size * np.array([0.02, 0.05, -0.01])
+    made = np.asarray(about(*map(jnp.array, (inertia, axis, *torques)))) / size
+    assert axis @ made == pytest.approx(axis @ torques[1] / size, rel=1e-12)
+    change = np.linalg.solve(inertia, size * made - torques[0])
+    np.testing.assert_allclose(np.cross(change, inertia @ axis / size), 0, atol=1e-14)
 
 
 def feedback(c, omega, inertia, rate, frequency, most):

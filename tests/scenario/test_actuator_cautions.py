@@ -122,6 +122,19 @@ def test_too_much_momentum_is_told():
     assert not told("wheels-fail", still, slow, *OWN)[0]
 
 
+def test_momentum_at_the_start_is_told_beside_magnetorquers_too():
+    """They take it out in time, and so they do with what comes later."""
+    rods = "magnetorquer=[{axis=[1,0,0],dipole_limit_A_m2=5}]"
+    orbit = "orbit={altitude_km=600,inclination_rad=1.7}"
+    start = ("initial.quaternion=[1,0,0,0]", orbit, rods, *OWN)
+    for factor, told_of in ((1.2, True), (0.9, False)):
+        fast = f"initial.omega_rad_s=[0,0,{factor * 80 / np.sqrt(2) / 250}]"
+        messages, _ = told("wheels-fail", fast, *start)
+        assert any("times what they hold" in one for one in messages) is told_of
+    pushed = "disturbance.constant_N_m=[0,0,0.05]"
+    assert not any("full after" in one for one in told("wheels-fail", pushed, *start)[0])
+
+
 def test_wheels_that_a_constant_torque_fills_are_told_with_the_time():
     """Along z all four hold 56.6 N m s; a torque fixed in the body turns with it in orbit."""
     still = ("initial.quaternion=[1,0,0,0]", "initial.omega_rad_s=[0,0,0]")

@@ -5,6 +5,8 @@ import math
 import pytest
 
 from jaxsat.scenario import ScenarioError, dump, json_schema, read
+from jaxsat.scenario.conversion import Conversion
+from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.registry import TABLES
 from jaxsat.scenario.units import UNITS, spellings
 
@@ -204,6 +206,21 @@ def test_a_list_of_tables_and_bounds_tell_of_the_key_that_was_written(tmp_path):
     assert "mine.toml:10: key gimbal.angle_deg: must be at most" in text
     assert "(read as angle_rad)" in text
     assert "key tuning.parameters.natural_frequency_deg_s.high: must be above low" in text
+
+
+def test_what_is_said_of_another_key_names_it_as_it_was_written():
+    """Keys of two tables, one told with its table; and one that stands for another that stands in
+    for momentum."""
+    conversion = Conversion.of({"wheel": [{"speed_limit_rpm": 1}], "initial": {"omega_rpm": [1]}})
+    conversion.replace(("wheel", 0), "speed_limit_rpm", "speed_limit_rad_s", 1)
+    conversion.replace(("wheel", 0), "speed_limit_rad_s", "momentum_limit_N_m_s", 1)
+    conversion.replace(("initial",), "omega_rpm", "omega_rad_s", 1)
+    message = "must fit momentum_limit_N_m_s = 1, omega_rad_s and initial.omega_rad_s, not my"
+    told = conversion.as_written(Issue(("wheel", 0, "axis"), message)).message
+    assert told == (
+        "must fit speed_limit_rpm (read as momentum_limit_N_m_s) = 1, omega_rad_s and "
+        "initial.omega_rpm (read as omega_rad_s), not my"
+    )
 
 
 def test_two_units_of_one_key_are_refused(tmp_path):

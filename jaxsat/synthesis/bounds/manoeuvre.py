@@ -80,12 +80,16 @@ class Manoeuvre:
         """Unit of time √(J/Tm), s, of the mean moment of inertia and one thruster's torque."""
         return math.sqrt(float(np.trace(self.inertia)) / 3 / self.limit)
 
+    def time_unit(self) -> float:
+        """√(J/T) with the largest moment of inertia about a body axis and the torque limit, s."""
+        return math.sqrt(np.diag(self.inertia).max() / self.limit)
+
     def slew_time(self) -> float:
         """Seconds for the tilt and turn of the start as one slew with one thruster."""
         angle = 2 * math.acos(min(1.0, abs(float(self.quaternion[0]))))
         angle = math.pi if self.rates_only else angle  # as many rates take a turn to stop
         stop = float(np.abs(self.inertia @ self.omega).max()) / self.limit
-        return 2 * math.sqrt(np.diag(self.inertia).max() * angle / self.limit) + stop
+        return 2 * self.time_unit() * math.sqrt(angle) + stop
 
 
 def manoeuvre_of(

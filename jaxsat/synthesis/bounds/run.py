@@ -13,7 +13,7 @@ from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of
 from jaxsat.synthesis.bounds.search import Bound, best_of_starts, plans_of
-from jaxsat.synthesis.bounds.transcription import MIN_DURATION_S, BoundObjective
+from jaxsat.synthesis.bounds.transcription import SHORTEST, BoundObjective
 
 Report = Callable[[str], None]
 """Called with what runs and how far it is."""
@@ -61,9 +61,10 @@ def bound(
     rates_only, tolerances = target == "rates", tolerances_at(scenario, end)
     manoeuvre = required_manoeuvre(scenario, tolerances, rates_only=rates_only)
     longest = scenario.simulation.duration_s if longest is None else longest
-    if longest < MIN_DURATION_S:
+    shortest = SHORTEST * manoeuvre.time_unit()
+    if longest < shortest:
         raise UnsuitableScenario(
-            f"simulation.duration_s: must be at least {MIN_DURATION_S:g} s, got {longest:g}"
+            f"simulation.duration_s: must be at least {shortest:.3g} s, got {longest:g}"
         )
     return search_bound(
         None if rates_only else build_uncontrolled(scenario),

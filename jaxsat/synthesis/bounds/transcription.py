@@ -13,8 +13,8 @@ from jaxtyping import Float
 
 from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
 
-MIN_DURATION_S = 0.01
-"""Seconds; no manoeuvre is taken to last less."""
+SHORTEST = 1e-3
+"""Of `Manoeuvre.time_unit`; no manoeuvre is taken to last less."""
 
 STATES = 7
 """Quaternion and ω."""
@@ -62,11 +62,16 @@ class BoundTranscription:
                 raise ValueError(
                     f"Argument `{name}` must be positive, but got {getattr(self, name)}."
                 )
-        if not MIN_DURATION_S <= self.longest < np.inf:
+        if not self.shortest <= self.longest < np.inf:
             raise ValueError(
-                f"Argument `longest` must be finite and at least {MIN_DURATION_S} s, "
+                f"Argument `longest` must be finite and at least {self.shortest:.3g} s, "
                 f"but got {self.longest}."
             )
+
+    @property
+    def shortest(self) -> float:
+        """The least duration of a manoeuvre, s."""
+        return SHORTEST * self.manoeuvre.time_unit()
 
     def solver(self) -> Any:
         """The CasADi function that solves it from a guess; one for all guesses.
@@ -205,7 +210,7 @@ class BoundTranscription:
         free = np.full(STATES * n, np.inf)
         thrust = np.full(man.torque_axes.shape[1] * n, man.limit)
         sizes = np.full(3 * n, np.inf)
-        lower = [start, -free, -thrust, np.zeros(3 * n), [MIN_DURATION_S]]
+        lower = [start, -free, -thrust, np.zeros(3 * n), [self.shortest]]
         upper = [start, free, thrust, sizes, [self.longest]]
         return np.concatenate(lower), np.concatenate(upper)
 
@@ -224,7 +229,7 @@ class BoundTranscription:
         states[:, 4:] *= [1, 1, 0.3]
         thrust = man.limit * random.uniform(-0.5, 0.5, (n, man.torque_axes.shape[1]))
         spread = (1.0, 3.0) if self.objective is BoundObjective.TIME else (2.0, 8.0)
-        duration = max(MIN_DURATION_S, min(self.longest, man.slew_time() * random.uniform(*spread)))
+        duration = max(self.shortest, min(self.longest, man.slew_time() * random.uniform(*spread)))
         states[:, 4:] = (
             start[4:]
             + share * (target - start)[4:]

@@ -65,7 +65,7 @@ LAWS_LEFT: Mapping[str, tuple[str, ...]] = {
 }
 """Laws by what `Judgement.laws` says can be flown."""
 
-WHEEL_LAWS = ("three-axis", "three-slew")
+WHEEL_LAWS: tuple[str, ...] = ("three-axis", "three-slew")
 """Laws for two torques of which wheels make some."""
 
 SLOW_LAWS: Mapping[str, str] = {

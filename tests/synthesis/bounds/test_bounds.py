@@ -80,6 +80,17 @@ def test_rest_is_judged_alike_in_every_unit_of_time(second):
         assert end.arrives(manoeuvre) is rests
 
 
+@pytest.mark.parametrize("second", [1e-6, 1.0, 1e6])
+def test_the_shortest_manoeuvre_has_no_unit_of_its_own(second):
+    """A thousandth of √(J/Tm), 9.48 s here."""
+    manoeuvre = planar(0.1, 0.0, limit=5.0 / second**2)
+    shortest = math.sqrt(INERTIA[0] / 5.0) * second / 1000
+    found = BoundTranscription(manoeuvre, BoundObjective.TIME, 1.001 * shortest).shortest
+    assert found == pytest.approx(shortest)
+    with pytest.raises(ValueError, match="must be finite and at least"):
+        BoundTranscription(manoeuvre, BoundObjective.TIME, 0.999 * shortest)
+
+
 def test_rest_to_rest_is_bang_bang():
     """2 √(J θ / Tm): half the time full thrust, half the time full brake."""
     found = best_of_starts(planar(0.1, 0.0), BoundObjective.TIME, 2, longest=100.0, intervals=30)
