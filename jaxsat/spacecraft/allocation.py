@@ -67,20 +67,27 @@ def allocate_unloading(
     Those that store momentum, as `stores` tells, make up for that torque (N m), which takes it out
     of them. Each of the two is allocated as by `allocate`.
     """
-    others = reach._replace(
-        low=jnp.where(stores, 0.0, reach.low), high=jnp.where(stores, 0.0, reach.high)
-    )
-    first = jax.lax.cond(
-        jnp.any(unloading != 0),
-        lambda: allocate(others, unloading).use,
-        lambda: jnp.zeros_like(reach.high),
-    )
-    left = reach._replace(
-        low=jnp.maximum(reach.low, reach.low - first),
-        high=jnp.minimum(reach.high, reach.high - first),
-    )
-    rest = allocate(left, torque - reach.columns @ first)
-    return Allocated(first + rest.use, torque - rest.unmade, rest.unmade)
+
+    def allocated(use: Float[Array, " n"], unloads: Bool[Array, ""]):
+        low, high = (
+            jnp.where(unloads & stores, 0.0, bound)
+            for bound in (
+                jnp.maximum(reach.low, reach.low - use),
+                jnp.minimum(reach.high, reach.high - use),
+            )
+        )
+        asked = jnp.where(unloads, unloading, torque - reach.columns @ use)
+        more = allocate(reach._replace(low=low, high=high), asked)
+        return use + more.use, more.unmade
+
+    def one_more(so_far, unloads):
+        left_out = unloads & jnp.all(unloading == 0)
+        return jax.lax.cond(left_out, lambda: so_far, lambda: allocated(so_far[0], unloads)), None
+
+    # A loop, because the code of an allocation is long: it is compiled once.
+    none = (jnp.zeros_like(reach.high), jnp.zeros_like(torque))
+    (use, unmade), _ = jax.lax.scan(one_more, none, jnp.array([True, False]))
+    return Allocated(use, torque - unmade, unmade)
 
 
 def share_within(
