@@ -103,10 +103,17 @@ def _solved(
     """
     end = _ended(*jax.lax.stop_gradient((devices, torque, first)))
     both = jax.tree.map(lambda *x: jnp.stack(x), end.held, end.last)
-    each, totals = jax.vmap(lambda held: _at(devices, torque, first, held))(both)
-    off = totals[0] - devices.units @ within(each[0], devices.low, devices.high)
-    good = jnp.max(jnp.abs(off)) <= NONE * jnp.max(jnp.abs(totals[0]))
-    each, totals = (jnp.where(good, x[0], x[1]) for x in (each, totals))
+
+    def tried(held: Held):
+        each, totals = _at(devices, torque, first, held)
+        off = totals - devices.units @ within(each, devices.low, devices.high)
+        return each, totals, jnp.max(jnp.abs(off)) <= NONE * jnp.max(jnp.abs(totals))
+
+    def one_more(so_far, held: Held):
+        return jax.lax.cond(so_far[-1], lambda: so_far, lambda: tried(held)), None
+
+    none = (jnp.zeros_like(devices.weight), jnp.zeros_like(torque), jnp.array(False))
+    (each, totals, _), _ = jax.lax.scan(one_more, none, both)
     return each, torque + first - totals
 
 
