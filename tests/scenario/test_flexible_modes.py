@@ -16,6 +16,7 @@ from jaxsat.simulation.loops import parts_of
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.flexible_modes import FlexibleModes, ModeStates
+from jaxsat.synthesis.bounds.run import UnsuitableScenario, require_ideal_thrusters
 from simulation.engine.examples import agreed
 
 INERTIA = np.array([[50.0, 2.0, -1.0], [2.0, 60.0, 3.0], [-1.0, 3.0, 40.0]])
@@ -161,3 +162,11 @@ def test_engines_agree_on_modes_that_are_dispersed():
     assert values["peak_mode_angle"].shape == (4, 2)
     assert values["peak_mode_angle"].min() > 1e-4
     assert np.all(found.effort > 0)
+
+
+def test_bounds_of_a_flexible_body_are_refused():
+    data = document()
+    del data["wheel"]
+    data["spacecraft"] |= {"thruster_torque_axes": np.eye(3).tolist(), "torque_limit_N_m": 1.0}
+    with pytest.raises(UnsuitableScenario, match="flexible_mode: must be left out for a bound"):
+        require_ideal_thrusters(Scenario.model_validate(data), "a bound")

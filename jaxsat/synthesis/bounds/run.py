@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Any, Literal
 
-from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.actuators import PARTS
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario import Scenario
@@ -130,7 +130,7 @@ def required_manoeuvre(
 
 def require_ideal_thrusters(scenario: Scenario, what: str) -> None:
     """Raise `UnsuitableScenario` without the limited thrusters of any torque that `what` needs."""
-    names = [one.name for one in ACTUATORS]
+    names = [one.name for one in PARTS]
     counts = {kind: len(getattr(scenario, kind)) for kind in names}
     for kind, count in counts.items():
         if count:
