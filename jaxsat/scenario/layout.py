@@ -95,7 +95,7 @@ def command_torques(scenario: Any, torques: int) -> tuple[np.ndarray, np.ndarray
     All are at full thrust.
     """
     torque = working_torques(scenario.thruster)
-    any_plane = scenario.law.declaration.any_plane
+    any_plane = scenario.law.declaration.any_plane and not some_work(scenario.wheel)
     return torque, thruster_costs(scenario), plane_map(torque, torques, any_plane)
 
 

@@ -174,8 +174,9 @@ def _whole(thrusters) -> bool:
 @rule("thruster", "control.law", "wheel")
 def _thrusters_make_what_the_law_commands(thrusters, law, wheels):
     declaration = law.declaration
-    torques, any_plane = declaration.torques, declaration.any_plane
-    if some_work(wheels) and torques and (any_plane or wheels_make_all(wheels, declaration)):
+    torques, beside = declaration.torques, some_work(wheels)
+    any_plane = declaration.any_plane and not beside
+    if beside and torques and wheels_make_all(wheels, declaration):
         return
     if not torques or not thrusters or not _whole(thrusters) or len(thrusters) > MAX_THRUSTERS:
         return

@@ -193,14 +193,7 @@ def _rotors_are_part_of_the_body(values):
 @rule("wheel", "control.law")
 def _settling_laws_suit_the_momentum_of_wheels(wheels, law):
     working, declaration = sum(not one.failed for one in wheels), law.declaration
-    if working and declaration.any_plane and not wheels_make_all(wheels, declaration):
-        yield at(
-            "wheel",
-            f'must leave two independent axes under the law "{law}", or none: beside thrusters '
-            "for one of the two torques the momentum of wheels about the other one turns the body "
-            f"about the third axis in a way that the law does not know of, got {working}",
-        )
-    elif working and declaration.needs_gyroscopic_torque:
+    if working and declaration.needs_gyroscopic_torque:
         yield at(
             "wheel",
             f'must leave none under the law "{law}", which moves the third axis by the gyroscopic '
@@ -243,10 +236,8 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
     if not wheels or thrusters or has_steering or torques not in (2, 3):
         return
     working = working_axes(axes or (), values["spacecraft.failed_thrusters"])
-    if declaration.any_plane:  # which makes all of it, or none
-        return
     missing = what_is_left(working, least_squares_map(working, torques))
-    missing = missing @ left_by_wheels(wheels, torques)
+    missing = missing @ left_by_wheels(wheels, torques, directions_of_wheels(wheels, declaration))
     if abs(missing).max() > MISSING:
         count = sum(not one.failed for one in wheels)
         which = "x and y" if torques == 2 else "x, y and z"
