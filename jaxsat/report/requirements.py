@@ -1,24 +1,33 @@
 """Which requirements of its scenario a run meets, and by which margin."""
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
 from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.numerals import number_text
-from jaxsat.report.document import Shown, Table
+from jaxsat.report.document import Cell, Shown, Table
 from jaxsat.report.facts import scenario_tables
 from jaxsat.scenario.parts.requirements import RequirementTable
 from jaxsat.scenario.tables import OrbitTable
 from jaxsat.simulation.requirements import raw_signals, saved_margin
 from jaxsat.spacecraft.environment.orbital_torques import Sunlight
+from jaxsat.studies.statistics import fraction_text
+from jaxsat.studies.summary import RequirementSummary
 
 NOTE = (
     "A margin is how far the deciding signal is on the right side of its limit. It is judged at "
     "the saved times, between which signals count as linear."
+)
+
+
+STUDY_NOTE = (
+    "A margin is how far the deciding signal is on the right side of its limit. It is judged at "
+    "every sample, or at least once a second, between which signals count as linear. Intervals are "
+    "of 95 %. `montecarlo --case N` reruns case N."
 )
 
 
@@ -91,6 +100,31 @@ def requirement_table(found: Sequence[Judgement]) -> Table:
         [[one.id, one.text, _margin(one), _met(one), _time(one)] for one in found],
         NOTE,
     )
+
+
+def study_requirements(
+    found: Sequence[RequirementSummary], scenario: Mapping[str, Any]
+) -> list[Table]:
+    """The fraction of cases that meet each requirement of a scenario, and the worst case.
+
+    None where the scenario has no requirements. Those that a study does not judge have no fraction.
+    """
+    tables = [RequirementTable.model_validate(one) for one in scenario.get("requirement", ())]
+    by_name = {one.name: one for one in found}
+    rows = [_of_cases(one, by_name.get(one.id)) for one in tables]
+    columns = ["requirement", "text", "met", "worst margin", "in case", "decided at"]
+    return [Table("Requirements", columns, rows, STUDY_NOTE)] if rows else []
+
+
+def _of_cases(requirement: RequirementTable, found: RequirementSummary | None) -> list[Cell]:
+    sentence = requirement.text or requirement.formula
+    if found is None:
+        return [requirement.id, sentence, "not judged in studies", None, None, None]
+    decisive = comparisons(requirement.parsed)[found.comparison]
+    margin = found.margin / decisive.size
+    worst = Judgement(requirement.id, sentence, margin, decisive.unit, decisive.signal, found.time)
+    met = Shown(fraction_text(found.met), found.met.value)
+    return [requirement.id, sentence, met, _margin(worst), found.worst, _time(worst)]
 
 
 def _margin(one: Judgement) -> Shown | None:

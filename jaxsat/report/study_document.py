@@ -9,6 +9,7 @@ from jaxsat.core.declaration.actuators import STUDIED
 from jaxsat.core.numerals import number_text
 from jaxsat.report.document import Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.report.facts import settled_meaning, step_error
+from jaxsat.report.requirements import study_requirements
 from jaxsat.studies.columns import UNMADE
 from jaxsat.studies.recovery_summary import (
     SETTLING_PERCENTS,
@@ -56,6 +57,7 @@ def study_document(summary: Summary, scenario: Mapping[str, Any], again: str = "
         if name not in MUTE or any(one.value > 0 for one in estimates.values() if one)
     }
     blocks = [
+        *study_requirements(summary.requirements, scenario),
         *percentile_table(percentiles, "Percentiles"),
         *recovery_tables(summary.recovery),
         *rankings(summary),

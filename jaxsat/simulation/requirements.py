@@ -7,7 +7,7 @@ of what must hold both or always, the larger one of what may hold either or at s
 streams: what is kept does not grow with the run, as no window lies inside another.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial, reduce
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, Int
 
 from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.requirements import (
     Comparison,
     Formula,
@@ -162,25 +163,36 @@ def observe(
     def at(instant: Float[Array, ""], part: Formula) -> Margin:
         span = time - monitor.time
         share = (instant - monitor.time) / jnp.where(span > 0, span, 1.0)
-        share = jnp.where(span > 0, jnp.clip(share, 0.0, 1.0), 1.0)
         mixed = monitor.margins * (1 - share) + margins * share
-        values = jnp.where(share > 0, mixed, monitor.margins)
-        return _at_instant(part, order, values, instant)
+        return _at_instant(part, order, mixed, instant)
+
+    def now(part: Formula) -> Margin:
+        return _at_instant(part, order, margins, time)
 
     after = []
     for one, (begin, stop), track in zip(
         *_windows(formula, end, failures), monitor.tracks, strict=True
     ):
-        low, high = jnp.maximum(monitor.time, begin), jnp.minimum(time, stop)
-        for instant in (low, high):
-            track = _with_instant(track, one, partial(at, instant), low <= high)
+        begins, stops = (
+            (monitor.time < limit) & (limit < time) for limit in (begin, stop)
+        )  # between the two observations
+
+        def between(one=one, begin=begin, stop=stop, track=track, begins=begins, stops=stops):
+            track = _with_instant(track, one, partial(at, begin), begins & (begin <= stop))
+            return _with_instant(track, one, partial(at, stop), stops & (begin <= stop))
+
+        if not one.whole_run:
+            track = jax.lax.cond(begins | stops, between, lambda track=track: track)
+        track = _with_instant(track, one, now, (begin <= time) & (time <= stop))
         if one.until is not None:
-            track = track._replace(held=track.held.least(at(time, one.held)))
+            track = track._replace(held=track.held.least(now(one.held)))
         after.append(track)
     return Monitor(tuple(after), time, margins)
 
 
-def _with_instant(track: Track, one: Temporal, at, inside: Bool[Array, ""]) -> Track:
+def _with_instant(
+    track: Track, one: Temporal, at: Callable[[Formula], Margin], inside: Bool[Array, ""]
+) -> Track:
     """A track with one more instant, if that is `inside` the window."""
     margin, held = at(one.held), track.held
     if one.until is not None:
@@ -272,7 +284,7 @@ def _saved_margin(formula, times, signals, failures, sun) -> Margin:
 def saved_margin(
     formula: Formula,
     times: Float[np.ndarray, " times"],
-    signals: Mapping[str, np.ndarray],
+    signals: Mapping[str, ArrayLike],
     failures: np.ndarray,
     light: Sunlight | None = None,
 ) -> Margin:
@@ -285,3 +297,54 @@ def saved_margin(
     sun = None if light is None else jax.vmap(lambda t: light(t)[0])(jnp.asarray(times))
     at = jnp.asarray(failures, float).reshape(-1)
     return _saved_margin(formula, jnp.asarray(times), named, at, sun)
+
+
+class Requirements(eqx.Module):
+    """What every case of a program must show, judged while it runs up to its `end` (s).
+
+    `names` are those of the `formulas`; `light` tells where the Sun is, which those with a
+    `sun_angle` need.
+    """
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    formulas: tuple[Formula, ...] = eqx.field(static=True)
+    end: Float[Array, ""] = eqx.field(converter=as_float)
+    light: Sunlight | None = None
+
+    def initial(self, zero: Float[Array, ""], failures: int) -> tuple[Monitor, ...]:
+        """Monitors before the first observation at time `zero` (s)."""
+        counts = [len(comparisons(one)) for one in self.formulas]
+        return tuple(
+            initial_monitor(one, zero, jnp.zeros(count, zero.dtype), failures)
+            for one, count in zip(self.formulas, counts, strict=True)
+        )
+
+    def observe(
+        self,
+        monitors: tuple[Monitor, ...],
+        time: Float[Array, ""],
+        signals: Mapping[str, ArrayLike],
+        failures: Float[Array, " f"],
+        good: Bool[Array, ""] | bool = True,
+    ) -> tuple[Monitor, ...]:
+        """Monitors with one more observation of signals by name; NaN where that is not `good`."""
+        sun = None if self.light is None else self.light(time)[0]
+        return tuple(
+            observe(
+                formula,
+                monitor,
+                time,
+                jnp.where(good, compared(formula, signals, sun), jnp.nan),
+                self.end,
+                failures,
+            )
+            for formula, monitor in zip(self.formulas, monitors, strict=True)
+        )
+
+    def margins(self, monitors: tuple[Monitor, ...], failures: Float[Array, " f"]) -> Margin:
+        """The margin of each formula after the last observation."""
+        found = [
+            margin_of(formula, monitor, self.end, failures)
+            for formula, monitor in zip(self.formulas, monitors, strict=True)
+        ]
+        return Margin(*(jnp.stack(parts) for parts in zip(*found, strict=True)))

@@ -177,6 +177,10 @@ class StudyColumn:
         """Number of cases."""
         return self.shape[0]
 
+    def labels(self, axis: str) -> tuple[str | float, ...]:
+        """The labels along an axis of the study."""
+        return self._header.coordinates[axis].values
+
     def __getitem__(self, key: Any) -> Any:
         """The values at these places."""
         first, *others = key if isinstance(key, tuple) else (key,)

@@ -9,6 +9,7 @@ from jaxtyping import Array
 from jaxsat.core.declaration.actuators import STUDIED
 from jaxsat.simulation.engine.progress import peaks_of
 from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.simulation.requirements import Requirements
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.store import labels
@@ -59,6 +60,33 @@ ERRORS = {
     for name, (part, label) in labels.ERRORS.items()
 }
 """Of programs that estimate it, see `jaxsat.simulation.assessment.IntegrationError`."""
+
+REQUIREMENT = "requirement"
+"""The axis of requirements."""
+
+REQUIREMENTS = {
+    "requirement_margin": (
+        "value",
+        Column((0,), "float64", "1", "margin of each requirement in SI", (REQUIREMENT,)),
+    ),
+    "requirement_comparison": (
+        "comparison",
+        Column((0,), "int32", "1", "comparison of its formula that decided", (REQUIREMENT,)),
+    ),
+    "requirement_time": (
+        "time",
+        Column((0,), "float64", "s", "time at which it was decided", (REQUIREMENT,)),
+    ),
+}
+"""Of programs with requirements, see `jaxsat.simulation.requirements.Margin`."""
+
+
+def requirement_columns(requirements: Requirements | None) -> dict[str, Column]:
+    """The columns of so many requirements."""
+    if requirements is None:
+        return {}
+    shape = (len(requirements.names),)
+    return {name: column._replace(shape=shape) for name, (_, column) in REQUIREMENTS.items()}
 
 
 HISTORIES = {

@@ -28,9 +28,12 @@ from jaxsat.studies.columns import (
     ERRORS,
     HISTORY,
     HISTORY_TIME,
+    REQUIREMENT,
+    REQUIREMENTS,
     columns_of,
     histories_of,
     history_of,
+    requirement_columns,
 )
 from jaxsat.studies.designs import AbstractDesign, LatinHypercube
 from jaxsat.studies.dispersions import Dispersed, StudyCase
@@ -142,7 +145,7 @@ class Study:
             columns = columns | {name: column for name, (_, column) in ERRORS.items()}
         if self.failures is not None:
             columns = columns | self.failures.columns()
-        columns = columns | draws
+        columns = columns | requirement_columns(self.program.requirements) | draws
         if self.history is not None:
             for name, column in histories_of(self.case_factory.loop).items():
                 shape, dims = (self.history, *column.shape), (HISTORY_TIME, *column.dims)
@@ -157,6 +160,8 @@ class Study:
             for axis, size in zip(column.dims, column.shape, strict=True)
         }
         labels = {axis: Coordinate(self._components(axis, size)) for axis, size in sizes.items()}
+        if REQUIREMENT in labels and self.program.requirements is not None:
+            labels[REQUIREMENT] = Coordinate(self.program.requirements.names)
         if HISTORY_TIME in labels:
             times = tuple(self._history_times or ())
             labels[HISTORY_TIME] = Coordinate(times, "s", "time since the start")
@@ -357,6 +362,9 @@ def _by_column(outputs: Outputs) -> dict[str, np.ndarray]:
     errors, estimate = {}, named.pop("integration_error", None)
     if estimate is not None:
         errors = {name: getattr(estimate, part) for name, (part, _) in ERRORS.items()}
+    margins = named.pop("requirements", None)
+    if margins is not None:
+        errors |= {name: getattr(margins, part) for name, (part, _) in REQUIREMENTS.items()}
     rotation = pointing_error(np.asarray(outputs.quaternion))
     named["pointing_error"] = np.linalg.norm(rotation, axis=-1)
     columns = {

@@ -1,6 +1,6 @@
 """The summary of a study, from its store or from its columns."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,12 +9,28 @@ from jaxsat.core.declaration.actuators import STUDIED
 from jaxsat.simulation.trajectory import Outcome
 from jaxsat.store.chunks import DONE
 from jaxsat.store.labels import SETTLED, UNSETTLED
-from jaxsat.studies.columns import DRAWN, ERRORS, UNMADE
+from jaxsat.studies.columns import DRAWN, ERRORS, REQUIREMENT, REQUIREMENTS, UNMADE
 from jaxsat.studies.recovery_summary import RecoverySummary, summarise_recovery
 from jaxsat.studies.sensitivities import Sensitivities, Sensitivity
 from jaxsat.studies.statistics import Interval, percentile, wilson
 
 PERCENTS = (50.0, 90.0, 99.0)
+
+
+class RequirementSummary(NamedTuple):
+    """What the cases of a study show of a requirement.
+
+    `met` is the fraction of cases that meet it, `worst` the case with the least margin, or one that
+    ended before it was judged: its `margin` (SI) is then NaN. The margin was decided by the
+    `comparison` of that number at `time` (s).
+    """
+
+    name: str
+    met: Interval
+    worst: int
+    margin: float
+    comparison: int
+    time: float
 
 
 class Summary(NamedTuple):
@@ -29,7 +45,7 @@ class Summary(NamedTuple):
     are of 95 %, those of independent draws, and open (infinite) where there are too few cases;
     those of a ranking hold together. `recovery` is None where nothing fails in flight. `rate_error`
     (rad/s) and `attitude_error` (rad) are the largest estimates of what the length of the steps
-    leaves, None where there are none.
+    leaves, None where there are none. `requirements` are those that could be judged.
     """
 
     cases: int
@@ -44,6 +60,7 @@ class Summary(NamedTuple):
     recovery: RecoverySummary | None = None
     rate_error: float | None = None
     attitude_error: float | None = None
+    requirements: Sequence[RequirementSummary] = ()
 
     @property
     def ranking(self) -> list[Sensitivity]:
@@ -88,6 +105,7 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
         recovery=summarise_recovery(dataset, numbers),
         rate_error=errors["rate_error"],
         attitude_error=errors["attitude_error"],
+        requirements=_requirements(dataset, numbers),
         actuators={
             name: _percentiles(_of_all(column(name)[success], signal.total))
             for name, (signal, _) in STUDIED.items()
@@ -95,6 +113,31 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
         }
         | {name: _percentiles(column(name)[success]) for name in UNMADE if name in dataset},
     )
+
+
+def _requirements(
+    dataset: Mapping[Any, Any], numbers: np.ndarray
+) -> tuple[RequirementSummary, ...]:
+    """Every requirement of a study, by the cases of these numbers."""
+    if not set(REQUIREMENTS) <= set(dataset):
+        return ()
+    margins, by, at = (np.asarray(dataset[name])[numbers] for name in REQUIREMENTS)
+    of_store = getattr(dataset["requirement_margin"], "labels", None)
+    names = dataset[REQUIREMENT] if of_store is None else of_store(REQUIREMENT)
+    found = []
+    for column, name in enumerate(np.asarray(names)):
+        worst = int(np.argmin(np.nan_to_num(margins[:, column], nan=-np.inf)))
+        found.append(
+            RequirementSummary(
+                str(name),
+                wilson(int((margins[:, column] >= 0).sum()), len(numbers)),
+                int(numbers[worst]),
+                float(margins[worst, column]),
+                int(by[worst, column]),
+                float(at[worst, column]),
+            )
+        )
+    return tuple(found)
 
 
 def _of_all(values: np.ndarray, total: bool) -> np.ndarray:

@@ -134,6 +134,11 @@ class Temporal:
         """Whether the window is counted from failures."""
         return "failure" in (self.begin.anchor, self.end.anchor)
 
+    @property
+    def whole_run(self) -> bool:
+        """Whether the window is the whole run."""
+        return (self.begin, self.end) == (Instant("start"), Instant("end"))
+
 
 Formula = Comparison | Negation | Junction | Temporal
 

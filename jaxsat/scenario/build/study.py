@@ -16,6 +16,7 @@ from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.distributions import distribution_of
 from jaxsat.scenario.build.plant import orbit_rate
+from jaxsat.scenario.build.requirements import build_requirements
 from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.dump import dump
@@ -99,6 +100,7 @@ def build_study(
     copies, program = study_program(scenario, run, seed)
     if isinstance(run.loop, SampledLoop) or (engine != "diffrax" and not _adaptive(scenario, run)):
         program = dataclasses.replace(program, error_every=ERROR_EVERY)
+    program = dataclasses.replace(program, requirements=build_requirements(scenario, run))
     design = _design(scenario.dispersion, seed, count)
     example = StudyCase(np.zeros(1, np.uint32), np.zeros((1, sum(copies.dimensions().values()))))
     chosen_engine, remark = _engine(scenario, run, (program, example), engine, batch_size)

@@ -33,6 +33,7 @@ from jaxsat.simulation.engine.instants import (
     settled_along_step,
     until_event,
 )
+from jaxsat.simulation.engine.monitors import margins_of, monitored, with_monitors
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import (
     Integrals,
@@ -123,6 +124,7 @@ class AdaptiveStepper(AbstractStepper):
         first_step = self.tolerance.first_step
         plant = ode.loop.plant_state(zero, ode.state(zero, flat))
         progress = initial_progress(state, case.loop.plant, plant, case.possible, first_step)
+        progress = with_monitors(program, ode.loop, progress)
         if not program.detailed:
             return progress
         progress = with_details(progress, ode.loop, ode.loop.torque_count)
@@ -192,9 +194,11 @@ class AdaptiveStepper(AbstractStepper):
         )
         final, dwell = ode.state(t, flat), program.tolerances.dwell
         details = details_of(progress, ode.loop, final, t, progress.steps, dwell)
-        return outputs_of(
+        progress = monitored(program, ode.loop, progress, t, final, success)
+        outputs = outputs_of(
             progress, plant, t, case.drawn, program.running_cost, details=details, dwell=dwell
         )
+        return outputs._replace(requirements=margins_of(program, ode.loop, progress))
 
     def _end_of_shorter_step(
         self, ode: FlatODE, last_step: DenseStep, t: Float[Array, ""]
@@ -303,6 +307,7 @@ def _observe_passed(ode: FlatODE, bound, progress: Progress) -> Progress:
         flat = ode.interpolated(state.last_step, state.last_step.fraction(t))
         plant = ode.loop.plant_state(t, ode.state(t, flat))
         progress = with_peaks(progress, plant.omega, ode.loop.plant.stored(plant))
+        progress = monitored(program, ode.loop, progress, t, ode.state(t, flat))
         return progress._replace(state=state._replace(number=state.number + 1))
 
     return jax.lax.while_loop(pending, observe, progress)

@@ -18,6 +18,7 @@ from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gra
 from jaxsat.simulation.engine.details import details_of, effort_rates, with_details
 from jaxsat.simulation.engine.error_estimate import HalvedSteps, Span
 from jaxsat.simulation.engine.failure_record import FailureRecord, initial_record, record_of_history
+from jaxsat.simulation.engine.monitors import margins_of_history
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import (
     Integrals,
@@ -292,9 +293,11 @@ def _outputs(program: Program, case: Case, progress: Progress, times, signals) -
     begin, dwell = times[0], program.tolerances.dwell
     details = details_of(progress, case.loop, progress.state, end, progress.steps, dwell, begin)
     usage, cost = consumption(case.loop, progress.state), program.running_cost
-    return outputs_of(
+    outputs = outputs_of(
         progress, plant, end, case.drawn, cost, usage, program.interval, details, dwell, begin
     )
+    margins = margins_of_history(program.requirements, case.loop, times, signals)
+    return outputs._replace(requirements=margins)
 
 
 def _unmade_torque(loop: SampledLoop, signals: Signals) -> Unmade | None:

@@ -15,6 +15,7 @@ from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gra
 from jaxsat.simulation.engine.details import details_of, with_details
 from jaxsat.simulation.engine.error_estimate import HalvedSteps, Span
 from jaxsat.simulation.engine.failure_record import initial_record
+from jaxsat.simulation.engine.monitors import margins_of, monitored, with_monitors
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import (
     Outputs,
@@ -77,6 +78,7 @@ class FixedStepper(AbstractStepper):
             t = program.time_of(first + i)
             signals = loop.signals(t, progress.state)
             candidate = with_peaks(progress, signals.omega, signals.parts)
+            candidate = monitored(program, loop, candidate, t, progress.state)
             both, since = (progress.state, progress.integrals), (progress.settled, progress.rest)
             (state, integrals), since = _equal_steps(
                 tableau, rate, t, program.interval, self.substeps, (both, since), judge
@@ -184,6 +186,7 @@ class SampledStepper(AbstractStepper):
             through = partial(integrate, number)
             state, carry, signals = loop.period(number, t, progress.state, through, carry)
             candidate = with_peaks(progress, signals.omega, signals.parts)
+            candidate = monitored(program, loop, candidate, t, progress.state)
             if progress.unmade is not None:
                 unmade = progress.unmade.with_sample(signals.torque, signals.torque_unmade)
                 candidate = candidate._replace(unmade=unmade)
@@ -227,6 +230,7 @@ def _initial(program: Program, case: Case) -> Progress:
     )
     unmade = Unmade.none(begin.peak_square) if case.loop.tells_unmade else None
     begin = begin._replace(failures=initial_record(case.loop, state), unmade=unmade)
+    begin = with_monitors(program, case.loop, begin)
     if program.error_every:
         begin = begin._replace(error=IntegrationError.none(begin.peak_square))
     return with_details(begin, case.loop, 3) if program.detailed else begin
@@ -305,10 +309,12 @@ def _final_outputs(program: Program, case: Case, progress: Progress, number, ste
     progress = with_peaks(progress, plant.omega, case.loop.plant.stored(plant))._replace(
         settled=settled, rest=rest
     )
+    success = progress.code == int(Outcome.SUCCESS)
+    progress = monitored(program, case.loop, progress, end, progress.state, success)
     usage = consumption(case.loop, progress.state)
     dwell = program.tolerances.dwell
     details = details_of(progress, case.loop, progress.state, end, number * steps, dwell)
-    return outputs_of(
+    outputs = outputs_of(
         progress,
         plant,
         end,
@@ -319,3 +325,4 @@ def _final_outputs(program: Program, case: Case, progress: Progress, number, ste
         details,
         dwell,
     )
+    return outputs._replace(requirements=margins_of(program, case.loop, progress))

@@ -15,6 +15,7 @@ from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation.engine.progress import RunningCost
 from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.simulation.requirements import Requirements
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
 
@@ -43,7 +44,8 @@ class Program(eqx.Module):
     where settling, the peak rate and divergence (a norm of `state_limit`) are judged.
     A sampled loop is observed at its samples. A `detailed` program tells the `Details` of each case
     in place of its cost, which is NaN. The error of equal steps is estimated in one of
-    `error_every` intervals; never, if that is 0.
+    `error_every` intervals; never, if that is 0. `requirements` are judged where the state is
+    observed.
     """
 
     case_factory: AbstractCaseFactory
@@ -54,6 +56,7 @@ class Program(eqx.Module):
     state_limit: Float[Array, ""] = eqx.field(converter=as_float, default=STATE_LIMIT)
     detailed: bool = eqx.field(static=True, default=False)
     error_every: int = eqx.field(static=True, default=0)
+    requirements: Requirements | None = None
 
     def __check_init__(self):
         require_positive("interval", self.interval)

@@ -18,6 +18,7 @@ from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gra
 from jaxsat.simulation.engine.details import Details
 from jaxsat.simulation.engine.failure_record import FailureRecord
 from jaxsat.simulation.held_torque import HeldTorque, Unmade
+from jaxsat.simulation.requirements import Margin, Monitor
 from jaxsat.simulation.trajectory import Outcome, Signals
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
@@ -146,7 +147,8 @@ class Progress(NamedTuple):
     `rest` tells since when the inertial rate has been small, and `forced` counts the smallest steps
     taken in spite of their error, where steps are adaptive; both in a detailed program alone.
     `unmade` is kept of sampled loops that tell it. `seen` are the signals of a sampled loop at the
-    instant from which it came here at last, in a detailed program alone.
+    instant from which it came here at last, in a detailed program alone. `monitors` are those of
+    the program's requirements.
     """
 
     state: PyTree
@@ -165,6 +167,7 @@ class Progress(NamedTuple):
     forced: Int[Array, ""] | None = None
     unmade: Unmade | None = None
     seen: Signals | None = None
+    monitors: tuple[Monitor, ...] = ()
 
 
 class Outputs(NamedTuple):
@@ -177,7 +180,8 @@ class Outputs(NamedTuple):
     see `jaxsat.core.declaration.actuator.Signal`, and what `Unmade` tells. `failures` is what
     `FailureRecord` tells, of sampled loops with failures in flight, and `details` are told by a
     detailed program. `integration_error`, up to the end of the good part, is told by a program that
-    estimates it. With a leading axis these are the outputs of many cases.
+    estimates it, and `requirements` by one that has some: the margin of each. With a leading axis
+    these are the outputs of many cases.
     """
 
     code: Int[Array, "*n"]
@@ -195,6 +199,7 @@ class Outputs(NamedTuple):
     failures: dict[str, Array] | None = None
     details: Details | None = None
     integration_error: IntegrationError | None = None
+    requirements: Margin | None = None
 
 
 def initial_progress(

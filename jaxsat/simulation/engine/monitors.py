@@ -1,0 +1,84 @@
+"""Requirements, judged while a trajectory runs: at every instant that is observed."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PyTree
+
+from jaxsat.simulation.assessment import stop_gradient
+from jaxsat.simulation.engine.program import Program
+from jaxsat.simulation.engine.progress import Progress
+from jaxsat.simulation.engine.rates import consumption, plant_state
+from jaxsat.simulation.loops import AbstractLoop, failures_of
+from jaxsat.simulation.requirements import Margin, Requirements
+from jaxsat.simulation.trajectory import Signals
+
+
+def with_monitors(program: Program, loop: AbstractLoop, progress: Progress) -> Progress:
+    """Progress at time zero with monitors of the requirements, where the program has some."""
+    if program.requirements is None:
+        return progress
+    zero = jnp.zeros_like(progress.ended_at)
+    monitors = program.requirements.initial(zero, _failure_times(loop).size)
+    return progress._replace(monitors=monitors)
+
+
+def monitored(
+    program: Program,
+    loop: AbstractLoop,
+    progress: Progress,
+    t: Float[Array, ""],
+    state: PyTree,
+    good: Bool[Array, ""] | bool = True,
+) -> Progress:
+    """The progress with one more instant `t` (s) of the loop's state, NaN where not `good`."""
+    if program.requirements is None:
+        return progress
+    loop, state, t = stop_gradient((loop, state, t))
+    signals, failures = state_signals(loop, t, state), _failure_times(loop)
+    monitors = program.requirements.observe(progress.monitors, t, signals, failures, good)
+    return progress._replace(monitors=monitors)
+
+
+def state_signals(loop: AbstractLoop, t: Float[Array, ""], state: PyTree) -> dict[str, Array]:
+    """The signals, by name, that a loop's state tells without its law."""
+    plant = plant_state(loop, t, state)
+    return {
+        "quaternion": plant.attitude.as_quaternion().q,
+        "omega": plant.omega,
+        "relative_rate": loop.plant.relative_rate(plant),
+        **loop.plant.stored(plant),
+        **consumption(loop, state),
+    }
+
+
+def margins_of(program: Program, loop: AbstractLoop, progress: Progress) -> Margin | None:
+    """The margins after the last instant; None without requirements."""
+    if program.requirements is None:
+        return None
+    return program.requirements.margins(progress.monitors, _failure_times(loop))
+
+
+def margins_of_history(
+    requirements: Requirements | None,
+    loop: AbstractLoop,
+    times: Float[Array, " times"],
+    signals: Signals,
+) -> Margin | None:
+    """The margins of a whole history, NaN where the run had ended; None without requirements."""
+    if requirements is None:
+        return None
+    failures = _failure_times(loop)
+    named = {name: one for name, one in vars(signals).items() if isinstance(one, jax.Array)}
+
+    def one(monitors, instant):
+        t, here = instant
+        return requirements.observe(monitors, t, here, failures), None
+
+    begin = requirements.initial(times[0], failures.size)
+    monitors, _ = jax.lax.scan(one, begin, (times, named | signals.parts))
+    return requirements.margins(monitors, failures)
+
+
+def _failure_times(loop: AbstractLoop) -> Float[Array, " f"]:
+    """When (s) something fails."""
+    return jnp.concatenate([jnp.zeros(0), *(one.at for one in failures_of(loop))])
