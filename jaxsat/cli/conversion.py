@@ -52,11 +52,12 @@ def attitude_ephemeris(
 
     `epoch` is UTC at the start of the run, from 1972 on. The quaternions turn the
     reference frame into body axes, scalar part last. `frame` is "inertial", x to the equinox and z
-    to the north pole (called EME2000), by way of the angles of the scenario's circular orbit, or
-    "orbit", x along the velocity and z to the Earth's centre (called LVLH). Times after the end of
-    a failed run are left out. Text is printable ASCII: a title is spelled in it. Raises
-    `ConversionError` for a dataset without attitude, for names of other characters, and for times
-    before 1972, after 9999 or across a leap second, which no count of seconds tells.
+    to the north pole (called EME2000), by way of the angles of the scenario's orbit, or "orbit",
+    x along the velocity and z to the Earth's centre (called LVLH). Times after the end of a failed
+    run are left out. Text is printable ASCII: a title is spelled in it. Raises
+    `ConversionError` for a dataset without attitude, for names of other characters, for the orbit
+    frame of an ellipse, and for times before 1972, after 9999 or across a leap second, which no
+    count of seconds tells.
     """
     if "quaternion" not in dataset:
         raise ConversionError("there is no attitude in it")
@@ -65,6 +66,8 @@ def attitude_ephemeris(
     turns = Rotation.from_quat(np.roll(dataset["quaternion"].values[good], -1, axis=1))
     if frame == "inertial":
         turns = _orbit_frame(dataset, seconds) * turns
+    elif _orbit_table(dataset).ellipse() is not None:
+        raise ConversionError("its orbit is an ellipse; take the frame inertial")
     times = _instants(epoch, seconds)
     for label in (object_name, object_id):
         if not (label.isascii() and label.isprintable()):
@@ -131,6 +134,12 @@ def _nearest_signs(quaternions: np.ndarray) -> np.ndarray:
     return quaternions * np.cumprod(np.concatenate([[1], np.where(flips, -1, 1)]))[:, None]
 
 
+def _orbit_table(dataset: xr.Dataset) -> OrbitTable:
+    """`[orbit]` of a run's scenario, empty where it has none."""
+    tables = tomllib.loads(str(dataset.attrs.get("scenario", "")))
+    return OrbitTable.model_validate(tables.get("orbit", {}))
+
+
 def _orbit_frame(dataset: xr.Dataset, seconds: np.ndarray) -> Rotation:
     """The turns from the inertial to the orbit frame at some times."""
     import jax
@@ -139,7 +148,7 @@ def _orbit_frame(dataset: xr.Dataset, seconds: np.ndarray) -> Rotation:
     tables = tomllib.loads(str(dataset.attrs.get("scenario", "")))
     if "orbit" not in tables:
         raise ConversionError("its scenario has no [orbit]; take the frame orbit")
-    orbit = place_of(OrbitTable.model_validate(tables["orbit"]))
+    orbit = place_of(_orbit_table(dataset))
     axes = np.asarray(jax.vmap(orbit.axes)(jnp.asarray(seconds)))
     return Rotation.from_matrix(np.swapaxes(axes, 1, 2))
 

@@ -115,7 +115,7 @@ class MagneticLaw(AbstractSampledController):
             raise ValueError("Argument `context` must have magnetorquers, but has none.")
         model, field = context.model, magnetic.steering.field
         inertia = np.asarray(model.spacecraft.inertia)
-        rate = float(field.orbit.rate)
+        rate = float(field.circle.rate)
         if context.gravity_gradient:
             model = dataclasses.replace(model, disturbance=GravityGradient(rate))
         damping, pointing = values["damping_N_m_s"], values["pointing_rate_rad_s"]
@@ -247,7 +247,7 @@ def _gain(motion: LinearMotion, weight: float, wheel_weight: float) -> PeriodicG
 
 def _damping(field: AbstractMagneticField, least: float) -> float:
     """2 ω0 (1 + sin ξ) J_min, ξ the orbit's inclination to the geomagnetic equator, on average."""
-    orbit = field.orbit
+    orbit = field.circle
     dipole = np.asarray(field.dipole)
     axial = float(abs(dipole[2]) / np.linalg.norm(dipole))
     inclined = abs(np.sin(float(orbit.inclination))) * axial

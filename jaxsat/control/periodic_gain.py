@@ -116,7 +116,7 @@ def linear_motion(
     at their bias, `unloading` k in 1/s; `dipoles` is P. With gravity gradient 3 ω0² n × Jn acts as
     well.
     """
-    rate = float(field.orbit.rate)
+    rate = float(field.circle.rate)
     moment = reference_moment(inertia)
     scaled, stored = inertia / moment, momentum / (moment * rate)
     vectors, values, _ = np.linalg.svd(np.eye(3) - unmade)

@@ -86,7 +86,7 @@ class TolerantRods(eqx.Module):
         if np.linalg.matrix_rank(axes[:, working]) < 2:
             return cls(steering, delay, np.zeros((3, 3)))
         turns = np.arange(INSTANTS) * 2 * np.pi / INSTANTS
-        along = turns / float(steering.field.orbit.rate)
+        along = turns / float(steering.field.circle.rate)
         fields = steering.field.sampled(along, turns[:, None])
         across = np.cross(fields[..., None, :], np.eye(3)).swapaxes(-1, -2)  # B × n of n
         across = np.asarray(steering.dipole_limit)[working].min() * axes @ shares @ across
@@ -118,7 +118,7 @@ class TolerantRods(eqx.Module):
         """
         most = jnp.trace(self.power) / 2
         enough = jnp.sum(axis * (self.power @ axis)) > LEAST_PART * most
-        least = LEAST_RATE * self.steering.field.orbit.rate
+        least = LEAST_RATE * self.steering.field.circle.rate
         return enough & (self.natural_frequency(inertia, axis) > least)
 
     def slowed(

@@ -56,7 +56,7 @@ def magnetic_authority(
     the largest is zero. Raises NoEquilibriumError (a ValueError) unless the body y axis is a
     principal axis.
     """
-    rate = float(field.orbit.rate)
+    rate = float(field.circle.rate)
     orbit = 2 * np.pi / rate
     state, to_rates = lvlh_linearisation(inertia, np.eye(3), rate)
     count = max(round(DAY / orbit * STEPS), STEPS)

@@ -55,7 +55,7 @@ class RodSet:
 
     @once_property
     def _fields(self) -> Float[np.ndarray, "turns instants 3"]:
-        instants = (np.arange(STEPS) + 0.5) * 2 * np.pi / STEPS / float(self.field.orbit.rate)
+        instants = (np.arange(STEPS) + 0.5) * 2 * np.pi / STEPS / float(self.field.circle.rate)
         turns = np.arange(TURNS) * 2 * np.pi / TURNS
         return self.field.sampled(instants, turns[:, None])
 
@@ -74,7 +74,7 @@ def judge_with_rods(
     inertia, basis = without.inertia, _basis(without.actuators.wheel_axes)
     held = bool(np.linalg.norm(NORMAL - basis @ (basis.T @ NORMAL)) <= SAME_AXIS)
     momentum = without.actuators.coasting + held * rods.bias * NORMAL
-    rate = float(rods.field.orbit.rate)
+    rate = float(rods.field.circle.rate)
     whole = rate * inertia @ NORMAL + momentum
     across = np.linalg.norm(np.cross(NORMAL, whole))
     aligned = bool(across <= SAME_AXIS * np.linalg.norm(whole))
@@ -136,7 +136,7 @@ def orbit_singular_values(
     """
     from scipy.linalg import expm  # takes its time
 
-    rate, moment = float(rods.field.orbit.rate), reference_moment(inertia)
+    rate, moment = float(rods.field.circle.rate), reference_moment(inertia)
     scaled, count = inertia / moment, basis.shape[1]
     state = small_motion(
         scaled, basis, momentum / (moment * rate), gravity_gradient=rods.gravity_gradient

@@ -8,8 +8,6 @@ import math
 
 from jaxsat.core.allocation import allocation_matrix, torque_directions
 from jaxsat.core.declaration.actuators import ACTUATORS
-from jaxsat.core.declaration.disturbances import needs_orbit
-from jaxsat.core.epoch import IGRF_DATES, epoch_of
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.layout import (
@@ -94,37 +92,6 @@ def _held_rate_starts_at_zero(third_rate, omega):
             'must have 0 rad/s as entry 3 while spacecraft.third_rate is "held", '
             f"got {shown(omega[2])}",
         )
-
-
-@rule("orbit.rate_rad_s", "orbit.altitude_km")
-def _one_orbit(rate, altitude):
-    if rate is None and altitude is None:
-        yield at("orbit.rate_rad_s", "must be given in rad/s, or altitude_km, got neither", True)
-    if rate is not None and altitude is not None:
-        yield at("orbit.altitude_km", f"must not be given with rate_rad_s, got {shown(altitude)}")
-
-
-@rule("orbit.epoch", "orbit.sidereal_angle_rad")
-def _one_angle_of_greenwich(epoch, angle):
-    if epoch is not None and angle:
-        yield at("orbit.sidereal_angle_rad", f"must not be given with epoch, got {shown(angle)}")
-
-
-@rule("orbit.field", "orbit.epoch")
-def _epoch_of_the_igrf(field, epoch):
-    if field != "igrf":
-        return
-    first, last = IGRF_DATES
-    if epoch is None:
-        yield at("orbit.epoch", 'must be given with field = "igrf", got nothing', True)
-    elif not first <= epoch_of(epoch) <= last:
-        yield at("orbit.epoch", f'must be from {first} to {last} with field = "igrf", got {epoch}')
-
-
-@rule("orbit.rate_rad_s", "orbit.field")
-def _orbit_in_the_igrf(rate, field):
-    for finding in needs_orbit("orbit.field", 'field = "igrf"').check(rate, field == "igrf"):
-        yield at(*finding)
 
 
 ATTITUDE_KEYS = ("quaternion", "euler_rad", "euler_sequence", "mrp", "w", "z_rad")

@@ -9,12 +9,15 @@ from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.control import known_law, table_of
 from jaxsat.scenario.errors import Problem
 from jaxsat.scenario.limits import MAX_OVERRIDE_LENGTH, Excess, require_modest
-from jaxsat.scenario.tables import ADAPTIVE_STEP_KEYS, FIXED_STEP_KEYS
+from jaxsat.scenario.tables import ADAPTIVE_STEP_KEYS, ELLIPTIC_KEYS, FIXED_STEP_KEYS
 from jaxsat.scenario.units import other_spellings
 from jaxsat.scenario.wording import shown
 
+ELLIPSE = frozenset(f"orbit.{key}" for key in ELLIPTIC_KEYS)
+"""The keys of an elliptic orbit."""
+
 ALTERNATIVES: tuple[tuple[frozenset[str], ...], ...] = (
-    (frozenset({"orbit.rate_rad_s"}), frozenset({"orbit.altitude_km"})),
+    (frozenset({"orbit.rate_rad_s"}), frozenset({"orbit.altitude_km"}), ELLIPSE),
     (frozenset({"orbit.sidereal_angle_rad"}), frozenset({"orbit.epoch"})),
     (
         frozenset({"initial.w", "initial.z_rad"}),

@@ -16,6 +16,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from jaxsat.core.declaration.actuators import PARTS
 from jaxsat.core.declaration.laws import Law
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
+from jaxsat.scenario import orbit_checks as _orbit_checks  # noqa: F401  (likewise)
 from jaxsat.scenario.control import ControlTable
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.errors import Issue
@@ -50,7 +51,7 @@ class _Body(ScenarioTable):
     title: Line = choice("Title of the scenario, in one line")
     description: Text = choice("What the scenario shows", "")
     spacecraft: SpacecraftTable = choice("The rigid body and its thrusters")
-    orbit: OrbitTable = choice("The circular orbit")
+    orbit: OrbitTable = choice("The orbit")
     disturbance: DisturbanceTable = choice("Disturbance torques", DisturbanceTable())
     actuators: ActuatorsOfAKind | None = choice("Actuators that do not come with jaxsat", None)
 

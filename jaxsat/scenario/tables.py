@@ -11,7 +11,7 @@ from jaxtyping import Float
 from pydantic import AfterValidator, BeforeValidator
 
 from jaxsat.core.allocation import unit_columns
-from jaxsat.core.earth import circular_orbit_rate
+from jaxsat.core.earth import EARTH_RADIUS, circular_orbit_rate
 from jaxsat.core.epoch import epoch_of, sidereal_angle
 from jaxsat.core.ranges import (
     MAX_FIXED_STEPS,
@@ -114,14 +114,44 @@ def _as_text(value: object) -> object:
 Epoch = Annotated[Line, BeforeValidator(_as_text), AfterValidator(_known_epoch)]
 
 
+ELLIPTIC_KEYS = (
+    "perigee_altitude_km",
+    "apogee_altitude_km",
+    "argument_of_perigee_rad",
+    "mean_anomaly_rad",
+    "j2",
+)
+"""Keys of `[orbit]` that say what an elliptic orbit is, the first of which makes it one."""
+
+
 class OrbitTable(ScenarioTable):
-    """`[orbit]`: the circular orbit, by rate or by altitude."""
+    """`[orbit]`: a circular orbit, by rate or by altitude, or an elliptic one."""
 
     rate_rad_s: Annotated[Number, within(ORBIT_RATE)] | None = quantity(
         "Orbital rate ω0", "rad/s", None
     )
     altitude_km: Annotated[Number, Gt(0), Le(MAX_ALTITUDE)] | None = quantity(
         "Altitude above the Earth's equator, for the two-body rate", "km", None
+    )
+    perigee_altitude_km: Annotated[Number, Gt(0), Le(MAX_ALTITUDE)] | None = quantity(
+        "Altitude of the perigee above the Earth's equator: an elliptic orbit, in which attitudes "
+        "are relative to inertial axes; with apogee_altitude_km",
+        "km",
+        None,
+    )
+    apogee_altitude_km: Annotated[Number, Gt(0), Le(MAX_ALTITUDE)] | None = quantity(
+        "Altitude of the apogee", "km", None
+    )
+    argument_of_perigee_rad: Annotated[Number, within(TURN)] | None = quantity(
+        "Argument of perigee at the start; by default 0", "rad", None
+    )
+    mean_anomaly_rad: Annotated[Number, within(TURN)] | None = quantity(
+        "Mean anomaly of the spacecraft at the start; by default 0", "rad", None
+    )
+    j2: bool | None = choice(
+        "Whether node, perigee and mean anomaly move at the secular rates of the Earth's "
+        "oblateness; by default false",
+        None,
     )
     inclination_rad: Annotated[Number, within(TURN)] = quantity(
         "Inclination; this and the angles below matter to magnetic, drag and solar torques, and to "
@@ -152,10 +182,18 @@ class OrbitTable(ScenarioTable):
     )
 
     def rate(self) -> float:
-        """ω0, rad/s, given or by the altitude."""
+        """ω0 of the reference frame, rad/s, given or by the altitude; 0 in an elliptic orbit."""
         if self.rate_rad_s is not None or self.altitude_km is None:
             return self.rate_rad_s or 0.0
         return circular_orbit_rate(1000 * self.altitude_km)
+
+    def ellipse(self) -> tuple[float, float] | None:
+        """Semi-major axis (m) and eccentricity of an elliptic orbit; None in a circular one."""
+        if self.perigee_altitude_km is None or self.apogee_altitude_km is None:
+            return None
+        heights = (self.perigee_altitude_km, self.apogee_altitude_km)
+        low, high = (EARTH_RADIUS + 1000 * height for height in heights)
+        return (low + high) / 2, (high - low) / (high + low)
 
     def greenwich(self) -> float:
         """The right ascension of Greenwich at the start, rad, given or by the epoch."""

@@ -32,7 +32,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.spacecraft.dispersible import Dispersible
-from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, CircularOrbit
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace
 from jaxsat.spacecraft.held_effector import AbstractHeldEffector
 from jaxsat.spacecraft.spacecraft import PlantState
 
@@ -56,7 +56,7 @@ class EffectorContext(NamedTuple):
     failures: tuple[tuple[int, Any], ...]
 
     @property
-    def place(self) -> CircularOrbit:
+    def place(self) -> AbstractPlace:
         """Where the circular orbit is."""
         return self.field.orbit
 

@@ -57,7 +57,8 @@ BROKEN = [
     ('"held"', '"hold"', [
         (10, "spacecraft.third_rate", '"free", "held", got "hold", did you mean held?')]),
     ("rate_rad_s = 0.0011\n[dist", "[dist", [
-        (11, "orbit.rate_rad_s", "must be given in rad/s, or altitude_km, got neither")]),
+        (11, "orbit.rate_rad_s",
+         "must be given in rad/s, or altitude_km or perigee_altitude_km, got none of them")]),
     ("rate_rad_s = 0.0011\n[dist", "rate_rad_s = 0.0011\naltitude_km = 400\n[dist", [
         (13, "orbit.altitude_km", "must not be given with rate_rad_s, got 400")]),
     ("rate_rad_s = 0.0011\n[dist", "rate_rad_s = inf\n[dist", [

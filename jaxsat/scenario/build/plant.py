@@ -10,6 +10,7 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.declaration.disturbances import DISTURBANCES
+from jaxsat.core.earth import EARTH_OBLATENESS
 from jaxsat.core.epoch import epoch_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_torque
 from jaxsat.scenario.parts.actuator import number_of
@@ -27,10 +28,12 @@ from jaxsat.spacecraft.environment.disturbances import (
     PeriodicTorque,
     SumOfDisturbances,
 )
+from jaxsat.spacecraft.environment.ellipse import EllipticOrbit
 from jaxsat.spacecraft.environment.igrf import IgrfField
 from jaxsat.spacecraft.environment.orbit import (
     AbstractMagneticField,
     AbstractOrbit,
+    AbstractPlace,
     CircularOrbit,
     DipoleField,
     ExactOrbit,
@@ -63,7 +66,7 @@ def build_effectors(scenario: Scenario) -> list[tuple[AbstractEffector, Any]]:
 
 
 def orbit_rate(scenario: Scenario) -> float:
-    """ω0, rad/s, given or by the altitude."""
+    """ω0 of the reference frame, rad/s, given or by the altitude; 0 in an elliptic orbit."""
     return scenario.orbit.rate()
 
 
@@ -72,8 +75,19 @@ def orbit_of(relation: str, rate: float) -> AbstractOrbit:
     return (ExactOrbit if relation == "exact" else SmallAngleOrbit)(as_float(rate))
 
 
-def place_of(table: OrbitTable) -> CircularOrbit:
-    """The circular orbit of a table, with its place about the Earth."""
+def place_of(table: OrbitTable) -> AbstractPlace:
+    """The orbit of a table, with its place about the Earth."""
+    ellipse = table.ellipse()
+    if ellipse is not None:
+        return EllipticOrbit(
+            *ellipse,
+            table.inclination_rad,
+            table.ascending_node_rad,
+            table.argument_of_perigee_rad or 0.0,
+            table.mean_anomaly_rad or 0.0,
+            table.greenwich(),
+            EARTH_OBLATENESS if table.j2 else 0.0,
+        )
     angles = (
         table.inclination_rad,
         table.ascending_node_rad,
@@ -86,7 +100,7 @@ def place_of(table: OrbitTable) -> CircularOrbit:
 def field_of(table: OrbitTable) -> AbstractMagneticField:
     """The magnetic field along the orbit of a table."""
     place = place_of(table)
-    if table.field == "dipole" or table.epoch is None:
+    if table.field == "dipole" or table.epoch is None or not isinstance(place, CircularOrbit):
         return DipoleField(place)
     return IgrfField(place, epoch_of(table.epoch))
 

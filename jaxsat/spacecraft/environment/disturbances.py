@@ -14,15 +14,16 @@ from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import as_float, require_finite
 from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.disturbances import CONSTANT, GRAVITY_GRADIENT, PERIODIC
+from jaxsat.core.earth import EARTH_GRAVITY
 from jaxsat.core.trigonometry import sin
-from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, CircularOrbit
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace, CircularOrbit
 
 
 class DisturbanceContext(NamedTuple):
     """What a scenario tells a disturbance besides its own keys.
 
-    The nominal `inertia` (kg m²) and `orbit_rate` (rad/s), the magnetic `field` along the orbit,
-    and checked tables `[[panel]]`.
+    The nominal `inertia` (kg m²), the `orbit_rate` (rad/s) of the reference frame, the magnetic
+    `field` along the orbit, and checked tables `[[panel]]`.
     """
 
     inertia: Float[np.ndarray, "3 3"]
@@ -31,9 +32,14 @@ class DisturbanceContext(NamedTuple):
     panels: tuple[Any, ...] = ()
 
     @property
-    def place(self) -> CircularOrbit:
-        """Where the circular orbit is."""
+    def place(self) -> AbstractPlace:
+        """Where the orbit is."""
         return self.field.orbit
+
+    @property
+    def circle(self) -> CircularOrbit:
+        """Where the circular orbit is; raises `ValueError` where the orbit is none."""
+        return self.field.circle
 
 
 class AbstractDisturbance(eqx.Module):
@@ -135,9 +141,16 @@ class GravityGradient(AbstractDisturbance):
     @classmethod
     def from_table(
         cls, values: Mapping[str, Any], context: DisturbanceContext
-    ) -> "GravityGradient | None":
+    ) -> AbstractDisturbance | None:
         """The torque of a table of a scenario; None where it does not act."""
-        return cls(context.orbit_rate) if values["gravity_gradient"] else None
+        if not values["gravity_gradient"]:
+            return None
+        place = context.place
+        return (
+            cls(context.orbit_rate)
+            if isinstance(place, CircularOrbit)
+            else GravityGradientAt(place)
+        )
 
     def __call__(
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
@@ -145,6 +158,20 @@ class GravityGradient(AbstractDisturbance):
         """3 ω0² n × J n with n = C (0, 0, 1)ᵀ."""
         nadir = attitude.as_dcm().matrix[:, 2]
         return 3 * self.orbit_rate**2 * jnp.cross(nadir, inertia @ nadir)
+
+
+class GravityGradientAt(AbstractDisturbance):
+    """Gravity-gradient torque 3 GM/r³ n × J n at the `place` of any orbit, n as before."""
+
+    place: AbstractPlace
+
+    def __call__(
+        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
+    ) -> Float[Array, "3"]:
+        """3 GM/r³ n × J n."""
+        nadir = -(attitude.as_dcm().matrix @ self.place.up(t))
+        size = 3 * EARTH_GRAVITY / self.place.distance(t) ** 3
+        return size * jnp.cross(nadir, inertia @ nadir)
 
 
 class SumOfDisturbances(AbstractDisturbance):

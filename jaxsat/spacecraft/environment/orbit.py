@@ -1,4 +1,4 @@
-"""Circular orbit, the rate of its LVLH frame, and the Earth's magnetic field along it.
+"""Circular orbit, the rate of its LVLH frame, and the Earth's magnetic field along an orbit.
 
 The orbit frame has x along the velocity, z towards the Earth's centre and y = z × x, minus the
 orbit normal. It turns at (0, -ω0, 0) in its own axes. The field here is that of a tilted dipole
@@ -58,7 +58,31 @@ class SmallAngleOrbit(AbstractOrbit):
         return jnp.stack([zero, -self.rate, zero])
 
 
-class CircularOrbit(eqx.Module):
+class AbstractPlace(eqx.Module):
+    """Where a spacecraft is, and how the reference frame of its attitude is turned there."""
+
+    @abc.abstractmethod
+    def greenwich(self) -> Float[Array, ""]:
+        """The right ascension of Greenwich at time zero, rad."""
+
+    @abc.abstractmethod
+    def axes(self, t: Float[Array, ""]) -> Float[Array, "3 3"]:
+        """Axes of the reference frame at time `t` (s), as rows, in inertial axes."""
+
+    @abc.abstractmethod
+    def up(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+        """Unit vector away from the Earth's centre at time `t` (s), in the reference frame."""
+
+    @abc.abstractmethod
+    def depth(self, t: Float[Array, ""], vector: Float[Array, "3"]) -> Float[Array, ""]:
+        """The component towards the Earth's centre of a vector in the reference frame."""
+
+    @abc.abstractmethod
+    def distance(self, t: Float[Array, ""]) -> Float[Array, ""]:
+        """From the Earth's centre at time `t` (s), m."""
+
+
+class CircularOrbit(AbstractPlace):
     """Where a circular orbit is, in inertial axes with x to the equinox and z to the north pole.
 
     `rate` ω0 in rad/s, from which the `radius` follows; at time zero the `inclination`, right
@@ -92,6 +116,22 @@ class CircularOrbit(eqx.Module):
         normal = jnp.stack([sn * si, -cn * si, ci])
         return jnp.stack([forward, -normal, -up])
 
+    def greenwich(self) -> Float[Array, ""]:
+        """The sidereal angle, rad."""
+        return self.sidereal_angle
+
+    def up(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+        """Minus the third axis."""
+        return jnp.array([0.0, 0.0, -1.0], self.rate.dtype)
+
+    def depth(self, t: Float[Array, ""], vector: Float[Array, "3"]) -> Float[Array, ""]:
+        """The third component of a vector in orbit axes."""
+        return vector[2]
+
+    def distance(self, t: Float[Array, ""]) -> Float[Array, ""]:
+        """The radius, m."""
+        return self.radius
+
 
 def place_on_circle(angle: Float[Array, ""], count: int) -> tuple[Int[Array, ""], Float[Array, ""]]:
     """The last of so many equally spaced places on a circle up to an angle (rad), and the share of
@@ -110,9 +150,16 @@ REFERENCE_RADIUS = 6371.2e3
 
 
 class AbstractMagneticField(eqx.Module):
-    """The Earth's magnetic field along a circular `orbit`, in orbit axes."""
+    """The Earth's magnetic field along an `orbit`, in the reference frame (orbit axes)."""
 
-    orbit: eqx.AbstractVar[CircularOrbit]
+    orbit: eqx.AbstractVar[AbstractPlace]
+
+    @property
+    def circle(self) -> CircularOrbit:
+        """The orbit; raises `ValueError` where it is no circle."""
+        if not isinstance(self.orbit, CircularOrbit):
+            raise ValueError(f"Expected a circular orbit, but got {type(self.orbit).__name__}.")
+        return self.orbit
 
     @property
     @abc.abstractmethod
@@ -142,7 +189,7 @@ class AbstractMagneticField(eqx.Module):
 class DipoleField(AbstractMagneticField):
     """The first degree of the IGRF: (R/r)³ (3 (m·r̂) r̂ - m) of the Earth's dipole m."""
 
-    orbit: CircularOrbit
+    orbit: AbstractPlace
 
     @property
     def dipole(self) -> Float[Array, "3"]:
@@ -151,18 +198,21 @@ class DipoleField(AbstractMagneticField):
 
     def over(self, t: Float[Array, ""], turn: Float[Array, ""]) -> Float[Array, "3"]:
         """B in orbit axes, T."""
-        axes, angle = self.orbit.axes(t), self.orbit.sidereal_angle + turn
+        axes, angle = self.orbit.axes(t), self.orbit.greenwich() + turn
         east, north = cos(angle), sin(angle)
         x, y, z = DIPOLE
         m = axes @ jnp.stack([x * east - y * north, x * north + y * east, z + 0 * angle])
-        up = jnp.array([0.0, 0.0, -1.0], m.dtype)
-        return (REFERENCE_RADIUS / self.orbit.radius) ** 3 * (-3 * m[2] * up - m)
+        up, distance = self.orbit.up(t), self.orbit.distance(t)
+        return (REFERENCE_RADIUS / distance) ** 3 * (-3 * self.orbit.depth(t, m) * up - m)
 
     def sampled(
         self, t: Float[np.ndarray, "*#shape"], turn: Float[np.ndarray, "*#shape"]
     ) -> Float[np.ndarray, "*both 3"]:
         """B in orbit axes, T."""
         orbit = self.orbit
+        if not isinstance(orbit, CircularOrbit):
+            each = jnp.vectorize(self.over, signature="(),()->(n)")
+            return np.asarray(each(jnp.asarray(t), jnp.asarray(turn)))
         along = float(orbit.argument_of_latitude) + float(orbit.rate) * t
         c, s, inclination = np.cos(along), np.sin(along), float(orbit.inclination)
         ci, si = np.cos(inclination), np.sin(inclination)

@@ -20,7 +20,7 @@ from jaxsat.spacecraft.environment.disturbances import (
     DisturbanceContext,
     RealScalar,
 )
-from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, CircularOrbit
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace, CircularOrbit
 
 SOLAR_PRESSURE = 4.56e-6
 """At the Earth's mean distance from the Sun on a surface that absorbs all light, N/m²."""
@@ -84,7 +84,7 @@ class AerodynamicTorque(AbstractDisturbance):
             values["drag_coefficient"],
             values["drag_area_m2"],
             values["drag_centre_m"],
-            context.place,
+            context.circle,
         )
 
     def __call__(
@@ -105,7 +105,7 @@ class Sunlight(eqx.Module):
     """
 
     sun: Float[Array, "3"] = eqx.field(converter=as_float)
-    orbit: CircularOrbit
+    orbit: AbstractPlace
     eclipses: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
@@ -113,12 +113,13 @@ class Sunlight(eqx.Module):
         require_positive("sun", jnp.sum(self.sun**2))
 
     def __call__(self, t: RealScalar) -> tuple[Float[Array, "3"], Float[Array, ""]]:
-        """Unit vector to the Sun in orbit axes at time `t` (s), and the light there, 0 or 1."""
+        """Unit vector to the Sun in the reference frame at `t` (s), and the light there, 0 or 1."""
         towards = self.orbit.axes(t) @ (self.sun / jnp.sqrt(jnp.sum(self.sun**2)))
         if not self.eclipses:
             return towards, jnp.ones_like(towards[2])
-        across = self.orbit.radius**2 * (1 - towards[2] ** 2)
-        dark = (towards[2] > 0) & (across < EARTH_RADIUS**2)  # z is down
+        depth = self.orbit.depth(t, towards)
+        across = self.orbit.distance(t) ** 2 * (1 - depth**2)
+        dark = (depth > 0) & (across < EARTH_RADIUS**2)
         return towards, jnp.where(dark, 0.0, 1.0)
 
 
@@ -137,7 +138,7 @@ class SolarPressureTorque(AbstractDisturbance):
     area: Float[Array, ""] = eqx.field(converter=as_float)
     centre: Float[Array, "3"] = eqx.field(converter=as_float)
     sun: Float[Array, "3"] = eqx.field(converter=as_float)
-    orbit: CircularOrbit
+    orbit: AbstractPlace
     eclipses: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):

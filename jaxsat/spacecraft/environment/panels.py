@@ -85,7 +85,7 @@ class PanelDrag(AbstractDisturbance):
         density = values["drag_density_kg_m3"]
         if not density or not context.panels:
             return None
-        return cls(density, Panels.from_tables(context.panels), context.place)
+        return cls(density, Panels.from_tables(context.panels), context.circle)
 
     def __call__(
         self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]

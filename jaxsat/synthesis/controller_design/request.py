@@ -29,7 +29,10 @@ UNTIMED = 1.0
 
 _DEFAULTS: Mapping[str, tuple[tuple[str, ...], Any]] = {
     "title": (("title",), ""),
-    "orbit.rate_rad_s": (("orbit.rate_rad_s", "orbit.altitude_km"), 0.0),
+    "orbit.rate_rad_s": (
+        ("orbit.rate_rad_s", "orbit.altitude_km", "orbit.perigee_altitude_km"),
+        0.0,
+    ),
     "initial.quaternion": (
         tuple(f"initial.{key}" for key in ATTITUDE_KEYS),
         [1.0, 0.0, 0.0, 0.0],
