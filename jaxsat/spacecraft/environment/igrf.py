@@ -21,6 +21,7 @@ from jaxsat.core.package_files import text_of
 from jaxsat.spacecraft.environment.orbit import (
     REFERENCE_RADIUS,
     AbstractMagneticField,
+    AbstractPlace,
     CircularOrbit,
     place_on_circle,
 )
@@ -154,7 +155,7 @@ class IgrfField(AbstractMagneticField):
     left out. Raises `ArgumentError` for a date that the IGRF-14 lacks.
     """
 
-    orbit: CircularOrbit
+    orbit: AbstractPlace
     table: Float[Array, "phases turns 3"]
     first_degree: Float[Array, "3"]
 
@@ -171,7 +172,7 @@ class IgrfField(AbstractMagneticField):
     def over(self, t: Float[Array, ""], turn: Float[Array, ""]) -> Float[Array, "3"]:
         """B in orbit axes, T, where the orbit is at time `t` (s) and the Earth has turned by `turn`
         (rad) since time zero: periodic in both."""
-        orbit = self.orbit
+        orbit = self.circle
         phase, late = place_on_circle(orbit.argument_of_latitude + orbit.rate * t, PLACES)
         node, east = place_on_circle(orbit.node - orbit.sidereal_angle - turn, PLACES)
         near = jax.lax.dynamic_slice(self.table, (phase, node, 0), (4, 4, 3))
@@ -182,7 +183,7 @@ class IgrfField(AbstractMagneticField):
         self, t: Float[np.ndarray, "*#shape"], turn: Float[np.ndarray, "*#shape"]
     ) -> Float[np.ndarray, "*both 3"]:
         """`over` of broadcast arrays in NumPy, for tables."""
-        orbit, table = self.orbit, np.asarray(self.table)
+        orbit, table = self.circle, np.asarray(self.table)
         phase, late = _place(float(orbit.argument_of_latitude) + float(orbit.rate) * t)
         node, east = _place(float(orbit.node) - float(orbit.sidereal_angle) - turn)
         total = np.zeros(3)
