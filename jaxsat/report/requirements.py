@@ -27,7 +27,7 @@ NOTE = (
 STUDY_NOTE = (
     "A margin is how far the deciding signal is on the right side of its limit. It is judged at "
     "every sample, or at least once a second, between which signals count as linear. Intervals are "
-    "of 95 %. `montecarlo --case N` reruns case N."
+    "of 95 %."
 )
 
 

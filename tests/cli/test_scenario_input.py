@@ -40,7 +40,7 @@ def test_controllability_needs_no_law(command_line):
         (["--longest", "1e-9"], "--longest: must be a number from 0.01 to 1e+09, got 1e-9"),
         (["--longest", "nan"], "--longest: must be a number from 0.01"),
         (["--set", "simulation.duration_s=1e-3", "--set", "simulation.save_every_s=1e-3"],
-         "simulation.duration_s: must be at least 0.01"),
+         "simulation.duration_s: must be at least 0.00948 s"),
         (["--out", "there.json"], "there.json already exists; give --overwrite"),
         (["--out", "."], "is not a file"),
         (["--out", "no/such/place.json"], "is not a folder"),

@@ -346,7 +346,7 @@ def test_derivatives_are_finite_and_equal_to_differences(part, place):
 
 
 NO_PARTS = {"title", "description", "initial", "simulation", "settled", "dispersion", "tuning"}
-NO_PARTS |= TYPES.keys()
+NO_PARTS |= {"requirement", *TYPES}
 """Tables that are none of the spacecraft or its surroundings, or types, which `read` takes in."""
 
 IN_OTHER_PLACES = {"actuators", "unloading", "modulation"}
