@@ -14,6 +14,9 @@ from jaxsat.studies.statistics import LEVEL, Interval
 
 UNKNOWN = Interval(float("nan"), float("nan"), float("nan"))
 
+ROUNDING = 1e-12
+"""Of the variance: what rounding errors leave of a first-order index of zero."""
+
 
 class Sensitivity(NamedTuple):
     """How much one dispersed number tells of a result.
@@ -177,7 +180,8 @@ def _first_order_index(y: np.ndarray) -> _Index | None:
     between, within = float(np.sum(m**2)), float(np.sum((off - m) ** 2))
     noise, total = within / (count - bins), between + within
     influence = (2 * m * off - m**2 - between / total * off**2) / (total / count)
-    value = (between - (bins - 1) * noise) / (total + noise)
+    explained = between - (bins - 1) * noise
+    value = explained / (total + noise) if abs(explained) > ROUNDING * total else 0.0
     return _Index(value, float(np.sqrt(np.mean(influence**2) / count)), bins, count)
 
 
@@ -202,6 +206,6 @@ def _index_interval(index: _Index, tails: float) -> Interval:
     constant = slope * max(index.value, 0.0)
     down = by_chance(1 - tails / 2) ** 2 + constant
     up = by_chance(tails / 2) ** 2 + constant
-    low = index.value - (np.sqrt(slope**2 + 4 * down) - slope) / 2
+    low = index.value - 2 * down / (np.sqrt(slope**2 + 4 * down) + slope)  # nothing cancels
     high = index.value + (np.sqrt(slope**2 + 4 * up) + slope) / 2
     return Interval(index.value, *np.clip([low, high], 0.0, 1.0).tolist())
