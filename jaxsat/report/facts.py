@@ -7,12 +7,12 @@ from typing import Any
 
 import xarray as xr
 
+from jaxsat.core.declaration.actuators import PARTS
 from jaxsat.core.numerals import number_text
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.report.document import Facts
 from jaxsat.scenario.control import known_law
 from jaxsat.scenario.tables import OrbitTable
-from jaxsat.store.labels import PARTS
 
 
 def scenario_tables(dataset: xr.Dataset) -> dict[str, Any]:
@@ -68,13 +68,14 @@ def _actuators(scenario: Mapping[str, Any]) -> str:
         parts.append(
             f"{len(axes)} ideal thrusters{more}" + (f", failed: {failed}" if failed else "")
         )
-    for kind in PARTS:
-        tables = scenario.get(kind, ())
+    for part in PARTS:
+        tables = scenario.get(part.name, ())
         if tables:
             failed = sum(bool(table.get("failed")) for table in tables)
             prices = [table.get("price", 1.0) for table in tables]
             dear = f" at prices {_numbers(prices)}" if set(prices) != {1.0} else ""
-            parts.append(f"{len(tables)} {kind}s{dear}" + (f", {failed} failed" if failed else ""))
+            called = f"{len(tables)} {part.called}{'s' if len(tables) > 1 else ''}"
+            parts.append(f"{called}{dear}" + (f", {failed} failed" if failed else ""))
     return "; ".join(parts)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from helpers.pages import SCENARIO, array, json_of, run_dataset
-from jaxsat.report.facts import settled_meaning
+from jaxsat.report.facts import scenario_facts, settled_meaning
 from jaxsat.report.page import html, report_page
 from jaxsat.report.page.replay import body_box, craft
 from jaxsat.report.plot import kept_samples
@@ -247,3 +247,10 @@ def test_settled_is_told_as_a_study_judges_it():
     assert settled_meaning(tables) == "|ω| < 0.002 rad/s to the end, 30 s at least"
     told = settled_meaning(tables, of_study=True)
     assert told == "relative rate |ω_r| < 0.0031 rad/s to the end, 30 s at least"
+
+
+def test_actuators_are_counted_in_words():
+    tables = {"control": {"law": "three-slew"}, "simulation": {"duration_s": 10.0}}
+    parts = {"wheel": [{}, {"failed": True}], "flexible_mode": [{}], "gimbal": [{}, {}]}
+    facts = scenario_facts(tables | parts)
+    assert facts["actuators"] == "2 wheels, 1 failed; 2 control moment gyros; 1 flexible mode"
