@@ -162,8 +162,8 @@ def says_no_more_than_a_vehicle(scenario: str, overrides: Sequence[str]) -> bool
 def _require_vehicle(scenario: "Scenario") -> None:
     from jaxsat.controllability.judging import actuator_layout
     from jaxsat.scenario.build.actuator_set import all_actuators
+    from jaxsat.synthesis.controller_design.candidates import required_law_to_design
     from jaxsat.synthesis.controller_design.request import law_asked_for
-    from jaxsat.synthesis.controller_design.run import required_law_to_design
     from jaxsat.synthesis.controller_design.vehicle import require_judged
 
     required_law_to_design(law_asked_for(scenario))

@@ -12,10 +12,11 @@ from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.planned import PlannedSettling
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE
+from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build, build_loop, build_tolerances
 from jaxsat.scenario.checks import SOLVER_KEYS
-from jaxsat.scenario.control import known_law
+from jaxsat.scenario.control import known_law, required_law
 from jaxsat.scenario.errors import key_of
 from jaxsat.studies.changes import controller_of
 from jaxsat.studies.dispersions import number_at
@@ -289,3 +290,19 @@ def _with_control(scenario: Scenario, control: dict[str, Any], scale: Scale) -> 
 
 def _whole(duration: float, step: float) -> float:
     return math.ceil(duration / step - 1e-9) * step
+
+
+def required_law_to_design(own: str, law: str | None = None) -> str:
+    """The law that is to be designed: `law`, or the `own` one of a scenario, or `ALL` or `QUICK`.
+
+    Raises `ArgumentError` for one that there is not or that aims at no attitude.
+    """
+    name = own if law is None else law
+    choices = f"a law ({', '.join(GAINS)}), {ALL} or {QUICK}"
+    declaration = None if name in (ALL, QUICK) else required_law(name, choices).declaration
+    if declaration is None or (declaration.regulates_attitude and declaration.torques):
+        return name
+    if law is None:
+        rule = f"must be given, as {own}, the scenario's own, aims at no attitude: {choices}"
+        raise ArgumentError("law", rule, "nothing")
+    raise ArgumentError("law", f"must be one that aims at an attitude: {choices}", law)

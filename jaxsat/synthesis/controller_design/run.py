@@ -7,21 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import jaxsat
 from jaxsat.core.declaration.quantities import DISPERSIBLE
-from jaxsat.core.errors import ArgumentError
 from jaxsat.core.process import processors
 from jaxsat.report.design_document import DESIGNED, LINES, design_document
 from jaxsat.report.printers import markdown_page
 from jaxsat.scenario import Scenario, dump
-from jaxsat.scenario.control import required_law
 from jaxsat.store.provenance import provenance
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.executors import Serial, Threads
 from jaxsat.studies.work import Work
-from jaxsat.synthesis.controller_design.candidates import GAINS
+from jaxsat.synthesis.controller_design.candidates import required_law_to_design
 from jaxsat.synthesis.controller_design.explanation import drawn_numbers
 from jaxsat.synthesis.controller_design.request import (
-    ALL,
-    QUICK,
     SCREENING_CASES,
     VALIDATION_CASES,
     Attitude,
@@ -231,19 +227,3 @@ def _work(vehicle: Vehicle, settings: DesignSettings) -> Work:
     duration = simulation.duration_s if vehicle.timed else USUAL_DURATION
     intervals = round(duration / simulation.save_every_s)
     return Work(trajectories, trajectories * intervals, cases * CASE, cases * CASE)
-
-
-def required_law_to_design(own: str, law: str | None = None) -> str:
-    """The law that is to be designed: `law`, or the `own` one of a scenario, or `ALL` or `QUICK`.
-
-    Raises `ArgumentError` for one that there is not or that aims at no attitude.
-    """
-    name = own if law is None else law
-    choices = f"a law ({', '.join(GAINS)}), {ALL} or {QUICK}"
-    declaration = None if name in (ALL, QUICK) else required_law(name, choices).declaration
-    if declaration is None or (declaration.regulates_attitude and declaration.torques):
-        return name
-    if law is None:
-        rule = f"must be given, as {own}, the scenario's own, aims at no attitude: {choices}"
-        raise ArgumentError("law", rule, "nothing")
-    raise ArgumentError("law", f"must be one that aims at an attitude: {choices}", law)
