@@ -3,7 +3,6 @@
 The last resort is for one that no command expected: it becomes one line and a file.
 """
 
-import contextlib
 import os
 import platform
 import re
@@ -37,6 +36,7 @@ from jaxsat.cli.scenarios import scenarios
 from jaxsat.cli.simulate import simulate
 from jaxsat.cli.terminal import (
     FAILED_RUN,
+    OUTPUT_CUT,
     SUCCESS,
     USER_MISTAKE,
     FailedRun,
@@ -117,8 +117,10 @@ def _command(tokens: Sequence[str] | None) -> int:
     if any(getattr(options, "quiet", False) for options in bound.arguments.values()):
         stop_progress()
     if not command.__module__.startswith("jaxsat."):
-        with contextlib.suppress(BrokenPipeError, SystemExit):  # of a reader who has seen enough
+        try:
             command(*bound.args, **bound.kwargs)
+        except (BrokenPipeError, SystemExit):  # which Rich makes of it
+            return OUTPUT_CUT
         return SUCCESS
     computes = command.__module__ not in ("jaxsat.cli.scenarios", "jaxsat.cli.completion")
     import_interruptibly("jaxsat.scenario", *(["jaxsat.store.resumable"] if computes else []))

@@ -16,7 +16,11 @@ if TYPE_CHECKING:
 SUCCESS = 0
 FAILED_RUN = 1
 USER_MISTAKE = 2
-"""What every command exits with, or 128 and the number of a signal; docs/scenarios.md tells."""
+OUTPUT_CUT = 141
+"""What every command exits with, or 128 and the number of a signal; docs/scenarios.md tells.
+
+The last is 128 and the number of SIGPIPE: the reader of the output went before the end of it.
+"""
 
 
 class FailedRun(Exception):
@@ -31,12 +35,19 @@ class UserMistake(Exception):
     """Something the user can put right; the message says what, one line for each mistake."""
 
 
+_cut = False
+"""Whether the reader of the output has gone."""
+
+
 def make_streams_safe() -> None:
     """Let characters that a stream cannot encode appear as question marks.
 
     A stream that is closed from the start becomes one that leads nowhere, or the next file that
-    is opened would take its place.
+    is opened would take its place. One without a buffer (PYTHONUNBUFFERED) gets a buffer, as it
+    drops without an error what a pipe takes only in part.
     """
+    global _cut
+    _cut = False
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         stream = getattr(sys, name)
         if stream is None:
@@ -47,6 +58,11 @@ def make_streams_safe() -> None:
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
         elif isinstance(stream, io.TextIOWrapper) and name != "stdin":
             stream.reconfigure(errors="replace")
+            if isinstance(stream.buffer, io.RawIOBase):
+                buffered = open(  # noqa: SIM115
+                    stream.fileno(), "w", 1, stream.encoding, stream.errors, closefd=False
+                )
+                setattr(sys, name, buffered)
 
 
 def print_stdout(line: str) -> None:
@@ -88,24 +104,26 @@ def print_problems(error: "ScenarioError") -> None:
 
 
 def finish(status: int) -> int:
-    """The exit status once all output is out: `status`, unless what is left cannot be written."""
+    """The exit status once all output is out: `status`, unless some of it cannot be written."""
     try:
         _print("")
     except FailedRun as failure:
         if status == SUCCESS:  # what failed before has been told
             print_stderr(str(failure))
             return FAILED_RUN
-    return status
+    return OUTPUT_CUT if _cut and status == SUCCESS else status
 
 
 def _print(text: str) -> None:
+    global _cut
     if sys.stdout is None:
         return
     with between_drawings():
         try:
             sys.stdout.write(text)
             sys.stdout.flush()
-        except BrokenPipeError:  # whoever read the output has seen enough
+        except BrokenPipeError:  # the command goes on, as it may have more to do than to print
+            _cut = True
             _silence(sys.stdout)
         except (OSError, ValueError) as error:
             _silence(sys.stdout)
