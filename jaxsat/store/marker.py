@@ -7,6 +7,7 @@ what a user put there, and only what is unchanged since jaxsat wrote it is ever 
 
 import json
 import os
+import re
 import stat
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -32,11 +33,21 @@ FORMAT = 2
 EARLIER = b'"written_by"'
 """What markers of format 1 have and no later one; files beside one are read as they are."""
 
-SYSTEM_FILES = frozenset({".DS_Store", "Thumbs.db", "desktop.ini", ".directory"})
-"""Files that file managers leave in every folder that they open; they hold no data of a user."""
+SYSTEM_FILES = frozenset(
+    {".ds_store", ".localized", "icon\r", "thumbs.db", "ehthumbs.db", "desktop.ini", ".directory"}
+)
+"""Files, in small letters, that file managers leave in every folder that they open; they hold no
+data of a user."""
+
+SYSTEM_FOLDERS = frozenset({"__MACOSX", ".AppleDouble", "@eaDir"})
+"""Folders in which archives of macOS, file servers of it and those of Synology keep such files."""
+
+SYNOLOGY = re.compile(r"SYNO.*|.*@Syno\w+")
+"""Names of pictures and attributes that a Synology server keeps in `@eaDir`."""
 
 APPLE_DOUBLE = b"\x00\x05\x16\x07"
-"""How a file `._NAME` begins in which macOS keeps what another file system cannot hold of NAME."""
+"""How a file begins in which macOS keeps what another file system cannot hold of a file: `._NAME`,
+or any name in a folder for such files."""
 
 
 NameTest = Callable[[str], bool]
@@ -48,11 +59,22 @@ def nothing(name: str) -> bool:
     return False
 
 
-def _is_of_system(path: Path) -> bool:
-    """Whether a plain file is one that a system leaves; raises `OSError`."""
-    if not path.name.startswith("._"):
-        return path.name in SYSTEM_FILES
-    with path.open("rb") as file:
+def _is_of_system(folder: Path, name: str, mode: int) -> bool:
+    """Whether a file or folder of this name within `folder` is one that a system leaves.
+
+    Raises `OSError`.
+    """
+    *parents, last = name.split("/")
+    systems = SYSTEM_FOLDERS.intersection(parents)
+    if stat.S_ISDIR(mode):
+        return bool(systems) or last in SYSTEM_FOLDERS
+    if not stat.S_ISREG(mode):
+        return False
+    if last.lower() in SYSTEM_FILES or ("@eaDir" in systems and SYNOLOGY.fullmatch(last)):
+        return True
+    if not systems and not last.startswith("._"):
+        return False
+    with (folder / name).open("rb") as file:
         return file.read(len(APPLE_DOUBLE)) == APPLE_DOUBLE
 
 
@@ -161,13 +183,12 @@ class Marker:
         for name, mode in walk(self.folder):
             if name == MARKER and stat.S_ISREG(mode):
                 continue
-            if stat.S_ISDIR(mode):
-                ours = name in folders
-            elif not stat.S_ISREG(mode):
-                ours = False
-            else:
-                ours = name == self._partial.name or _is_of_system(self.folder / name)
+            if stat.S_ISREG(mode):
+                ours = name == self._partial.name
                 ours = ours or (name in self._hashes and self.is_unchanged(name))
+            else:
+                ours = stat.S_ISDIR(mode) and name in folders
+            ours = ours or _is_of_system(self.folder, name, mode)
             if not ours and not (_is_plain(mode) and is_made_of_it(name)):
                 foreign.append(name)
         return sorted(foreign)
@@ -255,14 +276,19 @@ def foreign_files_in(folder: Path, is_made_of_it: NameTest = nothing) -> list[st
     return user_files_in(folder) if marker is None else marker.foreign_files(is_made_of_it)
 
 
-def user_files_in(folder: Path) -> list[str]:
-    """What is in a folder but files that a system leaves; raises `OSError`."""
-    with os.scandir(folder) as entries:
-        return sorted(
-            entry.name
-            for entry in entries
-            if not (entry.is_file(follow_symlinks=False) and _is_of_system(Path(entry.path)))
+def user_files_in(folder: Path, within: str = "") -> list[str]:
+    """What is in a folder but what a system leaves; raises `OSError`."""
+    found = []
+    with os.scandir(folder / within) as entries:
+        names = sorted(
+            (f"{within}{one.name}", one.stat(follow_symlinks=False).st_mode) for one in entries
         )
+    for name, mode in names:
+        if not _is_of_system(folder, name, mode):
+            found.append(name)
+        elif stat.S_ISDIR(mode):
+            found += user_files_in(folder, f"{name}/")
+    return found
 
 
 def remove_folder(folder: Path, is_made_of_it: NameTest = nothing) -> list[str]:

@@ -144,8 +144,19 @@ OF_FILE_MANAGERS = {
     ".DS_Store": b"\0",
     "Thumbs.db": b"\0",
     "desktop.ini": b"\0",
+    "Desktop.ini": b"\0",
+    "Icon\r": b"",
     "._a.txt": b"\x00\x05\x16\x07\x00\x02\x00\x00Mac OS X",
+    "__MACOSX/out/._a.txt": b"\x00\x05\x16\x07\x00\x02\x00\x00Mac OS X",
+    ".AppleDouble/a.txt": b"\x00\x05\x16\x07\x00\x02\x00\x00Mac OS X",
+    "@eaDir/rates.png/SYNOPHOTO_THUMB_S.png": b"\x89PNG",
+    "@eaDir/a.txt@SynoEAStream": b"\0",
 }
+
+
+def place(path, content):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
 
 
 @pytest.mark.parametrize(("name", "content"), OF_FILE_MANAGERS.items(), ids=OF_FILE_MANAGERS)
@@ -154,7 +165,7 @@ def test_what_file_managers_leave_is_no_obstacle(tmp_path, name, content):
     folder.mkdir()
     marker = Marker.make(folder, "run", {})
     marker.write("a.txt", b"a")
-    (folder / name).write_bytes(content)
+    place(folder / name, content)
     assert marker.foreign_files() == []
     assert remove_folder(folder) == []
     assert not folder.exists()
@@ -174,7 +185,7 @@ def test_a_folder_that_holds_only_what_file_managers_leave_counts_as_empty(tmp_p
     target = tmp_path / "out"
     target.mkdir()
     for name, content in OF_FILE_MANAGERS.items():
-        (target / name).write_bytes(content)
+        place(target / name, content)
     work(target)
     assert names(target) == [MARKER, "data.txt"]
     assert names(tmp_path) == ["out"]
@@ -187,9 +198,12 @@ def test_what_is_beside_or_only_called_like_the_files_of_file_managers_is_kept(t
     (target / ".DS_Store").write_bytes(b"\0")
     (target / "Thumbs.db").mkdir()
     (target / "._notes").write_text("mine")
+    (target / "__MACOSX").mkdir()
+    (target / "__MACOSX" / "notes").write_text("mine")
     with pytest.raises(OutputError, match="did not write"):
         work(target)
-    assert names(target) == [".DS_Store", "._notes", "Thumbs.db"]
+    assert (target / "__MACOSX" / "notes").exists()
+    assert names(target) == [".DS_Store", "._notes", "Thumbs.db", "__MACOSX"]
 
 
 def test_a_file_that_is_only_called_like_those_of_macos_is_kept(tmp_path):
