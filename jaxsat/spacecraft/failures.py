@@ -81,8 +81,11 @@ class AbstractFailures(eqx.Module):
         """Which of `count` actuators an event strikes."""
         return jnp.arange(count, dtype=self.number.dtype) == jnp.round(self.number[event])
 
-    def last(self, struck: Bool[Array, " f"], count: int) -> LastFailure:
-        """What each of `count` actuators is under once those events have struck."""
+    def last(self, struck: Bool[Array, "f *own"], count: int) -> LastFailure:
+        """What each of `count` actuators is under once those events have struck.
+
+        Which have may differ from one to the next, as (f, m).
+        """
         none = jnp.full(count, SOUND)
         latest = LastFailure(none, none, 0 * none, none - jnp.inf)
         for event in range(self.count):
@@ -125,10 +128,17 @@ class FailureEvents(AbstractFailures):
         thruster works, is judged at the sample.
         """
         last = self.last(now >= self.at - t, torque.shape[1])
-        pauses = last.kind == FailureKind.INTERMITTENT
-        since = t - jnp.where(pauses, last.since, t)
-        within = since - CYCLE * jnp.floor(since / CYCLE)
-        return self._condition(last, torque, pauses & (within < last.amount * CYCLE))
+        return self._condition(last, torque, _paused(last, t))
+
+    def opens(self, t: Float[Array, ""], on: Float[Array, " m"]) -> Bool[Array, " m"]:
+        """Whether valves open that are told to `on` seconds after a sample at time `t` (s).
+
+        None does that is dead, stuck, or intermittent and in its pause.
+        """
+        last = self.last(on[None] >= (self.at - t)[:, None], on.shape[0])
+        fixed = [FailureKind.DEAD, FailureKind.STUCK_ON, FailureKind.STUCK_AT]
+        still = [last.kind == kind for kind in fixed]
+        return ~(still[0] | still[1] | still[2] | _paused(last, t))
 
     def at_work(self, struck: Bool[Array, " f"], torque: Float[Array, "3 m"]) -> "Condition":
         """State of all thrusters once those events have struck, in no pause of any."""
@@ -164,6 +174,14 @@ class FailureEvents(AbstractFailures):
             turns = (last.event == event) & (last.kind == FailureKind.TURNED)
             torque = jnp.where(turns[None], self.turned[event], torque)
         return torque
+
+
+def _paused(last: LastFailure, t: Float[Array, ""]) -> Bool[Array, " m"]:
+    """Which intermittent thrusters fail at a sample at time `t` (s)."""
+    pauses = last.kind == FailureKind.INTERMITTENT
+    since = t - jnp.where(pauses, last.since, t)
+    within = since - CYCLE * jnp.floor(since / CYCLE)
+    return pauses & (within < last.amount * CYCLE)
 
 
 class Condition(NamedTuple):

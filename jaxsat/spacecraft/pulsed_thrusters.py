@@ -24,8 +24,8 @@ class ThrusterMemory(NamedTuple):
     """The modulator's memory, the pulses of the last period, and what was used since the start.
 
     `level` is the thrust of each thruster in parts of its full one, None where it takes no time to
-    rise and fall; `open` tells which valves were told to be open at the end. `pulses` is None where
-    no valve can be late.
+    rise and fall; `open` tells which valves were open at the end as told. `pulses` is None where
+    no valve can be late. `openings` counts the times that each valve opened.
     """
 
     modulation: PyTree
@@ -199,32 +199,32 @@ class PulsedThrusters(AbstractEffector):
 
     def _plan_of(self, t, pulses: Pulses, modulation, memory, period, delay) -> PulsePlan:
         """The plan of commanded pulses, with the modulator's next memory."""
-        real = pulses.off > pulses.on
-        begins = real & ~((pulses.on <= 0) & memory.open[None])
+        acts = pulses.off > pulses.on
+        late = self._lateness(t, period, delay) if self.late else jnp.zeros_like(memory.openings)
+        failures = self.failures
+        if failures is not None:
+            acts = acts & jax.vmap(lambda on: failures.opens(t, on + late))(pulses.on)
+        begins = acts & ~((pulses.on <= 0) & memory.open[None])
         counted = 1.0 if self.modulation.counts_openings() else 0.0
         opened = jnp.sum(begins, axis=0, dtype=memory.openings.dtype)
         following = memory._replace(
             modulation=modulation,
             pulses=pulses if self.late else None,
-            open=jnp.any(real & (pulses.off >= period), axis=0),
+            open=jnp.any(acts & (pulses.off >= period), axis=0),
             openings=memory.openings + counted * opened,
         )
         if self.late:
-            pulses = self._late(t, pulses, memory.pulses, period, delay)
+            pulses = _late(pulses, memory.pulses, period, late)
         elif delay is not None:
             raise ValueError("Argument `late` must be true for a loop with a delay.")
         return PulsePlan(t, period, pulses, memory.level, following)
 
-    def _late(self, t, pulses, before, period, delay) -> Pulses:
+    def _lateness(self, t, period, delay) -> Float[Array, " m"]:
+        """By how much (s) each valve is late."""
         late = self._condition(t, jnp.zeros_like(period)).delay
         for more in (self.thrusters.valve_delay, delay):
             late = late if more is None else late + more
-        late = jnp.minimum(late, period)[None]
-        return Pulses(
-            jnp.concatenate([before.on + (late - period), pulses.on + late]),
-            jnp.concatenate([before.off + (late - period), pulses.off + late]),
-            jnp.concatenate([before.level, pulses.level]),
-        )
+        return jnp.minimum(late, period)
 
     def _condition(self, t: RealScalar, now: RealScalar) -> Condition:
         if self.failures is None:
@@ -333,6 +333,16 @@ class PulsedThrusters(AbstractEffector):
         raise ValueError(
             "Thrusters that pulse must have a sampled law, which a continuous controller is not."
         )
+
+
+def _late(pulses: Pulses, before: Pulses, period, late) -> Pulses:
+    """The pulses of the last period and of this one, which begins at 0, all `late` (s)."""
+    late = late[None]
+    return Pulses(
+        jnp.concatenate([before.on + (late - period), pulses.on + late]),
+        jnp.concatenate([before.off + (late - period), pulses.off + late]),
+        jnp.concatenate([before.level, pulses.level]),
+    )
 
 
 def _next(edges, now, period) -> RealScalar:

@@ -226,6 +226,36 @@ def test_openings_are_counted_not_periods(name):
     np.testing.assert_array_equal(memory.openings, [openings])
 
 
+@pytest.mark.parametrize(
+    ("duty", "late", "events", "openings"),
+    [
+        (HALF, 0.0, {1.0625: "dead"}, 9),
+        (HALF, 0.1, {1.0625: "dead"}, 8),
+        (HALF, 0.0, {1.0: "stuck-on"}, 8),
+        (HALF, 0.0, {1.0: "stuck-at"}, 8),
+        (HALF, 0.0, {1.0: "leaking"}, 24),
+        (HALF, 0.0, {1.0: "intermittent"}, 16),
+        (HALF, 0.1, {1.0: "dead", 2.0: "degraded"}, 16),
+        (ON, 0.0, {1.0: "intermittent"}, 2),
+    ],
+)
+def test_a_valve_that_does_not_open_is_not_counted(duty, late, events, openings):
+    """24 periods of 1/8 s, counted by hand; a tenth of 10 s is the pause."""
+    numbers = {"at": list(events), "amount": [0.1] * len(events), "number": [0] * len(events)}
+    kinds = [KINDS[name] for name in events.values()]
+    torque = np.eye(3)[:, :1]
+    failures = FailureEvents(kind=kinds, turned=np.stack([torque] * len(events)), **numbers)
+    valves = thruster_set(torque, 0.0, **({"valve_delay": late} if late else {}))
+    actuators = PulsedThrusters(valves, None, PulseWidth(), failures, late > 0)
+
+    def period(memory, t):
+        use, length = jnp.array([duty]), jnp.array(0.125)
+        return actuators.plan(t, use, memory, length, None).memory, None
+
+    memory, _ = jax.lax.scan(period, actuators.init_memory(), jnp.arange(24) / 8)
+    np.testing.assert_array_equal(memory.openings, [openings])
+
+
 def test_openings_of_a_schmitt_trigger_are_those_of_its_equations():
     """Against Euler steps of the lag that are a thousandth of a period long."""
     duties = np.random.default_rng(4).uniform(0, 1, 20)
