@@ -192,6 +192,12 @@ from jaxsat.spacecraft.spacecraft import (
 from jaxsat.spacecraft.thrusters import (
     Thrusters as Thrusters,
 )
+from jaxsat.synthesis.verification.result import (
+    Verification as Verification,
+)
+from jaxsat.synthesis.verification.run import (
+    verify as verify,
+)
 
 __version__: str
 IMPORTED_NS: int

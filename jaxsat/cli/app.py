@@ -46,6 +46,7 @@ from jaxsat.cli.terminal import (
     print_warning,
 )
 from jaxsat.cli.tune import tune
+from jaxsat.cli.verify import verify
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.numerals import at_least_digits
 from jaxsat.core.process import no_collection
@@ -73,6 +74,7 @@ app.command(compare)
 app.command(bound)
 app.command(front)
 app.command(tune)
+app.command(verify)
 app.command(design)
 app.command(controllability)
 app.command(export)

@@ -275,7 +275,7 @@ def run_study(
         results = executor.run(work, ledger.wanted())
         for chunk, values in results:
             store.write(chunk, values)
-            ledger.add(chunk, values["settling_time"])
+            ledger.add(chunk, values)
             if report is not None:
                 pace = (ledger.done - before) / (time.perf_counter() - begin)
                 report(StudyProgress(ledger.done, study.count, ledger.settled, pace))
@@ -323,13 +323,19 @@ class _StudyLedger:
         self._store, self._until = store, until
         self._limit = count
         self._chunks = -(-count // store.chunk)
-        self._settled: dict[int, tuple[int, int]] = {}
+        self._shares: dict[int, tuple[int, Any]] = {}
         self.done = self.settled = self.counted = 0
-        self._counted_settled = self._next = 0
+        self._successes: Any = 0
+        self._next = 0
         self._met = False
+        names = list({"settling_time", self._column})
         for chunk in store.done():
             if chunk < self._chunks:
-                self.add(chunk, store.values(chunk, ["settling_time"])["settling_time"])
+                self.add(chunk, store.values(chunk, names))
+
+    @property
+    def _column(self) -> str:
+        return "settling_time" if self._until is None else self._until.column
 
     def wanted(self) -> Iterator[int]:
         """The chunks to compute, until the rule is met."""
@@ -338,19 +344,20 @@ class _StudyLedger:
                 return
             yield chunk
 
-    def add(self, chunk: int, settling_time: np.ndarray) -> None:
+    def add(self, chunk: int, values: Mapping[str, np.ndarray]) -> None:
         """One more chunk is done."""
-        share = (len(settling_time), int(np.isfinite(settling_time).sum()))
-        self._settled[chunk] = share
-        self.done += share[0]
-        self.settled += share[1]
-        while not self._met and self._next in self._settled:
-            cases, settled = self._settled.pop(self._next)
+        settled = np.isfinite(values["settling_time"])
+        successes = None if self._until is None else self._until.successes(values[self._column])
+        self._shares[chunk] = (len(settled), successes)
+        self.done += len(settled)
+        self.settled += int(settled.sum())
+        while not self._met and self._next in self._shares:
+            cases, successes = self._shares.pop(self._next)
             self._next += 1
             self.counted += cases
-            self._counted_settled += settled
             if self._until is not None:
-                self._met = self._until.met(self._counted_settled, self.counted)
+                self._successes = self._successes + successes
+                self._met = self._until.met(self._successes, self.counted)
         self.counted = min(self.counted, self._limit)
 
 

@@ -140,6 +140,23 @@ def summarise_recovery(dataset: Mapping[Any, Any], places: np.ndarray) -> Recove
     )
 
 
+def recovery_by_device(
+    columns: Mapping[str, np.ndarray], names: tuple[str, ...]
+) -> Iterator[tuple[str, np.ndarray, KindRecovery]]:
+    """What fails, the places of these cases, and what became of them, of a study with one failure
+    each; `names` are those of what can fail.
+
+    Cases in which nothing strikes are left out.
+    """
+    columns = {name: columns[name] for name in (*COLUMNS, *OF_DIAGNOSIS) if name in columns}
+    kinds, parts = columns["failure_kind"][:, 0], columns["failed_part"][:, 0]
+    for part, kind in np.unique(np.column_stack([parts, kinds]), axis=0):
+        if kind != NEVER:
+            places = np.flatnonzero((parts == part) & (kinds == kind))
+            one = _of_kind(FAILURES[kind], _only(columns, places), names)
+            yield names[part], places, one
+
+
 def _part_numbers(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:
     verdicts = columns.get("isolated_kind")
     count = max(columns["failed_part"].max() + 1, 0 if verdicts is None else verdicts.shape[1])

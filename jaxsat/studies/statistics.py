@@ -5,7 +5,7 @@ import bisect
 from collections.abc import Callable
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -40,11 +40,19 @@ def wilson(successes: int, count: int, level: float = LEVEL) -> Interval:
 
 
 class AbstractStopRule(abc.ABC):
-    """When so many cases are enough."""
+    """When so many cases are enough: by how many of them were successes, in one sense or more."""
+
+    column: ClassVar[str] = "settling_time"
+    """The column of a store by which cases are successes: finite times, margins from 0 on."""
+
+    @staticmethod
+    def successes(values: np.ndarray) -> Any:
+        """How many of these cases, by their values of `column`, are successes."""
+        return int(np.isfinite(values).sum())
 
     @abc.abstractmethod
-    def met(self, settled: int, count: int) -> bool:
-        """Whether `count` cases are enough, `settled` of which settle."""
+    def met(self, successes: Any, count: int) -> bool:
+        """Whether `count` cases are enough, of which so many were successes."""
 
 
 @dataclass(frozen=True)
@@ -61,11 +69,11 @@ class StopRule(AbstractStopRule):
                 f"Argument `half_width` must be between 0 and 1, but got {self.half_width}."
             )
 
-    def met(self, settled: int, count: int) -> bool:
+    def met(self, successes: int, count: int) -> bool:
         """Whether so many cases are enough."""
         if count < self.least:
             return False
-        interval = wilson(settled, count, self.level)
+        interval = wilson(successes, count, self.level)
         return (interval.high - interval.low) / 2 <= self.half_width
 
 
@@ -84,14 +92,33 @@ class WhenDecided(AbstractStopRule):
     candidates: int = 1
     level: float = LEVEL
 
-    def met(self, settled: int, count: int) -> bool:
+    def met(self, successes: int, count: int) -> bool:
         """Whether the fraction is surely above, or surely below."""
-        below = self._decides(count - settled, count, 1 - self.fraction)
-        return below or self.above(settled, count)
+        below = self._decides(count - successes, count, 1 - self.fraction)
+        return below or self.above(successes, count)
 
-    def above(self, settled: int, count: int) -> bool:
+    def above(self, successes: int, count: int) -> bool:
         """Whether the fraction is surely above."""
-        return self._decides(settled, count, self.fraction)
+        return self._decides(successes, count, self.fraction)
+
+    def interval(self, successes: int, count: int) -> Interval:
+        """The fraction, and the ends of all fractions that are not surely too small or too large.
+
+        At whatever number of cases a study stops, the true fraction is below the interval with a
+        probability of at most (1 - level) / 2, and above it with the same, for all `candidates`
+        together.
+        """
+        low = self._least_likely(successes, count)
+        high = 1 - self._least_likely(count - successes, count)
+        return Interval(successes / count, low, high)
+
+    def _least_likely(self, successes: int, count: int) -> float:
+        """The largest fraction that so many successes decide against."""
+        low, high = 0.0, successes / count
+        for _ in range(60):
+            middle = (low + high) / 2
+            low, high = (middle, high) if self._decides(successes, count, middle) else (low, middle)
+        return low
 
     def _decides(self, successes: int, count: int, fraction: float) -> bool:
         """Whether a true fraction of `fraction` or less makes so many successes too unlikely."""
@@ -104,6 +131,24 @@ class WhenDecided(AbstractStopRule):
             larger = special.betaln(*shape) + np.log(special.betaincc(*shape, fraction))
         alike = special.xlogy(successes, fraction) + special.xlog1py(shape[1], -fraction)
         return bool(larger - alike >= np.log(2 * self.candidates / (1 - self.level)))
+
+
+@dataclass(frozen=True)
+class WhenAllDecided(AbstractStopRule):
+    """Stop once `each` has decided every requirement of a study."""
+
+    each: WhenDecided
+
+    column: ClassVar[str] = "requirement_margin"
+
+    @staticmethod
+    def successes(values: np.ndarray) -> Any:
+        """How many of these cases meet each requirement."""
+        return (values >= 0).sum(axis=0)
+
+    def met(self, successes: Any, count: int) -> bool:
+        """Whether every requirement is decided."""
+        return all(self.each.met(int(one), count) for one in successes)
 
 
 def percentile(values: np.ndarray, percent: float, level: float = LEVEL) -> Interval:

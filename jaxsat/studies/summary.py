@@ -105,7 +105,7 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
         recovery=summarise_recovery(dataset, numbers),
         rate_error=errors["rate_error"],
         attitude_error=errors["attitude_error"],
-        requirements=_requirements(dataset, numbers),
+        requirements=summarise_requirements(dataset, numbers),
         actuators={
             name: _percentiles(_of_all(column(name)[success], signal.total))
             for name, (signal, _) in STUDIED.items()
@@ -115,7 +115,7 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
     )
 
 
-def _requirements(
+def summarise_requirements(
     dataset: Mapping[Any, Any], numbers: np.ndarray
 ) -> tuple[RequirementSummary, ...]:
     """Every requirement of a study, by the cases of these numbers."""

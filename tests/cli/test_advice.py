@@ -19,6 +19,7 @@ COMMANDS = [
     ("bound",),
     ("front",),
     ("tune",),
+    ("verify",),
     ("controllability",),
     ("design",),
     ("export",),

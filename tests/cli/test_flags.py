@@ -30,6 +30,10 @@ FLAGS = {
         "--out --set --law --settled --cases --steps --seed --attitude --goal --engine --workers "
         "--report --overwrite --yes --elsewhere --digits --quiet"
     ),
+    "verify": (
+        "--set --fraction --confidence --cases --no-failures --out --engine --workers --report "
+        "--overwrite --yes --elsewhere --digits --quiet"
+    ),
     "controllability": (
         "--set --out --report --overwrite --digits --quiet --failures --drift --tolerance"
     ),

@@ -36,6 +36,7 @@ from jaxsat.report.study_plots import curves, settled_by_law, settling_plots
 from jaxsat.report.style import MOST_LINES
 from jaxsat.report.tuning_document import tuning_document
 from jaxsat.report.tuning_plots import gain_plots, loss_plots
+from jaxsat.report.verification_document import verification_document
 from jaxsat.store.dataset import open_trajectory
 from jaxsat.store.files import OutputError, parse_json
 from jaxsat.store.labels import store_of_row
@@ -95,6 +96,15 @@ def comparison_section(folder: Path) -> Document:
         record_provenance(record),
     ]
     return dataclasses.replace(document, blocks=blocks, kind=f"Comparison in {folder.name}")
+
+
+def verification_section(folder: Path) -> Document:
+    """Which requirements are verified, and what shows it."""
+    record = read_record(folder / "verification.json")
+    with form_explained(folder):
+        document = verification_document(record)
+    blocks = [*document.blocks, record_provenance(record)]
+    return dataclasses.replace(document, blocks=blocks, kind=f"Verification in {folder.name}")
 
 
 def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:

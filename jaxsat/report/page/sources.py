@@ -19,6 +19,7 @@ MADE_BY: Mapping[str, tuple[str, str]] = {
     "verdict.json": ("batches", "tuning_section"),
     "comparison.json": ("batches", "comparison_section"),
     "design.json": ("batches", "design_section"),
+    "verification.json": ("batches", "verification_section"),
     "failures.nc": ("batches", "controllability_section"),
     "verdicts.md": ("batches", "reproduction_section"),
 }
@@ -61,7 +62,8 @@ def _section(path: Path) -> Document:
             return _maker(*maker)(path)
     raise OutputError(
         f"{path} is no result of jaxsat; give the folder of a run, a tuning, a comparison, a "
-        "design, a reproduction or an analysis of controllability, or the store of a study."
+        "design, a verification, a reproduction or an analysis of controllability, or the store "
+        "of a study."
     )
 
 

@@ -1,0 +1,90 @@
+"""`jaxsat verify`: whether a scenario meets its requirements, with a stated confidence."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from jaxsat.cli.computing import interruptibly
+from jaxsat.cli.listening import execution, listener, resumed_later
+from jaxsat.cli.loading import load_scenario
+from jaxsat.cli.options import MAX_CASES, Flag, Overrides, Resumable, number, whole
+from jaxsat.cli.report import finish_report, planned_report
+from jaxsat.cli.terminal import (
+    FAILED_RUN,
+    SUCCESS,
+    UserMistake,
+    print_document,
+    print_stderr,
+    print_stdout,
+)
+
+
+def verify(
+    scenario: str,
+    /,
+    *,
+    overrides: Overrides = (),
+    fraction: Annotated[float, Parameter(converter=number(0.0, 1.0, open_ends=True))] = 0.99,
+    confidence: Annotated[float, Parameter(converter=number(0.5, 1.0, open_ends=True))] = 0.95,
+    cases: Annotated[int, Parameter(converter=whole(1, MAX_CASES))] = 20_000,
+    no_failures: Flag = False,
+    results: Resumable = Resumable(),
+) -> int:
+    """Verify the requirements of a scenario: nominal, dispersed, and with actuators that fail.
+
+    Flies as many dispersed cases as the confidence needs, then as many in which one actuator of
+    each kind fails. Writes a traceability matrix, a failure table, a record and the scenarios of
+    all conditions. The same command resumes an interrupted run. Exits with 1 unless every
+    requirement is verified.
+
+    Parameters
+    ----------
+    scenario
+        A name from `jaxsat scenarios list`, or a TOML file, with [[requirement]] and [dispersion].
+    fraction
+        Part of the cases that must meet each requirement.
+    confidence
+        Confidence with which that is shown, for all requirements and conditions together.
+    cases
+        Most cases of each condition; what is not decided by then stays undecided.
+    no_failures
+        Leave out failures of actuators besides those of the scenario.
+    results.out
+        Output folder; by default jaxsat-NAME-verified in the current folder.
+    """
+    chosen = load_scenario(scenario, overrides, "study")
+    target = results.out or Path(f"jaxsat-{Path(scenario).stem}-verified")
+    report = planned_report(results, target)
+
+    import jaxsat
+    from jaxsat.report.verification_document import verification_document
+    from jaxsat.synthesis.plain_data import plain_data
+
+    try:
+        with resumed_later(target):
+            result = interruptibly(
+                lambda: jaxsat.verify(
+                    chosen,
+                    fraction=fraction,
+                    confidence=confidence,
+                    cases=cases,
+                    failures=not no_failures,
+                    out=target,
+                    execution=execution(results),
+                    listener=listener(target, results),
+                )
+            )
+    except ValueError as error:
+        raise UserMistake(str(error)) from None
+    document = verification_document(plain_data(result.as_data()))
+    if not results.quiet:
+        print_document(document)
+        print_stdout("")
+        print_stdout(f"written to {target}")
+    finish_report(report, quiet=results.quiet)
+    if result.verified:
+        return SUCCESS
+    if results.quiet:
+        print_stderr(document.verdict.text)
+    return FAILED_RUN

@@ -1,0 +1,155 @@
+"""What a verification found, as a document of its record, and as tables in CSV."""
+
+import csv
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from jaxsat.core.numerals import number_text
+from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
+from jaxsat.studies.statistics import Interval, fraction_text
+
+Record = Mapping[str, Any]
+
+GOOD = {"met": True, "violated": False, "undecided": None, "not judged": None}
+"""How verdicts are shown."""
+
+FIRST = 12
+"""Failures that text shows."""
+
+MATRIX_COLUMNS = (
+    "requirement", "condition", "verdict", "cases", "met", "least_margin", "unit", "signal",
+    "decided_at_s", "worst_case", "command",
+)  # fmt: skip
+
+FAILURE_COLUMNS = (
+    "device", "failure", "cases", "left", "detected", "detection_time_s", "isolated", "recovered",
+    "settling_time_s", "propellant_kg", "violated", "worst_case", "command",
+)  # fmt: skip
+
+
+def verification_document(record: Record) -> Document:
+    """The verdict on each requirement, what shows it, failures, and what was not tried.
+
+    Raises `KeyError` or `TypeError` for a record of another form.
+    """
+    blocks: list[Block] = [_requirements(record), _matrix(record)]
+    if record["failures"]:
+        blocks.append(_failures(record))
+    if record["not_tried"]:
+        blocks.append(Lines("Not tried", record["not_tried"]))
+    return Document(f"Verification: {record['title']}", _verdict(record), blocks)
+
+
+def _verdict(record: Record) -> Verdict:
+    verdicts = {one["id"]: one["verdict"] for one in record["requirements"]}
+    met = [name for name, verdict in verdicts.items() if verdict == "met"]
+    demand = record["demand"]
+    text = f"{len(met)} of {len(verdicts)} requirements are verified."
+    more = [
+        f"Required: at least {100 * demand['fraction']:.6g} % of all cases meet each requirement "
+        f"under each condition, shown with {100 * demand['confidence']:.6g} % confidence for all "
+        "together."
+    ]
+    for verdict in ("violated", "undecided", "not judged"):
+        names = ", ".join(name for name, one in verdicts.items() if one == verdict)
+        if names:
+            more.append(f"{verdict.capitalize()}: {names}.")
+    return Verdict(len(met) == len(verdicts), text, more)
+
+
+def _requirements(record: Record) -> Table:
+    rows: list[list[Cell]] = [
+        [one["id"], one["text"], Shown(one["verdict"], None, GOOD[one["verdict"]])]
+        for one in record["requirements"]
+    ]
+    note = "The verdict is the worst one under any condition."
+    return Table("Requirements", ["requirement", "text", "verdict"], rows, note)
+
+
+def _matrix(record: Record) -> Table:
+    columns = ["requirement", "condition", "verdict", "cases", "met", "least margin", "decided at",
+               "flown again by"]  # fmt: skip
+    rows = [list(_matrix_cells(one)) for one in record["shown"]]
+    note = "Intervals hold for all requirements and conditions together, at any number of cases."
+    return Table("Traceability", columns, rows, note)
+
+
+def _matrix_cells(one: Record) -> Iterator[Cell]:
+    yield one["requirement"]
+    yield one["condition"]
+    yield Shown(one["verdict"], None, GOOD[one["verdict"]])
+    yield one["cases"]
+    fraction = one["fraction"]
+    if fraction is None:
+        yield None
+    else:
+        interval = Interval(**fraction)
+        yield Shown(fraction_text(interval), interval.value)
+    if one["margin"] is None:
+        yield None
+    else:
+        margin = f"{number_text(one['margin'], 4)} {one['unit']}".strip()
+        yield Shown(f"{margin} of {one['signal']}", one["margin"])
+    yield None if one["time"] is None else Shown(f"{number_text(one['time'], 6)} s", one["time"])
+    yield f"`{one['command']}`" if one["command"] else None
+
+
+def _failures(record: Record) -> Table:
+    columns = ["device", "failure", "cases", "left", "detected", "after (s)", "isolated",
+               "recovered", "settled after (s)", "propellant (kg)", "violated"]  # fmt: skip
+    worst_first = sorted(record["failures"], key=_severity)
+    note = (
+        "Those that violate requirements most come first. Times are medians: from the failure to "
+        "its detection, and until recovered cases had settled. The last column counts the cases "
+        "that violate a requirement."
+    )
+    return Table(
+        "Failures", columns, [list(_failure_cells(one)) for one in worst_first], note, FIRST
+    )
+
+
+def _severity(one: Record) -> tuple[float, float]:
+    """A key by which failures are in order, the worst first."""
+    least = min(one["met"].values(), default=one["cases"])
+    return least / one["cases"], one["recovered"] / one["cases"]
+
+
+def _failure_cells(one: Record) -> Iterator[Cell]:
+    names = ("device", "failure", "cases", "left", "detected", "detection_time", "isolated",
+             "recovered", "settling_time", "propellant")  # fmt: skip
+    yield from (one[name] for name in names)
+    violations = _violations(one)
+    yield Shown(violations or "none", None, not violations)
+
+
+def _violations(one: Record) -> str:
+    """Which requirements are violated in how many cases, such as "POINT-1 in 3"."""
+    violations = {name: one["cases"] - met for name, met in one["met"].items()}
+    return ", ".join(f"{name} in {count}" for name, count in violations.items() if count)
+
+
+def matrix_csv(record: Record) -> str:
+    """The traceability matrix: a row for each requirement and condition."""
+    names = ("requirement", "condition", "verdict", "cases", "met", "margin", "unit", "signal",
+             "time", "worst", "command")  # fmt: skip
+    return _csv(MATRIX_COLUMNS, ([one[name] for name in names] for one in record["shown"]))
+
+
+def failure_csv(record: Record) -> str:
+    """The failure table: a row for each device and kind of failure."""
+    names = ("device", "failure", "cases", "left", "detected", "detection_time", "isolated",
+             "recovered", "settling_time", "propellant")  # fmt: skip
+    rows = (
+        [*(one[name] for name in names), _violations(one), one["worst"], one["command"]]
+        for one in record["failures"]
+    )
+    return _csv(FAILURE_COLUMNS, rows)
+
+
+def _csv(columns: Sequence[str], rows: Any) -> str:
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    return file.getvalue()

@@ -1,0 +1,115 @@
+"""The conditions under which a scenario's requirements are verified by many cases."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxsat.core.declaration.actuator import ActuatorDeclaration
+from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.failures import FRACTION, AbstractFailureKind
+from jaxsat.core.errors import JaxsatError
+from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.parts.actuator import names_of
+from jaxsat.simulation.loops import AbstractLoop
+from jaxsat.studies.dispersion_problems import limits_of
+from jaxsat.synthesis.comparison.acceptance import validated
+
+DISPERSED = "dispersed"
+"""The name of the condition that the scenario's own `[dispersion]` table describes."""
+
+LEAST_AMOUNT, MOST_AMOUNT = 0.1, 0.9
+"""Fractions between which the amount of a failure is drawn."""
+
+LAST = 0.5
+"""Part of the duration within which failures strike."""
+
+
+class Condition(NamedTuple):
+    """A scenario with dispersions, by the name of its files, and what it is in words."""
+
+    name: str
+    text: str
+    scenario: Scenario
+
+
+def conditions_of(scenario: Scenario, failures: bool) -> tuple[list[Condition], list[str]]:
+    """The scenario's own dispersions; with `failures` also these with one actuator that fails.
+
+    There is one condition of the second sort for each kind of actuator of which the scenario draws
+    no failures itself. Also gives what cannot be tried, as sentences.
+    """
+    conditions = [Condition(DISPERSED, "dispersed", scenario)]
+    obstacles = [] if failures else ["Failures besides those of the scenario were not tried."]
+    for actuator in ACTUATORS if failures else ():
+        if not _count(scenario, actuator) or _draws(scenario, actuator):
+            continue
+        try:
+            failing = with_one_failure(scenario, actuator)
+        except JaxsatError as error:
+            reason = " ".join(str(error).split())
+            obstacles.append(f"Failures of a {actuator.name} in flight were not tried: {reason}")
+            continue
+        text = f"dispersed, and one {actuator.name} fails"
+        conditions.append(Condition(f"{actuator.name}-fails", text, failing))
+    return conditions, obstacles
+
+
+def with_one_failure(scenario: Scenario, actuator: ActuatorDeclaration) -> Scenario:
+    """The scenario, of which one actuator of this kind fails in each case of a study.
+
+    Which one, its kind of failure, when and how much are drawn: every device and every kind with
+    equal weights, the time within the first half of the run, a fraction from 0.1 to 0.9. Kinds with
+    another amount than a fraction are left out. Raises `ScenarioError` or `BuildError` where the
+    spacecraft or its law do not take such a failure.
+    """
+    data = scenario.model_dump(exclude_none=True, exclude={"tuning"})
+    end = LAST * scenario.simulation.duration_s
+    first = names_of(getattr(scenario, actuator.name) or _ideal(scenario))[0]
+    event = {"of": f"{actuator.name} {first}", "at_s": end, "kind": actuator.drawn[0].text}
+    data["failure"] = [event]
+    own = {k: v for k, v in data["dispersion"].items() if not k.startswith(("failure_", "failed_"))}
+    data["dispersion"] = own
+    loop = build(validated(data, scenario.title)).loop
+    kinds = [int(kind) for kind in _drawable(actuator, loop)]
+    number = actuator.failed_quantity.name
+    data["dispersion"] = own | {
+        number: _uniform(-0.5, _most(number, loop)),
+        "failure_kind": {"distribution": "discrete", "values": kinds, "weights": [1] * len(kinds)},
+        "failure_amount": _uniform(LEAST_AMOUNT, MOST_AMOUNT),
+        "failure_time_s": _uniform(0.0, end),
+    }
+    return validated(data, f"{scenario.title}: one {actuator.name} fails")
+
+
+def _drawable(actuator: ActuatorDeclaration, loop: AbstractLoop) -> Iterator[AbstractFailureKind]:
+    """The kinds that a study of this loop can draw whose amount, if any, is a fraction."""
+    most = _most("failure_kind", loop)
+    for kind in actuator.drawn:
+        if kind <= most and kind.amounts in ((), (FRACTION,)):
+            yield kind
+
+
+def _most(name: str, loop: AbstractLoop) -> float:
+    return float(np.max(np.asarray(limits_of(name, False, loop).high)))
+
+
+def _uniform(low: float, high: float) -> Mapping[str, Any]:
+    return {"distribution": "uniform", "low": low, "high": high}
+
+
+def _ideal(scenario: Scenario) -> tuple:
+    return scenario.spacecraft.thruster_torque_axes or ()
+
+
+def _count(scenario: Scenario, actuator: ActuatorDeclaration) -> int:
+    """How many devices of a kind the scenario has."""
+    tables = getattr(scenario, actuator.name)
+    return len(tables or (_ideal(scenario) if actuator.name == "thruster" else ()))
+
+
+def _draws(scenario: Scenario, actuator: ActuatorDeclaration) -> bool:
+    """Whether the scenario's own dispersions draw what of this kind fails."""
+    dispersion = scenario.dispersion
+    return dispersion is not None and actuator.failed_quantity.name in dispersion.distributions

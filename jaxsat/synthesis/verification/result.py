@@ -1,0 +1,133 @@
+"""What a verification found: a verdict for every requirement and condition, failure by failure."""
+
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+from jaxsat.core.errors import ArgumentError
+from jaxsat.studies.statistics import Interval, WhenDecided
+
+VerdictName = Literal["met", "violated", "undecided", "not judged"]
+
+ORDER: tuple[VerdictName, ...] = ("violated", "undecided", "not judged", "met")
+"""Verdicts, the worst first."""
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What is to be shown of each requirement: by at least `fraction` of all cases met, with this
+    `confidence` for all requirements and conditions together, with at most `cases` of a condition.
+
+    Raises `ArgumentError` for numbers that cannot be.
+    """
+
+    fraction: float = 0.99
+    confidence: float = 0.95
+    cases: int = 20_000
+
+    def __post_init__(self):
+        for name, low in (("fraction", 0.0), ("confidence", 0.5)):
+            if not low < getattr(self, name) < 1:
+                raise ArgumentError(name, f"must be between {low:g} and 1", getattr(self, name))
+        if self.cases < 1:
+            raise ArgumentError("cases", "must be at least 1", self.cases)
+
+    def rule(self, decisions: int) -> WhenDecided:
+        """What decides each of so many questions."""
+        return WhenDecided(self.fraction, decisions, 2 * self.confidence - 1)
+
+
+class Shown(NamedTuple):
+    """What one condition shows of a requirement.
+
+    Of `cases` cases `met` have a margin from 0 on; `fraction` is theirs with the interval of the
+    sequence by which the verdict was reached, None of a single run. The least `margin`, in `unit`,
+    was decided by `signal` at `time` (s) in the case of the number `worst`; it is NaN where a run
+    ended before it was judged, and infinite where there was nothing to judge. `command` flies it
+    again.
+    """
+
+    requirement: str
+    condition: str
+    verdict: VerdictName
+    cases: int
+    met: int
+    fraction: Interval | None
+    margin: float
+    unit: str
+    signal: str
+    time: float
+    worst: int | None
+    command: str
+
+
+class FailureRow(NamedTuple):
+    """What comes of one kind of failure of one device, over the cases in which it was drawn.
+
+    The times (s) are medians: from the failure to its detection, and until recovered cases had
+    settled; NaN where there are none. `detected` and `isolated` are None for a law that does not
+    diagnose. `left` is what most of the failures leave, `propellant` (kg) a median or NaN. `met`
+    counts the cases that meet each requirement, and `worst` is the case with the least margin of
+    the requirement that fewest meet; `command` flies it again.
+    """
+
+    device: str
+    failure: str
+    cases: int
+    left: str
+    detected: int | None
+    detection_time: float
+    isolated: int | None
+    recovered: int
+    settling_time: float
+    propellant: float
+    met: dict[str, int]
+    worst: int
+    command: str
+
+    @property
+    def violations(self) -> dict[str, int]:
+        """The requirements that some case violates, and how many do."""
+        return {name: self.cases - met for name, met in self.met.items() if met < self.cases}
+
+
+class Verification(NamedTuple):
+    """Everything that a verification found; `sentences` are what requirements say, by id.
+
+    `not_tried` has sentences on what was left out.
+    """
+
+    title: str
+    demand: Demand
+    sentences: dict[str, str]
+    shown: list[Shown]
+    failures: list[FailureRow]
+    not_tried: list[str]
+
+    def verdict(self, requirement: str) -> VerdictName:
+        """The worst verdict on a requirement under any condition."""
+        verdicts = {one.verdict for one in self.shown if one.requirement == requirement}
+        return next(one for one in ORDER if one in verdicts)
+
+    @property
+    def verdicts(self) -> dict[str, VerdictName]:
+        """The verdict on each requirement."""
+        return {name: self.verdict(name) for name in self.sentences}
+
+    @property
+    def verified(self) -> bool:
+        """Whether every requirement is met under every condition."""
+        return set(self.verdicts.values()) == {"met"}
+
+    def as_data(self) -> dict[str, Any]:
+        """Plain data for a record, but for numbers that are not finite."""
+        return {
+            "title": self.title,
+            "demand": vars(self.demand),
+            "requirements": [
+                {"id": name, "text": text, "verdict": self.verdict(name)}
+                for name, text in self.sentences.items()
+            ],
+            "shown": [one._asdict() for one in self.shown],
+            "failures": [one._asdict() for one in self.failures],
+            "not_tried": self.not_tried,
+        }

@@ -1,0 +1,236 @@
+"""A verification in one call: the nominal run, the studies of all conditions, their verdicts."""
+
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from jaxsat.core.declaration.requirements import comparisons
+from jaxsat.core.package_files import text_of
+from jaxsat.report.requirements import judgements
+from jaxsat.report.verification_document import failure_csv, matrix_csv
+from jaxsat.scenario import Scenario, dump
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.study import refined_study
+from jaxsat.scenario.errors import MissingTable
+from jaxsat.store.dataset import trajectory_dataset
+from jaxsat.store.labels import named_store
+from jaxsat.store.provenance import command_line, provenance
+from jaxsat.store.resumable import ResumableFolder
+from jaxsat.studies.columns import REQUIREMENT
+from jaxsat.studies.ensemble import Study
+from jaxsat.studies.recovery_summary import recovery_by_device
+from jaxsat.studies.statistics import WhenAllDecided, WhenDecided
+from jaxsat.studies.summary import summarise_requirements
+from jaxsat.studies.torques_left import TorquesLeft
+from jaxsat.studies.work import study_work
+from jaxsat.synthesis.execution import Execution, Listener, folder_of_call, run_columns
+from jaxsat.synthesis.plain_data import plain_data
+from jaxsat.synthesis.verification.conditions import Condition, conditions_of
+from jaxsat.synthesis.verification.result import (
+    Demand,
+    FailureRow,
+    Shown,
+    VerdictName,
+    Verification,
+)
+
+KIND = "verification"
+"""The kind of the output folder."""
+
+RECORD, SCHEMA = "verification.json", "verification.schema.json"
+MATRIX, FAILURES = "matrix.csv", "failures.csv"
+NOMINAL = "nominal"
+
+CHUNK = 256
+"""Cases between two looks at whether all is decided."""
+
+Columns = Mapping[str, np.ndarray]
+
+
+def verify(
+    scenario: Scenario,
+    *,
+    fraction: float = 0.99,
+    confidence: float = 0.95,
+    cases: int = 20_000,
+    failures: bool = True,
+    out: str | Path | None = None,
+    execution: Execution = Execution(),
+    listener: Listener = Listener(),
+) -> Verification:
+    """Verify the requirements of a scenario: nominal, dispersed, and with actuators that fail.
+
+    Each condition flies cases, at most so many, until each requirement is decided: met by at least
+    `fraction` of all cases, or by less. The decision is sequential, by `WhenDecided`, and has the
+    `confidence` for all requirements and conditions together. With `failures` there is one
+    condition more for each kind of actuator, one of which fails. With `out` the studies, the
+    scenarios of all conditions and the results are kept in that folder, and the same call resumes.
+
+    Raises `MissingTable` for a scenario without requirements or dispersions, `ArgumentError` for
+    numbers that cannot be, `OutputError` for a folder that cannot be used, and `ValueError` for an
+    engine that cannot run the studies.
+    """
+    demand = Demand(fraction, confidence, cases)
+    if not scenario.requirement:
+        raise MissingTable("[requirement]")
+    if scenario.dispersion is None:
+        raise MissingTable("dispersion")
+    conditions, not_tried = conditions_of(scenario, failures)
+    rule = demand.rule(len(conditions) * len(scenario.requirement))
+    studies = [_Study.of(one, demand.cases, execution, listener) for one in conditions]
+    listener.approve([study_work(one.study) for one in studies])
+    identity = {"scenario": scenario.model_dump(mode="json"), "demand": vars(demand)}
+    identity |= {"failures": failures, "engine": execution.engine}
+    with folder_of_call(out, KIND, identity) as folder:
+        listener.progress("nominal run", None)
+        shown = list(_of_nominal(scenario, folder, listener.remark))
+        rows: list[FailureRow] = []
+        for one in studies:
+            columns = one.columns(folder, rule, execution, listener)
+            again = f"jaxsat montecarlo {folder.path / one.file} --case {{}}"
+            shown += one.shown(columns, rule, again)
+            rows += one.failure_rows(columns, again)
+        sentences = {one.id: one.text or one.formula for one in scenario.requirement}
+        result = Verification(scenario.title, demand, sentences, shown, rows, not_tried)
+        if out is not None:
+            _write(folder, result)
+        return result
+
+
+def _of_nominal(
+    scenario: Scenario, folder: ResumableFolder, tell: Callable[[str], None]
+) -> Iterator[Shown]:
+    """What the run of the scenario itself shows."""
+    folder.write(f"{NOMINAL}.toml", dump(scenario))
+    run = build(scenario)
+    trajectory = run.simulate(tell)
+    seed = scenario.simulation.seed
+    title, text = scenario.title, dump(scenario)
+    dataset = trajectory_dataset(trajectory, title=title, scenario=text, seed=seed, modes=run.modes)
+    command = f"jaxsat simulate {folder.path / f'{NOMINAL}.toml'}"
+    for one in judgements(dataset):
+        verdict = "not judged" if math.isnan(one.margin) else "met" if one.met else "violated"
+        yield Shown(
+            one.id, NOMINAL, verdict, 1, int(one.met), None,
+            one.margin, one.unit, one.signal, one.time, None, command,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Study:
+    """The study of a condition, and its scenario, whose steps `refined_study` chooses."""
+
+    condition: Condition
+    scenario: Scenario
+    study: Study
+
+    @staticmethod
+    def of(condition: Condition, count: int, execution: Execution, listener: Listener) -> "_Study":
+        """The study of at most `count` cases."""
+        listener.progress(condition.text, None)
+        scenario, study = refined_study(
+            condition.scenario, count, listener.remark, engine=execution.engine, chunk=CHUNK
+        )
+        return _Study(condition, scenario, study)
+
+    @property
+    def file(self) -> str:
+        """The name of the scenario's file."""
+        return f"{self.condition.name}.toml"
+
+    def columns(
+        self, folder: ResumableFolder, rule: WhenDecided, execution: Execution, listener: Listener
+    ) -> Columns:
+        """The columns of as many cases as decide every requirement that studies judge."""
+        folder.write(self.file, dump(self.scenario))
+        store = named_store(folder.path, self.condition.name)
+        until = WhenAllDecided(rule) if self._names else None
+        what = self.condition.text
+        return run_columns(self.study, self.scenario, store, what, execution, listener, until=until)
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        """The requirements that the study judges."""
+        requirements = self.study.program.requirements
+        return () if requirements is None else requirements.names
+
+    def shown(self, columns: Columns, rule: WhenDecided, again: str) -> Iterator[Shown]:
+        """What the cases show of each requirement."""
+        count, condition = len(columns["code"]), self.condition.text
+        formulas = {one.id: one.parsed for one in self.scenario.requirement}
+        summaries = {}
+        if self._names:
+            labelled = {**columns, REQUIREMENT: np.array(self._names)}
+            found = summarise_requirements(labelled, np.arange(count))
+            summaries = {one.name: one for one in found}
+        for name, formula in formulas.items():
+            one = summaries.get(name)
+            if one is None:
+                yield Shown(
+                    name, condition, "not judged", 0, 0, None, math.nan, "", "", math.nan, None, ""
+                )
+                continue
+            met = round(one.met.value * count)
+            decisive = comparisons(formula)[one.comparison]
+            yield Shown(
+                name, condition, _verdict(rule, met, count), count, met, rule.interval(met, count),
+                one.margin / decisive.size, decisive.unit, decisive.signal, one.time, one.worst,
+                again.format(one.worst),
+            )  # fmt: skip
+
+    def failure_rows(self, columns: Columns, again: str) -> Iterator[FailureRow]:
+        """What comes of each kind of failure of each device; none where not one fails a case."""
+        failures = self.study.failures
+        if failures is None or columns["failure_kind"].shape[1] != 1:
+            return
+        for device, places, one in recovery_by_device(columns, failures.names):
+            margins = columns["requirement_margin"][places] if self._names else np.zeros((1, 0))
+            met = dict(zip(self._names, (margins >= 0).sum(axis=0).tolist(), strict=True))
+            hardest = min(range(len(met)), key=list(met.values()).__getitem__, default=None)
+            least = np.zeros(len(places)) if hardest is None else margins[:, hardest]
+            worst = int(places[np.argmin(np.nan_to_num(least, nan=-np.inf))])
+            left = np.bincount(columns["torques_left"][places]).argmax()
+            diagnosis, settling = one.diagnosis, one.settling_delay
+            detection = {} if diagnosis is None else diagnosis.detection_delay
+            yield FailureRow(
+                device=device,
+                failure=one.kind,
+                cases=one.cases,
+                left=TorquesLeft(left).name.lower().replace("_", " "),
+                detected=None if diagnosis is None else diagnosis.detected,
+                detection_time=detection[50.0].value if detection else math.nan,
+                isolated=None if diagnosis is None else diagnosis.isolated,
+                recovered=one.settled,
+                settling_time=settling[50.0].value if settling else math.nan,
+                propellant=_median(columns, "propellant", places),
+                met=met,
+                worst=worst,
+                command=again.format(worst),
+            )
+
+
+def _verdict(rule: WhenDecided, met: int, count: int) -> VerdictName:
+    if rule.above(met, count):
+        return "met"
+    return "violated" if rule.met(met, count) else "undecided"
+
+
+def _median(columns: Columns, name: str, places: np.ndarray) -> float:
+    """The median of what all devices together used; NaN where the study has no such column."""
+    if name not in columns:
+        return math.nan
+    return float(np.median(columns[name][places].reshape(len(places), -1).sum(axis=1)))
+
+
+def _write(folder: ResumableFolder, result: Verification) -> None:
+    """The record with its schema, the traceability matrix and the failure table."""
+    record = plain_data({"command": command_line(), **result.as_data(), **provenance()})
+    folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
+    folder.write(SCHEMA, text_of("jaxsat.synthesis.verification", SCHEMA))
+    folder.write(MATRIX, matrix_csv(record))
+    if result.failures:
+        folder.write(FAILURES, failure_csv(record))
