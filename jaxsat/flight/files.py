@@ -34,6 +34,7 @@ from jaxsat.flight.source import header, source
 from jaxsat.flight.tasks import freertos_task
 from jaxsat.flight.templates import DEVIATIONS, template
 from jaxsat.flight.vectors import Reference, Vectors, vectors
+from jaxsat.flight.wrappers import cfs_app
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
@@ -130,6 +131,8 @@ def export(request: Request) -> Export:
     lines = texts["controller.c"].count("\n")
     words = readme(request, program, samples, calls, processor_uses, lines, unsearched)
     files["README.md"] = words.encode()
+    wrappers = cfs_app(program, rows, intro, request.hold_samples)
+    files |= {name: text.encode() for name, text in wrappers.items()}
     return Export(program, files, samples, calls, processor_uses, lines, unsearched)
 
 

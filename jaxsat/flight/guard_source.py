@@ -22,12 +22,10 @@ def guard_source(
     program: FlightProgram, intro: Sequence[str], hold_samples: int = HOLD_SAMPLES
 ) -> str:
     """The text of controller_guard.c; `hold_samples` is the default of that limit."""
-    suffix = "f" if program.single else ""
     lines = [*intro, '#include "controller_guard.h"', ""]
     lines += ["#include <math.h>", "#include <string.h>", ""]
     lines += ["const controller_guard_parameters controller_default_guard_parameters = {"]
-    lines += [f"  .hold_samples = {hold_samples},", f"  .rate_limit = {RATE_LIMIT}{suffix},"]
-    lines += [f"  .norm_tolerance = {NORM_TOLERANCE}{suffix},", "};", ""]
+    lines += [*default_limits(program, hold_samples), "};", ""]
     lines += _unit_quaternion(program)
     for group in groups(program):
         lines += _judge(program, group)
@@ -36,6 +34,16 @@ def guard_source(
     lines += _zero_commands(program)
     lines += _begin(program) + _step(program)
     return "\n".join(lines)
+
+
+def default_limits(program: FlightProgram, hold_samples: int) -> list[str]:
+    """The default limits as lines of an initialiser of `controller_guard_parameters`."""
+    suffix = "f" if program.single else ""
+    return [
+        f"  .hold_samples = {hold_samples},",
+        f"  .rate_limit = {RATE_LIMIT}{suffix},",
+        f"  .norm_tolerance = {NORM_TOLERANCE}{suffix},",
+    ]
 
 
 def _over(field: Field, statement: Callable[[str], str]) -> list[str]:

@@ -154,7 +154,13 @@ _PRAGMAS = [
 
 
 def _defaults(program: FlightProgram) -> list[str]:
-    lines = ["const controller_parameters controller_default_parameters = {"]
+    begin = "const controller_parameters controller_default_parameters = {"
+    return [begin, *default_parameters(program), "};", ""]
+
+
+def default_parameters(program: FlightProgram) -> list[str]:
+    """The scenario's numbers as lines of an initialiser of `controller_parameters`."""
+    lines = []
     fields = program.structs["parameters"].fields
     for field in fields:
         begin = f"  .{field.name} = "
@@ -167,7 +173,7 @@ def _defaults(program: FlightProgram) -> list[str]:
         lines.append(f"{value},")
     if not fields:
         lines.append("  .unused = 0,")
-    return [*lines, "};", ""]
+    return lines
 
 
 def _initialiser(array) -> str:

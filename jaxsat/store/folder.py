@@ -85,8 +85,12 @@ class OutputFolder:
             raise system_failure(self.target, "written", error) from error
 
     def write(self, name: str, content: str | bytes) -> None:
-        """Write a file into the folder; raises `OSError`, which the end of the block explains."""
+        """Write a file into the folder; raises `OSError`, which the end of the block explains.
+
+        The name may begin with folders, separated by slashes.
+        """
         data = content.encode() if isinstance(content, str) else content
+        (self.path / name).parent.mkdir(parents=True, exist_ok=True)
         self._made.marker.write(name, data, durable=False)  # all of it is, at the end
 
     @property

@@ -26,6 +26,7 @@ from jaxsat.flight.source import header, source
 from jaxsat.flight.vectors import Reference
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
+from tests.flight.folders import write_files
 from tests.flight.laws import loop_of, start
 
 KEYS = (number("gain", "Gains", "N m s", at_least=1, at_most=50, size=2, tunable=True),)
@@ -172,8 +173,7 @@ def test_test_vectors_run_every_line_and_nearly_every_branch(tmp_path, monkeypat
     run = build(scenario)
     keys = scenario.law.declaration.keys
     made = export(Request(run.loop, run.start, 100.0, "", "", PROVENANCE, keys=keys))
-    for name, content in made.files.items():
-        (tmp_path / name).write_bytes(content)
+    write_files(tmp_path, made.files)
     assert COAST in made.calls.given[:, 0]
     done = subprocess.run(
         ["make", "coverage", "CC=gcc"], cwd=tmp_path, capture_output=True, text=True, check=False

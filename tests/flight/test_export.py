@@ -35,6 +35,7 @@ from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.store.files import OutputError
 from jaxsat.store.folder import OutputFolder
+from tests.flight.folders import write_files
 from tests.flight.laws import Filtered, Searching, Sliced, loop_of, start
 
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
@@ -58,8 +59,7 @@ def filtered(_few_samples):
 
 
 def _written(folder: Path, made: Export) -> Export:
-    for name, content in made.files.items():
-        (folder / name).write_bytes(content)
+    write_files(folder, made.files)
     return made
 
 

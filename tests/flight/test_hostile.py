@@ -7,6 +7,7 @@ import pytest
 from helpers.tools import needs
 from jaxsat.flight import vectors
 from jaxsat.flight.files import Request, export
+from tests.flight.folders import write_files
 from tests.flight.hostile import Empty, Forgetful, PartlyEmpty, Worded
 from tests.flight.laws import loop_of, start
 
@@ -33,8 +34,7 @@ def test_a_hostile_law_agrees_to_the_bit(tmp_path, law, single):
     loop = loop_of(law(gain=[3.0, 2.0]))
     title = "A */ title ??/ *\x01/ \\"
     made = export(Request(loop, start(), 100.0, title, "", PROVENANCE, single=single))
-    for name, content in made.files.items():
-        (tmp_path / name).write_bytes(content)
+    write_files(tmp_path, made.files)
     for compiler in ("gcc", "clang"):
         targets = ["sanitize", "build/controller_guard.o", "build/libcontroller.so"]
         command = ["make", "-B", *targets, f"CC={compiler}"]

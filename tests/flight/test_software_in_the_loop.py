@@ -23,6 +23,7 @@ from jaxsat.flight.flight import Seen
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.spacecraft.wheels import wheel_momentum
+from tests.flight.folders import write_files
 
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
 CASES = 16
@@ -69,8 +70,7 @@ def test_closed_loops_with_the_compiled_law_are_the_same_to_the_bit(
     run = build(load(scenario))
     loop: Any = run.loop
     made = export(Request(loop, run.start, 1.0, "", "", PROVENANCE))
-    for name, content in made.files.items():
-        (tmp_path / name).write_bytes(content)
+    write_files(tmp_path, made.files)
     subprocess.run(["make", "build/libcontroller.so", "CC=gcc"], cwd=tmp_path, check=True)
     library = Library(tmp_path / "build" / "libcontroller.so", loop, run.start)
     call = _Call(library, "control")

@@ -12,6 +12,7 @@ from jaxsat.flight.files import Request, export
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.sampled_loop import SampledLoop
+from tests.flight.folders import write_files
 
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
 
@@ -87,8 +88,7 @@ def _agrees(folder: Path, scenario, compilers, precisions=(False, True)) -> None
         made = export(Request(run.loop, run.start, 400.0, "", "", PROVENANCE, single=single))
         place = folder / ("single" if single else "double")
         place.mkdir()
-        for name, content in made.files.items():
-            (place / name).write_bytes(content)
+        write_files(place, made.files)
         for compiler in compilers:
             command = ["make", "-B", "test", f"CC={compiler}"]
             done = subprocess.run(command, cwd=place, capture_output=True, text=True)

@@ -1,0 +1,164 @@
+"""Wrappers of a controller run on stubs of their frameworks, with the bits of the controller."""
+
+import re
+import subprocess
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from helpers.tools import needs
+from jaxsat.core.declaration.keys import number
+from jaxsat.flight import vectors
+from jaxsat.flight.guard import guard_header, status_bits
+from jaxsat.flight.guard_source import guard_source
+from jaxsat.flight.harness import records_header
+from jaxsat.flight.interface import parameters, rows
+from jaxsat.flight.parameters import parameters_header, parameters_source
+from jaxsat.flight.program import flight_program
+from jaxsat.flight.source import header, source
+from jaxsat.flight.wrappers import CFS, cfs_app
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from tests.flight.folders import write_files
+from tests.flight.laws import Filtered, loop_of, start
+
+STUBS = Path(__file__).with_name("stubs")
+STRICT = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", "-ffp-contract=off", "-g"]
+SANITIZED = ["-fsanitize=address,undefined", "-fno-sanitize-recover"]
+KEYS = (number("gain", "Gains", "N m s", above=0, at_most=50, size=2, tunable=True),)
+SENSORS = ["gyro.bias_sigma_rad_s=1e-5", "star_tracker={across_rad=1e-5, along_rad=1e-4}"]
+
+
+def _filtered():
+    return loop_of(Filtered(gain=[3.0, 2.0])), start(), KEYS, "gain"
+
+
+def _estimating():
+    scenario = load("switching", SENSORS)
+    run = build(scenario)
+    return run.loop, run.start, scenario.law.declaration.keys, "k1"
+
+
+def _driver(kind, program, gain, rate) -> str:
+    """The program that runs a wrapper; every fifth sample has a rate that is flagged."""
+    given = [field for field in program.structs["input"].fields if field.path != "sample"]
+    told = program.structs["output"].fields
+    copies = [
+        f"memcpy(&to->{x.name}, &in.{x.name}, sizeof(in.{x.name}));" for x in given
+    ]  # the same bytes: a truth value is 0 or 1
+    back = [f"memcpy(&sent.{x.name}, &told->{x.name}, sizeof(sent.{x.name}));" for x in told]
+    flags = f"to->valid_{rate} = (samples % 5) != 4; to->valid_attitude = 1u;"
+    values = {
+        "SEND": "\n".join([*copies, flags]),
+        "TOLD": "\n".join(back),
+        "VALID": f".{rate} = ((samples - 1) % 5) != 4, .attitude = true",
+        "GAIN": gain,
+        "REAL": "float" if program.single else "double",
+    }
+    text = (STUBS / kind).read_text()
+    for name, value in values.items():
+        text = text.replace(f"@{name}@", value)
+    return text
+
+
+@pytest.fixture
+def controller(tmp_path):
+    """A function that writes a controller's files, and returns its program, parameters and rows."""
+
+    def write(loop, first, *, single=False, keys=()):
+        program = flight_program(loop, first, single=single)
+        table = parameters(program, loop, keys)
+        files = {
+            "controller.h": header(program, []),
+            "controller.c": source(program, [], libm=False),
+            "controller_guard.h": guard_header(program, []),
+            "controller_guard.c": guard_source(program, []),
+            "controller_parameters.h": parameters_header(table, []),
+            "controller_parameters.c": parameters_source(program, table, []),
+            "controller_records.h": records_header(program, []),
+        }
+        write_files(tmp_path, files)
+        return program, table, rows(program, table)
+
+    return write
+
+
+def _run(folder, *words) -> list[str]:
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout.splitlines()
+
+
+@pytest.fixture
+def _few_samples(monkeypatch):
+    monkeypatch.setattr(vectors, "SAMPLES", 32)
+    monkeypatch.setattr(vectors, "CASES", 2)
+    monkeypatch.setattr(vectors, "LONGEST", 64)
+    monkeypatch.setattr(vectors, "EDGES", 64)
+
+
+@needs("gcc")
+@pytest.mark.usefixtures("_few_samples")
+@pytest.mark.parametrize(
+    ("make", "rate", "single"),
+    [
+        (_filtered, "omega", False),
+        pytest.param(_estimating, "rate", True, marks=pytest.mark.slow),
+    ],
+)
+def test_the_app_of_cfs_steps_at_each_wake_up_with_the_bits_of_the_controller(
+    tmp_path, controller, make, rate, single
+):
+    loop, first, keys, key = make()
+    program, table, told_of = controller(loop, first, single=single, keys=keys)
+    place, gain = next((n, x) for n, x in enumerate(table, 1) if x.key and x.key.name == key)
+    element = gain.field.elements("")[-1]
+    write_files(tmp_path, cfs_app(program, told_of, [], 10))
+    (tmp_path / "main.c").write_text(_driver("cfs/main.c", program, element, rate))
+    found = vectors.vectors(program, loop, first, 100.0)
+    np.hstack([found.given, found.expected])[::-1].tofile(tmp_path / "samples")
+    parts = [f"controller{part}.c" for part in ("", "_guard", "_parameters")]
+    parts += ["main.c", f"{CFS}/controller_app.c", f"{CFS}/controller_tbl.c"]
+    include = [f"-I{folder}" for folder in (".", CFS, STUBS / "cfs")]
+    _run(tmp_path, "gcc", "-std=c99", *STRICT, *SANITIZED, *include, *parts, "-o", "app", "-lm")
+    told = _run(tmp_path, tmp_path / "app", "samples")
+    bits = {
+        name.removeprefix("CONTROLLER_STATUS_"): n for name, (n, _) in status_bits(program).items()
+    }
+    without = bits[f"INVALID_{rate.upper()}"] | bits["INVALID_ATTITUDE"]
+    held, begun = without | bits["HELD"], without | bits["ZERO"]
+    assert told[:4] == [f"subscribed 0x18C{i}" for i in range(4)]
+    assert told[4] == f"event 1 2 CONTROLLER: initialized, program {program.hash[:12]}"
+    samples, judged, differing, changes, told_changes = map(int, re.findall(r"\d+", told[5]))
+    assert samples == len(found.given)
+    assert judged >= 51  # all of the closed loops but those with flags
+    assert differing == 0
+    assert told_changes == changes
+    assert (changes > 0) == (len(program.modes) > 1)
+    last = (int(found.given[0, 0]) + 1 + 2**31) % 2**32 - 2**31
+    numbers = [np.array(one.default) for one in table]
+    numbers[place - 1].ravel()[-1] = 2.5  # the gain that is uploaded
+    checksum = zlib.crc32(b"".join(one.tobytes() for one in numbers))
+    assert told[6:] == [
+        f"output {last} 0x{held:X}",
+        f"event 11 3 CONTROLLER: status 0x{held:X} after 0x0 at step {samples + 1}",
+        f"event 3 2 CONTROLLER: NOOP, program {program.hash[:12]}",
+        "event 7 3 CONTROLLER: no command has the function code 99",
+        "event 8 3 CONTROLLER: message of 10 bytes, expected 8",
+        f"event 8 3 CONTROLLER: message of 8 bytes, expected {told[11].split()[-1]}",
+        "event 6 3 CONTROLLER: message 0x1999 is not expected",
+        f"event 14 3 CONTROLLER: parameters refused: number {place} is out of range",
+        f"housekeeping 1 3 steps {samples + 1} missing 1 updates 0 parameters 1",
+        f"event 13 2 CONTROLLER: parameters with checksum 0x{checksum:08X} in use",
+        f"housekeeping 1 3 steps {samples + 1} missing 1 updates 1 parameters 1",
+        "state 0",
+        "event 5 2 CONTROLLER: begins anew",
+        f"output 0 0x{begun:X}",
+        f"event 11 3 CONTROLLER: status 0x{begun:X} after 0x{held:X} at step 1",
+        "event 4 2 CONTROLLER: counters reset",
+        "housekeeping 0 0 steps 1 missing 0 updates 0 parameters 1",
+        "event 9 3 CONTROLLER: pipe cannot be read, RC = 0xFFFFFFFF",
+        "exit 3",
+    ]
