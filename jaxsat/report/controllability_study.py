@@ -43,6 +43,7 @@ from jaxsat.report.saving import save_figures
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.actuator_set import all_actuators, all_rods, judge_scenario
 from jaxsat.scenario.build.actuators import magnetic_context
+from jaxsat.scenario.build.balance import undriven_balance
 from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
 from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.spacecraft.gimbals import ControlMomentGyros
@@ -142,7 +143,8 @@ def controllability_study(
     if stopped is not None and rods is not None:
         stopped = judge_with_rods(stopped, rods, places, tolerance)
     lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
-    gyros = _gyro_cluster(scenario)
+    balance, gyros = undriven_balance(scenario), _gyro_cluster(scenario)
+    lines += [] if balance is None else [" ".join(balance.lines())]
     lines += [*_magnetic_lines(scenario), *([] if gyros is None else gyros.lines())]
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: only single and double failures")

@@ -1,4 +1,6 @@
-"""Which attitudes can be held in orbit without a torque about one axis."""
+"""Which attitudes can be held without a torque about one axis."""
+
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float
@@ -10,12 +12,16 @@ STEP = 1e-6
 """Step of the differences, rad."""
 
 BALANCED = 1e-12
-"""Torque that counts as none, in parts of ω0² times the largest moment."""
+"""Torque that counts as none, in parts of a scale: the largest moment times ω0² in orbit."""
 
 ITERATIONS = 100
 
 RAYS, RAY_STEP, BISECTIONS = 1000, 0.05, 40
 """Directions of turns that are looked along, the step (rad) and the halvings of a step."""
+
+
+Missing = Callable[[Float[np.ndarray, "*n 3"]], Float[np.ndarray, "*n"]]
+"""The torque that is missing about the axis, of bodies turned by rotation vectors (rad)."""
 
 
 def rotation(turn: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
@@ -48,35 +54,40 @@ def missing_torque(
 def nearest_held(
     inertia: Float[np.ndarray, "3 3"], normal: Float[np.ndarray, "3"], gravity_gradient: bool
 ) -> Float[np.ndarray, "3"] | None:
-    """The least turn (rotation vector, rad) from the orbit frame to an attitude that can be held.
+    """The least turn (rotation vector, rad) from the orbit frame to an attitude that can be held
+    in orbit; None where `nearest_balance` finds none."""
 
-    It is the lesser of the turns that iteration finds from the orbit frame and from the nearest
-    balance on rays in all directions; None where there is no balance on any ray.
+    def missing(turn: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
+        return missing_torque(inertia, normal, turn, gravity_gradient)
+
+    return nearest_balance(missing, float(np.abs(inertia).max()))
+
+
+def nearest_balance(missing: Missing, scale: float) -> Float[np.ndarray, "3"] | None:
+    """The least turn (rotation vector, rad) to an attitude in which no torque is missing.
+
+    It is the lesser of the turns that iteration finds from no turn and from the nearest balance on
+    rays in all directions; None where there is no balance on any ray. Torques that are small
+    against `scale` count as none.
     """
-    near = _iterate(inertia, normal, gravity_gradient, np.zeros(3))
+    near = _iterate(missing, scale, np.zeros(3))
     if near is not None and np.sqrt(near @ near) < RAY_STEP:
         return near
-    on_ray = _nearest_on_rays(inertia, normal, gravity_gradient)
+    on_ray = _nearest_on_rays(missing)
     if on_ray is None:
         return near
-    refinement = _iterate(inertia, normal, gravity_gradient, on_ray)
+    refinement = _iterate(missing, scale, on_ray)
     turns = [one for one in (near, on_ray, refinement) if one is not None]
     return min(turns, key=lambda turn: round(float(np.sqrt(turn @ turn)), 6))
 
 
-def _nearest_on_rays(
-    inertia: Float[np.ndarray, "3 3"], normal: Float[np.ndarray, "3"], gravity_gradient: bool
-) -> Float[np.ndarray, "3"] | None:
-    """The least turn with a change of sign of `missing_torque` on rays of all directions."""
+def _nearest_on_rays(missing: Missing) -> Float[np.ndarray, "3"] | None:
+    """The least turn with a change of sign of the missing torque on rays of all directions."""
     count = np.arange(RAYS) + 0.5
     height, around = 1 - 2 * count / RAYS, count * np.pi * (1 + 5**0.5)
     across = np.sqrt(1 - height**2)
     rays = np.stack([across * np.cos(around), across * np.sin(around), height], axis=1)
     angles = np.arange(0.0, np.pi + RAY_STEP, RAY_STEP)
-
-    def missing(turns: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
-        return missing_torque(inertia, normal, turns, gravity_gradient)
-
     signs = np.sign(missing(rays[:, None] * angles[:, None]))
     changes = signs[:, :-1] * signs[:, 1:] <= 0
     has_crossing = changes.any(axis=1)
@@ -94,29 +105,22 @@ def _nearest_on_rays(
 
 
 def _iterate(
-    inertia: Float[np.ndarray, "3 3"],
-    normal: Float[np.ndarray, "3"],
-    gravity_gradient: bool,
-    turn: Float[np.ndarray, "3"],
+    missing: Missing, scale: float, turn: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "3"] | None:
     """Lagrange's condition by iteration from a turn; None where it does not converge.
 
     Each step goes to the point of the linearised balance that is nearest to no turn.
     """
-    scale = float(np.abs(inertia).max())
     for _ in range(ITERATIONS):
-        missing = missing_torque(inertia, normal, turn, gravity_gradient)
-        ahead, behind = (
-            missing_torque(inertia, normal, turn + sign * STEP * np.eye(3), gravity_gradient)
-            for sign in (1, -1)
-        )
+        torque = float(missing(turn))
+        ahead, behind = (missing(turn + sign * STEP * np.eye(3)) for sign in (1, -1))
         slope = (ahead - behind) / (2 * STEP)
         following = turn
-        if abs(missing) > BALANCED * scale or np.any(turn):
+        if abs(torque) > BALANCED * scale or np.any(turn):
             steepness = float(slope @ slope)
             if steepness <= (BALANCED * scale) ** 2:
                 return None
-            following = slope * (float(slope @ turn) - missing) / steepness
+            following = slope * (float(slope @ turn) - torque) / steepness
         if np.abs(following - turn).max() < STEP:
             return following
         turn = (turn + following) / 2 if np.any(turn) else following

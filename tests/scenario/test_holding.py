@@ -87,12 +87,13 @@ def test_a_turn_is_found_where_iteration_from_the_orbit_frame_finds_none(seed):
     turn = Rotation.random(random_state=seed).as_matrix()
     inertia = turn @ np.diag([2.0, 2.5, 3.0]) @ turn.T
     normal = Rotation.random(random_state=seed + 999).as_matrix()[0]
-    assert _iterate(inertia, normal, False, np.zeros(3)) is None
-    found = nearest_held(inertia, normal, False)
-    assert abs(missing_torque(inertia, normal, found, False)) < 1e-5
 
     def balance(v):
-        return float(missing_torque(inertia, normal, v, False))
+        return missing_torque(inertia, normal, v, False)
+
+    assert _iterate(balance, 3.0, np.zeros(3)) is None
+    found = nearest_held(inertia, normal, False)
+    assert abs(balance(found)) < 1e-5
 
     starts = np.random.default_rng(seed).normal(size=(8, 3))
     equal = {"type": "eq", "fun": balance}

@@ -24,6 +24,7 @@ REAL = [
     "failures-12u",
     "failures-telescope",
     "hybrid-wheels",
+    "k2",
     "one-torque-damping",
     "pulsed-two-torque",
     "rods-only",
@@ -53,7 +54,7 @@ def test_scenario_says_what_it_is(name):
     assert len(scenario.description) > 80
     text = library()[name].read_text(encoding="utf-8")
     assert "Acta Astronautica" in text or "J. Guidance" in text
-    motion = 20 if scenario.magnetorquer else 1  # s
+    motion = 60 if scenario.panel else 20 if scenario.magnetorquer else 1  # s
     assert scenario.simulation.save_every_s <= motion
 
 

@@ -62,7 +62,7 @@ def design_comment(design: ControllerDesign, version: str) -> str:
         lines += [f"  {line}" for line in design.assumed]
     if design.misses_attitude is not None:
         lines.append(design.misses_attitude)
-    elif design.settings.attitude == "nearest" and not design.verdict.holds:
+    elif design.settings.attitude == "nearest" and any(design.verdict.turn or ()):
         lines.append(
             "Body axes are turned so that the nearest attitude that can be held is the target."
         )

@@ -96,7 +96,7 @@ class DesignRun:
 
     def _target_scenario(self, verdict: VehicleVerdict) -> Scenario:
         """The scenario with the attitude that is designed for."""
-        if self.settings.attitude == "wanted" or verdict.holds or verdict.turn is None:
+        if self.settings.attitude == "wanted" or verdict.turn is None or not any(verdict.turn):
             return self.original
         return turned(self.original, verdict.turn)
 

@@ -20,6 +20,7 @@ from jaxsat.core.errors import JaxsatError
 from jaxsat.core.inertia import normal_axes
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.actuator_set import judge_scenario
+from jaxsat.scenario.build.balance import undriven_balance
 from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.cautions import HELD_TURN
@@ -41,9 +42,10 @@ class VehicleVerdict:
     """What is left of the actuators, and what attitude they can hold.
 
     `lost` is what the failures took away, `turn` the rotation vector (rad, body axes) from the
-    wanted attitude to the nearest one that can be held: zeros where the wanted one can be, None
-    where none can. `in_flight` tells of failures that strike later, `orbit` whether gravity
-    gradient acts.
+    wanted attitude to the nearest one that can be held without torque about the axis that nothing,
+    or no wheel, drives: zeros where the wanted one can be, None where none can. `balance` tells of
+    the torque of the environment about that axis, `in_flight` of failures that strike later,
+    `orbit` whether gravity gradient acts.
     """
 
     judgement: Judgement
@@ -51,10 +53,13 @@ class VehicleVerdict:
     turn: tuple[float, float, float] | None
     in_flight: tuple[str, ...]
     orbit: tuple[str, ...]
+    balance: tuple[str, ...] = ()
 
     @property
     def holds(self) -> bool:
         """Whether the wanted attitude can be held, to within what settling allows."""
+        if self.judgement.laws == "three torques":
+            return True
         return self.turn is not None and max(map(abs, self.turn)) <= HELD_TURN
 
     def lines(self) -> list[str]:
@@ -62,10 +67,10 @@ class VehicleVerdict:
         sentences = [verdict_sentence(self.judgement)]
         sentences.append(f"Lost through the failures: {self.lost}.")
         sentences.append(f"Laws: {LAW_WORDS[self.judgement.laws]}.")
-        if self.turn is None:
-            sentences.append("No attitude can be held without torque about the unactuated axis.")
-        elif self.holds:
+        if self.holds:
             sentences.append("The target attitude can be held.")
+        elif self.turn is None:
+            sentences.append("No attitude can be held without torque about the unactuated axis.")
         else:
             turn = ", ".join(f"{round(part, 6):.3g}" for part in self.turn)
             sentences.append(
@@ -73,7 +78,7 @@ class VehicleVerdict:
                 "The nearest attitude that can be held is rotated from it by the rotation vector "
                 f"({turn}) rad, body axes."
             )
-        return [*sentences, *self.orbit, *self.in_flight]
+        return [*sentences, *self.balance, *self.orbit, *self.in_flight]
 
 
 class Scale(NamedTuple):
@@ -110,13 +115,14 @@ def require_judged(scenario: Scenario) -> None:
 def vehicle_verdict(scenario: Scenario) -> VehicleVerdict:
     """The verdict on the actuators that work at the start; raises as `require_judged`."""
     require_judged(scenario)
-    judgement = judge_scenario(scenario)
+    judgement, balance = judge_scenario(scenario), undriven_balance(scenario)
     return VehicleVerdict(
         judgement,
         lost_words(judgement),
-        _held_turn(scenario, judgement),
+        _held_turn(scenario, judgement) if balance is None else balance.turn,
         _in_flight(scenario),
         _orbit_lines(scenario),
+        () if balance is None else tuple(balance.lines()),
     )
 
 
@@ -197,6 +203,7 @@ VECTORS: Mapping[str, Sequence[str]] = {
         "drag_centre_m",
         "solar_centre_m",
     ),
+    "panel": ("normal", "centre_m"),
     "star_tracker": ("boresight",),
 }
 """Keys that hold a vector in body axes, by table."""

@@ -32,6 +32,7 @@ REAL = (
     "failures-12u",
     "failures-telescope",
     "hybrid-wheels",
+    "k2",
     "pulsed-two-torque",
     "rods-only",
     "thruster-dies",

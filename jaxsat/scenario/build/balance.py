@@ -1,0 +1,192 @@
+"""Where the environment makes no torque about an axis that nothing drives, and what happens then.
+
+With two wheels the body is held about the axes across the normal n of their plane, and turns about
+n alone: n·Jn times its acceleration is the torque about n, whatever the wheels do.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from jaxsat.controllability.cone import ROUNDING
+from jaxsat.core.allocation import unit_columns
+from jaxsat.core.attitude import DCM
+from jaxsat.core.earth import EARTH_GRAVITY
+from jaxsat.core.numerals import number_text
+from jaxsat.scenario.build.actuator_set import all_actuators
+from jaxsat.scenario.build.plant import build_plant, orbit_rate, place_of
+from jaxsat.scenario.holding import missing_torque, nearest_balance, rotation
+from jaxsat.scenario.parts.wheels import wheel_axes
+from jaxsat.scenario.schema import Scenario
+from jaxsat.spacecraft.dynamics import RigidBody
+from jaxsat.spacecraft.environment.disturbances import (
+    AbstractDisturbance,
+    PeriodicTorque,
+    SumOfDisturbances,
+)
+from jaxsat.spacecraft.environment.ellipse import EllipticOrbit
+
+PLACES = 24
+"""Places of an orbit over which torques are averaged."""
+
+SLIGHT = 1e-3
+"""rad; turn over which the change of a torque is taken."""
+
+NOTHING = 1e-12
+"""Of the largest torque in any attitude: what counts as none."""
+
+BATCH = 512
+"""Attitudes whose torques are computed at once."""
+
+
+class Balance(NamedTuple):
+    """A body about the unit vector `normal` (body axes), which none of its `drivers` drives.
+
+    `torque` (N m) is what the environment makes about it in the wanted attitude, in the mean of an
+    orbit; `turn` the rotation vector (rad) from there to the nearest attitude in which that
+    vanishes, None where there is none. There `stiffness` (N m/rad) drives a turn about the normal
+    back, or away where it is negative, and `moment` (kg m²) is n·Jn.
+    """
+
+    normal: tuple[float, float, float]
+    torque: float
+    turn: tuple[float, float, float] | None
+    stiffness: float
+    moment: float
+    drivers: str = "actuator"
+
+    @property
+    def rate(self) -> float:
+        """√(|stiffness| / moment), rad/s: that of the swing, or of the e-fold growth."""
+        return float(np.sqrt(abs(self.stiffness) / self.moment))
+
+    def lines(self) -> list[str]:
+        """What it means for a person, a sentence each."""
+        axis = ", ".join(number_text(part, 3, scale=1.0) for part in self.normal)
+        words = (
+            f"No {self.drivers} makes a torque about ({axis}). The environment makes "
+            f"{number_text(self.torque, 3)} N m about it in the target attitude."
+        )
+        if self.turn is None:
+            return [words, "In no attitude does that torque vanish."]
+        turn = ", ".join(number_text(part, 3, scale=1.0) for part in self.turn)
+        away = number_text(np.degrees(np.linalg.norm(self.turn)), 3)
+        place = f"It vanishes {away}° away, at the rotation vector ({turn}) rad, body axes"
+        if self.rate == 0:
+            return [words, f"{place}, and nearby."]
+        if self.stiffness > 0:
+            period = number_text(2 * np.pi / self.rate, 3)
+            return [words, f"{place}: a stable balance, about which the body swings in {period} s."]
+        time = number_text(1 / self.rate, 3)
+        return [
+            words,
+            f"{place}: an unstable balance, from which errors about the axis grow e-fold in "
+            f"{time} s.",
+        ]
+
+
+def undriven_balance(scenario: Scenario) -> Balance | None:
+    """What the environment does about the axis that no working wheel drives or, without wheels, no
+    actuator, at rest in inertial axes; None where there is no such axis, or no torque.
+
+    In a frame that turns, wheels take such a torque up and give it back.
+    """
+    if orbit_rate(scenario) != 0:
+        return None
+    wheels = [one for one in scenario.wheel if not one.failed]
+    if wheels:
+        axes = wheel_axes(wheels)
+    else:
+        actuators, working = all_actuators(scenario)
+        axes = unit_columns(actuators.only(working).torques)
+    if axes.shape[1] < 2:
+        return None
+    directions, sizes, _ = np.linalg.svd(axes)
+    if np.sum(sizes > ROUNDING * sizes[0]) != 2:
+        return None
+    normal = np.where(np.abs(directions[:, 2]) < NOTHING, 0.0, directions[:, 2])
+    normal = normal * np.sign(normal[np.argmax(np.abs(normal))])
+    found = balance_about(scenario, normal)
+    return None if found is None else found._replace(drivers="wheel" if wheels else "actuator")
+
+
+def balance_about(scenario: Scenario, normal: Float[np.ndarray, "3"]) -> Balance | None:
+    """What the environment does about an axis (body, unit); None where it makes no torque.
+
+    Torques that come and go by themselves, as (2), have no mean.
+    """
+    from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
+
+    plant = build_plant(scenario)
+    inertia, square = np.asarray(plant.spacecraft.inertia), orbit_rate(scenario) ** 2
+    given = _torque_about(plant, normal, _times(scenario))
+
+    def missing(turn: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
+        gyroscopic = square * missing_torque(inertia, normal, turn, False)
+        return np.asarray(gyroscopic - given(rotation(turn)))
+
+    scale = float(np.abs(missing(np.random.default_rng(0).normal(size=(BATCH, 3)))).max())
+    if scale == 0:
+        return None
+    turn, moment = nearest_balance(missing, scale), float(normal @ inertia @ normal)
+    stiffness = 0.0
+    if turn is not None:
+        turn = np.where(np.abs(turn) < NOTHING, 0.0, turn)
+        there = Rotation.from_rotvec(turn)
+        about = (there * Rotation.from_rotvec(sign * SLIGHT * normal) for sign in (1, -1))
+        ahead, behind = (float(missing(one.as_rotvec())) for one in about)
+        slope = (ahead - behind) / (2 * SLIGHT)
+        stiffness = slope if abs(slope) > SLIGHT * NOTHING * scale else 0.0
+    wanted = -float(missing(np.zeros(3)))
+    return Balance(
+        _plain(normal), wanted, None if turn is None else _plain(turn), stiffness, moment
+    )
+
+
+def _torque_about(
+    plant: RigidBody, normal: Float[np.ndarray, "3"], times: Float[np.ndarray, " k"]
+) -> Callable[[Float[np.ndarray, "*n 3 3"]], Float[np.ndarray, "*n"]]:
+    """The mean torque (N m) about an axis at some times (s), of matrices into body axes."""
+    terms, inertia = _lasting(plant.disturbance), plant.spacecraft.inertia
+
+    @jax.jit
+    @jax.vmap
+    def torque(matrix: Float[Array, "3 3"]) -> Float[Array, ""]:
+        def at(t: Float[Array, ""]) -> Float[Array, ""]:
+            each = [one(t, DCM(matrix), inertia) for one in terms]
+            return sum(each, jnp.zeros(3)) @ normal
+
+        return jnp.mean(jax.vmap(at)(jnp.asarray(times)))
+
+    def given(matrices: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n"]:
+        flat = matrices.reshape(-1, 3, 3)
+        count = -(-len(flat) // BATCH) * BATCH
+        padded = np.resize(flat, (count, 3, 3))
+        batches = [np.asarray(torque(padded[at : at + BATCH])) for at in range(0, count, BATCH)]
+        return np.concatenate(batches)[: len(flat)].reshape(matrices.shape[:-2])
+
+    return given
+
+
+def _lasting(disturbance: AbstractDisturbance) -> tuple[AbstractDisturbance, ...]:
+    """The terms of a disturbance but those that come and go by themselves."""
+    several = isinstance(disturbance, SumOfDisturbances)
+    terms = disturbance.terms if several else (disturbance,)
+    return tuple(one for one in terms if not isinstance(one, PeriodicTorque))
+
+
+def _times(scenario: Scenario) -> Float[np.ndarray, " k"]:
+    """Times (s) at places of an orbit, or zero alone where there is none."""
+    place, rate = place_of(scenario.orbit), orbit_rate(scenario)
+    if isinstance(place, EllipticOrbit):
+        rate = float(np.sqrt(EARTH_GRAVITY / place.semi_major_axis**3))
+    return np.arange(PLACES) * (2 * np.pi / rate / PLACES) if rate else np.zeros(1)
+
+
+def _plain(vector: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
+    x, y, z = vector.tolist()
+    return x, y, z
