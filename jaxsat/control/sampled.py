@@ -7,7 +7,8 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.controller import Memory
 from jaxsat.spacecraft.dynamics import PlantState
@@ -71,6 +72,17 @@ class AbstractSampledController(eqx.Module):
     def tells_unmade(self) -> bool:
         """Whether `telemetry` has the torque that actuators do not make; here, that has none."""
         return False
+
+    @property
+    def known(self) -> Bool[Array, " wheels"] | None:
+        """Which wheels it knows to have failed before the start; here None, of a law that watches
+        none."""
+        return None
+
+    def holds_by_rods(self, axes: Float[np.ndarray, "3 k"]) -> bool:
+        """Whether, over an orbit, magnetorquers make the torques that wheels along these axes do
+        not; here, always."""
+        return True
 
     def mode(self, memory: Memory) -> Int[Array, ""]:
         """Which part of the controller is at work, a member of `modes`; here, the only one."""

@@ -89,6 +89,15 @@ class Storage(NamedTuple):
     capacity: Float[Array | np.ndarray, " n"]
 
 
+class Dipoles(NamedTuple):
+    """Devices whose torque is that of a dipole along unit `axes` (body axes), of at most its limit
+    (A m²), in the Earth's magnetic `field`."""
+
+    axes: Float[Array, "3 k"]
+    limits: Float[Array, " k"]
+    field: AbstractMagneticField
+
+
 class AbstractEffector(AbstractHeldEffector):
     """A set of `count` devices of one `kind`, each of which has one number as its command.
 
@@ -157,6 +166,10 @@ class AbstractEffector(AbstractHeldEffector):
         if self.momentum(self.init()) is None:
             return None
         return Storage(jnp.zeros(self.count), jnp.full(self.count, jnp.inf))
+
+    def dipoles(self) -> Dipoles | None:
+        """The dipoles of devices that turn the body in a magnetic field; None for other kinds."""
+        return None
 
     def free_inertia(self) -> Float[Array, "3 3"] | None:
         """D where all devices move freely, kg m²; None for none ever."""

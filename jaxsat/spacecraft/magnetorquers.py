@@ -14,7 +14,7 @@ from jaxsat.core.declaration.failures import AbstractFailureKind, FailureKind
 from jaxsat.core.ranges import MISALIGNMENT
 from jaxsat.spacecraft.axes import of_each, turned_axes, unit_axes
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
-from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
+from jaxsat.spacecraft.effector import AbstractEffector, Dipoles, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
 from jaxsat.spacecraft.failures import AbstractFailures
 
@@ -90,6 +90,10 @@ class Magnetorquers(AbstractEffector):
     def count(self) -> int:
         """How many magnetorquers there are."""
         return self.axes.shape[1]
+
+    def dipoles(self) -> Dipoles:
+        """Axes and limits in the field."""
+        return Dipoles(self.axes, self.dipole_limit, self.field)
 
     def driven(
         self, state: None, command: Float[Array, " k"], struck: Bool[Array, " f"]

@@ -1,60 +1,58 @@
 """What magnetorquers add to what is left in a case of a study, and whether the law uses it."""
 
-import jax
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.fault_tolerant import FaultTolerant
+from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.steering import MagneticSteering
 from jaxsat.controllability.rods import NORMAL, RodSet
-from jaxsat.simulation.loops import AbstractLoop
-from jaxsat.spacecraft.environment.disturbances import GravityGradient
-from jaxsat.spacecraft.magnetorquers import Magnetorquers
+from jaxsat.simulation.loops import AbstractLoop, parts_of
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.effector import Dipoles
+from jaxsat.spacecraft.environment.disturbances import has_gravity_gradient
 
 TURNED = 0.1
 """Of the least momentum that a wheel can hold: what runaways may hold across the orbit normal. The
 orbit turns it, and nothing takes that out of two wheels for a third of an orbit."""
 
 
-def rod_set(loop: AbstractLoop, magnetorquers: Magnetorquers) -> RodSet:
+def rod_set(loop: AbstractLoop, dipoles: Dipoles) -> RodSet:
     """The magnetorquers of a loop as controllability judges them."""
-    disturbance = loop.plant.disturbance
-    terms = getattr(disturbance, "terms", (disturbance,))
+    limits = np.asarray(dipoles.limits, float)
     return RodSet(
-        names=tuple(f"m{number}" for number in range(1, magnetorquers.count + 1)),
-        axes=np.asarray(magnetorquers.axes, float),
-        limits=np.asarray(magnetorquers.dipole_limit, float),
-        field=magnetorquers.field,
+        names=tuple(f"m{number}" for number in range(1, len(limits) + 1)),
+        axes=np.asarray(dipoles.axes, float),
+        limits=limits,
+        field=dipoles.field,
         bias=momentum_bias(loop),
-        gravity_gradient=any(isinstance(term, GravityGradient) for term in terms),
+        gravity_gradient=has_gravity_gradient(loop.plant.disturbance),
     )
 
 
 def momentum_bias(loop: AbstractLoop) -> float:
     """Momentum (N m s) along the orbit normal that wheels are to keep, whoever steers rods."""
-
-    def steers(part: object) -> bool:
-        return isinstance(part, MagneticSteering)
-
-    steering = [one for one in jax.tree.leaves(loop, is_leaf=steers) if steers(one)]
+    steering = parts_of(MagneticSteering, loop)
     return -float(steering[0].bias[1]) if steering else 0.0
 
 
-def law_uses_rods(loop: AbstractLoop, axes: Float[np.ndarray, "3 k"]) -> bool:
-    """Whether the law holds an orbit's attitude by magnetorquers beside wheels along these axes.
+def sampled_law(loop: AbstractLoop) -> AbstractSampledController | None:
+    """The law of a loop that is sampled; None for another, which no magnetorquers serve."""
+    return loop.controller if isinstance(loop, SampledLoop) else None
 
-    The fault-tolerant law does so about the one axis across two wheels, others about any.
-    """
-    law = getattr(loop, "controller", None)
-    return law.holds_by_rods(axes) if isinstance(law, FaultTolerant) else True
+
+def law_uses_rods(loop: AbstractLoop, axes: Float[np.ndarray, "3 k"]) -> bool:
+    """Whether the law holds an orbit's attitude by magnetorquers beside wheels along these axes."""
+    law = sampled_law(loop)
+    return law is None or law.holds_by_rods(axes)
 
 
 def wheels_hold_turned(loop: AbstractLoop, runaway: Float[np.ndarray, "3 k"], least: float) -> bool:
     """Whether wheels that hold the `least` momentum (N m s) live with that of `runaway` columns.
 
-    Only the fault-tolerant law finds wheels in that state.
+    Only a law that watches wheels finds one in that state.
     """
-    if not isinstance(getattr(loop, "controller", None), FaultTolerant):
+    law = sampled_law(loop)
+    if law is None or law.known is None:
         return True
     across = np.linalg.norm(np.cross(NORMAL, runaway.T), axis=1).sum()
     return bool(across <= TURNED * least)

@@ -19,10 +19,8 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import AbstractEffector, Reach, Storage
-from jaxsat.spacecraft.magnetorquers import Magnetorquers
-from jaxsat.spacecraft.wheels import Wheels
 from jaxsat.studies.failure_codes import NEVER, first_code
-from jaxsat.studies.rods_left import law_uses_rods, rod_set, wheels_hold_turned
+from jaxsat.studies.rods_left import law_uses_rods, rod_set, sampled_law, wheels_hold_turned
 
 SAME_TORQUE = 1e-9
 """Of the largest torque: less than this in every direction is none."""
@@ -99,9 +97,9 @@ class _Exchanger(NamedTuple):
             return None
         size = np.linalg.norm(reach.columns, axis=1, keepdims=True)
         healthy = _healthy(effector, reach) & (size[:, 0] > 0)
-        known_failures = getattr(getattr(loop, "controller", None), "known", None)
-        if known_failures is not None and isinstance(effector, Wheels):
-            healthy[:, np.asarray(known_failures)] = False
+        law = sampled_law(loop)
+        if law is not None and law.known is not None:
+            healthy[:, np.asarray(law.known)] = False
         runaway = (reach.low == reach.high) & (reach.high != 0)
         columns = reach.columns / np.where(size > 0, size, 1.0)
         return _Exchanger(Storage(*map(np.asarray, storage)), columns, healthy, runaway)
@@ -121,8 +119,8 @@ class _Rods(NamedTuple):
     def of(loop: AbstractLoop, parts: Sequence[tuple[AbstractEffector, _Reaches]]) -> "_Rods":
         """The magnetorquers of a loop, by the reach of its effectors in every case."""
         for one, reach in parts:
-            if isinstance(one, Magnetorquers):
-                return _Rods(rod_set(loop, one), _healthy(one, reach))
+            if (dipoles := one.dipoles()) is not None:
+                return _Rods(rod_set(loop, dipoles), _healthy(one, reach))
         return _Rods(None, np.zeros((len(parts[0][1].low), 0), bool))
 
 
@@ -286,8 +284,7 @@ def _judge(
     judgement = judge_ranges(inertia, actuators, low, high)
     if judgement is not None and judgement.laws == "three torques":
         return TorquesLeft.THREE_AXES
-    changing = [one for one in loop.plant.effectors if one.columns_change]
-    if not all(isinstance(one, Magnetorquers) for one in changing):
+    if any(one.columns_change and one.dipoles() is None for one in loop.plant.effectors):
         return TorquesLeft.NOT_DECIDED
     if judgement is None:
         return TorquesLeft.UNOPPOSED_TORQUE

@@ -73,12 +73,14 @@ def build_distribution(scenario: Scenario, plant: RigidBody) -> AbstractDistribu
     declaration = scenario.law.declaration
     if declaration.commands_actuators:
         return Direct()
-    rest: AbstractDistribution | None = Direct()
+    steering = _steering(scenario, plant)
+    steered = {one.kind for one in steering}
+    others = [one for one in plant.effectors if one.kind not in steered and one.command_size]
+    rest: AbstractDistribution | None = None
     if scenario.wheel and declaration.torques:
         rest = _wheels_first(scenario)
-    elif not any(one.kind == "thruster" for one in plant.effectors):
-        rest = None
-    steering = _steering(scenario, plant)
+    elif any(one.storage() is None for one in others):
+        rest = Direct()
     return Steered(steering, rest) if steering or rest is None else rest
 
 

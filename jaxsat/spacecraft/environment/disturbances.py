@@ -174,6 +174,12 @@ class GravityGradientAt(AbstractDisturbance):
         return size * jnp.cross(nadir, inertia @ nadir)
 
 
+def has_gravity_gradient(disturbance: AbstractDisturbance) -> bool:
+    """Whether the gravity gradient on a circular orbit is one of the torques of a disturbance."""
+    terms = disturbance.terms if isinstance(disturbance, SumOfDisturbances) else (disturbance,)
+    return any(isinstance(term, GravityGradient) for term in terms)
+
+
 class SumOfDisturbances(AbstractDisturbance):
     """Several disturbances at once."""
 
