@@ -18,6 +18,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.control.diagnosis.thruster_filter import ThrusterModel
 from jaxsat.control.steering import MagneticSteering
+from jaxsat.core.array_types import Pair, RealScalar
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.laws import COAST
 from jaxsat.core.errors import JaxsatError
@@ -126,7 +127,7 @@ class AbstractIntegratingFactor(eqx.Module):
         """The memory that `into_frame` takes to `framed`."""
 
     @abc.abstractmethod
-    def rate_in_frame(self, rate_error: Float[Array, "2"]) -> PyTree:
+    def rate_in_frame(self, rate_error: Pair) -> PyTree:
         """e^(-At) b, the time derivative of e^(-At) memory, at a rate error of the law, rad/s."""
 
 
@@ -139,7 +140,7 @@ class AbstractController(eqx.Module):
 
     @abc.abstractmethod
     def __call__(
-        self, t: Float[Array, ""], state: PlantState, memory: Memory
+        self, t: RealScalar, state: PlantState, memory: Memory
     ) -> tuple[Float[Array, " torques"], Memory]:
         """The commanded torque, N m, and the time derivative of the memory."""
 
@@ -158,20 +159,16 @@ class AbstractController(eqx.Module):
         """
         return self
 
-    def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
+    def integrating_factor(self, t: RealScalar) -> AbstractIntegratingFactor | None:
         """What at time `t` (s) the memory's own motion has done, if it is known; here, None."""
 
-    def rate_error(self, state: PlantState) -> Float[Array, "2"]:
+    def rate_error(self, state: PlantState) -> Pair:
         """η_i = ω_i - ω_id, how far the rates are from their reference, rad/s; here NaN: none."""
         return jnp.full(2, jnp.nan, state.omega.dtype)
 
     def lyapunov(
-        self,
-        state: PlantState,
-        memory: Memory,
-        unmodelled: Float[Array, "2"],
-        unmodelled_rate: Float[Array, "2"],
-    ) -> Float[Array, ""]:
+        self, state: PlantState, memory: Memory, unmodelled: Pair, unmodelled_rate: Pair
+    ) -> RealScalar:
         """The Lyapunov function of the law's stability proof; here NaN, for none.
 
         `unmodelled` is the disturbance about the first two axes that the controller's model does
@@ -184,7 +181,7 @@ class AbstractFeedbackLaw(AbstractController):
     """A smooth law without a memory: the torque is a function of time and state alone."""
 
     @abc.abstractmethod
-    def torque(self, t: Float[Array, ""], state: PlantState) -> Float[Array, " torques"]:
+    def torque(self, t: RealScalar, state: PlantState) -> Float[Array, " torques"]:
         """The commanded torque, N m: (u1, u2), or one about each body axis."""
 
     def init(self, state: PlantState) -> Memory:
@@ -192,7 +189,7 @@ class AbstractFeedbackLaw(AbstractController):
         return None
 
     def __call__(
-        self, t: Float[Array, ""], state: PlantState, memory: Memory
+        self, t: RealScalar, state: PlantState, memory: Memory
     ) -> tuple[Float[Array, " torques"], Memory]:
         """The torque of this instant."""
         return self.torque(t, state), memory
@@ -208,7 +205,7 @@ class Coast(AbstractFeedbackLaw):
         """The law of a table of a scenario, in which there is nothing to set."""
         return cls()
 
-    def torque(self, t: Float[Array, ""], state: PlantState) -> Float[Array, "2"]:
+    def torque(self, t: RealScalar, state: PlantState) -> Pair:
         """Zero torque."""
         return jnp.zeros(2, state.omega.dtype)
 
@@ -225,48 +222,36 @@ class AbstractBacksteppingLaw(AbstractController):
     model: eqx.AbstractVar[RigidBody]
 
     @abc.abstractmethod
-    def reference_rate(self, state: PlantState) -> Float[Array, "2"]:
+    def reference_rate(self, state: PlantState) -> Pair:
         """The intermediate control law: the rates (ω1, ω2) to track, rad/s."""
 
     @abc.abstractmethod
-    def feedback(
-        self, state: PlantState, rate_error: Float[Array, "2"], memory: Memory
-    ) -> Float[Array, "2"]:
+    def feedback(self, state: PlantState, rate_error: Pair, memory: Memory) -> Pair:
         """The torque that drives the rate error to zero, N m."""
 
     @abc.abstractmethod
-    def memory_rate(self, rate_error: Float[Array, "2"], memory: Memory) -> Memory:
+    def memory_rate(self, rate_error: Pair, memory: Memory) -> Memory:
         """Time derivative of the memory."""
 
-    def rate_error(self, state: PlantState) -> Float[Array, "2"]:
+    def rate_error(self, state: PlantState) -> Pair:
         """η_i = ω_i - ω_id, rad/s."""
         return state.omega[:2] - self.reference_rate(state)
 
-    def reference_and_derivative(
-        self, t: Float[Array, ""], state: PlantState
-    ) -> tuple[Float[Array, "2"], Float[Array, "2"]]:
+    def reference_and_derivative(self, t: RealScalar, state: PlantState) -> tuple[Pair, Pair]:
         """ω_d (rad/s) and dω_d/dt along the controller's own model (rad/s²)."""
         model_rate = self.model.rate(t, state, jnp.zeros_like(state.omega))
         return jax.jvp(self.reference_rate, (state,), (model_rate,))
 
     def torque(
-        self,
-        t: Float[Array, ""],
-        state: PlantState,
-        memory: Memory,
-        reference_derivative: Float[Array, "2"],
-    ) -> Float[Array, "2"]:
+        self, t: RealScalar, state: PlantState, memory: Memory, reference_derivative: Pair
+    ) -> Pair:
         """Equations (39) and (42) with a given dω_d/dt, N m."""
         feedback = self.feedback(state, self.rate_error(state), memory)
         return self.torque_of(t, state, feedback, reference_derivative)
 
     def torque_of(
-        self,
-        t: Float[Array, ""],
-        state: PlantState,
-        feedback: Float[Array, "2"],
-        reference_derivative: Float[Array, "2"],
-    ) -> Float[Array, "2"]:
+        self, t: RealScalar, state: PlantState, feedback: Pair, reference_derivative: Pair
+    ) -> Pair:
         """The part that (39) and (42) share, around a feedback (N m) and dω_d/dt, N m."""
         j1, j2, j3 = self.model.spacecraft.moments
         omega1, omega2, omega3 = state.omega
@@ -274,9 +259,7 @@ class AbstractBacksteppingLaw(AbstractController):
         disturbance = self.model.disturbance_torque(t, state)[:2]
         return feedback - gyroscopic - disturbance + jnp.stack([j1, j2]) * reference_derivative
 
-    def __call__(
-        self, t: Float[Array, ""], state: PlantState, memory: Memory
-    ) -> tuple[Float[Array, "2"], Memory]:
+    def __call__(self, t: RealScalar, state: PlantState, memory: Memory) -> tuple[Pair, Memory]:
         """The torque and the rate of the memory."""
         reference, derivative = self.reference_and_derivative(t, state)
         error = state.omega[:2] - reference

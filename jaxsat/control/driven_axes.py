@@ -5,12 +5,12 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsat.control.estimators import integrated_products, products_of
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.planning.transcription import AbstractCorrection
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import IntScalar, Pair, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_counts, require_positive
 from jaxsat.spacecraft.dynamics import PlantState
 
@@ -36,12 +36,12 @@ class DrivenMemory(NamedTuple):
 
     errors: Float[Array, "2 8"]
     covariance: Float[Array, "2 8 8"]
-    first: Float[Array, "2"]
-    expected: Float[Array, "2"]
+    first: Pair
+    expected: Pair
     regressor: Float[Array, "8"]
-    omega: Float[Array, "3"]
-    torque: Float[Array, "2"]
-    samples: Int[Array, ""]
+    omega: Vector
+    torque: Pair
+    samples: IntScalar
 
 
 class DrivenFit(eqx.Module):
@@ -74,7 +74,7 @@ class DrivenFit(eqx.Module):
         y = [across, own, *rest, across, PRODUCT_ERROR * (first + third) / second, *rest]
         return jnp.stack([jnp.stack(x), jnp.stack(y)])
 
-    def init(self, omega: Float[Array, "3"]) -> DrivenMemory:
+    def init(self, omega: Vector) -> DrivenMemory:
         """The memory of a fit that knows no error yet, at the rates (p1, p2, s), rad/s."""
         none = jnp.zeros(2, omega.dtype)
         variance = (self.prior**2).astype(omega.dtype)
@@ -114,7 +114,7 @@ class DrivenFit(eqx.Module):
         full = memory.samples >= self.samples
         return jax.lax.cond(full, lambda: self._corrected(memory, period), lambda: memory)
 
-    def _by_inertia(self, torque: Float[Array, "2"]) -> Float[Array, "2"]:
+    def _by_inertia(self, torque: Pair) -> Pair:
         """S⁻¹ times a torque about x and y, rad/s²."""
         (a, b), (_, d) = self.form.reduced_inertia
         x, y = torque
@@ -144,9 +144,7 @@ class DrivenFit(eqx.Module):
         most = BELIEVED * self.prior
         return jnp.clip(memory.errors, -most, most)
 
-    def change(
-        self, errors: Float[Array, "2 8"], omega: Float[Array, "3"], torque: Float[Array, "2"]
-    ) -> Float[Array, "2"]:
+    def change(self, errors: Float[Array, "2 8"], omega: Vector, torque: Pair) -> Pair:
         """What errors change dp/dt by at the rates (p1, p2, s) and a torque about x and y."""
         regressor = jnp.concatenate([self._by_inertia(torque), products_of(omega)])
         return jnp.sum(errors * regressor[None, :], axis=1)

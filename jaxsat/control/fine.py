@@ -6,7 +6,6 @@ from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.demands import MorinSamson
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
@@ -15,7 +14,7 @@ from jaxsat.control.leaks import USED, Aid
 from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
 from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, Pair, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
@@ -40,7 +39,7 @@ class FineMemory(NamedTuple):
     where holds do not coast."""
 
     oscillation: Oscillation
-    late: Bool[Array, ""]
+    late: BoolScalar
     hold: HoldRecord | None
 
 
@@ -74,7 +73,7 @@ class FineStage(eqx.Module):
             dead_zone=0.0,
         )
 
-    def init(self, omega: Float[Array, "3"]) -> FineMemory:
+    def init(self, omega: Vector) -> FineMemory:
         """The memory at the start: the stage oscillates, with no amplitude yet."""
         hold = HoldRecord.none(omega) if self.handover.coasts else None
         return FineMemory(self.oscillator.init(omega), jnp.array(False), hold)
@@ -87,7 +86,7 @@ class FineStage(eqx.Module):
         memory: FineMemory,
         aid: Aid | None = None,
         largest: RealScalar | None = None,
-    ) -> tuple[Float[Array, "2"], Float[Array, "2"], FineMemory]:
+    ) -> tuple[Pair, Pair, FineMemory]:
         """The torque about x and y, not yet limited (N m), the rates asked for (rad/s), and the
         next memory. `largest` is the largest amplitude (rad/s), `None` for that of the oscillator.
         """
@@ -144,8 +143,8 @@ class OscillatorySettlingMemory(NamedTuple):
 
     fine: FineMemory
     estimator: EstimatorMemory
-    reference: Float[Array, "2"]
-    samples: Int[Array, ""]
+    reference: Pair
+    samples: IntScalar
 
 
 class OscillatorySettling(AbstractSampledController):
@@ -182,7 +181,7 @@ class OscillatorySettling(AbstractSampledController):
 
     def step(
         self, t: RealScalar, state: PlantState, memory: OscillatorySettlingMemory
-    ) -> tuple[Float[Array, "2"], OscillatorySettlingMemory]:
+    ) -> tuple[Pair, OscillatorySettlingMemory]:
         """Estimate, then the fine stage, whose clock begins with the law."""
         clock = memory.samples * self.period
         seen = self.form.seen(state)
@@ -194,11 +193,11 @@ class OscillatorySettling(AbstractSampledController):
         command = self.form.command(clipped(torque, self.torque_limit))
         return command, OscillatorySettlingMemory(fine, estimator, reference, memory.samples + 1)
 
-    def rate_error(self, state: PlantState, memory: OscillatorySettlingMemory) -> Float[Array, "2"]:
+    def rate_error(self, state: PlantState, memory: OscillatorySettlingMemory) -> Pair:
         """ω - ω_d while oscillating, zero in the end game, rad/s."""
         omega = self.form.seen(state).omega
         return jnp.where(memory.fine.late, 0.0, omega[:2] - memory.reference)
 
-    def mode(self, memory: OscillatorySettlingMemory) -> Int[Array, ""]:
+    def mode(self, memory: OscillatorySettlingMemory) -> IntScalar:
         """The `FineMode` at work."""
         return jnp.where(memory.fine.late, FineMode.HOLDING, FineMode.OSCILLATING)

@@ -9,12 +9,11 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from jaxsat.control.estimators import ThirdAxis
 from jaxsat.control.normal_form import NormalForm, tracking_torque
 from jaxsat.control.oscillatory import Tracking, turned
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft.dynamics import PlantState
 
@@ -44,7 +43,7 @@ class Signs(NamedTuple):
     `most` is the |s| (rad/s) above which the law is failing: it then only brakes.
     """
 
-    sigma: Float[Array, "2"]
+    sigma: Pair
     third: RealScalar
     most: RealScalar
 
@@ -73,13 +72,13 @@ class FiniteTimeRate(eqx.Module):
         zero = jnp.zeros_like(state.omega[2])
         return Signs(jnp.zeros(2, state.omega.dtype), zero, zero)
 
-    def factors(self, c: RealScalar) -> Float[Array, "2"]:
+    def factors(self, c: RealScalar) -> Pair:
         """(a, b), rad^⅔ s^-⅔."""
         j1, j2, _ = self.form.moments
         base = 3 * self.share * self.torque_limit / jnp.abs(c)
         return jnp.stack([jnp.cbrt(base * j2 / j1**2), jnp.cbrt(base * j1 / j2**2)])
 
-    def signs(self, third: ThirdAxis, omega: Float[Array, "3"], last: Signs) -> Signs:
+    def signs(self, third: ThirdAxis, omega: Vector, last: Signs) -> Signs:
         """Signs of the rates to ask for, of those with which |s| falls quickly the nearest ones.
 
         Nearest is by Σ J_i (ω_i - ω_id)². They are kept until s changes sign, or other ones make it
@@ -111,7 +110,7 @@ class FiniteTimeRate(eqx.Module):
         keep = ~begins & (side == last.third) & (fall > POOR_FALL * quickest)
         return Signs(jnp.where(keep, last.sigma, nearest), side, most)
 
-    def tracking(self, third: ThirdAxis, omega: Float[Array, "3"], signs: Signs) -> Tracking:
+    def tracking(self, third: ThirdAxis, omega: Vector, signs: Signs) -> Tracking:
         """The references and the derivatives that go with the present decay of ω3.
 
         The decay is what the rates reached really give, at most the one asked for: feeding the
@@ -131,7 +130,7 @@ class FiniteTimeRate(eqx.Module):
         derivative = jnp.clip(slopes * decay / (3 * square), -most, most)
         return Tracking(slopes * root, derivative)
 
-    def torque(self, omega: Float[Array, "3"], tracking: Tracking) -> Float[Array, "2"]:
+    def torque(self, omega: Vector, tracking: Tracking) -> Pair:
         """The torque about x and y that tracks, not yet limited, N m."""
         wanted = tracking_torque(
             self.form, omega, tracking.rate, tracking.derivative, self.rate_gain
@@ -140,7 +139,7 @@ class FiniteTimeRate(eqx.Module):
         braking = -self.rate_gain * self.form.moments[:2] * omega[:2]
         return jnp.where(overwhelmed, braking, wanted)
 
-    def _feasible(self, reference: Float[Array, "2"], slow: RealScalar) -> RealScalar:
+    def _feasible(self, reference: Pair, slow: RealScalar) -> RealScalar:
         """The share of a reference (rad/s) that thrusters hold against the gyroscopic torque."""
         gyroscopic = self.form.gyroscopic_torque(jnp.concatenate([reference, slow[None]]))
         most = jnp.max(jnp.abs(gyroscopic)) / (HELD * self.torque_limit)

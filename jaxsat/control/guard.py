@@ -9,8 +9,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Int, PyTree
+from jaxtyping import Array, ArrayLike, PyTree
 
+from jaxsat.core.array_types import BoolScalar, IntScalar
 from jaxsat.core.checks import as_array
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.core.errors import ArgumentError
@@ -22,7 +23,7 @@ class GuardState(NamedTuple):
     last made a step."""
 
     last: PyTree
-    missed: Int[Array, ""]
+    missed: IntScalar
 
 
 class Guard(eqx.Module):
@@ -32,7 +33,7 @@ class Guard(eqx.Module):
     asked for, then for nothing. Raises `ArgumentError` for a number of samples below zero.
     """
 
-    hold_samples: Int[Array, ""]
+    hold_samples: IntScalar
 
     def __init__(self, hold_samples: ArrayLike = HOLD_SAMPLES):
         if np.less(hold_samples, 0):
@@ -44,7 +45,7 @@ class Guard(eqx.Module):
         last = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), asked)
         return GuardState(last, jnp.zeros_like(self.hold_samples))
 
-    def decide(self, valid: Bool[Array, ""], state: GuardState) -> Decision:
+    def decide(self, valid: BoolScalar, state: GuardState) -> Decision:
         """What is done at a sample."""
         return Decision(valid, state.missed < self.hold_samples)
 

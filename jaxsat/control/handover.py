@@ -10,11 +10,10 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.normal_form import Tilt
 from jaxsat.control.oscillatory import Slow
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 
 AIMED_TURN = 0.02
@@ -39,16 +38,14 @@ class HoldRecord(NamedTuple):
     """
 
     begin: RealScalar
-    known: Bool[Array, ""]
+    known: BoolScalar
 
     @staticmethod
-    def none(omega: Float[Array, "3"]) -> "HoldRecord":
+    def none(omega: Vector) -> "HoldRecord":
         """The state before the first hold."""
         return HoldRecord(jnp.zeros_like(omega[0]), jnp.array(False))
 
-    def after(
-        self, holds: Bool[Array, ""], clock: RealScalar, coast: "UnbalancedDrift"
-    ) -> "HoldRecord":
+    def after(self, holds: BoolScalar, clock: RealScalar, coast: "UnbalancedDrift") -> "HoldRecord":
         """The hold at a `clock` (s) when the end game `holds` or not, with what is known now."""
         return HoldRecord(jnp.where(holds, self.begin, clock), self.known | coast.judged)
 
@@ -62,7 +59,7 @@ class UnbalancedDrift(NamedTuple):
 
     drift: RealScalar
     sure: RealScalar
-    judged: Bool[Array, ""]
+    judged: BoolScalar
 
     @staticmethod
     def of(
@@ -81,7 +78,7 @@ class UnbalancedDrift(NamedTuple):
         return UnbalancedDrift(beyond, sure, old & ~hold.known)
 
     @property
-    def drifts(self) -> Bool[Array, ""]:
+    def drifts(self) -> BoolScalar:
         """Whether anything is left."""
         return self.drift != 0
 
@@ -92,7 +89,7 @@ class UnbalancedDrift(NamedTuple):
 
     def lasts(
         self, slow: Slow, limit: RealScalar, share: float, slack: RealScalar | None = None
-    ) -> Bool[Array, ""]:
+    ) -> BoolScalar:
         """Whether a hold lasts for that `share` of the time of one that begins here as aimed at.
 
         It ends where the turn exceeds the `limit` (rad). One that turns beyond it against the drift
@@ -185,15 +182,15 @@ class Handover(eqx.Module):
 
     def __call__(
         self,
-        late: Bool[Array, ""],
+        late: BoolScalar,
         tilt: Tilt,
         slow: Slow,
-        excess: Float[Array, "3"],
+        excess: Vector,
         deceleration: RealScalar,
         held: RealScalar,
         coast: UnbalancedDrift | None = None,
         clock: RealScalar | float = 0.0,
-    ) -> Bool[Array, ""]:
+    ) -> BoolScalar:
         """Whether the end game is to work now, given whether it did.
 
         `excess` is (p1, p2, s) less its value at rest (rad/s), `deceleration` that of the slow rate

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.inertia import LEAST_TORQUE_TILT
 from jaxsat.spacecraft.axes import directions_across
@@ -19,7 +19,7 @@ SMALL = 1e-30
 class TorqueAxisFrame(NamedTuple):
     """Rows b, d, e of `axes`, and J⁻¹ along them: [[α, 0, γ], [0, δ, η], [γ, η, ζ]], 1/(kg m²)."""
 
-    axes: Float[Array, "3 3"]
+    axes: Matrix
     alpha: RealScalar
     gamma: RealScalar
     delta: RealScalar
@@ -27,7 +27,7 @@ class TorqueAxisFrame(NamedTuple):
     zeta: RealScalar
 
     @staticmethod
-    def of(inertia: Float[Array, "3 3"], axis: Float[Array, "3"]) -> "TorqueAxisFrame":
+    def of(inertia: Matrix, axis: Vector) -> "TorqueAxisFrame":
         """The frame of an inertia (kg m²) and the unit vector b; d ∝ J⁻¹b × b, e = b × d."""
         first, second, third = inertia
         adjugate = jnp.stack(
@@ -98,12 +98,12 @@ class InertiaMemory(NamedTuple):
 
     errors: Float[Array, "8"]
     covariance: Float[Array, "8 8"]
-    first: Float[Array, "3"]
-    omega: Float[Array, "3"]
-    squares: Float[Array, "3 3"]
+    first: Vector
+    omega: Vector
+    squares: Matrix
     impulse: RealScalar
     torque: RealScalar
-    samples: Int[Array, ""]
+    samples: IntScalar
 
 
 class InertiaFit(eqx.Module):
@@ -117,8 +117,8 @@ class InertiaFit(eqx.Module):
     standard deviations of the prior.
     """
 
-    moments: Float[Array, "3"] = eqx.field(converter=as_float)
-    axis: Float[Array, "3"] = eqx.field(converter=as_float)
+    moments: Vector = eqx.field(converter=as_float)
+    axis: Vector = eqx.field(converter=as_float)
     rate_noise: RealScalar = eqx.field(converter=as_float)
     torque_noise: RealScalar = eqx.field(converter=as_float)
     samples: int = eqx.field(static=True, default=10)
@@ -138,7 +138,7 @@ class InertiaFit(eqx.Module):
         lean = jnp.full(2, AXIS_ERROR, self.moments.dtype)
         return jnp.concatenate([MOMENT_ERROR * self.moments, PRODUCT_ERROR * products, lean])
 
-    def init(self, omega: Float[Array, "3"]) -> InertiaMemory:
+    def init(self, omega: Vector) -> InertiaMemory:
         """The memory of a fit that knows no error yet."""
         zero = jnp.zeros_like(omega[0])
         return InertiaMemory(
@@ -152,7 +152,7 @@ class InertiaFit(eqx.Module):
             jnp.array(-1),  # the first sample only begins the first interval
         )
 
-    def believed(self, memory: InertiaMemory) -> tuple[Float[Array, "3 3"], Float[Array, "3"]]:
+    def believed(self, memory: InertiaMemory) -> tuple[Matrix, Vector]:
         """J (kg m²) and the unit vector b."""
         prior = self.prior
         errors = jnp.clip(memory.errors, -BELIEVED * prior, BELIEVED * prior)
@@ -162,9 +162,7 @@ class InertiaFit(eqx.Module):
         axis = self.axis + jnp.sum(errors[6:, None] * directions_across(self.axis), axis=0)
         return inertia, axis / jnp.sqrt(jnp.sum(axis**2))
 
-    def sampled(
-        self, memory: InertiaMemory, omega: Float[Array, "3"], period: RealScalar
-    ) -> InertiaMemory:
+    def sampled(self, memory: InertiaMemory, omega: Vector, period: RealScalar) -> InertiaMemory:
         """One sample more, `period` (s) after the last, from where on its torque was held."""
         started = memory.samples >= 0
         span = jnp.where(started, period, 0.0)
@@ -210,7 +208,7 @@ class InertiaFit(eqx.Module):
         return errors, covariance
 
 
-def _square(omega: Float[Array, "3"]) -> Float[Array, "3 3"]:
+def _square(omega: Vector) -> Matrix:
     return omega[:, None] * omega[None, :]
 
 

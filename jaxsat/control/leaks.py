@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.oscillatory import Slow
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, Pair, RealScalar
 from jaxsat.core.checks import as_array, as_float
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 
@@ -51,7 +51,7 @@ class Aid(NamedTuple):
 
     thrust: Float[Array, " k"]
     drift: RealScalar
-    push: Float[Array, "2"]
+    push: Pair
 
 
 class LeakMemory(NamedTuple):
@@ -59,7 +59,7 @@ class LeakMemory(NamedTuple):
     n·Jn. `owed` (rad/s) is what was asked for and is less than a pulse, `drift` that of `Aid`."""
 
     duty: Float[Array, "2 m"]
-    push: Float[Array, "2"]
+    push: Pair
     owed: RealScalar
     drift: RealScalar
 
@@ -123,7 +123,7 @@ class Leaks(eqx.Module):
         least = LEAST_PUSH * most
         return Leaks(basis, plane, as_array(flat), inertia, least, averaged, pulse), law
 
-    def aid(self, memory: LeakMemory, on_time: Float[Array, " m"], holds: Bool[Array, ""]) -> Aid:
+    def aid(self, memory: LeakMemory, on_time: Float[Array, " m"], holds: BoolScalar) -> Aid:
         """After a period in which the thrusters had these on-times (s).
 
         Where the law `holds` and cannot push, the mean of all that acts about n is what it needs
@@ -203,7 +203,7 @@ class Leaks(eqx.Module):
         )
 
 
-def wanted_push(slow: Slow, drift: RealScalar, push: Float[Array, "2"]) -> RealScalar:
+def wanted_push(slow: Slow, drift: RealScalar, push: Pair) -> RealScalar:
     """The acceleration (rad/s²) about n that the control of the turn asks for.
 
     Critically damped; `drift` (rad/s²) is made up for. With one sign alone it is no more than that.

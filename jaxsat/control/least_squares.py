@@ -5,9 +5,9 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.trees import Symmetric
@@ -21,9 +21,9 @@ class Fit(NamedTuple):
 
     estimate: Float[Array, " n"]
     covariance: Symmetric
-    first_omega: Float[Array, "3"]
+    first_omega: Vector
     products: Float[Array, " p"]
-    samples: Int[Array, ""]
+    samples: IntScalar
 
 
 class RecursiveLeastSquares(eqx.Module):
@@ -50,7 +50,7 @@ class RecursiveLeastSquares(eqx.Module):
         if self.samples < 1:
             raise ValueError(f"Argument `samples` must be at least 1, but got {self.samples}.")
 
-    def init(self, omega: Float[Array, "3"]) -> Fit:
+    def init(self, omega: Vector) -> Fit:
         """The memory of a fit that knows no error yet."""
         return Fit(
             jnp.zeros_like(self.prior) if self.mean is None else self.mean,
@@ -61,11 +61,7 @@ class RecursiveLeastSquares(eqx.Module):
         )
 
     def update(
-        self,
-        fit: Fit,
-        omega: Float[Array, "3"],
-        products: Float[Array, " p"],
-        factors: Float[Array, "6"],
+        self, fit: Fit, omega: Vector, products: Float[Array, " p"], factors: Float[Array, "6"]
     ) -> Fit:
         """One sample more; `products` are the six integrals since the last sample.
 
@@ -76,7 +72,7 @@ class RecursiveLeastSquares(eqx.Module):
         full = fit.samples >= self.samples
         return jax.lax.cond(full, lambda: self._corrected(fit, omega, factors), lambda: fit)
 
-    def _corrected(self, fit: Fit, omega: Float[Array, "3"], factors: Float[Array, "6"]) -> Fit:
+    def _corrected(self, fit: Fit, omega: Vector, factors: Float[Array, "6"]) -> Fit:
         """With the interval that ends now, at the beginning of the next one."""
         change = omega - fit.first_omega
         regressor = jnp.concatenate([change[:2], fit.products])

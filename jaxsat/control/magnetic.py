@@ -12,7 +12,7 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsat.control.controller import LawContext, MagneticContext, UnsuitableModel
 from jaxsat.control.periodic_gain import (
@@ -24,7 +24,7 @@ from jaxsat.control.periodic_gain import (
 )
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.steering import MagneticSteering
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
@@ -63,11 +63,11 @@ class MagneticMemory(NamedTuple):
     momentum (N m s) of body and wheels at the next sample, which the law `predicts` where it knows
     what magnetorquers do, within their limits; in body axes."""
 
-    mode: Int[Array, ""]
-    dipole: Float[Array, "3"]
-    torque: Float[Array, "3"]
-    momentum: Float[Array, "3"]
-    predicts: Bool[Array, ""]
+    mode: IntScalar
+    dipole: Vector
+    torque: Vector
+    momentum: Vector
+    predicts: BoolScalar
 
 
 class MagneticLaw(AbstractSampledController):
@@ -144,7 +144,7 @@ class MagneticLaw(AbstractSampledController):
 
     def step(
         self, t: RealScalar, state: PlantState, memory: MagneticMemory
-    ) -> tuple[Float[Array, "3"], MagneticMemory]:
+    ) -> tuple[Vector, MagneticMemory]:
         """The torque, N m."""
         relative, turn = self.model.relative_rate(state), _turn(state)
         mode = self._mode(_size(relative), _size(turn), memory.mode)
@@ -170,7 +170,7 @@ class MagneticLaw(AbstractSampledController):
             mode, dipole, constant, momentum + self.period * outside, stopped & within
         )
 
-    def _mode(self, speed: RealScalar, turn: RealScalar, before: Int[Array, ""]) -> Int[Array, ""]:
+    def _mode(self, speed: RealScalar, turn: RealScalar, before: IntScalar) -> IntScalar:
         """By the relative rate (rad/s) and the turn from the orbit frame (rad), with hysteresis."""
         stopped = before != int(MagneticMode.DAMPING)
         pointed = before == int(MagneticMode.POINTING)
@@ -179,37 +179,35 @@ class MagneticLaw(AbstractSampledController):
         mode = jnp.where(near, int(MagneticMode.POINTING), int(MagneticMode.SLEWING))
         return jnp.where(slow, mode, int(MagneticMode.DAMPING))
 
-    def _momentum(self, state: PlantState) -> Float[Array, "3"]:
+    def _momentum(self, state: PlantState) -> Vector:
         """That of body and wheels, N m s, in body axes."""
         return self.model.spacecraft.inertia @ state.omega + self._stored(state)
 
-    def _stored(self, state: PlantState) -> Float[Array, "3"]:
+    def _stored(self, state: PlantState) -> Vector:
         """That of the wheels."""
         momentum = wheel_momentum(state)
         if self.wheel_axes is None or momentum is None:
             return jnp.zeros_like(state.omega)
         return self.wheel_axes @ momentum
 
-    def _slew(
-        self, state: PlantState, turn: Float[Array, "3"], relative: Float[Array, "3"]
-    ) -> Float[Array, "3"]:
+    def _slew(self, state: PlantState, turn: Vector, relative: Vector) -> Vector:
         """The torque far away from the orbit frame, N m."""
         torque = -self.stiffness * turn - self.slew_damping * relative
         bias = self.steering.bias[1] * self.model.orbit.frame_rate(state.attitude)  # -ω0 h0
         return torque - self.steering.wanted @ (self.gain.rate * self._stored(state) + bias)
 
-    def mode(self, memory: MagneticMemory) -> Int[Array, ""]:
+    def mode(self, memory: MagneticMemory) -> IntScalar:
         """The `MagneticMode` at work."""
         return memory.mode
 
 
-def _turn(state: PlantState) -> Float[Array, "3"]:
+def _turn(state: PlantState) -> Vector:
     """2 sgn(q0) q, rad."""
     quaternion = state.attitude.as_quaternion().q
     return jnp.where(quaternion[0] < 0, -2.0, 2.0) * quaternion[1:]
 
 
-def _size(vector: Float[Array, "3"]) -> RealScalar:
+def _size(vector: Vector) -> RealScalar:
     return jnp.sqrt(jnp.sum(vector**2) + SMALLEST**2)
 
 

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import Matrix, Pair, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_float, numpy_if_known
 from jaxsat.core.inertia import normal_axes
@@ -29,10 +29,10 @@ from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 class Tilt(NamedTuple):
     """Tilt (φ, θ), turn z in [-π, π] (rad), and |w|."""
 
-    phi: Float[Array, ""]
-    theta: Float[Array, ""]
-    turn: Float[Array, ""]
-    size: Float[Array, ""]
+    phi: RealScalar
+    theta: RealScalar
+    turn: RealScalar
+    size: RealScalar
 
 
 def tilt_of(attitude: AbstractAttitude) -> Tilt:
@@ -59,10 +59,10 @@ class NormalState(NamedTuple):
     """
 
     attitude: Quaternion
-    omega: Float[Array, "3"]
-    frame_rate: Float[Array, "3"]
+    omega: Vector
+    frame_rate: Vector
 
-    def relative_to(self, turn: Float[Array, "3"]) -> "NormalState":
+    def relative_to(self, turn: Vector) -> "NormalState":
         """The same state with the attitude relative to a frame turned from the orbit frame.
 
         `turn` is a small rotation vector along (x, y, n), rad.
@@ -73,7 +73,7 @@ class NormalState(NamedTuple):
         scale = reciprocal(jnp.sqrt(1 + jnp.sum(half**2)))
         return self._replace(attitude=Quaternion(jnp.concatenate([scalar[None], vector]) * scale))
 
-    def turned(self, axes: Float[Array, "2"]) -> "NormalState":
+    def turned(self, axes: Pair) -> "NormalState":
         """The same state in the frame of `NormalForm.turned`."""
         q, turn = self.attitude.q, _turn_about_n(axes)
         attitude = Quaternion(jnp.concatenate([q[:1], turn @ q[1:]]))
@@ -88,7 +88,7 @@ class NormalForm(eqx.Module):
     """
 
     model: RigidBody
-    axes: Float[Array, "3 3"] = eqx.field(converter=as_float)
+    axes: Matrix = eqx.field(converter=as_float)
     to_command: Float[Array, "2 2"] = eqx.field(converter=as_float)
 
     @staticmethod
@@ -103,7 +103,7 @@ class NormalForm(eqx.Module):
         axes, _ = normal_axes(np.asarray(model.spacecraft.inertia), directions)
         return NormalForm(model, axes, directions.T @ axes[:2].T)
 
-    def turned(self, axes: Float[Array, "2"]) -> "NormalForm":
+    def turned(self, axes: Pair) -> "NormalForm":
         """The same plant in the frame turned about n, (cos, sin) of the angle given.
 
         Its reduced inertia is no longer diagonal.
@@ -114,13 +114,13 @@ class NormalForm(eqx.Module):
         )
 
     @property
-    def inertia(self) -> Float[Array, "3 3"]:
+    def inertia(self) -> Matrix:
         """J along (x, y, n), kg m²."""
         _, axes, inertia = numpy_if_known(self.axes, self.model.spacecraft.inertia)
         return as_float(axes @ inertia @ axes.T)
 
     @property
-    def lean(self) -> Float[Array, "2"]:
+    def lean(self) -> Pair:
         """(ε1, ε2): n·ω = s + ε1 p1 + ε2 p2."""
         _, inertia = numpy_if_known(self.inertia)
         third = inertia[2]
@@ -137,7 +137,7 @@ class NormalForm(eqx.Module):
         return as_float(inertia[:2, :2] - side[:, None] * side[None, :] / inertia[2, 2])
 
     @property
-    def moments(self) -> Float[Array, "3"]:
+    def moments(self) -> Vector:
         """S1, S2 and n·Jn, which take the place of J1, J2 and J3, kg m²."""
         reduced = self.reduced_inertia
         xp, reduced, inertia = numpy_if_known(self.reduced_inertia, self.inertia)
@@ -157,23 +157,23 @@ class NormalForm(eqx.Module):
         return jnp.stack([zero, off_diagonal, -lean[0], lean[1], zero, zero])
 
     @property
-    def orbit_rate(self) -> Float[Array, "3"]:
+    def orbit_rate(self) -> Vector:
         """Angular velocity of the orbit frame along (x, y, n) at the wanted attitude, rad/s."""
         return -self.model.orbit.rate * self.axes[:, 1]
 
     @property
-    def gradient_rate(self) -> Float[Array, "3"]:
+    def gradient_rate(self) -> Vector:
         """√3 ω0 times the direction to the Earth's centre along (x, y, n) at the wanted attitude,
         rad/s, see `ThirdAxisEstimator`."""
         _, axes, rate = numpy_if_known(self.axes, self.model.orbit.rate)
         return as_float(math.sqrt(3) * rate * axes[:, 2])
 
     @property
-    def rest(self) -> Float[Array, "3"]:
+    def rest(self) -> Vector:
         """(p1, p2, s) at rest in the orbit frame in the wanted attitude, rad/s."""
         return self.slow(self.orbit_rate)
 
-    def slow(self, rate: Float[Array, "3"]) -> Float[Array, "3"]:
+    def slow(self, rate: Vector) -> Vector:
         """(p1, p2, s) of an angular velocity along (x, y, n), rad/s."""
         return leaned(rate, self.lean)
 
@@ -185,7 +185,7 @@ class NormalForm(eqx.Module):
         frame_rate = self.axes @ self.model.orbit.frame_rate(state.attitude)
         return NormalState(attitude, omega, frame_rate)
 
-    def gyroscopic_torque(self, omega: Float[Array, "3"]) -> Float[Array, "2"]:
+    def gyroscopic_torque(self, omega: Vector) -> Pair:
         """What the motion adds to the torques about x and y: S dp/dt is their sum, N m."""
         p1, p2, s = omega
         lean, third = self.lean, self.inertia[2, 2]
@@ -196,18 +196,16 @@ class NormalForm(eqx.Module):
         direct = jnp.stack([about_n * h2 - p2 * h3, p1 * h3 - about_n * h1])
         return direct + change * lean
 
-    def torque(
-        self, omega: Float[Array, "3"], acceleration: Float[Array, "2"]
-    ) -> Float[Array, "2"]:
+    def torque(self, omega: Vector, acceleration: Pair) -> Pair:
         """The torque about x and y that gives (p1, p2) this derivative (rad/s²), N m."""
         return self.reduced_inertia @ acceleration - self.gyroscopic_torque(omega)
 
-    def command(self, torque: Float[Array, "2"]) -> Float[Array, "2"]:
+    def command(self, torque: Pair) -> Pair:
         """A torque about x and y as the two torques to command, N m."""
         return self.to_command @ torque
 
 
-def _turn_about_n(axes: Float[Array, "2"]) -> Float[Array, "3 3"]:
+def _turn_about_n(axes: Pair) -> Matrix:
     """The matrix into a frame turned about n by an angle, its (cos, sin) given."""
     cosine, sine = axes
     zero, one = jnp.zeros_like(cosine), jnp.ones_like(cosine)
@@ -220,18 +218,14 @@ def _turn_about_n(axes: Float[Array, "2"]) -> Float[Array, "3 3"]:
     )
 
 
-def leaned(rate: Float[Array, "3"], lean: Float[Array, "2"]) -> Float[Array, "3"]:
+def leaned(rate: Vector, lean: Pair) -> Vector:
     """(p1, p2, s) of an angular velocity along (x, y, n), rad/s, by `NormalForm.lean`."""
     return rate.at[2].add(-jnp.sum(lean * rate[:2]))
 
 
 def tracking_torque(
-    form: NormalForm,
-    omega: Float[Array, "3"],
-    reference: Float[Array, "2"],
-    reference_derivative: Float[Array, "2"],
-    gain: RealScalar,
-) -> Float[Array, "2"]:
+    form: NormalForm, omega: Vector, reference: Pair, reference_derivative: Pair, gain: RealScalar
+) -> Pair:
     """S [dω_d/dt - gain (ω - ω_d)] minus the gyroscopic torque, N m.
 
     With it the rate error η = ω - ω_d of (p1, p2) obeys dη/dt = -gain η.
@@ -239,6 +233,6 @@ def tracking_torque(
     return form.torque(omega, reference_derivative - gain * (omega[:2] - reference))
 
 
-def clipped(torque: Float[Array, "2"], limit: RealScalar) -> Float[Array, "2"]:
+def clipped(torque: Pair, limit: RealScalar) -> Pair:
     """Each torque cut at ± `limit`."""
     return jnp.clip(torque, -limit, limit)

@@ -12,13 +12,13 @@ from typing import Any, ClassVar, NamedTuple, cast
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsat.control.controller import LawContext, UnsuitableModel
 from jaxsat.control.inertia_fit import InertiaFit, InertiaMemory, TorqueAxisFrame
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.allocation import torque_axis
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.one_torque import ONE_TORQUE
@@ -91,7 +91,7 @@ class Wanted(NamedTuple):
 
     momentum: RealScalar
     derivative: RealScalar
-    mode: Int[Array, ""]
+    mode: IntScalar
 
 
 class OneTorqueMemory(NamedTuple):
@@ -99,10 +99,10 @@ class OneTorqueMemory(NamedTuple):
     above which the model must be wrong."""
 
     fit: InertiaMemory
-    damps: Bool[Array, ""]
-    spins: Bool[Array, ""]
-    rests: Bool[Array, ""]
-    mode: Int[Array, ""]
+    damps: BoolScalar
+    spins: BoolScalar
+    rests: BoolScalar
+    mode: IntScalar
     most: RealScalar
 
 
@@ -123,7 +123,7 @@ class OneTorque(AbstractSampledController):
     modes: ClassVar[type[enum.IntEnum]] = OneTorqueMode
 
     fit: InertiaFit
-    principal: Float[Array, "3 3"] = eqx.field(converter=as_float)
+    principal: Matrix = eqx.field(converter=as_float)
     torque_limit: RealScalar = eqx.field(converter=as_float)
     share: RealScalar = eqx.field(converter=as_float)
     turn_ratio: RealScalar = eqx.field(converter=as_float)
@@ -229,13 +229,13 @@ class OneTorque(AbstractSampledController):
         fit = fit._replace(torque=torque)
         return torque[None], OneTorqueMemory(fit, damps, spins, rests, mode, memory.most)
 
-    def mode(self, memory: OneTorqueMemory) -> Int[Array, ""]:
+    def mode(self, memory: OneTorqueMemory) -> IntScalar:
         """The `OneTorqueMode` at work."""
         return memory.mode
 
     def _wanted(
-        self, frame: TorqueAxisFrame, at: Momenta, spun: Bool[Array, ""], rests: Bool[Array, ""]
-    ) -> tuple[Wanted, Bool[Array, ""]]:
+        self, frame: TorqueAxisFrame, at: Momenta, spun: BoolScalar, rests: BoolScalar
+    ) -> tuple[Wanted, BoolScalar]:
         """What to do, and whether that is to spin up."""
         w, x, y = at
         force = self.share * self.torque_limit

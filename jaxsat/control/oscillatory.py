@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from jaxsat.control.demands import AbstractDemand
 from jaxsat.control.estimators import ThirdAxis
@@ -24,7 +23,7 @@ from jaxsat.control.normal_form import (
     Tilt,
     tracking_torque,
 )
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.smooth import without_slope
@@ -42,7 +41,7 @@ class Oscillation(NamedTuple):
     alpha: RealScalar
     beta: RealScalar
     amplitude: RealScalar
-    axes: Float[Array, "2"]
+    axes: Pair
 
 
 class OscillationRequest(NamedTuple):
@@ -59,7 +58,7 @@ class OscillationRequest(NamedTuple):
     share: RealScalar
     least: RealScalar
 
-    def granted(self, axes: Float[Array, "2"]) -> Oscillation:
+    def granted(self, axes: Pair) -> Oscillation:
         """What is asked for beyond the dead zone, scaled down so that h is at most `most`."""
         size = _size(self.alpha, self.beta, self.least)
         left = _size(*self.dead, self.least)
@@ -81,8 +80,8 @@ class Slow(NamedTuple):
 class Tracking(NamedTuple):
     """Rates to track (rad/s) and their derivatives (rad/s²), each of shape (2,)."""
 
-    rate: Float[Array, "2"]
-    derivative: Float[Array, "2"]
+    rate: Pair
+    derivative: Pair
 
 
 class Oscillator(eqx.Module):
@@ -109,7 +108,7 @@ class Oscillator(eqx.Module):
             require_positive(name, getattr(self, name))
         require_positive("dead_zone", self.dead_zone, zero_allowed=True)
 
-    def init(self, omega: Float[Array, "3"]) -> Oscillation:
+    def init(self, omega: Vector) -> Oscillation:
         """The oscillation at the start: none."""
         zero = jnp.zeros_like(omega[0])
         return Oscillation(zero, zero, zero + self._no_amplitude, jnp.stack([zero + 1, zero]))
@@ -180,18 +179,18 @@ class Oscillator(eqx.Module):
         derivative = swing_rate - k * (state.omega[:2] - frame - swing)
         return Tracking(frame - pull + swing, derivative)
 
-    def torque(self, omega: Float[Array, "3"], tracking: Tracking) -> Float[Array, "2"]:
+    def torque(self, omega: Vector, tracking: Tracking) -> Pair:
         """The torque about x and y that tracks, not yet limited, N m."""
         return tracking_torque(self.form, omega, tracking.rate, tracking.derivative, self.rate_gain)
 
 
-def along(axes: Float[Array, "2"], x: RealScalar, y: RealScalar) -> tuple[RealScalar, RealScalar]:
+def along(axes: Pair, x: RealScalar, y: RealScalar) -> tuple[RealScalar, RealScalar]:
     """Components of the vector (x, y) along axes turned about n, their (cos, sin) given."""
     cosine, sine = axes
     return cosine * x + sine * y, cosine * y - sine * x
 
 
-def turned(axes: Float[Array, "2"], x: RealScalar, y: RealScalar) -> Float[Array, "2"]:
+def turned(axes: Pair, x: RealScalar, y: RealScalar) -> Pair:
     """The opposite of `along`."""
     cosine, sine = axes
     return jnp.stack([cosine * x - sine * y, cosine * y + sine * x])

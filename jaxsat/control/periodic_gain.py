@@ -12,9 +12,9 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float, Int
+from jaxtyping import Array, Complex, Float
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float
 from jaxsat.spacecraft.environment.orbit import (
     EARTH_ROTATION,
@@ -179,12 +179,8 @@ class PeriodicGain(eqx.Module):
     rate: RealScalar = eqx.field(converter=as_float)
 
     def torque(
-        self,
-        t: RealScalar,
-        motion: Float[Array, "6"],
-        momentum: Float[Array, "3"],
-        constant: Float[Array, "3"],
-    ) -> Float[Array, "3"]:
+        self, t: RealScalar, motion: Float[Array, "6"], momentum: Vector, constant: Vector
+    ) -> Vector:
         """What a law commands (N m) at `motion` (θ, ω_r), in body axes.
 
         `momentum` (N m s) is that of wheels beyond their bias.
@@ -206,7 +202,7 @@ class PeriodicGain(eqx.Module):
         return along(turn) * (1 - late) + along(after_turn) * late
 
 
-def _next(place: Int[Array, ""], count: int) -> Int[Array, ""]:
+def _next(place: IntScalar, count: int) -> IntScalar:
     return jnp.where(place == count - 1, 0, place + 1)
 
 

@@ -6,7 +6,7 @@ from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsat.control.driven_axes import DrivenFit, DrivenMemory, FittedDynamics
 from jaxsat.control.handover import RippleSlack
@@ -16,7 +16,7 @@ from jaxsat.control.planning.tracking import Followed, followed_if, following_to
 from jaxsat.control.planning.transcription import STATES, PlanObjective, Transcription
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, Pair, RealScalar
 from jaxsat.core.checks import as_float, require_counts, require_positive
 from jaxsat.core.declaration.settling import PLANNING_MARGIN, REPLAN_TIME
 from jaxsat.core.trees import choose
@@ -74,9 +74,9 @@ class PlannedMemory(NamedTuple):
     driven: DrivenMemory
     search: Search
     followed: Followed
-    stage: Int[Array, ""]
-    failures: Int[Array, ""]
-    manoeuvres: Int[Array, ""]
+    stage: IntScalar
+    failures: IntScalar
+    manoeuvres: IntScalar
     searched: RealScalar
 
 
@@ -146,7 +146,7 @@ class PlannedSettling(AbstractSampledController):
 
     def step(
         self, t: RealScalar, state: PlantState, memory: PlannedMemory
-    ) -> tuple[Float[Array, "2"], PlannedMemory]:
+    ) -> tuple[Pair, PlannedMemory]:
         """One sample of the law of three slews and one piece of the search; then what is due."""
         driven = self.driven.sampled(t, state, memory.driven, self.period)
         program, stage = self.program(memory.settling, driven), memory.stage
@@ -206,7 +206,7 @@ class PlannedSettling(AbstractSampledController):
         return x.at[4:].add(self.form.axes[2] * (error * program.time_unit))
 
     def _ahead(
-        self, program: Transcription, now: RealScalar, x, begins, stage: Int[Array, ""]
+        self, program: Transcription, now: RealScalar, x, begins, stage: IntScalar
     ) -> tuple[RealScalar, Float[Array, "7"]]:
         """Time and state, after coasting, at which a plan that is sought now is to begin.
 
@@ -239,18 +239,18 @@ class PlannedSettling(AbstractSampledController):
         """The memory without that of the search, which may try what diverges."""
         return memory.settling
 
-    def rate_error(self, state: PlantState, memory: PlannedMemory) -> Float[Array, "2"]:
+    def rate_error(self, state: PlantState, memory: PlannedMemory) -> Pair:
         """ω - ω_d of the law of three slews where it is at work, else NaN, rad/s."""
         error = self.settling.rate_error(state, memory.settling)
         return jnp.where(memory.stage == SETTLING, error, jnp.nan)
 
-    def mode(self, memory: PlannedMemory) -> Int[Array, ""]:
+    def mode(self, memory: PlannedMemory) -> IntScalar:
         """The `PlannedMode` at work."""
         phase = self.settling.mode(memory.settling)
         return jnp.where(memory.stage == SETTLING, phase, memory.stage)
 
 
-def _is_far(program: Transcription, x: Float[Array, "7"]) -> Bool[Array, ""]:
+def _is_far(program: Transcription, x: Float[Array, "7"]) -> BoolScalar:
     """Whether an attitude is far from the target's."""
     difference = in_hemisphere_of(program.target, x)[1:4] - program.target[1:4]
     return 2 * jnp.sqrt(jnp.sum(difference**2)) > FAR

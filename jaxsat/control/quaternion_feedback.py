@@ -13,6 +13,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.control.controller import LawContext
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.three_torques import QUATERNION_FEEDBACK
@@ -27,7 +28,7 @@ SMALLEST = 1e-30
 class QuaternionFeedbackMemory(NamedTuple):
     """The rate relative to the orbit frame that was asked for last, rad/s."""
 
-    wanted: Float[Array, "3"]
+    wanted: Vector
 
 
 class QuaternionFeedback(AbstractSampledController):
@@ -44,10 +45,10 @@ class QuaternionFeedback(AbstractSampledController):
     declaration: ClassVar[LawDeclaration] = QUATERNION_FEEDBACK
 
     model: RigidBody
-    natural_frequency: Float[Array, ""] = eqx.field(converter=as_float)
-    damping: Float[Array, ""] = eqx.field(converter=as_float)
-    max_rate: Float[Array, ""] = eqx.field(converter=as_float)
-    period: Float[Array, ""] = eqx.field(converter=as_float)
+    natural_frequency: RealScalar = eqx.field(converter=as_float)
+    damping: RealScalar = eqx.field(converter=as_float)
+    max_rate: RealScalar = eqx.field(converter=as_float)
+    period: RealScalar = eqx.field(converter=as_float)
     wheel_axes: Float[Array, "3 wheels"] | None = eqx.field(
         converter=as_optional_float, default=None
     )
@@ -74,8 +75,8 @@ class QuaternionFeedback(AbstractSampledController):
         return QuaternionFeedbackMemory(jnp.zeros_like(state.omega))
 
     def step(
-        self, t: Float[Array, ""], state: PlantState, memory: QuaternionFeedbackMemory
-    ) -> tuple[Float[Array, "3"], QuaternionFeedbackMemory]:
+        self, t: RealScalar, state: PlantState, memory: QuaternionFeedbackMemory
+    ) -> tuple[Vector, QuaternionFeedbackMemory]:
         """The torque, N m."""
         inertia = self.model.spacecraft.inertia
         frame = self.model.orbit.frame_rate(state.attitude)
@@ -89,13 +90,13 @@ class QuaternionFeedback(AbstractSampledController):
         torque = jnp.cross(state.omega, momentum) + inertia @ (turning - pull)
         return torque, QuaternionFeedbackMemory(wanted)
 
-    def _wanted_rate(self, state: PlantState) -> Float[Array, "3"]:
+    def _wanted_rate(self, state: PlantState) -> Vector:
         quaternion = state.attitude.as_quaternion().q
         shorter = jnp.where(quaternion[0] < 0, -1.0, 1.0)
         rate = -(self.natural_frequency / self.damping) * shorter * quaternion[1:]
         size = jnp.sqrt(jnp.sum(rate**2) + SMALLEST)
         return rate * share_within(self.max_rate, size)
 
-    def rate_error(self, state: PlantState, memory: QuaternionFeedbackMemory) -> Float[Array, "2"]:
+    def rate_error(self, state: PlantState, memory: QuaternionFeedbackMemory) -> Pair:
         """ω_r - ω_d about the first two axes, rad/s."""
         return (self.model.relative_rate(state) - memory.wanted)[:2]

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.controller import AbstractBacksteppingLaw, LawContext, Memory
+from jaxsat.core.array_types import BoolScalar, Pair, RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.paper import RATE
@@ -28,10 +29,10 @@ class RateLaw(AbstractBacksteppingLaw):
     declaration: ClassVar[LawDeclaration] = RATE
 
     model: RigidBody
-    k1: Float[Array, ""] = eqx.field(converter=as_float)
-    k2: Float[Array, ""] = eqx.field(converter=as_float)
+    k1: RealScalar = eqx.field(converter=as_float)
+    k2: RealScalar = eqx.field(converter=as_float)
     width: Width = eqx.field(converter=as_width, default=None)
-    turning_right: Bool[Array, ""] | None = None
+    turning_right: BoolScalar | None = None
 
     def __check_init__(self):
         require_positive("k1", self.k1)
@@ -60,7 +61,7 @@ class RateLaw(AbstractBacksteppingLaw):
         """The law that keeps to ω3 > 0 or to ω3 < 0."""
         return self if not signs.size else dataclasses.replace(self, turning_right=signs[0])
 
-    def reference_rate(self, state: PlantState) -> Float[Array, "2"]:
+    def reference_rate(self, state: PlantState) -> Pair:
         """Equation (38): ω1a = -sgn(J1 - J2) sgn(ω3) √|ω3|, ω2a = k1 √|ω3|."""
         j1, j2, _ = self.model.spacecraft.moments
         omega3 = state.omega[2]
@@ -68,22 +69,16 @@ class RateLaw(AbstractBacksteppingLaw):
         omega2a = self.k1 * root_abs(omega3, self.width, self.turning_right)
         return jnp.stack([omega1a, omega2a])
 
-    def feedback(
-        self, state: PlantState, rate_error: Float[Array, "2"], memory: Memory
-    ) -> Float[Array, "2"]:
+    def feedback(self, state: PlantState, rate_error: Pair, memory: Memory) -> Pair:
         """The first term of (39): -k2 J_i (ω_i - ω_ia)."""
         return -self.k2 * self.model.spacecraft.moments[:2] * rate_error
 
-    def memory_rate(self, rate_error: Float[Array, "2"], memory: Memory) -> Memory:
+    def memory_rate(self, rate_error: Pair, memory: Memory) -> Memory:
         """The rate of the memory, of which the law has none."""
         return memory
 
     def lyapunov(
-        self,
-        state: PlantState,
-        memory: Memory,
-        unmodelled: Float[Array, "2"],
-        unmodelled_rate: Float[Array, "2"],
-    ) -> Float[Array, ""]:
+        self, state: PlantState, memory: Memory, unmodelled: Pair, unmodelled_rate: Pair
+    ) -> RealScalar:
         """V1 = J3 ω3² / 2, J."""
         return self.model.spacecraft.moments[2] * state.omega[2] ** 2 / 2

@@ -18,7 +18,7 @@ from jaxsat.core.allocation import (
     two_sided_torques,
     unit_columns,
 )
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_array, as_float
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 
@@ -91,8 +91,8 @@ class Ability(NamedTuple):
     that a weak one makes where it is needed.
     """
 
-    number: Int[Array, ""]
-    left: Int[Array, ""]
+    number: IntScalar
+    left: IntScalar
     limit: Float[Array, " m"]
 
     @staticmethod
@@ -159,7 +159,7 @@ class Reconfiguration(eqx.Module):
             jnp.where(all_axes, limit, working),
         )
 
-    def _tabled(self, failed: Bool[Array, " m"]) -> tuple[Int[Array, ""], Int[Array, ""]]:
+    def _tabled(self, failed: Bool[Array, " m"]) -> tuple[IntScalar, IntScalar]:
         """The number of a set, and what it leaves; 0 and -1 where there is no table of it."""
         count = jnp.sum(failed)
         last = failed.shape[0] - 1 - jnp.argmax(failed[::-1])
@@ -177,9 +177,7 @@ class Reconfiguration(eqx.Module):
         known = (jnp.sum(failed) < MOST_FAILED) & (number >= 0)
         return ~failed & ~(known & (self.left[jnp.maximum(number, 0)] == Left.THREE_AXES))
 
-    def _spans(
-        self, limit: Float[Array, " m"], steady: Float[Array, "3"], spare: RealScalar
-    ) -> Bool[Array, ""]:
+    def _spans(self, limit: Float[Array, " m"], steady: Vector, spare: RealScalar) -> BoolScalar:
         """Whether a torque (N m) and that part of the largest about each axis can be made."""
         largest = jnp.max(jnp.abs(self.torque), axis=1)
         smallest = (SMALL * jnp.max(largest)) ** 2
@@ -193,11 +191,8 @@ class Reconfiguration(eqx.Module):
         return jax.lax.fori_loop(0, len(ways), also, jnp.array(True))
 
     def beside_plane(
-        self,
-        limit: Float[Array, " m"],
-        torque: Float[Array, "3"],
-        directions: Float[Array, "3 2"],
-    ) -> Float[Array, "3"]:
+        self, limit: Float[Array, " m"], torque: Vector, directions: Float[Array, "3 2"]
+    ) -> Vector:
         """A torque (N m) where torques of either sign are left about two `directions` alone.
 
         Without its part across them, unless some thruster left makes torque that way: whatever that
@@ -210,10 +205,7 @@ class Reconfiguration(eqx.Module):
         return in_plane + jnp.where(reachable, across, 0.0)
 
     def allocate(
-        self,
-        limit: Float[Array, " m"],
-        torque: Float[Array, "3"],
-        steady: Float[Array, "3"],
+        self, limit: Float[Array, " m"], torque: Vector, steady: Vector
     ) -> Float[Array, " m"]:
         """Thrusts (parts of the full ones) up to a `limit` that make `torque` + `steady` (N m).
 

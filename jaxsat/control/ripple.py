@@ -10,7 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import reciprocal
 
@@ -95,7 +95,7 @@ class RippleFilter(eqx.Module):
         return RippleBelief(jnp.append(state, 0.0), covariance)
 
     def advance(
-        self, memory: RippleBelief, omega: Float[Array, "3"], change: RealScalar, period: RealScalar
+        self, memory: RippleBelief, omega: Vector, change: RealScalar, period: RealScalar
     ) -> RippleBelief:
         """The mean moves by `change`, the ripple turns by Ω `period`, and all grow less sure."""
         cos, sin = jnp.cos(self.frequency * period), jnp.sin(self.frequency * period)
@@ -110,7 +110,7 @@ class RippleFilter(eqx.Module):
             covariance = jnp.where(calm, covariance, alone)
         return RippleBelief(state, covariance + jnp.diag(period * jnp.stack(spread)))
 
-    def correct(self, memory: RippleBelief, omega: Float[Array, "3"]) -> RippleBelief:
+    def correct(self, memory: RippleBelief, omega: Vector) -> RippleBelief:
         """The usual update by one measurement, the sum of mean and ripple."""
         size = omega[0] ** 2 + omega[1] ** 2
         seen = memory.covariance[0] + memory.covariance[1]

@@ -8,9 +8,10 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.controller import Memory
+from jaxsat.core.array_types import IntScalar, Pair, RealScalar
 from jaxsat.spacecraft.dynamics import PlantState
 
 
@@ -34,7 +35,7 @@ class AbstractSampledController(eqx.Module):
     `TypeError` for `modes` that are no `enum.IntEnum`, or of which `mode` does not tell.
     """
 
-    period: eqx.AbstractVar[Float[Array, ""]]
+    period: eqx.AbstractVar[RealScalar]
     modes: ClassVar[type[enum.IntEnum]] = OneMode
     no_flight_code: ClassVar[str | None] = None
 
@@ -51,11 +52,11 @@ class AbstractSampledController(eqx.Module):
 
     @abc.abstractmethod
     def step(
-        self, t: Float[Array, ""], state: PlantState, memory: Memory
+        self, t: RealScalar, state: PlantState, memory: Memory
     ) -> tuple[Float[Array, " torques"], Memory]:
         """The torque to hold, N m, and the memory for the next sample."""
 
-    def rate_error(self, state: PlantState, memory: Memory) -> Float[Array, "2"]:
+    def rate_error(self, state: PlantState, memory: Memory) -> Pair:
         """How far the rates are from the reference of the active law, rad/s; here NaN, for none."""
         return jnp.full(2, jnp.nan, state.omega.dtype)
 
@@ -84,6 +85,6 @@ class AbstractSampledController(eqx.Module):
         not; here, always."""
         return True
 
-    def mode(self, memory: Memory) -> Int[Array, ""]:
+    def mode(self, memory: Memory) -> IntScalar:
         """Which part of the controller is at work, a member of `modes`; here, the only one."""
         return jnp.array(OneMode.ONE_LAW)

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.normal_form import NormalForm, NormalState
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, Pair, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import angle_of, root
 from jaxsat.core.tolerances import wrap_angle
@@ -30,7 +30,7 @@ END_ITERATIONS = 3
 """The needed rotation depends on its own duration, weakly: the orbit frame turns meanwhile."""
 
 
-def mirrored(q: Float[Array, "4"], along_x: Bool[Array, ""]) -> Float[Array, "4"]:
+def mirrored(q: Float[Array, "4"], along_x: BoolScalar) -> Float[Array, "4"]:
     """Exchanges body axes x and y (and turns z round) unless the first slew is about x.
 
     So every formula below is written for the order 1-2-1 alone.
@@ -53,7 +53,7 @@ def three_slews(q: Float[Array, "4"]) -> Float[Array, "2 3"]:
     return wrap_angle(jnp.stack([first, second]))
 
 
-def two_slews(q: Float[Array, "4"]) -> Float[Array, "2"]:
+def two_slews(q: Float[Array, "4"]) -> Pair:
     """Angles (b, c) in [-π, π) whose q_y(b) q_x(c) is nearest to q: the exact least rotation left.
 
     The scalar product with q is a sum of one cosine of (b + c)/2 and one of (b - c)/2, and each
@@ -86,9 +86,9 @@ class Slewing(NamedTuple):
     last sample (rad/s).
     """
 
-    leg: Int[Array, ""]
+    leg: IntScalar
     to_go: RealScalar
-    along_x: Bool[Array, ""]
+    along_x: BoolScalar
     end: RealScalar
     last_rate: RealScalar
 
@@ -121,11 +121,11 @@ class SlewPlanner(eqx.Module):
         ):
             require_positive(name, getattr(self, name))
 
-    def about(self, axes: Float[Array, "2"]) -> "SlewPlanner":
+    def about(self, axes: Pair) -> "SlewPlanner":
         """The planner of slews in the frame of `NormalForm.turned`."""
         return dataclasses.replace(self, form=self.form.turned(axes))
 
-    def init(self, omega: Float[Array, "3"]) -> Slewing:
+    def init(self, omega: Vector) -> Slewing:
         """The memory of a planner that has planned nothing."""
         zero = jnp.zeros_like(omega[0])
         return Slewing(jnp.array(Leg.FIRST_SLEW), zero, jnp.array(True), zero, zero)
@@ -144,7 +144,7 @@ class SlewPlanner(eqx.Module):
         vector = q[0] * p - p0 * q[1:] - jnp.cross(q[1:], p)
         return jnp.concatenate([scalar[None], self._slew_axes() @ vector])
 
-    def _slew_axes(self) -> Float[Array, "3 3"]:
+    def _slew_axes(self) -> Matrix:
         """Rows: the axis of a slew about x, one across it nearest to that about y, their product.
 
         The axes of the slews are at right angles but for ε1 ε2.
@@ -203,7 +203,7 @@ class SlewPlanner(eqx.Module):
         following = self._next_leg(t, state, slewing)
         return choose(over, following, same_leg)
 
-    def reference(self, to_go: RealScalar, along_x: Bool[Array, ""]) -> tuple[Array, Array]:
+    def reference(self, to_go: RealScalar, along_x: BoolScalar) -> tuple[Array, Array]:
         """The leg's rate v (rad/s) for an angle to go, and dv/de (1/s)."""
         j1, j2, _ = self.form.moments
         deceleration = self.share * self.torque_limit / jnp.where(along_x, j1, j2)
@@ -214,13 +214,13 @@ class SlewPlanner(eqx.Module):
         rate = jnp.where(linear, self.approach * to_go, jnp.sign(to_go) * root)
         return rate, jnp.where(linear, self.approach, deceleration / root)
 
-    def references(self, slewing: Slewing) -> Float[Array, "2"]:
+    def references(self, slewing: Slewing) -> Pair:
         """The rates of both axes that the leg under way asks for, rad/s."""
         axis_x = self._axis_is_x(slewing)
         rate = jnp.where(slewing.leg == Leg.SLEWED, 0.0, self.reference(slewing.to_go, axis_x)[0])
         return jnp.where(jnp.stack([axis_x, ~axis_x]), rate, 0.0)
 
-    def torque(self, omega: Float[Array, "3"], slewing: Slewing) -> Float[Array, "2"]:
+    def torque(self, omega: Vector, slewing: Slewing) -> Pair:
         """The torque about x and y of the leg under way, not yet limited, N m.
 
         The profile's deceleration is fed forward only while the body follows it.
@@ -235,7 +235,7 @@ class SlewPlanner(eqx.Module):
         driven = jnp.stack([axis_x, ~axis_x])
         return self.form.torque(omega, jnp.where(driven, wanted, resting))
 
-    def _axis_is_x(self, slewing: Slewing) -> Bool[Array, ""]:
+    def _axis_is_x(self, slewing: Slewing) -> BoolScalar:
         return slewing.along_x ^ (slewing.leg == Leg.SECOND_SLEW)
 
     def _next_leg(self, t: RealScalar, state: NormalState, slewing: Slewing) -> Slewing:

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.errors import ArgumentError
 from jaxsat.spacecraft.allocation import allocate
@@ -40,16 +41,14 @@ class AbstractSteering(eqx.Module):
 
     @abc.abstractmethod
     def __call__(
-        self, t: Float[Array, ""], state: PlantState, command: Float[Array, "3"]
-    ) -> tuple[Float[Array, " k"], Float[Array, "3"]]:
+        self, t: RealScalar, state: PlantState, command: Vector
+    ) -> tuple[Float[Array, " k"], Vector]:
         """The command of each at time `t` (s), and what of a torque (N m) is left to others.
 
         `state` is what the law is told of the plant.
         """
 
-    def within_reach(
-        self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]
-    ) -> Float[Array, "3"]:
+    def within_reach(self, t: RealScalar, state: PlantState, torque: Vector) -> Vector:
         """The part of a torque (N m) that the kind would make if it had no limits."""
         del t, state
         return torque
@@ -125,12 +124,12 @@ class MagneticSteering(AbstractSteering):
     axes: Float[Array, "3 k"] = eqx.field(converter=as_float)
     shares: Float[Array, "k 3"] = eqx.field(converter=as_float)
     dipole_limit: Float[Array, " k"] = eqx.field(converter=as_float)
-    wanted: Float[Array, "3 3"] = eqx.field(converter=as_float)
-    unloading: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    wanted: Matrix = eqx.field(converter=as_float)
+    unloading: RealScalar = eqx.field(converter=as_float, default=0.0)
     wheel_axes: Float[Array, "3 wheels"] | None = eqx.field(
         converter=as_optional_float, default=None
     )
-    bias: Float[Array, "3"] = eqx.field(converter=as_float, default=(0.0, 0.0, 0.0))
+    bias: Vector = eqx.field(converter=as_float, default=(0.0, 0.0, 0.0))
 
     @classmethod
     def from_tables(
@@ -151,44 +150,40 @@ class MagneticSteering(AbstractSteering):
         require_positive("unloading", self.unloading, zero_allowed=True)
 
     def __call__(
-        self, t: Float[Array, ""], state: PlantState, command: Float[Array, "3"]
-    ) -> tuple[Float[Array, " k"], Float[Array, "3"]]:
+        self, t: RealScalar, state: PlantState, command: Vector
+    ) -> tuple[Float[Array, " k"], Vector]:
         """The dipole of each magnetorquer (A m²), and the command left to others (N m)."""
         field = self.field.in_body(t, state.attitude)
         dipoles, torque = self.within_limits(field, self.wanted_torque(state, command))
         return dipoles, command - torque
 
-    def within_limits(
-        self, field: Float[Array, "3"], torque: Float[Array, "3"]
-    ) -> tuple[Float[Array, " k"], Float[Array, "3"]]:
+    def within_limits(self, field: Vector, torque: Vector) -> tuple[Float[Array, " k"], Vector]:
         """The dipole of each (A m²) for a torque (N m) in a field (T, body axes), and what they
         make of it."""
         reach = self.reach(field)
         dipoles = allocate(reach, reach.columns @ self.unlimited(field, torque)).use
         return dipoles, reach.columns @ dipoles
 
-    def reach(self, field: Float[Array, "3"]) -> Reach:
+    def reach(self, field: Vector) -> Reach:
         """What the dipole of each (A m²) makes in a field (T, body axes), within its limit."""
         limit = jnp.where(jnp.any(self.shares != 0, axis=1), self.dipole_limit, 0.0)
         return Reach(jnp.cross(self.axes, field[:, None], axis=0), -limit, limit)
 
-    def within_reach(
-        self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]
-    ) -> Float[Array, "3"]:
+    def within_reach(self, t: RealScalar, state: PlantState, torque: Vector) -> Vector:
         """What dipoles make that have no limits (N m): none of it is along the field."""
         field = self.field.in_body(t, state.attitude)
         across = jnp.cross(self.axes, field[:, None], axis=0)
         return across @ self.unlimited(field, self.wanted_torque(state, torque))
 
-    def wanted_torque(self, state: PlantState, command: Float[Array, "3"]) -> Float[Array, "3"]:
+    def wanted_torque(self, state: PlantState, command: Vector) -> Vector:
         """The torque (N m) that dipoles are to make for a command of the law (N m)."""
         return self.wanted @ command - self.unloading * self.excess(state)
 
-    def unlimited(self, field: Float[Array, "3"], torque: Float[Array, "3"]) -> Float[Array, " k"]:
+    def unlimited(self, field: Vector, torque: Vector) -> Float[Array, " k"]:
         """The dipole of each (A m²) for a torque in a field (T, body axes) if it had no limit."""
         return self.shares @ (jnp.cross(field, torque) / jnp.sum(field**2))
 
-    def excess(self, state: PlantState) -> Float[Array, "3"]:
+    def excess(self, state: PlantState) -> Vector:
         """Momentum of the wheels beyond their bias, N m s, in body axes."""
         momentum = wheel_momentum(state)
         if self.wheel_axes is None or momentum is None:
@@ -222,8 +217,8 @@ class GimbalSteering(AbstractSteering):
         return cls(cast(ControlMomentGyros, effector.without_corners()), working)
 
     def __call__(
-        self, t: Float[Array, ""], state: PlantState, command: Float[Array, "3"]
-    ) -> tuple[Float[Array, " k"], Float[Array, "3"]]:
+        self, t: RealScalar, state: PlantState, command: Vector
+    ) -> tuple[Float[Array, " k"], Vector]:
         """The rate of each gimbal (rad/s), and the command left to others (N m)."""
         own = state.find(GyroStates)
         if own is None:
@@ -238,7 +233,7 @@ class GimbalSteering(AbstractSteering):
         return rates, torque - reach.columns @ rates
 
 
-def _robust(columns: Float[Array, "3 k"], torque: Float[Array, "3"]) -> Float[Array, " k"]:
+def _robust(columns: Float[Array, "3 k"], torque: Vector) -> Float[Array, " k"]:
     """Uses of unit columns that make a torque (N m), damped where the columns lack a direction."""
     square = columns @ columns.T
     determinant = jnp.dot(square[0], jnp.cross(square[1], square[2]))

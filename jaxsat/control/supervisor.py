@@ -6,7 +6,7 @@ from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsat.control.estimators import EstimatorMemory, ThirdAxis, ThirdAxisEstimator
 from jaxsat.control.fine import FineMemory, FineMode, FineStage
@@ -16,7 +16,7 @@ from jaxsat.control.normal_form import NormalForm, NormalState, clipped, tilt_of
 from jaxsat.control.oscillatory import Slow, turned
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.slews import Leg, Slewing, SlewPlanner
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, Pair, RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
@@ -45,17 +45,17 @@ class SettlingMemory(NamedTuple):
     x and y to the axes of the slews, None where these stay x and y.
     """
 
-    phase: Int[Array, ""]
+    phase: IntScalar
     signs: Signs
     slewing: Slewing
     fine: FineMemory
     since: RealScalar
     estimator: EstimatorMemory
-    reference: Float[Array, "2"]
-    samples: Int[Array, ""]
+    reference: Pair
+    samples: IntScalar
     push: RealScalar | None
-    lost: Bool[Array, ""]
-    slew_axes: Float[Array, "2"] | None
+    lost: BoolScalar
+    slew_axes: Pair | None
 
 
 class ThreeSlewSettling(AbstractSampledController):
@@ -137,7 +137,7 @@ class ThreeSlewSettling(AbstractSampledController):
 
     def step(
         self, t: RealScalar, state: PlantState, memory: SettlingMemory
-    ) -> tuple[Float[Array, "2"], SettlingMemory]:
+    ) -> tuple[Pair, SettlingMemory]:
         """Estimate, choose the phase, run the three parts and take the one whose turn it is."""
         return self.in_phase(state, memory, jnp.zeros_like(memory.phase))
 
@@ -145,9 +145,9 @@ class ThreeSlewSettling(AbstractSampledController):
         self,
         state: PlantState,
         memory: SettlingMemory,
-        prescribed: Int[Array, ""],
+        prescribed: IntScalar,
         aid: Aid | None = None,
-    ) -> tuple[Float[Array, "2"], SettlingMemory]:
+    ) -> tuple[Pair, SettlingMemory]:
         """As `step`, in a phase that is given; 0 where it is chosen."""
         t = self.clock(memory)
         seen = self.form.seen(state)
@@ -215,17 +215,17 @@ class ThreeSlewSettling(AbstractSampledController):
         )
         return self.form.command(clipped(torque, self.torque_limit)), following
 
-    def rate_error(self, state: PlantState, memory: SettlingMemory) -> Float[Array, "2"]:
+    def rate_error(self, state: PlantState, memory: SettlingMemory) -> Pair:
         """ω - ω_d of the phase, zero in the end game, rad/s."""
         holding = self.mode(memory) == Phase.HOLDING
         return jnp.where(holding, 0.0, self.form.seen(state).omega[:2] - memory.reference)
 
-    def mode(self, memory: SettlingMemory) -> Int[Array, ""]:
+    def mode(self, memory: SettlingMemory) -> IntScalar:
         """The `Phase` at work."""
         holding = (memory.phase == Phase.OSCILLATING) & memory.fine.late
         return jnp.where(holding, Phase.HOLDING, memory.phase)
 
-    def slew_axes(self, memory: SettlingMemory, third: ThirdAxis) -> Float[Array, "2"] | None:
+    def slew_axes(self, memory: SettlingMemory, third: ThirdAxis) -> Pair | None:
         """Those of slews under way, or of slews that would begin now.
 
         Once a fine stage has been lost these are believed to be the axes of the reduced inertia:
@@ -243,7 +243,7 @@ class ThreeSlewSettling(AbstractSampledController):
         state: NormalState,
         third: ThirdAxis,
         slewing: Slewing,
-    ) -> Int[Array, ""]:
+    ) -> IntScalar:
         phase, impatient = memory.phase, t - memory.since > self.patience
         still = jnp.max(jnp.abs(state.omega[:2])) < self.stopped_rate
         size = jnp.abs(third.rate)
@@ -263,17 +263,17 @@ class ThreeSlewSettling(AbstractSampledController):
         return jnp.where(phase == Phase.STOPPING, after_stopping, chosen)
 
 
-def _along_x(like: Float[Array, " n"]) -> Float[Array, "2"]:
+def _along_x(like: Float[Array, " n"]) -> Pair:
     """(cos, sin) of no angle, in the precision of `like`."""
     return jnp.stack([jnp.ones_like(like[0]), jnp.zeros_like(like[0])])
 
 
-def _along_xy(axes: Float[Array, "2"] | None, pair: Float[Array, "2"]) -> Float[Array, "2"]:
+def _along_xy(axes: Pair | None, pair: Pair) -> Pair:
     """Components along x and y of a pair along the axes of the slews."""
     return pair if axes is None else turned(axes, *pair)
 
 
-def _by_phase(phase: Int[Array, ""], stopping, slewing, fine):
+def _by_phase(phase: IntScalar, stopping, slewing, fine):
     return jnp.where(
         phase == Phase.STOPPING,
         stopping,

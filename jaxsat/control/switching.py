@@ -13,12 +13,12 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.control.controller import LawContext, Memory
 from jaxsat.control.rate import RateLaw
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.three_axis import ThreeAxisLaw
+from jaxsat.core.array_types import BoolScalar, IntScalar, Pair, RealScalar
 from jaxsat.core.checks import as_float, concrete, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.paper import SLOPE_LIMITS, SWITCHING
@@ -40,9 +40,9 @@ class SwitchingMode(enum.IntEnum):
 class SwitchingMemory(NamedTuple):
     """What `SwitchingLaw` remembers from one sample to the next."""
 
-    rate_law_active: Bool[Array, ""]
-    previous_reference: Float[Array, "2"]
-    has_previous: Bool[Array, ""]
+    rate_law_active: BoolScalar
+    previous_reference: Pair
+    has_previous: BoolScalar
     three_axis: Memory
 
 
@@ -61,11 +61,11 @@ class SwitchingLaw(AbstractSampledController):
 
     rate_law: RateLaw
     three_axis_law: ThreeAxisLaw
-    upper_threshold: Float[Array, ""] = eqx.field(converter=as_float)
-    lower_threshold: Float[Array, ""] = eqx.field(converter=as_float)
-    period: Float[Array, ""] = eqx.field(converter=as_float)
-    rate_slope_limit: Float[Array, "2"] = eqx.field(converter=as_float)
-    three_axis_slope_limit: Float[Array, "2"] = eqx.field(converter=as_float)
+    upper_threshold: RealScalar = eqx.field(converter=as_float)
+    lower_threshold: RealScalar = eqx.field(converter=as_float)
+    period: RealScalar = eqx.field(converter=as_float)
+    rate_slope_limit: Pair = eqx.field(converter=as_float)
+    three_axis_slope_limit: Pair = eqx.field(converter=as_float)
 
     def __check_init__(self):
         for name in (
@@ -109,8 +109,8 @@ class SwitchingLaw(AbstractSampledController):
         )
 
     def step(
-        self, t: Float[Array, ""], state: PlantState, memory: SwitchingMemory
-    ) -> tuple[Float[Array, "2"], SwitchingMemory]:
+        self, t: RealScalar, state: PlantState, memory: SwitchingMemory
+    ) -> tuple[Pair, SwitchingMemory]:
         """Choose the law, then its torque with the reference derivative by difference."""
         threshold = jnp.where(memory.rate_law_active, self.lower_threshold, self.upper_threshold)
         active = jnp.abs(state.omega[2]) > threshold
@@ -128,15 +128,15 @@ class SwitchingLaw(AbstractSampledController):
         internal = self.three_axis_law.advance(drive, memory.three_axis, self.period)
         return command, SwitchingMemory(active, reference, jnp.array(True), internal)
 
-    def rate_error(self, state: PlantState, memory: SwitchingMemory) -> Float[Array, "2"]:
+    def rate_error(self, state: PlantState, memory: SwitchingMemory) -> Pair:
         """η of the active law, rad/s."""
         return state.omega[:2] - self._reference(state, memory.rate_law_active)
 
-    def mode(self, memory: SwitchingMemory) -> Int[Array, ""]:
+    def mode(self, memory: SwitchingMemory) -> IntScalar:
         """The `SwitchingMode` at work; its numbers are those of `rate_law_active`."""
         return memory.rate_law_active.astype(int)
 
-    def _reference(self, state: PlantState, rate_law_active: Bool[Array, ""]) -> Float[Array, "2"]:
+    def _reference(self, state: PlantState, rate_law_active: BoolScalar) -> Pair:
         return jnp.where(
             rate_law_active,
             self.rate_law.reference_rate(state),

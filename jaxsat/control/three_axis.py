@@ -17,6 +17,7 @@ from jaxsat.control.controller import (
     LawContext,
     Memory,
 )
+from jaxsat.core.array_types import Pair, RealScalar
 from jaxsat.core.checks import all_positive, as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.paper import THREE_AXIS
@@ -29,8 +30,8 @@ from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 class OscillatorState(NamedTuple):
     """α and dα/dt of (42), one entry for each driven axis."""
 
-    position: Float[Array, "2"]
-    velocity: Float[Array, "2"]
+    position: Pair
+    velocity: Pair
 
 
 class Rotation(AbstractIntegratingFactor):
@@ -39,9 +40,9 @@ class Rotation(AbstractIntegratingFactor):
     `cosine` and `sine` are those of Ωt, `frequency` is Ω (rad/s).
     """
 
-    cosine: Float[Array, "2"]
-    sine: Float[Array, "2"]
-    frequency: Float[Array, "2"]
+    cosine: Pair
+    sine: Pair
+    frequency: Pair
 
     def into_frame(self, memory: OscillatorState) -> OscillatorState:
         """Ωα and dα/dt at time zero from which the oscillators by themselves come to a state."""
@@ -58,7 +59,7 @@ class Rotation(AbstractIntegratingFactor):
             framed.velocity * cosine - framed.position * sine,
         )
 
-    def rate_in_frame(self, rate_error: Float[Array, "2"]) -> OscillatorState:
+    def rate_in_frame(self, rate_error: Pair) -> OscillatorState:
         """The rate error, turned."""
         return OscillatorState(-rate_error * self.sine, rate_error * self.cosine)
 
@@ -70,7 +71,7 @@ class InternalModel(eqx.Module):
     shape (2,)), whatever its amplitude and phase.
     """
 
-    frequency: Float[Array, "2"] = eqx.field(converter=as_float)
+    frequency: Pair = eqx.field(converter=as_float)
 
     def __check_init__(self):
         require_positive("frequency", self.frequency)
@@ -79,12 +80,12 @@ class InternalModel(eqx.Module):
         """The state of oscillators at rest."""
         return OscillatorState(jnp.zeros_like(self.frequency), jnp.zeros_like(self.frequency))
 
-    def rate(self, state: OscillatorState, rate_error: Float[Array, "2"]) -> OscillatorState:
+    def rate(self, state: OscillatorState, rate_error: Pair) -> OscillatorState:
         """Time derivative of the oscillators."""
         return OscillatorState(state.velocity, rate_error - self.frequency**2 * state.position)
 
     def advance(
-        self, state: OscillatorState, rate_error: Float[Array, "2"], period: Float[Array, ""]
+        self, state: OscillatorState, rate_error: Pair, period: RealScalar
     ) -> OscillatorState:
         """The oscillators after `period` seconds with the rate error held: the exact solution."""
         angle = self.frequency * period
@@ -96,7 +97,7 @@ class InternalModel(eqx.Module):
             -offset * self.frequency * s + state.velocity * c,
         )
 
-    def integrating_factor(self, t: Float[Array, ""]) -> Rotation:
+    def integrating_factor(self, t: RealScalar) -> Rotation:
         """How far the oscillators have turned by themselves at time `t` (s)."""
         angle = self.frequency * t
         return Rotation(cos(angle), sin(angle), self.frequency)
@@ -116,14 +117,14 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
     declaration: ClassVar[LawDeclaration] = THREE_AXIS
 
     model: RigidBody
-    k3: Float[Array, ""] = eqx.field(converter=as_float)
-    mu: Float[Array, ""] = eqx.field(converter=as_float)
-    a: Float[Array, ""] = eqx.field(converter=as_float)
-    k4: Float[Array, ""] | Float[Array, "2"] = eqx.field(converter=as_float)
+    k3: RealScalar = eqx.field(converter=as_float)
+    mu: RealScalar = eqx.field(converter=as_float)
+    a: RealScalar = eqx.field(converter=as_float)
+    k4: RealScalar | Pair = eqx.field(converter=as_float)
     internal_model: InternalModel | None = None
-    attitude_weight: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
+    attitude_weight: RealScalar = eqx.field(converter=as_float, default=1.0)
     saturation_width: Width = eqx.field(converter=as_width, default=None)
-    tilt_width: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    tilt_width: RealScalar = eqx.field(converter=as_float, default=0.0)
     saturated: Bool[Array, "2"] | None = None
 
     def __check_init__(self):
@@ -168,7 +169,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         """The law whose sat saturates, or does not, as told."""
         return self if not signs.size else dataclasses.replace(self, saturated=signs)
 
-    def relative_reference_rate(self, state: PlantState) -> Float[Array, "2"]:
+    def relative_reference_rate(self, state: PlantState) -> Pair:
         """Equation (40) with the saturation of (41): (ω_r1d, ω_r2d), rad/s.
 
         ω_r1d = -k3 w1 / (1 + |w|²) + μ sat(q w2, a), ω_r2d = -k3 w2 / (1 + |w|²) - μ sat(q w1, a)
@@ -180,7 +181,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         pull = quotient(self.k3, 1 + square)
         return self.mu * bounded - pull * w
 
-    def _steering(self, state: PlantState) -> Float[Array, "2"]:
+    def _steering(self, state: PlantState) -> Pair:
         """q (w2, -w1), what sat bounds in (41)."""
         attitude = state.attitude.as_wz()
         w1, w2 = attitude.w
@@ -190,14 +191,12 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         q = quotient(turn, jnp.where(divisor > 0, divisor, 1.0))
         return q * jnp.stack([w2, -w1])
 
-    def reference_rate(self, state: PlantState) -> Float[Array, "2"]:
+    def reference_rate(self, state: PlantState) -> Pair:
         """Equation (41): the relative reference plus the orbit frame's own rate, by (11)."""
         frame_rate = self.model.orbit.frame_rate(state.attitude)
         return self.relative_reference_rate(state) + frame_rate[:2]
 
-    def feedback(
-        self, state: PlantState, rate_error: Float[Array, "2"], memory: Memory
-    ) -> Float[Array, "2"]:
+    def feedback(self, state: PlantState, rate_error: Pair, memory: Memory) -> Pair:
         """The right-hand side of (43): attitude terms, -k4 η and the internal model's -k4 dα/dt."""
         attitude = state.attitude.as_wz()
         (w1, w2), z = attitude.w, attitude.z
@@ -206,29 +205,23 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         damped = rate_error if self.internal_model is None else rate_error + memory.velocity
         return self.attitude_weight * attitude_terms - self.k4 * damped
 
-    def memory_rate(self, rate_error: Float[Array, "2"], memory: Memory) -> Memory:
+    def memory_rate(self, rate_error: Pair, memory: Memory) -> Memory:
         """The internal model of (42)."""
         return None if self.internal_model is None else self.internal_model.rate(memory, rate_error)
 
-    def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
+    def integrating_factor(self, t: RealScalar) -> AbstractIntegratingFactor | None:
         """The integrating factor of the internal model."""
         return None if self.internal_model is None else self.internal_model.integrating_factor(t)
 
-    def advance(
-        self, rate_error: Float[Array, "2"], memory: Memory, period: Float[Array, ""]
-    ) -> Memory:
+    def advance(self, rate_error: Pair, memory: Memory, period: RealScalar) -> Memory:
         """The memory after `period` seconds with the rate error held, for sampled use."""
         if self.internal_model is None:
             return None
         return self.internal_model.advance(memory, rate_error, period)
 
     def lyapunov(
-        self,
-        state: PlantState,
-        memory: Memory,
-        unmodelled: Float[Array, "2"],
-        unmodelled_rate: Float[Array, "2"],
-    ) -> Float[Array, ""]:
+        self, state: PlantState, memory: Memory, unmodelled: Pair, unmodelled_rate: Pair
+    ) -> RealScalar:
         """V of the proof of (42): V2 + Σ J_i η_i² / 2 + k4 Σ (dθ_i/dt² + Ω_i² θ_i²) / 2.
 
         θ is the internal model's error: k4 dθ/dt = k4 dα/dt - ξ for the unmodelled torque ξ, and

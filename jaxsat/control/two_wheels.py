@@ -13,8 +13,8 @@ is the area around which w goes, and a tilt that is gone before the turn cannot 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import Matrix, Pair, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.quotients import share_within
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
@@ -43,7 +43,7 @@ class TwoWheels(eqx.Module):
 
     model: RigidBody
 
-    def frame(self, normal: Float[Array, "3"]) -> Float[Array, "3 3"]:
+    def frame(self, normal: Vector) -> Matrix:
         """Rows e1, e2, e3 in body axes, where no wheel turns about the unit vector `normal`."""
         spacecraft = self.model.spacecraft
         along = spacecraft.inertia @ normal / spacecraft.momentum_unit
@@ -54,12 +54,8 @@ class TwoWheels(eqx.Module):
         return jnp.stack([first, jnp.cross(third, first), third])
 
     def torque(
-        self,
-        state: PlantState,
-        normal: Float[Array, "3"],
-        natural_frequency: Float[Array, ""],
-        max_rate: Float[Array, ""],
-    ) -> Float[Array, "3"]:
+        self, state: PlantState, normal: Vector, natural_frequency: RealScalar, max_rate: RealScalar
+    ) -> Vector:
         """The torque on the body (N m), but for gyroscopic ones.
 
         `natural_frequency` (rad/s) sets all gains, rates asked for are at most `max_rate` (rad/s).
@@ -80,7 +76,7 @@ class TwoWheels(eqx.Module):
         return inertia @ (frame[:2].T @ (change - pull))
 
 
-def reference(attitude: Quaternion) -> Float[Array, "2"]:
+def reference(attitude: Quaternion) -> Pair:
     """The rates about the first two axes to turn with, over the natural frequency."""
     wz = attitude.as_wz()
     w, turn = wz.w, jnp.abs(wz.z)

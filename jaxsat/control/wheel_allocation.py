@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.diagnosis.diagnosis import WEAK
 from jaxsat.control.diagnosis.residual import ActuatorCondition
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.reconfiguration import Left
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.quotients import length, root
 from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.effector import Reach
@@ -50,8 +50,8 @@ class Wheeled(NamedTuple):
     """
 
     usable: OfEach
-    left: Int[Array, ""]
-    normal: Float[Array, "3"]
+    left: IntScalar
+    normal: Vector
     shares: Float[Array, "m 3"]
 
     @property
@@ -60,7 +60,7 @@ class Wheeled(NamedTuple):
         return self.usable > 0
 
 
-def adjugate(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+def adjugate(matrix: Matrix) -> Matrix:
     """det(M) M⁻¹ of a symmetric matrix, also where there is no inverse."""
     a, b, c = matrix
     return jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)])
@@ -119,7 +119,7 @@ class WheelAllocation(eqx.Module):
         inverse = cofactors / (jnp.sum(filled[0] * cofactors[0]) + SMALLEST)
         return Wheeled(usable, left, normal, (weight[None] * axes).T @ inverse)
 
-    def shared(self, wheeled: Wheeled, torque: Float[Array, "3"]) -> OfEach:
+    def shared(self, wheeled: Wheeled, torque: Vector) -> OfEach:
         """What each wheel does to the body (N m) for a `torque` (N m), or its part in a plane."""
         reach = Reach(self.wheels.axes, -wheeled.usable, wheeled.usable)
         within_plane = self.wheels.axes @ (wheeled.shares @ torque)
@@ -138,13 +138,7 @@ class WheelAllocation(eqx.Module):
         idle = jnp.where(wheeled.left == Left.THREE_AXES, unloading * idle, 0.0)
         return nearest + idle * within(wheeled.usable, nearest, idle)
 
-    def unloadable(
-        self,
-        wheeled: Wheeled,
-        momentum: OfEach,
-        bias: Float[Array, "3"],
-        field: Float[Array, "3"],
-    ) -> Float[Array, "3"]:
+    def unloadable(self, wheeled: Wheeled, momentum: OfEach, bias: Vector, field: Vector) -> Vector:
         """What wheels in use hold of their momenta (N m s) beyond a `bias`, as far as they make all
         torques against one that takes it out across the Earth's `field` (T).
 
@@ -171,9 +165,7 @@ class WheelAllocation(eqx.Module):
         command = command / jnp.where(part > 0, part, 1.0)
         return jnp.clip(command, -full, full)
 
-    def largest_momentum(
-        self, wheeled: Wheeled, stored: Float[Array, "3"]
-    ) -> Float[Array, ""] | None:
+    def largest_momentum(self, wheeled: Wheeled, stored: Vector) -> RealScalar | None:
         """Momentum (N m s) that a slew about any axis may give the body; None for no limit.
 
         `stored` (N m s) is what wheels in use hold when the body is at rest.

@@ -15,10 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
 
-def symmetric_product(
-    inertia: Float[Array, "3 3"], x: Float[Array, "3"], y: Float[Array, "3"]
-) -> Float[Array, "3"]:
+
+def symmetric_product(inertia: Matrix, x: Vector, y: Vector) -> Vector:
     """⟨x:y⟩ = J⁻¹(x^×Jy + y^×Jx), the rate part of [[f, x], y] (eqs. (21), (28), (31)).
 
     x^× is the cross matrix of the paper, the negative of the usual one. Any unit of inertia; x and
@@ -28,21 +28,19 @@ def symmetric_product(
     return -jnp.linalg.solve(inertia, torque)
 
 
-def _length(vector: Float[Array, "3"]) -> Float[Array, ""]:
+def _length(vector: Vector) -> RealScalar:
     """Norm with derivative zero, not NaN, at the zero vector."""
     square = vector @ vector
     positive = square > 0
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
 
 
-def _ratio(vector: Float[Array, "3"], size: Float[Array, ""]) -> Float[Array, "3"]:
+def _ratio(vector: Vector, size: RealScalar) -> Vector:
     positive = size > 0
     return jnp.where(positive, vector / jnp.where(positive, size, 1.0), 0.0)
 
 
-def relative_product(
-    inverse: Float[Array, "3 3"], p: Float[Array, "3"], q: Float[Array, "3"]
-) -> Float[Array, "3"]:
+def relative_product(inverse: Matrix, p: Vector, q: Vector) -> Vector:
     """J⟨J⁻¹p : J⁻¹q⟩ / (|J⁻¹p||q| + |J⁻¹q||p|), of length at most 1 (p, q torques)."""
     x, y = inverse @ p, inverse @ q
     product = -(jnp.cross(x, q) + jnp.cross(y, p))
@@ -62,14 +60,12 @@ def generator_names(count: int, labels: tuple[str, ...] | None = None) -> tuple[
     )
 
 
-def _adjugate(inertia: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+def _adjugate(inertia: Matrix) -> Matrix:
     a, b, c = inertia
     return jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)])
 
 
-def generating_vectors(
-    inertia: Float[Array, "3 3"], torque_axes: Float[Array, "3 m"]
-) -> Float[Array, "3 k"]:
+def generating_vectors(inertia: Matrix, torque_axes: Float[Array, "3 m"]) -> Float[Array, "3 k"]:
     """The spanning list of J S, normalised; k = m + m(m+1)/2 + 2m columns of length at most 1.
 
     `inertia` in any unit, symmetric positive definite; `torque_axes` of any lengths, a zero column
@@ -113,7 +109,7 @@ def _rotate(
     return cosine * (a - tangent * b), cosine * (b + tangent * a)
 
 
-def singular_values(vectors: Float[Array, "3 k"]) -> Float[Array, "3"]:
+def singular_values(vectors: Float[Array, "3 k"]) -> Vector:
     """The three singular values, largest first, by six sweeps of one-sided Jacobi.
 
     Without LAPACK: a map over 10⁵ layouts is one loop, and a small value keeps its absolute
@@ -138,9 +134,7 @@ def singular_values(vectors: Float[Array, "3 k"]) -> Float[Array, "3"]:
     return jnp.stack([largest, middle, smallest])
 
 
-def controllability_margin(
-    inertia: Float[Array, "3 3"], torque_axes: Float[Array, "3 m"]
-) -> Float[Array, ""]:
+def controllability_margin(inertia: Matrix, torque_axes: Float[Array, "3 m"]) -> RealScalar:
     """Smallest singular value of the generating vectors: 0 on the uncontrollable set.
 
     Pure JAX, for maps; `analyse` gives the same number with the exact decision beside it. Parallel

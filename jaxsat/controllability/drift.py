@@ -18,10 +18,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.controllability.lie import DriftField, VectorField, pack
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.spacecraft.environment.disturbances import PeriodicTorque
 
 
-def divergence(field: VectorField, state: Float[Array, " n"]) -> Float[Array, ""]:
+def divergence(field: VectorField, state: Float[Array, " n"]) -> RealScalar:
     """Divergence (1/s) of a field on SO(3) × R³ for the invariant volume, as in (16).
 
     The trace of the derivative of the tangent coordinates along body rotations and rates; body
@@ -138,11 +139,7 @@ def recurrence(
 
 
 def energy_history(
-    inertia: Float[Array, "3 3"],
-    omega: Float[Array, "3"],
-    torque: PeriodicTorque,
-    step: float | int | Array,
-    count: int,
+    inertia: Matrix, omega: Vector, torque: PeriodicTorque, step: float | int | Array, count: int
 ) -> Float[Array, " n"]:
     """Rotational energy ½ωᵀJω (J) after 0, 1, … steps (s) of the disturbed free body."""
     start = pack(jnp.eye(3), omega, 0.0)
@@ -152,10 +149,7 @@ def energy_history(
 
 
 def energy_bound(
-    inertia: Float[Array, "3 3"],
-    energy: float | int | Array,
-    amplitude: Float[Array, "3"],
-    times: Float[Array, " n"],
+    inertia: Matrix, energy: float | int | Array, amplitude: Vector, times: Float[Array, " n"]
 ) -> Float[Array, " n"]:
     """The bound (J) that does follow: d/dt ½ωᵀJω = ω·T_d.
 
@@ -184,9 +178,9 @@ class EnergyCounterexample:
 
 
 def energy_counterexample(
-    inertia: Float[Array, "3 3"],
-    amplitude: Float[Array, "3"],
-    frequency: Float[Array, "3"],
+    inertia: Matrix,
+    amplitude: Vector,
+    frequency: Vector,
     *,
     spin: float | None = None,
     count: int = 2000,

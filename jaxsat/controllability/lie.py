@@ -24,6 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.attitude import skew
 from jaxsat.core.once import latest
 
@@ -31,9 +32,7 @@ State = Float[Array, " n"]
 VectorField = Callable[[State], State]
 
 
-def pack(
-    attitude: Float[Array, "3 3"], omega: Float[Array, "3"], time: float | int | Array | None = None
-) -> State:
+def pack(attitude: Matrix, omega: Vector, time: float | int | Array | None = None) -> State:
     """Flat state of 12 entries, or 13 with the time (s) as a state; rates in rad/s."""
     parts = [attitude.reshape(9), omega]
     if time is not None:
@@ -57,17 +56,17 @@ class DriftField(eqx.Module):
     ω_e = (0, −ω0, 0), or with R ≈ I as the paper has it.
     """
 
-    inertia: Float[Array, "3 3"]
-    inverse: Float[Array, "3 3"]
-    disturbance: Float[Array, "3"] | Callable
-    orbit_rate: Float[Array, ""]
+    inertia: Matrix
+    inverse: Matrix
+    disturbance: Vector | Callable
+    orbit_rate: RealScalar
     orbit: Literal["exact", "small angle"] = eqx.field(static=True)
 
     def __init__(
         self,
-        inertia: Float[Array, "3 3"],
+        inertia: Matrix,
         *,
-        disturbance: Float[Array, "3"] | Callable | None = None,
+        disturbance: Vector | Callable | None = None,
         orbit_rate: float | int | Array = 0.0,
         orbit: Literal["exact", "small angle"] = "exact",
     ):
@@ -101,7 +100,7 @@ class DriftField(eqx.Module):
 class ControlField(eqx.Module):
     """The control field [0; J⁻¹g] of a torque axis g (the J⁻¹ that (14)-(15) leave out)."""
 
-    acceleration: Float[Array, "3"]
+    acceleration: Vector
 
     def __call__(self, state: State) -> State:
         """Velocity of the flat state (constant)."""
@@ -127,9 +126,7 @@ def lie_bracket(first: VectorField, second: VectorField) -> LieBracket:
     return LieBracket(first, second)
 
 
-def control_fields(
-    inertia: Float[Array, "3 3"], torque_axes: Float[Array, "3 m"]
-) -> tuple[ControlField, ...]:
+def control_fields(inertia: Matrix, torque_axes: Float[Array, "3 m"]) -> tuple[ControlField, ...]:
     """One control field a torque axis."""
     accelerations = jnp.linalg.solve(inertia, torque_axes)
     return tuple(ControlField(accelerations[:, i]) for i in range(torque_axes.shape[1]))

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float, PyTree
 from jaxsat.compiler.llvm.mapped import compiled_over_cases
 from jaxsat.controllability.closure import controllability_margin
 from jaxsat.controllability.cone import separatrix_normals
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.once import latest
 
 
@@ -44,7 +45,7 @@ def margins_over_inertias(
     return _over_cases(_of_moments, jnp.asarray(moments), jnp.asarray(torque_axes))
 
 
-def _of_moments(moments: Float[Array, "3"], torque_axes: Float[Array, "3 m"]) -> Float[Array, ""]:
+def _of_moments(moments: Vector, torque_axes: Float[Array, "3 m"]) -> RealScalar:
     return controllability_margin(jnp.diag(moments), torque_axes)
 
 
@@ -61,9 +62,7 @@ def _kernel(function: Callable, structure: Any, kinds: tuple[tuple, ...]) -> Cal
     return compiled_over_cases(function, case, shared)
 
 
-def direction(
-    azimuth: Float[Array, ""] | float, elevation: Float[Array, ""] | float
-) -> Float[Array, "3"]:
+def direction(azimuth: RealScalar | float, elevation: RealScalar | float) -> Vector:
     """Unit vector at azimuth (from body x towards y) and elevation (towards z), rad."""
     return jnp.stack(
         [
@@ -82,7 +81,7 @@ def angle_grid(
 
 
 def margins_over_angles(
-    inertia: Float[np.ndarray, "3 3"] | Float[Array, "3 3"],
+    inertia: Float[np.ndarray, "3 3"] | Matrix,
     azimuths: Float[np.ndarray, " a"] | Float[Array, " a"],
     elevations: Float[np.ndarray, " e"] | Float[Array, " e"],
     other_axes: Float[np.ndarray, "3 k"] | Float[Array, "3 k"] | None = None,
@@ -99,9 +98,8 @@ def margins_over_angles(
 
 
 def _of_angles(
-    angles: tuple[Float[Array, ""], Float[Array, ""]],
-    fixed: tuple[Float[Array, "3 3"], Float[Array, "3 k"] | None],
-) -> Float[Array, ""]:
+    angles: tuple[RealScalar, RealScalar], fixed: tuple[Matrix, Float[Array, "3 k"] | None]
+) -> RealScalar:
     elevation, azimuth = angles
     inertia, others = fixed
     axes = direction(azimuth, elevation)[:, None]

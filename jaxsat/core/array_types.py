@@ -1,5 +1,16 @@
 """Names of array types that many modules use."""
 
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 RealScalar = Float[Array, ""]
+IntScalar = Int[Array, ""]
+BoolScalar = Bool[Array, ""]
+
+Pair = Float[Array, "2"]
+"""Two components, about the first two body axes unless told."""
+
+Vector = Float[Array, "3"]
+"""Three components, in body axes unless told."""
+
+Matrix = Float[Array, "3 3"]
+"""Rows and columns are those of the same axes."""

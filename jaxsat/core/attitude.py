@@ -17,11 +17,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import Matrix, Pair, RealScalar, Vector
 from jaxsat.core.checks import as_float, numpy_if_known
 from jaxsat.core.quotients import reciprocal
 
 
-def skew(v: Float[Array, "3"]) -> Float[Array, "3 3"]:
+def skew(v: Vector) -> Matrix:
     """The usual cross-product matrix: skew(v) x = v × x (the paper's v^× is its negative)."""
     zero = jnp.zeros_like(v[0])
     return jnp.stack(
@@ -37,7 +38,7 @@ class AbstractAttitude(eqx.Module):
     """An attitude of the body frame relative to the orbit frame."""
 
     @abc.abstractmethod
-    def rate(self, relative_rate: Float[Array, "3"]) -> "AbstractAttitude":
+    def rate(self, relative_rate: Vector) -> "AbstractAttitude":
         """Time derivative of the parameters, for an angular velocity ω_r in body axes, rad/s."""
 
     @abc.abstractmethod
@@ -60,10 +61,10 @@ class AbstractAttitude(eqx.Module):
 class WZ(AbstractAttitude):
     """Tsiotras-Longuski parameters: tilt `w` (shape (2,)) and turn `z` (rad, not wrapped)."""
 
-    w: Float[Array, "2"] = eqx.field(converter=as_float)
-    z: Float[Array, ""] = eqx.field(converter=as_float)
+    w: Pair = eqx.field(converter=as_float)
+    z: RealScalar = eqx.field(converter=as_float)
 
-    def rate(self, relative_rate: Float[Array, "3"]) -> "WZ":
+    def rate(self, relative_rate: Vector) -> "WZ":
         """Equation (36)."""
         w1, w2 = self.w
         r1, r2, r3 = relative_rate
@@ -115,7 +116,7 @@ class Quaternion(AbstractAttitude):
 
     q: Float[Array, "4"] = eqx.field(converter=as_float)
 
-    def rate(self, relative_rate: Float[Array, "3"]) -> "Quaternion":
+    def rate(self, relative_rate: Vector) -> "Quaternion":
         """Half the quaternion product q ⊗ (0, ω_r)."""
         q0, q1, q2, q3 = self.q
         r1, r2, r3 = relative_rate
@@ -129,7 +130,7 @@ class Quaternion(AbstractAttitude):
         )
         return Quaternion(rate / 2)
 
-    def turned(self, rotation: Float[Array, "3"]) -> "Quaternion":
+    def turned(self, rotation: Vector) -> "Quaternion":
         """The attitude after a small rotation of the body (rad, body axes).
 
         The angle turned is 2 arctan(|rotation| / 2), |rotation| to third order.
@@ -170,9 +171,9 @@ class Quaternion(AbstractAttitude):
 class DCM(AbstractAttitude):
     """Direction cosine matrix C (shape (3, 3)), orbit frame to body frame."""
 
-    matrix: Float[Array, "3 3"] = eqx.field(converter=as_float)
+    matrix: Matrix = eqx.field(converter=as_float)
 
-    def rate(self, relative_rate: Float[Array, "3"]) -> "DCM":
+    def rate(self, relative_rate: Vector) -> "DCM":
         """Equation (10): dC/dt = -skew(ω_r) C."""
         return DCM(-skew(relative_rate) @ self.matrix)
 

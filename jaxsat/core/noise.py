@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Int, UInt, UInt32
+from jaxtyping import Array, ArrayLike, Float, UInt, UInt32
 from numpy.typing import DTypeLike
 
+from jaxsat.core.array_types import IntScalar
 from jaxsat.core.checks import as_array
 
 Key = UInt32[Array, "2"]
@@ -78,7 +79,7 @@ def standard_normal(key: Key, count: int, dtype: DTypeLike = float) -> Float[Arr
 
 
 def sample_noise(
-    key: Key, sample: Int[Array, ""], count: int, dtype: DTypeLike = float
+    key: Key, sample: IntScalar, count: int, dtype: DTypeLike = float
 ) -> Float[Array, " count"]:
     """The standard normal noise of one sample: a function of the key and the sample's number."""
     return standard_normal(fold_in(key, sample), count, dtype)

@@ -13,6 +13,8 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import RealScalar
+
 
 @jax.custom_jvp
 def reciprocal(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -48,7 +50,7 @@ def _quotient_jvp(primals, tangents):
     return value, inverse * change
 
 
-def share_within(most: Float[Array, ""], size: Float[Array, ""]) -> Float[Array, ""]:
+def share_within(most: RealScalar, size: RealScalar) -> RealScalar:
     """min(1, most / size): the part of a size that is within a bound, which may be infinite.
 
     Infinity over a size that counts has NaN for a derivative, so that it is not divided.
@@ -70,7 +72,7 @@ def _root_jvp(primals, tangents):
     return value, jnp.where(positive, tangents[0] * (0.5 / jnp.where(positive, value, 1.0)), 0.0)
 
 
-def length(vector: Float[Array, " n"]) -> Float[Array, ""]:
+def length(vector: Float[Array, " n"]) -> RealScalar:
     """|v|."""
     return root(jnp.sum(vector**2))
 

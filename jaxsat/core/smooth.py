@@ -10,10 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from jaxsat.core.array_types import BoolScalar, RealScalar
 from jaxsat.core.checks import as_float, concrete
 from jaxsat.core.quotients import reciprocal
 
-Width = Float[Array, ""] | None
+Width = RealScalar | None
 """How far a corner is rounded; None where it is left as printed."""
 
 AT_CORNER = 1e-20
@@ -30,7 +31,7 @@ def as_width(value: ArrayLike | None) -> Width:
 
 def sat(
     x: Float[Array, "*n"],
-    bound: Float[Array, ""],
+    bound: RealScalar,
     width: Width = None,
     beyond: Bool[Array, "*n"] | None = None,
 ) -> Float[Array, "*n"]:
@@ -51,9 +52,7 @@ def sat(
     return jnp.sign(x) * (jnp.minimum(size, straight) + rounded)
 
 
-def root_abs(
-    x: Float[Array, ""], width: Width = None, positive: Bool[Array, ""] | None = None
-) -> Float[Array, ""]:
+def root_abs(x: RealScalar, width: Width = None, positive: BoolScalar | None = None) -> RealScalar:
     """√|x| of (38), or (x² + width²)^¼ with a `width` in the unit of x.
 
     With `positive` the printed function is √x, or √(-x) where it is false, and zero beyond the
@@ -70,8 +69,8 @@ def root_abs(
 
 
 def signed_root(
-    x: Float[Array, ""], width: Width = None, positive: Bool[Array, ""] | None = None
-) -> Float[Array, ""]:
+    x: RealScalar, width: Width = None, positive: BoolScalar | None = None
+) -> RealScalar:
     """sgn(x) √|x| of (38), or x / (x² + width²)^¼ with a `width`; `positive` as in `root_abs`."""
     if width is None:
         sign = jnp.sign(x) if positive is None else jnp.where(positive, 1.0, -1.0)

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, as_optional_float
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.ranges import SETTLED_RATE, SETTLED_TURN, SETTLED_W
@@ -22,10 +23,10 @@ class Tolerances(eqx.Module):
     stay so to the end, for at least `dwell` seconds; None is a tenth of the horizon.
     """
 
-    w: Float[Array, ""] = eqx.field(converter=as_float, default=SETTLED_W)
-    z: Float[Array, ""] = eqx.field(converter=as_float, default=SETTLED_TURN)
-    relative_rate: Float[Array, ""] = eqx.field(converter=as_float, default=SETTLED_RATE)
-    dwell: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
+    w: RealScalar = eqx.field(converter=as_float, default=SETTLED_W)
+    z: RealScalar = eqx.field(converter=as_float, default=SETTLED_TURN)
+    relative_rate: RealScalar = eqx.field(converter=as_float, default=SETTLED_RATE)
+    dwell: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
 
     @staticmethod
     def of_keys(
@@ -38,7 +39,7 @@ class Tolerances(eqx.Module):
         w = SETTLED_W if tilt_rad is None else math.tan(tilt_rad / 2)
         return Tolerances(w, turn_rad, rate_rad_s, dwell_s)
 
-    def of_rate(self, orbit_rate: float | Float[Array, ""]) -> "Tolerances":
+    def of_rate(self, orbit_rate: float | RealScalar) -> "Tolerances":
         """The tolerances of a law without an attitude to go to: of the rate alone.
 
         At rest the rate is the orbit's.
@@ -101,16 +102,16 @@ class SettlingTracker(NamedTuple):
     `time` (s) and `excess` are those of the last observation.
     """
 
-    start: Float[Array, ""]
-    time: Float[Array, ""]
+    start: RealScalar
+    time: RealScalar
     excess: Float[Array, " n"]
 
     @staticmethod
-    def initial(time: Float[Array, ""], conditions: int) -> "SettlingTracker":
+    def initial(time: RealScalar, conditions: int) -> "SettlingTracker":
         """Before the first observation, which will be at `time` (s)."""
         return SettlingTracker(time + jnp.inf, time, jnp.full(conditions, -1.0, time.dtype))
 
-    def observe(self, time: Float[Array, ""], excess: Float[Array, " n"]) -> "SettlingTracker":
+    def observe(self, time: RealScalar, excess: Float[Array, " n"]) -> "SettlingTracker":
         """With one more observation at `time` (s); an excess is linear between two of them."""
         enters = (self.excess >= 0) & (excess < 0)
         fall = jnp.where(enters, self.excess - excess, 1.0)
@@ -118,18 +119,15 @@ class SettlingTracker(NamedTuple):
         return self.observe_after_entry(self.time + part * (time - self.time), time, excess)
 
     def observe_after_entry(
-        self, entry: Float[Array, ""], time: Float[Array, ""], excess: Float[Array, " n"]
+        self, entry: RealScalar, time: RealScalar, excess: Float[Array, " n"]
     ) -> "SettlingTracker":
         """The same, where the conditions began to hold, if they did, at `entry` (s)."""
         start = jnp.where(jnp.isinf(self.start), entry, self.start)
         return SettlingTracker(jnp.where(jnp.all(excess < 0), start, jnp.inf), time, excess)
 
     def settling_time(
-        self,
-        end: Float[Array, ""],
-        begin: float | Float[Array, ""] = 0.0,
-        dwell: Float[Array, ""] | None = None,
-    ) -> Float[Array, ""]:
+        self, end: RealScalar, begin: float | RealScalar = 0.0, dwell: RealScalar | None = None
+    ) -> RealScalar:
         """The start, if it lies `dwell` seconds before the `end` or more, else infinity, s.
 
         What has only just become small has not been shown to stay so: None is a tenth of the

@@ -12,12 +12,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Float, Int, PyTree
 
+from jaxsat.core.array_types import BoolScalar
 from jaxsat.core.once import once
 
 
-def choose(when: Bool[Array, ""], one, other):
+def choose(when: BoolScalar, one, other):
     """Of two trees alike, `one` where `when` holds, else the `other`."""
     return jax.tree.map(lambda x, y: jnp.where(when, x, y), one, other)
 

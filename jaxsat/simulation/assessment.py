@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.tolerances import Tolerances, excess
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
@@ -25,19 +26,19 @@ class Assessment(eqx.Module):
     replayed tells `settled_from` alone, the others are None.
     """
 
-    settled_from: Float[Array, ""]
-    at_rest_from: Float[Array, ""] | None = None
-    effort: Float[Array, "3"] | None = None
-    constraint_effort: Float[Array, ""] | None = None
+    settled_from: RealScalar
+    at_rest_from: RealScalar | None = None
+    effort: Vector | None = None
+    constraint_effort: RealScalar | None = None
 
 
 class Observation(NamedTuple):
     """What of the signals settling is judged by; see `Signals`."""
 
-    w: Float[Array, "2"]
-    z: Float[Array, ""]
-    relative_rate: Float[Array, "3"]
-    omega: Float[Array, "3"]
+    w: Pair
+    z: RealScalar
+    relative_rate: Vector
+    omega: Vector
 
     @staticmethod
     def of(plant: RigidBody, state: PlantState) -> "Observation":
@@ -45,7 +46,7 @@ class Observation(NamedTuple):
         wz = state.attitude.as_wz()
         return Observation(wz.w, wz.z, plant.relative_rate(state), state.omega)
 
-    def excess(self, tolerances: Tolerances) -> Float[Array, "3"]:
+    def excess(self, tolerances: Tolerances) -> Vector:
         """How far outside the tolerances, see `jaxsat.core.tolerances.excess`."""
         return excess(self.w, self.z, self.relative_rate, tolerances)
 
@@ -80,7 +81,7 @@ class IntegrationError(eqx.Module):
     def after(
         self,
         body: RigidBody,
-        length: Float[Array, ""],
+        length: RealScalar,
         whole: PlantState,
         halved: PlantState,
         weight: float = 1.0,
@@ -100,10 +101,10 @@ class IntegrationError(eqx.Module):
         previous = self.later(length)
         return IntegrationError(previous.rate + weight * rate, previous.attitude + weight * turn)
 
-    def later(self, length: Float[Array, ""]) -> "IntegrationError":
+    def later(self, length: RealScalar) -> "IntegrationError":
         """The sums after so many seconds that add no error of their own."""
         return IntegrationError(self.rate, self.attitude + self.rate * stop_gradient(length))
 
 
-def _norm(vector: Float[Array, " n"]) -> Float[Array, ""]:
+def _norm(vector: Float[Array, " n"]) -> RealScalar:
     return jnp.sqrt(jnp.sum(vector**2))

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.units import in_units, out_of_units
@@ -34,7 +35,7 @@ class MonitorSample(NamedTuple):
     rate: Float[Array, "*m"]
 
 
-Monitor = Callable[[Float[Array, ""], PyTree], MonitorSample]
+Monitor = Callable[[RealScalar, PyTree], MonitorSample]
 """Takes a time (s) and the state that is integrated."""
 
 
@@ -44,11 +45,11 @@ class EntryBracket(NamedTuple):
     `low` is infinite before the first one.
     """
 
-    begin: Float[Array, ""]
-    end: Float[Array, ""]
+    begin: RealScalar
+    end: RealScalar
     dense: PyTree
-    low: Float[Array, ""]
-    high: Float[Array, ""]
+    low: RealScalar
+    high: RealScalar
 
 
 class MonitorRecord(NamedTuple):

@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Float, PyTree
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody
 from jaxsat.spacecraft.held_effector import Hold
@@ -43,10 +43,10 @@ class _Bracket(NamedTuple):
     at_low: RealScalar
     at_high: RealScalar
     side: RealScalar
-    tries: Int[Array, ""]
+    tries: IntScalar
     correction: RealScalar
-    open: Bool[Array, ""]
-    closed: Bool[Array, ""]
+    open: BoolScalar
+    closed: BoolScalar
 
     def following(self, x: RealScalar, margin: RealScalar, correction: RealScalar, tolerance):
         """The bracket after a try at x, `closed` once it is no wider than twice the tolerance."""
@@ -95,7 +95,7 @@ class _Judgement(NamedTuple):
     margins: OfEach
     flat: Float[Array, " m"]
     speeds: Float[Array, " m"]
-    acceleration: Float[Array, "3"]
+    acceleration: Vector
 
 
 def through_located_parts(
@@ -179,7 +179,7 @@ def _correction(margins: Float[Array, " m"], speeds: Float[Array, " m"]) -> Real
 def through_hold(
     body: RigidBody,
     commands: OfEach,
-    t: Float[Array, ""],
+    t: RealScalar,
     hold: Hold,
     plant: PlantState,
     integrate: Integrate,
@@ -218,7 +218,7 @@ def through_hold(
 def _between_failures(
     body: RigidBody,
     commands: OfEach,
-    t: Float[Array, ""],
+    t: RealScalar,
     hold: Hold,
     plant: PlantState,
     integrate: Integrate,

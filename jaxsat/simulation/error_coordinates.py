@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.controller import AbstractBacksteppingLaw, AbstractIntegratingFactor, Memory
+from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import concrete
 from jaxsat.core.quotients import reciprocal
@@ -26,8 +27,8 @@ class ErrorState(NamedTuple):
     """Attitude, third rate (rad/s), rate error η (rad/s) and memory."""
 
     attitude: AbstractAttitude
-    omega3: Float[Array, ""]
-    rate_error: Float[Array, "2"]
+    omega3: RealScalar
+    rate_error: Pair
     memory: Memory
 
 
@@ -72,11 +73,11 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         """Two: the torques about body x and y."""
         return 2
 
-    def plant_state(self, t: Float[Array, ""], state: ErrorState) -> PlantState:
+    def plant_state(self, t: RealScalar, state: ErrorState) -> PlantState:
         """The state of the plant, the rate errors turned back into rates."""
         return self._with_rates(state, self._reference(state.attitude, state.omega3))
 
-    def motion(self, t: Float[Array, ""], state: ErrorState) -> Motion:
+    def motion(self, t: RealScalar, state: ErrorState) -> Motion:
         """Equations (36) and (43), with (37) for ω3, and the torque by (39) or (42)."""
         held = self.plant.third_rate_held
         variables = (state.attitude,) if held else (state.attitude, state.omega3)
@@ -109,14 +110,14 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         torque = jnp.concatenate([command, jnp.zeros_like(command[:1])])
         return Motion(rate, plant_state, relative_rate, state.rate_error, torque)
 
-    def signals(self, t: Float[Array, ""], state: ErrorState) -> Signals:
+    def signals(self, t: RealScalar, state: ErrorState) -> Signals:
         """Everything worth saving at one instant, the torque by (39) or (42)."""
         motion = self.motion(t, state)
         return continuous_signals(
             self.plant, self.law, t, motion.plant, state.memory, motion.torque
         )
 
-    def event_functions(self, t: Float[Array, ""], state: ErrorState) -> Float[Array, " m"]:
+    def event_functions(self, t: RealScalar, state: ErrorState) -> Float[Array, " m"]:
         """The event functions of the law."""
         return self.law.event_functions(self._probe(state.attitude, state.omega3))
 
@@ -124,20 +125,20 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         """The loop with the law held in the smooth piece with these signs."""
         return dataclasses.replace(self, law=self.law.smooth_piece(signs))
 
-    def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
+    def integrating_factor(self, t: RealScalar) -> AbstractIntegratingFactor | None:
         """The integrating factor of the law."""
         return self.law.integrating_factor(t)
 
-    def _probe(self, attitude: AbstractAttitude, omega3: Float[Array, ""]) -> PlantState:
+    def _probe(self, attitude: AbstractAttitude, omega3: RealScalar) -> PlantState:
         zero = jnp.zeros_like(omega3)
         return PlantState(attitude, jnp.stack([zero, zero, omega3]))
 
-    def _reference(self, attitude: AbstractAttitude, omega3: Float[Array, ""]) -> Float[Array, "2"]:
+    def _reference(self, attitude: AbstractAttitude, omega3: RealScalar) -> Pair:
         return self.law.reference_rate(self._probe(attitude, omega3))
 
-    def _with_rates(self, state: ErrorState, reference: Float[Array, "2"]) -> PlantState:
+    def _with_rates(self, state: ErrorState, reference: Pair) -> PlantState:
         omega1, omega2 = reference + state.rate_error
         return PlantState(state.attitude, jnp.stack([omega1, omega2, state.omega3]))
 
-    def _unmodelled(self, t: Float[Array, ""], state: PlantState) -> Float[Array, "3"]:
+    def _unmodelled(self, t: RealScalar, state: PlantState) -> Vector:
         return self.plant.disturbance_torque(t, state) - self.law.model.disturbance_torque(t, state)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.declaration.actuators import SIGNALS
 from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.trajectory import Signals, TorqueRange
@@ -27,7 +28,7 @@ class HeldTorque(NamedTuple):
     length: Float[Array | np.ndarray, ""]
 
     @staticmethod
-    def none(torque: Float[Array, "3"]) -> "HeldTorque":
+    def none(torque: Vector) -> "HeldTorque":
         """The record before the first hold."""
         zero = jnp.zeros_like(torque)
         return HeldTorque(zero + jnp.inf, zero - jnp.inf, zero, zero[0])
@@ -38,9 +39,7 @@ class HeldTorque(NamedTuple):
         least, largest, mean = (x[:-1] for x in (ranges.least, ranges.largest, ranges.mean))
         return HeldTorque(least, largest, mean, np.ones_like(mean[:, 0]))
 
-    def with_hold(
-        self, length: Float[Array, ""], first: Float[Array, "3"], last: Float[Array, "3"]
-    ) -> "HeldTorque":
+    def with_hold(self, length: RealScalar, first: Vector, last: Vector) -> "HeldTorque":
         """The record with a hold of `length` s in which the torque went from `first` to `last`.
 
         A hold without a length changes nothing.
@@ -75,17 +74,17 @@ class Unmade(NamedTuple):
     of what was not made and of the torque (N² m²).
     """
 
-    samples: Float[Array, ""]
-    lacking: Float[Array, ""]
-    square: Float[Array, ""]
-    torque_square: Float[Array, ""]
+    samples: RealScalar
+    lacking: RealScalar
+    square: RealScalar
+    torque_square: RealScalar
 
     @staticmethod
     def none(like: Float[Array, "..."]) -> "Unmade":
         """The record before the first sample, in the precision of the array `like`."""
         return Unmade(*[jnp.zeros((), like.dtype)] * 4)
 
-    def with_sample(self, torque: Float[Array, "3"], unmade: Float[Array, "3"]) -> "Unmade":
+    def with_sample(self, torque: Vector, unmade: Vector) -> "Unmade":
         """The record with one more sample, of which nothing is differentiated."""
         torque, unmade = stop_gradient((torque, unmade))
         square = jnp.sum(unmade**2)

@@ -21,6 +21,7 @@ from jaxsat.control.controller import (
     AbstractIntegratingFactor,
     Memory,
 )
+from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.spacecraft.distribution import AbstractDistribution, Direct
 from jaxsat.spacecraft.dynamics import OfEach, PlantState, RigidBody, Struck
@@ -48,9 +49,9 @@ class Motion(NamedTuple):
 
     rate: PyTree
     plant: PlantState
-    relative_rate: Float[Array, "3"]
-    rate_error: Float[Array, "2"]
-    torque: Float[Array, "3"]
+    relative_rate: Vector
+    rate_error: Pair
+    torque: Vector
 
 
 class AbstractContinuousLoop(AbstractLoop):
@@ -65,19 +66,19 @@ class AbstractContinuousLoop(AbstractLoop):
         """How many components of the torque, from the first on, may differ from zero."""
 
     @abc.abstractmethod
-    def plant_state(self, t: Float[Array, ""], state: PyTree) -> PlantState:
+    def plant_state(self, t: RealScalar, state: PyTree) -> PlantState:
         """The plant in a state of the loop at time `t` (s)."""
 
     @abc.abstractmethod
-    def motion(self, t: Float[Array, ""], state: PyTree) -> Motion:
+    def motion(self, t: RealScalar, state: PyTree) -> Motion:
         """Rates and torque at one instant."""
 
     @abc.abstractmethod
-    def signals(self, t: Float[Array, ""], state: PyTree) -> Signals:
+    def signals(self, t: RealScalar, state: PyTree) -> Signals:
         """Everything worth saving at one instant."""
 
     @abc.abstractmethod
-    def event_functions(self, t: Float[Array, ""], state: PyTree) -> Float[Array, " m"]:
+    def event_functions(self, t: RealScalar, state: PyTree) -> Float[Array, " m"]:
         """The event functions; the loop is smooth while none of them changes its sign."""
 
     @abc.abstractmethod
@@ -85,10 +86,10 @@ class AbstractContinuousLoop(AbstractLoop):
         """The smooth loop that this one is where its event functions have these signs."""
 
     @abc.abstractmethod
-    def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
+    def integrating_factor(self, t: RealScalar) -> AbstractIntegratingFactor | None:
         """The integrating factor of the state's `memory` at time `t` (s), if there is one."""
 
-    def __call__(self, t: Float[Array, ""], state: PyTree, args: None = None) -> PyTree:
+    def __call__(self, t: RealScalar, state: PyTree, args: None = None) -> PyTree:
         """Time derivative of the loop's state, in the form diffrax integrates."""
         return self.motion(t, state).rate
 
@@ -112,7 +113,7 @@ class _Acting(NamedTuple):
     body: RigidBody
     commands: OfEach
     pieces: OfEach
-    unmade: Float[Array, "3"] | None
+    unmade: Vector | None
 
 
 NEVER = 1e9
@@ -161,18 +162,18 @@ class ContinuousLoop(AbstractContinuousLoop):
         """When something fails, s: of each effector of the plant."""
         return jnp.concatenate([*self.plant.failure_times, jnp.zeros(0)])
 
-    def _struck(self, t: Float[Array, ""]) -> Struck:
+    def _struck(self, t: RealScalar) -> Struck:
         """Which failures of each effector have struck."""
         struck = t >= self.failure_times if self.struck is None else self.struck
         sizes = [one.size for one in self.plant.failure_times]
         ends = zip(sizes, np.cumsum(sizes, dtype=int), strict=True)
         return tuple(struck[end - size : end] for size, end in ends)
 
-    def plant_state(self, t: Float[Array, ""], state: LoopState) -> PlantState:
+    def plant_state(self, t: RealScalar, state: LoopState) -> PlantState:
         """The state of the plant, with the wheels that have seized at rest."""
         return self.plant.after_failures(state.plant, self._struck(t))
 
-    def _acting(self, t: Float[Array, ""], plant: PlantState, command) -> _Acting:
+    def _acting(self, t: RealScalar, plant: PlantState, command) -> _Acting:
         """What acts on the plant at time `t` (s) on a command."""
         effectors = self.plant.effectors
         shares = self.distribution(t, plant, command, effectors)
@@ -180,11 +181,11 @@ class ContinuousLoop(AbstractContinuousLoop):
         pieces = body.pieces(body.modes(t, plant, commands), commands)
         return _Acting(body, commands, pieces, shares.torque_unmade(effectors))
 
-    def motion(self, t: Float[Array, ""], state: LoopState) -> Motion:
+    def motion(self, t: RealScalar, state: LoopState) -> Motion:
         """Equations (1) and (36) under the controller's torque."""
         return self._motion(t, state)[0]
 
-    def _motion(self, t: Float[Array, ""], state: LoopState) -> tuple[Motion, _Acting]:
+    def _motion(self, t: RealScalar, state: LoopState) -> tuple[Motion, _Acting]:
         plant = self.plant_state(t, state)
         command, memory_rate = self.controller(t, plant, state.memory)
         acting = self._acting(t, plant, command)
@@ -196,7 +197,7 @@ class ContinuousLoop(AbstractContinuousLoop):
         motion = Motion(LoopState(rate, memory_rate), plant, relative_rate, error, torque)
         return motion, acting
 
-    def signals(self, t: Float[Array, ""], state: LoopState) -> Signals:
+    def signals(self, t: RealScalar, state: LoopState) -> Signals:
         """Everything worth saving at one instant."""
         motion, acting = self._motion(t, state)
         signals = continuous_signals(
@@ -205,7 +206,7 @@ class ContinuousLoop(AbstractContinuousLoop):
         parts = acting.body.signals(motion.plant, acting.pieces, motion.rate.plant.omega)
         return dataclasses.replace(signals, torque_unmade=acting.unmade).with_parts(parts)
 
-    def event_functions(self, t: Float[Array, ""], state: LoopState) -> Float[Array, " m"]:
+    def event_functions(self, t: RealScalar, state: LoopState) -> Float[Array, " m"]:
         """Event functions of controller, distribution and effectors, and times since failures."""
         plant = self.plant_state(t, state)
         command, _ = self.controller(t, plant, state.memory)
@@ -233,7 +234,7 @@ class ContinuousLoop(AbstractContinuousLoop):
             struck if failures else None,
         )
 
-    def integrating_factor(self, t: Float[Array, ""]) -> AbstractIntegratingFactor | None:
+    def integrating_factor(self, t: RealScalar) -> AbstractIntegratingFactor | None:
         """The integrating factor of the controller."""
         return self.controller.integrating_factor(t)
 

@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING, Any
 
 import equinox as eqx
-from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.ranges import MAX_FIXED_STEPS
 from jaxsat.core.solvers import HIGH_ORDER, NamedSolver, Solver
@@ -33,9 +33,9 @@ class AdaptiveSteps(eqx.Module):
     `atol` is in the unit of each state, for momenta of wheels `Spacecraft.momentum_unit`.
     """
 
-    rtol: Float[Array, ""] = eqx.field(converter=as_float)
-    atol: Float[Array, ""] = eqx.field(converter=as_float)
-    min_step: Float[Array, ""] | None = None
+    rtol: RealScalar = eqx.field(converter=as_float)
+    atol: RealScalar = eqx.field(converter=as_float)
+    min_step: RealScalar | None = None
 
     def __check_init__(self):
         require_positive("rtol", self.rtol)
@@ -58,7 +58,7 @@ class Method(eqx.Module):
 
     solver: Solver
     step_size: AdaptiveSteps | StepSizeController | None
-    first_step: Float[Array, ""] | None
+    first_step: RealScalar | None
     max_steps: int = eqx.field(static=True)
 
 

@@ -15,8 +15,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float, Int
+from jaxtyping import Array, ArrayLike, Float, Int
 
+from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.requirements import (
@@ -46,7 +47,7 @@ class Margin(NamedTuple):
     time: Float[Array, "*n"]
 
     @staticmethod
-    def none(value: float, like: Float[Array, ""]) -> "Margin":
+    def none(value: float, like: RealScalar) -> "Margin":
         """Nothing compared yet, in the precision of `like`."""
         return Margin(jnp.full_like(like, value), jnp.array(0), jnp.full_like(like, jnp.nan))
 
@@ -64,7 +65,7 @@ class Margin(NamedTuple):
         return self.negated().least(other.negated()).negated()
 
 
-def _either(condition: Bool[Array, ""], one: Margin, other: Margin) -> Margin:
+def _either(condition: BoolScalar, one: Margin, other: Margin) -> Margin:
     return Margin(*(jnp.where(condition, a, b) for a, b in zip(one, other, strict=True)))
 
 
@@ -79,7 +80,7 @@ class Monitor(NamedTuple):
     """Tracks of all windows of a formula, and the last time (s) and margins of comparisons."""
 
     tracks: tuple[Track, ...]
-    time: Float[Array, ""]
+    time: RealScalar
     margins: Float[Array, " c"]
 
 
@@ -91,9 +92,7 @@ _RAW: dict[str, str] = {
 
 
 def compared(
-    formula: Formula,
-    signals: Mapping[str, ArrayLike],
-    sun: Float[Array, "3"] | None = None,
+    formula: Formula, signals: Mapping[str, ArrayLike], sun: Vector | None = None
 ) -> Float[Array, " c"]:
     """How far each comparison of a formula holds (SI) at an instant, by the signals of it by name.
 
@@ -106,9 +105,7 @@ def compared(
     return jnp.stack(margins)
 
 
-def _signal(
-    one: Comparison, signals: Mapping[str, ArrayLike], sun: Float[Array, "3"] | None
-) -> Float[Array, ""]:
+def _signal(one: Comparison, signals: Mapping[str, ArrayLike], sun: Vector | None) -> RealScalar:
     """The value of the signal that a comparison names."""
     if one.signal in ("pointing_error", "tilt", "sun_angle"):
         q = jnp.asarray(signals["quaternion"])
@@ -132,12 +129,12 @@ def raw_signals(formula: Formula) -> set[str]:
     return {_RAW.get(one.signal, one.signal) for one in comparisons(formula)}
 
 
-def _size(vector: Float[Array, " n"]) -> Float[Array, ""]:
+def _size(vector: Float[Array, " n"]) -> RealScalar:
     return jnp.sqrt(jnp.sum(vector**2))
 
 
 def initial_monitor(
-    formula: Formula, time: Float[Array, ""], margins: Float[Array, " c"], failures: int
+    formula: Formula, time: RealScalar, margins: Float[Array, " c"], failures: int
 ) -> Monitor:
     """Before the first observation, which will be at `time` (s), in a run with so many failures."""
     nothing = Track(Margin.none(-jnp.inf, time), Margin.none(jnp.inf, time))
@@ -148,9 +145,9 @@ def initial_monitor(
 def observe(
     formula: Formula,
     monitor: Monitor,
-    time: Float[Array, ""],
+    time: RealScalar,
     margins: Float[Array, " c"],
-    end: Float[Array, ""],
+    end: RealScalar,
     failures: Float[Array, " f"],
 ) -> Monitor:
     """With one more observation at `time` (s) of the margins of all comparisons.
@@ -160,7 +157,7 @@ def observe(
     """
     order = comparisons(formula)
 
-    def at(instant: Float[Array, ""], part: Formula) -> Margin:
+    def at(instant: RealScalar, part: Formula) -> Margin:
         span = time - monitor.time
         share = (instant - monitor.time) / jnp.where(span > 0, span, 1.0)
         mixed = monitor.margins * (1 - share) + margins * share
@@ -191,7 +188,7 @@ def observe(
 
 
 def _with_instant(
-    track: Track, one: Temporal, at: Callable[[Formula], Margin], inside: Bool[Array, ""]
+    track: Track, one: Temporal, at: Callable[[Formula], Margin], inside: BoolScalar
 ) -> Track:
     """A track with one more instant, if that is `inside` the window."""
     margin, held = at(one.held), track.held
@@ -203,7 +200,7 @@ def _with_instant(
 
 
 def margin_of(
-    formula: Formula, monitor: Monitor, end: Float[Array, ""], failures: Float[Array, " f"]
+    formula: Formula, monitor: Monitor, end: RealScalar, failures: Float[Array, " f"]
 ) -> Margin:
     """The margin after the last observation, at the `end` (s) of a run.
 
@@ -234,10 +231,7 @@ def _combined(formula: Formula, of) -> Margin:
 
 
 def _at_instant(
-    formula: Formula,
-    order: tuple[Comparison, ...],
-    margins: Float[Array, " c"],
-    time: Float[Array, ""],
+    formula: Formula, order: tuple[Comparison, ...], margins: Float[Array, " c"], time: RealScalar
 ) -> Margin:
     """The margin of a formula without windows at one instant."""
 
@@ -254,7 +248,7 @@ def _temporals(formula: Formula) -> list[Temporal]:
     return [one for one in all_parts(formula) if isinstance(one, Temporal)]
 
 
-def _windows(formula: Formula, end: Float[Array, ""], failures: Float[Array, " f"]):
+def _windows(formula: Formula, end: RealScalar, failures: Float[Array, " f"]):
     """Every window of a formula, one for each failure where it is counted from these: of what it
     is, and its begin and end (s), cut at the `end` of the run."""
     of, windows = [], []
@@ -308,10 +302,10 @@ class Requirements(eqx.Module):
 
     names: tuple[str, ...] = eqx.field(static=True)
     formulas: tuple[Formula, ...] = eqx.field(static=True)
-    end: Float[Array, ""] = eqx.field(converter=as_float)
+    end: RealScalar = eqx.field(converter=as_float)
     light: Sunlight | None = None
 
-    def initial(self, zero: Float[Array, ""], failures: int) -> tuple[Monitor, ...]:
+    def initial(self, zero: RealScalar, failures: int) -> tuple[Monitor, ...]:
         """Monitors before the first observation at time `zero` (s)."""
         counts = [len(comparisons(one)) for one in self.formulas]
         return tuple(
@@ -322,10 +316,10 @@ class Requirements(eqx.Module):
     def observe(
         self,
         monitors: tuple[Monitor, ...],
-        time: Float[Array, ""],
+        time: RealScalar,
         signals: Mapping[str, ArrayLike],
         failures: Float[Array, " f"],
-        good: Bool[Array, ""] | bool = True,
+        good: BoolScalar | bool = True,
     ) -> tuple[Monitor, ...]:
         """Monitors with one more observation of signals by name; NaN where that is not `good`."""
         sun = None if self.light is None else self.light(time)[0]

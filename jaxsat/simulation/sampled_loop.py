@@ -8,12 +8,13 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import PyTree
 
 from jaxsat.control.controller import Memory
 from jaxsat.control.guard import Guard, GuardState
 from jaxsat.control.navigation.navigation import Navigation, NavigationState, Told
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_optional_float, concrete, require_counts, require_positive
 from jaxsat.simulation.divided_holds import through_hold
 from jaxsat.simulation.loops import AbstractLoop, plant_signals
@@ -49,7 +50,7 @@ class _Planned(NamedTuple):
     guard: GuardState | None
 
 
-Integrator = Callable[[Float[Array, ""], Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
+Integrator = Callable[[RealScalar, Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
 """Takes the time (s) at which a hold begins, the hold, the plant's state and a carry of its own;
 gives the plant's state at the end of the hold, and the carry."""
 
@@ -72,7 +73,7 @@ class SampledLoop(AbstractLoop):
     distribution: AbstractDistribution = Direct()
     substeps: int = eqx.field(static=True, default=4)
     sensors: Sensors | DrawnSensors | None = None
-    delay: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
+    delay: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
     navigation: Navigation | None = None
     tachometers: Tachometers | None = None
     guard: Guard | None = None
@@ -117,7 +118,7 @@ class SampledLoop(AbstractLoop):
         asked = jax.eval_shape(self._shares, jnp.zeros(()), told, begin.memory)[0]
         return begin._replace(guard=self.guard.init(asked))
 
-    def told(self, number: Int[Array, ""], state: SampledState) -> Told:
+    def told(self, number: IntScalar, state: SampledState) -> Told:
         """What the controller is told at sample `number` of the run when the truth is `state`."""
         measurement = self._with_exact_momenta(number, state)
         if self.tachometers is None:
@@ -125,7 +126,7 @@ class SampledLoop(AbstractLoop):
         momenta = self.tachometers(number, measurement.state.of_each)
         return measurement._replace(state=dataclasses.replace(measurement.state, effectors=momenta))
 
-    def _with_exact_momenta(self, number: Int[Array, ""], state: SampledState) -> Told:
+    def _with_exact_momenta(self, number: IntScalar, state: SampledState) -> Told:
         """What the controller is told, with the momenta of wheels as they are."""
         if self.navigation is not None and state.navigation is not None:
             period = self.controller.period
@@ -136,7 +137,7 @@ class SampledLoop(AbstractLoop):
         attitude, omega = self.sensors(number, plant.attitude, plant.omega)
         return Told(PlantState(attitude, omega, plant.effectors))
 
-    def signals(self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState) -> Signals:
+    def signals(self, number: IntScalar, t: RealScalar, state: SampledState) -> Signals:
         """The signals of the truth at sample `number` of the run, which is at time `t` (s)."""
         measurement, shares, plans, memory, _ = self._planned(number, t, state)
         parts = zip(self.plant.effectors, plans, strict=True)
@@ -146,8 +147,8 @@ class SampledLoop(AbstractLoop):
 
     def period(
         self,
-        number: Int[Array, ""],
-        t: Float[Array, ""],
+        number: IntScalar,
+        t: RealScalar,
         state: SampledState,
         integrate: Integrator,
         carry: PyTree,
@@ -171,9 +172,7 @@ class SampledLoop(AbstractLoop):
         )
         return after, carry, self._with_unmade(signals, shares)
 
-    def _planned(
-        self, number: Int[Array, ""], t: Float[Array, ""], state: SampledState
-    ) -> _Planned:
+    def _planned(self, number: IntScalar, t: RealScalar, state: SampledState) -> _Planned:
         """What is decided at sample `number` of the run, which is at time `t` (s)."""
         told = self.told(number, state)
         shares, memory = self._shares(t, told.state, state.memory)
@@ -186,9 +185,7 @@ class SampledLoop(AbstractLoop):
         plans = self._plans(t, shares.uses, state, decision)
         return _Planned(told, shares, plans, memory, after)
 
-    def _shares(
-        self, t: Float[Array, ""], estimate: PlantState, memory: Memory
-    ) -> tuple[Shares, Memory]:
+    def _shares(self, t: RealScalar, estimate: PlantState, memory: Memory) -> tuple[Shares, Memory]:
         """What each effector is asked for at a sample, and the law's memory."""
         command, memory = self.controller.step(t, estimate, memory)
         return self.distribution(t, estimate, command, self.plant.effectors), memory
@@ -201,11 +198,7 @@ class SampledLoop(AbstractLoop):
         return dataclasses.replace(signals, torque_unmade=unmade)
 
     def _plans(
-        self,
-        t: Float[Array, ""],
-        uses: OfEach,
-        state: SampledState,
-        decision: Decision | None = None,
+        self, t: RealScalar, uses: OfEach, state: SampledState, decision: Decision | None = None
     ) -> OfEach:
         """The plan of each effector for the period that begins at time `t` (s)."""
         parts = zip(self.plant.effectors, uses, state.effectors, strict=True)
@@ -274,22 +267,18 @@ class SampledLoop(AbstractLoop):
         return signals.with_parts(parts, measurement.errors, telemetry)
 
     def plant_rate(
-        self, t: Float[Array, ""], state: PlantState, hold: Hold, elapsed: Float[Array, ""]
+        self, t: RealScalar, state: PlantState, hold: Hold, elapsed: RealScalar
     ) -> PlantState:
         """Time derivative of the plant `elapsed` seconds after a hold began, at time `t` (s)."""
         return self.plant.rate(t, state, pieces=self.plant.later(hold.pieces, elapsed))
 
-    def torque(
-        self, t: Float[Array, ""], state: PlantState, hold: Hold, elapsed: Float[Array, ""]
-    ) -> Float[Array, "3"]:
+    def torque(self, t: RealScalar, state: PlantState, hold: Hold, elapsed: RealScalar) -> Vector:
         """The torque of all effectors at `t` (s), `elapsed` seconds after a hold began, N m."""
         pieces = self.plant.later(hold.pieces, elapsed)
         acceleration = self.plant.acceleration(t, state, pieces=pieces)
         return self.plant.control_torque(t, state, pieces, acceleration)
 
-    def mean_torque_size(
-        self, t: Float[Array, ""], state: PlantState, hold: Hold
-    ) -> Float[Array, "3"] | None:
+    def mean_torque_size(self, t: RealScalar, state: PlantState, hold: Hold) -> Vector | None:
         """The mean size of the torque about each axis in a hold that begins at `t` (s), N m.
 
         None where the torque does not change evenly in it.

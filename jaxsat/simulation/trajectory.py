@@ -6,8 +6,9 @@ from collections.abc import Mapping
 
 import equinox as eqx
 import numpy as np
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float, PyTree
 
+from jaxsat.core.array_types import IntScalar
 from jaxsat.simulation.assessment import Assessment, IntegrationError
 
 
@@ -99,8 +100,8 @@ class Trajectory(eqx.Module):
     times: Float[Array, " times"]
     signals: Signals
     final: PyTree
-    code: Int[Array, ""]
-    steps: Int[Array, ""]
+    code: IntScalar
+    steps: IntScalar
     assessment: Assessment
     torque_range: TorqueRange | None = None
     integration_error: IntegrationError | None = None

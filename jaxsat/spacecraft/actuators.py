@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.allocation import allocation_matrix
+from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.smooth import sat
 from jaxsat.spacecraft.allocation import first_at_limit, share_within
@@ -33,7 +34,7 @@ class AbstractActuators(eqx.Module):
         """How many corners the torque has as a function of the command."""
 
     @abc.abstractmethod
-    def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+    def __call__(self, command: Float[Array, " torques"]) -> Vector:
         """The body torque, N m, for a command of two or three torques, N m."""
 
     @abc.abstractmethod
@@ -84,7 +85,7 @@ class Actuators(AbstractEffector):
 
     torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
     thrust_map: Float[Array, "m torques"] = eqx.field(converter=as_float)
-    limit: Float[Array, ""] = eqx.field(converter=as_float, default=jnp.inf)
+    limit: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
     saturated: Bool[Array, " m"] | None = None
     failures: FailureEvents | None = None
     gain: Float[Array, " m"] | None = None
@@ -96,7 +97,7 @@ class Actuators(AbstractEffector):
 
     @staticmethod
     def of(
-        thrusters: Thrusters, limit: float | Float[Array, ""] = jnp.inf, torques: int = 2
+        thrusters: Thrusters, limit: float | RealScalar = jnp.inf, torques: int = 2
     ) -> "Actuators":
         """Actuators made of working thrusters, each limited to `limit` N m.
 
@@ -142,13 +143,11 @@ class Actuators(AbstractEffector):
         """The torque that each thruster is commanded, within its limit, N m."""
         return self._shared(command)[0]
 
-    def unmade(self, use: Float[Array, " torques"]) -> Float[Array, "3"]:
+    def unmade(self, use: Float[Array, " torques"]) -> Vector:
         """What is beyond the thrusters' limits, N m."""
         return self._shared(use)[1]
 
-    def _shared(
-        self, command: Float[Array, " torques"]
-    ) -> tuple[Float[Array, " m"], Float[Array, "3"]]:
+    def _shared(self, command: Float[Array, " torques"]) -> tuple[Float[Array, " m"], Vector]:
         shares = self.thrust_map @ command
         if self.shared_axes is None:
             clipped = sat(shares, self.limit, None, self.saturated)
@@ -156,7 +155,7 @@ class Actuators(AbstractEffector):
         limit = self.limit * jnp.ones_like(shares)
         return share_within(self.shared_axes, limit, shares, self.saturated)
 
-    def __call__(self, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+    def __call__(self, command: Float[Array, " torques"]) -> Vector:
         """The body torque, N m: T of equation (5)."""
         thrust = self.thrust(command)
         if self.gain is not None and self.level is not None:
@@ -164,11 +163,11 @@ class Actuators(AbstractEffector):
             thrust = self.gain * thrust + self.level * full
         return self.torque_axes @ thrust
 
-    def piece(self, mode: tuple, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+    def piece(self, mode: tuple, command: Float[Array, " torques"]) -> Vector:
         """The body torque, N m."""
         return self(command)
 
-    def effect(self, piece: Float[Array, "3"], t, plant, state: None) -> Effect:
+    def effect(self, piece: Vector, t, plant, state: None) -> Effect:
         """The torque on the body (N m), with no correction of its inertia."""
         return Effect(piece)
 
@@ -228,11 +227,11 @@ class PluginActuators(AbstractEffector):
         """These actuators and the command as they are: they do not fail."""
         return self, command
 
-    def piece(self, mode: tuple, command: Float[Array, " torques"]) -> Float[Array, "3"]:
+    def piece(self, mode: tuple, command: Float[Array, " torques"]) -> Vector:
         """The body torque, N m."""
         return self.actuators(command)
 
-    def effect(self, piece: Float[Array, "3"], t, plant, state: None) -> Effect:
+    def effect(self, piece: Vector, t, plant, state: None) -> Effect:
         """The torque on the body (N m), with no correction of its inertia."""
         return Effect(piece)
 

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from jaxsat.core.array_types import BoolScalar, Vector
 from jaxsat.core.smooth import within
 from jaxsat.spacecraft.bounded_least_squares import least_squares_within
 from jaxsat.spacecraft.effector import Reach
@@ -28,11 +29,11 @@ class Allocated(NamedTuple):
     (N m)."""
 
     use: Float[Array, " n"]
-    made: Float[Array, "3"]
-    unmade: Float[Array, "3"]
+    made: Vector
+    unmade: Vector
 
 
-def allocate(reach: Reach, torque: Float[Array, "3"]) -> Allocated:
+def allocate(reach: Reach, torque: Vector) -> Allocated:
     """Uses within the bounds of `reach` whose torques add up to `torque` (N m).
 
     What devices make that do not obey comes first: it is opposed as far as possible. Of what is
@@ -57,10 +58,7 @@ def allocate(reach: Reach, torque: Float[Array, "3"]) -> Allocated:
 
 
 def allocate_unloading(
-    reach: Reach,
-    torque: Float[Array, "3"],
-    unloading: Float[Array, "3"],
-    stores: Bool[Array, " n"],
+    reach: Reach, torque: Vector, unloading: Vector, stores: Bool[Array, " n"]
 ) -> Allocated:
     """Uses that make a `torque`, of which devices that store no momentum make `unloading` first.
 
@@ -68,7 +66,7 @@ def allocate_unloading(
     of them. Each of the two is allocated as by `allocate`.
     """
 
-    def allocated(use: Float[Array, " n"], unloads: Bool[Array, ""]):
+    def allocated(use: Float[Array, " n"], unloads: BoolScalar):
         low, high = (
             jnp.where(unloads & stores, 0.0, bound)
             for bound in (
@@ -95,7 +93,7 @@ def share_within(
     limit: Float[Array, " m"],
     shares: Float[Array, " m"],
     beyond: Bool[Array, " m"] | None = None,
-) -> tuple[Float[Array, " m"], Float[Array, "3"]]:
+) -> tuple[Float[Array, " m"], Vector]:
     """The torques `shares` (N m) along unit `axes`, allocated within a `limit` where they are not.
 
     So they are to the bit what they are without limits until one is `beyond` its own, which is
@@ -118,9 +116,9 @@ def _priced(
     price: Float[Array, " n"],
     units: Float[Array, "3 n"],
     bounds: tuple[Float[Array, " n"], Float[Array, " n"]],
-    torque: Float[Array, "3"],
-    first: Float[Array, "3"],
-) -> tuple[Float[Array, " n"], Float[Array, "3"]]:
+    torque: Vector,
+    first: Vector,
+) -> tuple[Float[Array, " n"], Vector]:
     """Torques of each, and what is not made: at a `price`, then of those that have none."""
     low, high = bounds
     free, dearest = price <= 0, jnp.max(price)

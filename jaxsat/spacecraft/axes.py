@@ -5,6 +5,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxsat.core.allocation import unit_columns
+from jaxsat.core.array_types import Vector
 from jaxsat.core.checks import as_array, as_float, concrete, numpy_if_known, require_finite
 from jaxsat.core.errors import ArgumentError
 
@@ -38,7 +39,7 @@ def turned_axes(axes: Float[Array, "3 m"], angles: Float[Array, "m 2"]) -> Float
     return (turned / jnp.sqrt(1 + jnp.sum(angles**2, axis=1, keepdims=True))).T
 
 
-def directions_across(axis: Float[Array, "3"]) -> Float[Array, "2 3"]:
+def directions_across(axis: Vector) -> Float[Array, "2 3"]:
     """Two directions perpendicular to a unit vector and to each other."""
     least = jnp.eye(3, dtype=axis.dtype)[jnp.argmin(jnp.abs(axis))]
     first = jnp.cross(axis, least)

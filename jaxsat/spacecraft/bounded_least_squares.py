@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
+from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, Vector
 from jaxsat.core.smooth import within
 from jaxsat.spacecraft.least_propellant import inverse_of_columns, part_up_to
 
@@ -59,23 +60,19 @@ class Active(NamedTuple):
     little `BEYOND`. `last` is what was held where the torque ended.
     """
 
-    multiplier: Float[Array, "3"]
+    multiplier: Vector
     held: Held
     last: Held
-    ahead: Float[Array, "3"]
-    leg: Int[Array, ""]
-    rounds: Int[Array, ""]
-    goes: Bool[Array, ""]
+    ahead: Vector
+    leg: IntScalar
+    rounds: IntScalar
+    goes: BoolScalar
 
 
 @jax.jit
 def least_squares_within(
-    units: Float[Array, "3 m"],
-    low: OfEach,
-    high: OfEach,
-    torque: Float[Array, "3"],
-    first: Float[Array, "3"],
-) -> tuple[OfEach, Float[Array, "3"]]:
+    units: Float[Array, "3 m"], low: OfEach, high: OfEach, torque: Vector, first: Vector
+) -> tuple[OfEach, Vector]:
     """Torques u along `units`, `low` <= u <= `high`, that make `first` + `torque`, all in N m.
 
     Bounds have zero between them. Where the sum is too much, `first` is made as far as it can be;
@@ -93,9 +90,7 @@ def least_squares_within(
     return within(size * torques, low, high), size * unmade
 
 
-def _solved(
-    devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"]
-) -> tuple[OfEach, Float[Array, "3"]]:
+def _solved(devices: Bounded, torque: Vector, first: Vector) -> tuple[OfEach, Vector]:
     """At the last set of devices at their bounds, where all derivatives are.
 
     A device that is just at its bound counts as being there, as it is for a torque slightly
@@ -117,9 +112,7 @@ def _solved(
     return each, torque + first - totals
 
 
-def _at(
-    devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"], held: Held
-) -> tuple[OfEach, Float[Array, "3"]]:
+def _at(devices: Bounded, torque: Vector, first: Vector, held: Held) -> tuple[OfEach, Vector]:
     """Torques of each with these devices at their bounds, and what all are to make together."""
     free = _free(devices, held)
     low, high = (jnp.where(jnp.isfinite(x), x, 0.0) for x in (devices.low, devices.high))
@@ -137,7 +130,7 @@ def _at(
     return jax.lax.fori_loop(0, 3, nearer, at_bounds), made
 
 
-def _beginning(devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"]) -> Active:
+def _beginning(devices: Bounded, torque: Vector, first: Vector) -> Active:
     """No torque, and all of it ahead."""
     comes_first = jnp.any(first != 0)
     none = jnp.zeros_like(torque)
@@ -153,7 +146,7 @@ def _beginning(devices: Bounded, torque: Float[Array, "3"], first: Float[Array, 
     )
 
 
-def _ended(devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"]) -> Active:
+def _ended(devices: Bounded, torque: Vector, first: Vector) -> Active:
     """After all rounds."""
     return jax.lax.while_loop(
         lambda at: at.goes & (at.rounds < ROUNDS_A_DEVICE * (devices.low.shape[0] + 1)),
@@ -167,7 +160,7 @@ def _free(devices: Bounded, held: Held) -> Bool[Array, " m"]:
     return (held.side == 0) & (devices.high > devices.low)
 
 
-def _span(devices: Bounded, free: Bool[Array, " m"]) -> Float[Array, "3 3"]:
+def _span(devices: Bounded, free: Bool[Array, " m"]) -> Matrix:
     """The projector on the torques that these make together; the identity where they make all."""
 
     def with_one_more(_, so_far):
@@ -187,9 +180,7 @@ def _span(devices: Bounded, free: Bool[Array, " m"]) -> Float[Array, "3 3"]:
     return jnp.where(whole, jnp.eye(3, dtype=span.dtype), span)
 
 
-def _inverse(
-    devices: Bounded, free: Bool[Array, " m"], span: Float[Array, "3 3"]
-) -> Float[Array, "3 3"]:
+def _inverse(devices: Bounded, free: Bool[Array, " m"], span: Matrix) -> Matrix:
     """Of A W Aᵀ on what these devices span, with any number across it."""
     gram = (jnp.where(free, devices.weight, 0.0)[None] * devices.units) @ devices.units.T
     size = jax.lax.stop_gradient(jnp.trace(gram))
@@ -197,9 +188,7 @@ def _inverse(
     return inverse_of_columns(gram / size + jnp.eye(3, dtype=gram.dtype) - span) / size
 
 
-def _round(
-    devices: Bounded, torque: Float[Array, "3"], first: Float[Array, "3"], at: Active
-) -> Active:
+def _round(devices: Bounded, torque: Vector, first: Vector, at: Active) -> Active:
     """On to where a device comes to a bound or leaves it, or the leg ends.
 
     Where the free devices do not make what is ahead, the multiplier alone changes, across all that

@@ -15,6 +15,7 @@ from jaxsat.core.allocation import (
     unit_columns,
     what_is_left,
 )
+from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.checks import as_array, as_float, as_optional_float, require_positive
 from jaxsat.core.errors import ArgumentError
 from jaxsat.spacecraft.allocation import first_at_limit, share_within
@@ -28,9 +29,9 @@ class Shares(NamedTuple):
     """What each effector is asked for, and the torque (N m) of which none is, None for none."""
 
     uses: OfEach
-    left: Float[Array, "3"] | None = None
+    left: Vector | None = None
 
-    def torque_unmade(self, effectors: tuple[AbstractEffector, ...]) -> Float[Array, "3"] | None:
+    def torque_unmade(self, effectors: tuple[AbstractEffector, ...]) -> Vector | None:
         """The torque of a command that effectors do not make, N m; None where it tells of devices.
 
         It is what none is asked for, and what is beyond the limits of each.
@@ -49,7 +50,7 @@ class AbstractDistribution(eqx.Module):
     @abc.abstractmethod
     def __call__(
         self,
-        t: Float[Array, ""],
+        t: RealScalar,
         state: PlantState,
         command: Float[Array, " torques"],
         effectors: tuple[AbstractEffector, ...],
@@ -187,12 +188,8 @@ class WheelsFirst(AbstractDistribution):
         return Shares(each, left)
 
     def _relieved(
-        self,
-        relief: Relief,
-        omega: Float[Array, "3"],
-        momentum: Float[Array, " wheels"],
-        command: Float[Array, "3"],
-    ) -> tuple[Float[Array, " wheels"], Float[Array, "3"], Float[Array, "3"]]:
+        self, relief: Relief, omega: Vector, momentum: Float[Array, " wheels"], command: Vector
+    ) -> tuple[Float[Array, " wheels"], Vector, Vector]:
         """The torque of each wheel, of all thrusters, and what both do not make (N m)."""
         shares, unloading = self.wheel_map @ command, relief.unloading(omega, momentum)
         low, high = relief.bounds(momentum)
@@ -217,9 +214,7 @@ class WheelsFirst(AbstractDistribution):
         """The torque that each wheel is to put on the body for a command, N m."""
         return self._shared(command)[0]
 
-    def _shared(
-        self, command: Float[Array, " torques"]
-    ) -> tuple[Float[Array, " wheels"], Float[Array, "3"]]:
+    def _shared(self, command: Float[Array, " torques"]) -> tuple[Float[Array, " wheels"], Vector]:
         """That, and what wheels do not make of their part for their limits, N m."""
         shares = self.wheel_map @ command
         if self.wheel_limit is None:
@@ -242,6 +237,6 @@ class WheelsFirst(AbstractDistribution):
         return self if self.wheel_limit is None else dataclasses.replace(self, limiting=signs)
 
 
-def torque_of(command: Float[Array, " torques"]) -> Float[Array, "3"]:
+def torque_of(command: Float[Array, " torques"]) -> Vector:
     """A command of none, two or three torques about the first body axes, as a torque (N m)."""
     return jnp.pad(command, (0, 3 - command.shape[0]))

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.checks import require_inertia
 from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, NoDisturbance
@@ -62,15 +62,15 @@ class RigidBody(eqx.Module):
         """Its effector of this class; None without one."""
         return next((one for one in self.effectors if isinstance(one, kind)), None)
 
-    def relative_rate(self, state: PlantState) -> Float[Array, "3"]:
+    def relative_rate(self, state: PlantState) -> Vector:
         """Equation (11): ω_r, the angular velocity relative to the orbit frame, rad/s."""
         return state.omega - self.orbit.frame_rate(state.attitude)
 
-    def disturbance_torque(self, t: RealScalar, state: PlantState) -> Float[Array, "3"]:
+    def disturbance_torque(self, t: RealScalar, state: PlantState) -> Vector:
         """T_d at time `t` (s), N m."""
         return self.disturbance(t, state.attitude, self.spacecraft.inertia)
 
-    def total_momentum(self, state: PlantState) -> Float[Array, "3"]:
+    def total_momentum(self, state: PlantState) -> Vector:
         """J ω + Σ h in body axes, N m s: constant in inertial axes without external torque."""
         total = self.spacecraft.inertia @ state.omega
         for one, own in self._with(state):
@@ -84,25 +84,21 @@ class RigidBody(eqx.Module):
         return list(zip(self.effectors, states, strict=True)) if states else []
 
     @staticmethod
-    def _sum(
-        torques: Sequence[Float[Array, "3"]], first: Float[Array, "3"] | None
-    ) -> Float[Array, "3"]:
+    def _sum(torques: Sequence[Vector], first: Vector | None) -> Vector:
         """The sum of torques after a first one (N m); None is none."""
         torques = [*(() if first is None else (first,)), *torques]
         return sum(torques[1:], torques[0]) if torques else jnp.zeros(3)
 
-    def _inertia(self, corrections: list[Float[Array, "3 3"] | None]) -> Float[Array, "3 3"]:
+    def _inertia(self, corrections: list[Matrix | None]) -> Matrix:
         """J + Σ D, kg m²."""
         return sum((one for one in corrections if one is not None), self.spacecraft.inertia)
 
-    def angular_acceleration(
-        self, omega: Float[Array, "3"], torque: Float[Array, "3"]
-    ) -> Float[Array, "3"]:
+    def angular_acceleration(self, omega: Vector, torque: Vector) -> Vector:
         """Equation (1): J dω/dt = -ω × J ω + torque (N m), solved for dω/dt, rad/s²."""
         inertia = self.spacecraft.inertia
         return self._solved(inertia, torque - jnp.cross(omega, inertia @ omega))
 
-    def _solved(self, inertia: Float[Array, "3 3"], torque: Float[Array, "3"]):
+    def _solved(self, inertia: Matrix, torque: Vector):
         """dω/dt of a body of this inertia (kg m²) under all torques (N m), rad/s²."""
         inverse = inverse_of(inertia)
         acceleration = inverse @ torque
@@ -112,8 +108,8 @@ class RigidBody(eqx.Module):
         return acceleration
 
     def constraint_torque(
-        self, t: Float[Array, ""], state: PlantState, torque: Float[Array, "3"]
-    ) -> Float[Array, ""] | None:
+        self, t: RealScalar, state: PlantState, torque: Vector
+    ) -> RealScalar | None:
         """The ideal torque about the third body axis that holds ω3 at time `t` (s), N m.
 
         With e3 the third axis, -e3ᵀJ⁻¹(T + T_d - ω × Jω) / e3ᵀJ⁻¹e3, for principal axes
@@ -182,11 +178,7 @@ class RigidBody(eqx.Module):
     # Motion.
 
     def modes(
-        self,
-        t: RealScalar,
-        state: PlantState,
-        commands: OfEach,
-        modes: OfEach | None = None,
+        self, t: RealScalar, state: PlantState, commands: OfEach, modes: OfEach | None = None
     ) -> OfEach:
         """How the effectors move on their commands at time `t` (s).
 
@@ -200,7 +192,7 @@ class RigidBody(eqx.Module):
         return modes
 
     def modes_after(
-        self, modes: OfEach, state: PlantState, commands: OfEach, acceleration: Float[Array, "3"]
+        self, modes: OfEach, state: PlantState, commands: OfEach, acceleration: Vector
     ) -> OfEach:
         """The modes after those that effectors have left where dω/dt is this (rad/s²)."""
         parts = zip(self.effectors, modes, state.of_each, commands, strict=True)
@@ -212,12 +204,8 @@ class RigidBody(eqx.Module):
         return tuple(one.piece(mode, command) for one, mode, command in parts)
 
     def acceleration(
-        self,
-        t: RealScalar,
-        state: PlantState,
-        torque: Float[Array, "3"] | None = None,
-        pieces: OfEach = (),
-    ) -> Float[Array, "3"]:
+        self, t: RealScalar, state: PlantState, torque: Vector | None = None, pieces: OfEach = ()
+    ) -> Vector:
         """dω/dt (rad/s²) at time `t` (s) with effectors in `pieces` and a `torque` (N m) besides.
 
         Without pieces effectors make no torque and keep their momenta.
@@ -232,11 +220,7 @@ class RigidBody(eqx.Module):
         return self._solved(self._inertia([effect.inertia for effect in effects]), total)
 
     def rate(
-        self,
-        t: RealScalar,
-        state: PlantState,
-        torque: Float[Array, "3"] | None = None,
-        pieces: OfEach = (),
+        self, t: RealScalar, state: PlantState, torque: Vector | None = None, pieces: OfEach = ()
     ) -> PlantState:
         """Time derivative of the state; the arguments are those of `acceleration`."""
         acceleration = self.acceleration(t, state, torque, pieces)
@@ -247,12 +231,8 @@ class RigidBody(eqx.Module):
         return PlantState(state.attitude.rate(self.relative_rate(state)), acceleration, own)
 
     def control_torque(
-        self,
-        t: RealScalar,
-        state: PlantState,
-        pieces: OfEach,
-        acceleration: Float[Array, "3"],
-    ) -> Float[Array, "3"]:
+        self, t: RealScalar, state: PlantState, pieces: OfEach, acceleration: Vector
+    ) -> Vector:
         """The torque of effectors on the body where dω/dt is this, N m."""
         parts = zip(self.effectors, pieces, state.of_each, strict=True)
         torques = [one.torque(piece, t, state, own, acceleration) for one, piece, own in parts]
@@ -263,9 +243,7 @@ class RigidBody(eqx.Module):
         parts = self._with(state)
         return {name: x for one, own in parts for name, x in one.stored(own).items()}
 
-    def signals(
-        self, state: PlantState, pieces: OfEach, acceleration: Float[Array, "3"]
-    ) -> dict[str, Array]:
+    def signals(self, state: PlantState, pieces: OfEach, acceleration: Vector) -> dict[str, Array]:
         """What effectors do, by the names of signals."""
         parts = zip(self.effectors, pieces, state.of_each, strict=True)
         of_each = [one.signals(piece, own, acceleration) for one, piece, own in parts]
@@ -279,7 +257,7 @@ class RigidBody(eqx.Module):
         return sum(one.event_count for one in self.effectors)
 
     def event_functions(
-        self, state: PlantState, commands: OfEach, acceleration: Float[Array, "3"]
+        self, state: PlantState, commands: OfEach, acceleration: Vector
     ) -> Float[Array, " m"]:
         """The effectors' event functions where dω/dt is this (rad/s²)."""
         parts = zip(self.effectors, state.of_each, commands, strict=True)

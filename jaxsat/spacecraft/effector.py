@@ -29,7 +29,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace
@@ -41,8 +41,8 @@ class Effect(NamedTuple):
     """A torque on the body (N m), or an impulse (N m s), and the correction D of its inertia
     (kg m²), None for none."""
 
-    torque: Float[Array, "3"]
-    inertia: Float[Array, "3 3"] | None = None
+    torque: Vector
+    inertia: Matrix | None = None
 
 
 class EffectorContext(NamedTuple):
@@ -157,7 +157,7 @@ class AbstractEffector(AbstractHeldEffector):
         """
         return state
 
-    def momentum(self, state: PyTree) -> Float[Array, "3"] | None:
+    def momentum(self, state: PyTree) -> Vector | None:
         """What is stored relative to the body, in body axes, N m s; None for nothing ever."""
         return None
 
@@ -171,11 +171,11 @@ class AbstractEffector(AbstractHeldEffector):
         """The dipoles of devices that turn the body in a magnetic field; None for other kinds."""
         return None
 
-    def free_inertia(self) -> Float[Array, "3 3"] | None:
+    def free_inertia(self) -> Matrix | None:
         """D where all devices move freely, kg m²; None for none ever."""
         return None
 
-    def unmade(self, use: Float[Array, " size"]) -> Float[Array, "3"] | None:
+    def unmade(self, use: Float[Array, " size"]) -> Vector | None:
         """The torque of what is asked for that is beyond the limits, as whoever allocates knows
         them, N m; None for a kind that is asked for something else, or does not tell."""
         return None
@@ -196,7 +196,7 @@ class AbstractEffector(AbstractHeldEffector):
         """What the body gets at once where these failures have struck."""
         return Effect(jnp.zeros(3))
 
-    def blown(self, state: PyTree, struck: Bool[Array, " f"], change: Float[Array, "3"]) -> PyTree:
+    def blown(self, state: PyTree, struck: Bool[Array, " f"], change: Vector) -> PyTree:
         """The state after a blow that changed the body's ω by `change` (rad/s)."""
         return state
 
@@ -228,7 +228,7 @@ class AbstractEffector(AbstractHeldEffector):
         return 0
 
     def mode_after(
-        self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
+        self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Vector
     ) -> PyTree:
         """The mode after one that devices have left where the body has this dω/dt (rad/s²)."""
         return mode
@@ -238,25 +238,18 @@ class AbstractEffector(AbstractHeldEffector):
         """Torque and correction of the inertia at time `t` (s); `state` is the effector's own."""
 
     def derivative(
-        self, piece: PyTree, plant: PlantState, state: PyTree, acceleration: Float[Array, "3"]
+        self, piece: PyTree, plant: PlantState, state: PyTree, acceleration: Vector
     ) -> PyTree:
         """Time derivative of the own state where the body has this dω/dt (rad/s²)."""
         return jax.tree.map(jnp.zeros_like, state)
 
     def torque(
-        self,
-        piece: PyTree,
-        t: RealScalar,
-        plant: PlantState,
-        state: PyTree,
-        acceleration: Float[Array, "3"],
-    ) -> Float[Array, "3"]:
+        self, piece: PyTree, t: RealScalar, plant: PlantState, state: PyTree, acceleration: Vector
+    ) -> Vector:
         """All that the devices do to the body with them locked, N m."""
         return self.effect(piece, t, plant, state).torque
 
-    def signals(
-        self, piece: PyTree, state: PyTree, acceleration: Float[Array, "3"]
-    ) -> dict[str, Array]:
+    def signals(self, piece: PyTree, state: PyTree, acceleration: Vector) -> dict[str, Array]:
         """What the devices do, by the names of signals that they declare."""
         return {}
 
@@ -272,7 +265,7 @@ class AbstractEffector(AbstractHeldEffector):
         return 0
 
     def event_functions(
-        self, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
+        self, state: PyTree, command: PyTree, acceleration: Vector
     ) -> Float[Array, " m"]:
         """Functions whose zeros are the corners."""
         return jnp.zeros(0, acceleration.dtype)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, as_optional_float
 from jaxsat.core.declaration.failures import ONE_WAY, AbstractFailureKind, FailureKind, failure_kind
 
@@ -119,9 +120,7 @@ class FailureEvents(AbstractFailures):
         both = (kind < min(ONE_WAY)) | (kind > max(ONE_WAY))
         return one | ((self.partner == jnp.round(self.number[event])) & both)
 
-    def condition(
-        self, t: Float[Array, ""], now: Float[Array, ""], torque: Float[Array, "3 m"]
-    ) -> "Condition":
+    def condition(self, t: RealScalar, now: RealScalar, torque: Float[Array, "3 m"]) -> "Condition":
         """State of all thrusters `now` seconds after a sample at time `t` (s).
 
         Their torques in order are `torque`. Whether a valve is late, and whether an intermittent
@@ -130,7 +129,7 @@ class FailureEvents(AbstractFailures):
         last = self.last(now >= self.at - t, torque.shape[1])
         return self._condition(last, torque, _paused(last, t))
 
-    def opens(self, t: Float[Array, ""], on: Float[Array, " m"]) -> Bool[Array, " m"]:
+    def opens(self, t: RealScalar, on: Float[Array, " m"]) -> Bool[Array, " m"]:
         """Whether valves open that are told to `on` seconds after a sample at time `t` (s).
 
         None does that is dead, stuck, or intermittent and in its pause.
@@ -176,7 +175,7 @@ class FailureEvents(AbstractFailures):
         return torque
 
 
-def _paused(last: LastFailure, t: Float[Array, ""]) -> Bool[Array, " m"]:
+def _paused(last: LastFailure, t: RealScalar) -> Bool[Array, " m"]:
     """Which intermittent thrusters fail at a sample at time `t` (s)."""
     pauses = last.kind == FailureKind.INTERMITTENT
     since = t - jnp.where(pauses, last.since, t)

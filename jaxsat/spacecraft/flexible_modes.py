@@ -24,6 +24,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
+from jaxsat.core.array_types import Matrix, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft.axes import of_each, unit_axes
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Storage
@@ -99,7 +100,7 @@ class FlexibleModes(AbstractEffector):
         """All are at rest."""
         return ModeStates(jnp.zeros(self.count), jnp.zeros(self.count))
 
-    def momentum(self, state: ModeStates) -> Float[Array, "3"]:
+    def momentum(self, state: ModeStates) -> Vector:
         """Σ h in body axes, N m s."""
         return self.axes @ (self.coupling**2 * state.rate)
 
@@ -107,7 +108,7 @@ class FlexibleModes(AbstractEffector):
         """None: what they store swings to and fro."""
         return None
 
-    def free_inertia(self) -> Float[Array, "3 3"]:
+    def free_inertia(self) -> Matrix:
         """-Σ d dᵀ, kg m²."""
         return -(self.axes * (self.coupling**2)[None]) @ self.axes.T
 

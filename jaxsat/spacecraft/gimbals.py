@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
+from jaxsat.core.array_types import Vector
 from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.core.declaration.gimbals import ACROSS, GimbalFailureKind
@@ -164,7 +165,7 @@ class ControlMomentGyros(AbstractEffector):
         """The state with each rotor's momentum changed; angles stay, whatever the body's size."""
         return GyroStates(state.angle, change(state.momentum))
 
-    def momentum(self, state: GyroStates) -> Float[Array, "3"]:
+    def momentum(self, state: GyroStates) -> Vector:
         """Σ h in body axes, N m s."""
         return self.directions(state.angle)[0] @ state.momentum
 

@@ -12,9 +12,9 @@ from typing import ClassVar, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Float, PyTree
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 
 
 class Hold(NamedTuple):
@@ -36,8 +36,8 @@ class Hold(NamedTuple):
 class Decision(NamedTuple):
     """Whether a law makes a step at a sample, and, if not, whether the last commands are held."""
 
-    steps: Bool[Array, ""]
-    held: Bool[Array, ""]
+    steps: BoolScalar
+    held: BoolScalar
 
 
 def hold_by_hold(count: int, period: RealScalar, step: Callable[..., tuple], *carry: PyTree):
@@ -57,7 +57,7 @@ def hold_by_hold(count: int, period: RealScalar, step: Callable[..., tuple], *ca
     return jax.lax.fori_loop(0, count, one, first)[1:]
 
 
-def mean_size(first: Float[Array, "3"], last: Float[Array, "3"]) -> Float[Array, "3"]:
+def mean_size(first: Vector, last: Vector) -> Vector:
     """The mean size about each axis of a torque (N m) that changes evenly from one to another."""
     both = jnp.abs(first) + jnp.abs(last)
     crossing = (first**2 + last**2) / jnp.where(both > 0, 2 * both, 1.0)
@@ -195,13 +195,13 @@ class AbstractHeldEffector(eqx.Module):
     # A command that is held: modes that depend on how the body turns.
 
     def margins(
-        self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
+        self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Vector
     ) -> Float[Array, "..."]:
         """How far devices are from leaving their mode: below zero for one that has left it."""
         return jnp.zeros(0)
 
     def approach(
-        self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Float[Array, "3"]
+        self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Vector
     ) -> Float[Array, "..."]:
         """d/dt of each margin that goes to zero before something jumps, zero for others."""
         return jnp.zeros_like(self.margins(mode, state, command, acceleration))

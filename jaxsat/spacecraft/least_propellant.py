@@ -14,9 +14,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from jaxsat.core.allocation import least_propellant, unit_columns
+from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, Vector
 from jaxsat.core.checks import as_float, as_optional_float
 from jaxsat.core.smooth import positive_part, within
 
@@ -47,16 +48,16 @@ class Vertex(NamedTuple):
     """
 
     members: Int[Array, "3"]
-    columns: Float[Array, "3 3"]
-    price: Float[Array, "3"]
-    upper: Float[Array, "3"]
-    thrust: Float[Array, "3"]
+    columns: Matrix
+    price: Vector
+    upper: Vector
+    thrust: Vector
     side: Float[Array, " m"]
-    ahead: Float[Array, "3"]
+    ahead: Vector
     facets: Float[Array, "2 3"]
-    leg: Int[Array, ""]
-    pivots: Int[Array, ""]
-    goes: Bool[Array, ""]
+    leg: IntScalar
+    pivots: IntScalar
+    goes: BoolScalar
 
 
 class Programme(NamedTuple):
@@ -110,8 +111,8 @@ class LeastPropellant(eqx.Module):
         self,
         command: Float[Array, " torques"],
         limit: Float[Array, " m"] | None = None,
-        first: Float[Array, "3"] | None = None,
-    ) -> tuple[Float[Array, " m"], Float[Array, "3"]]:
+        first: Vector | None = None,
+    ) -> tuple[Float[Array, " m"], Vector]:
         """The duties for a `command`, and the torque (N m) that they do not make of it.
 
         They are parts of full thrust on average over a period, up to a `limit` (1 if None), and
@@ -150,10 +151,10 @@ def least_price(
     units: Float[Array, "3 m"],
     upper: Float[Array, " m"],
     price: Float[Array, " m"],
-    torque: Float[Array, "3"],
-    first: Float[Array, "3"],
-    runs: Bool[Array, ""],
-) -> tuple[Float[Array, " m"], Float[Array, "3"]]:
+    torque: Vector,
+    first: Vector,
+    runs: BoolScalar,
+) -> tuple[Float[Array, " m"], Vector]:
     """Torques u (N m) along `units`, 0 <= u <= `upper`, that make `first` + `torque` (N m).
 
     They have the least Σ `price` u, the prices 1 at most. Where the sum is too much, `first` is
@@ -187,12 +188,12 @@ def _zero(x: Array) -> float:
 
 
 def part_up_to(
-    facet: Float[Array, "3"],
+    facet: Vector,
     units: Float[Array, "3 m"],
     bounds: tuple[Float[Array, " m"] | None, Float[Array, " m"]],
-    made: Float[Array, "3"],
-    wanted: Float[Array, "3"],
-) -> Float[Array, "3"]:
+    made: Vector,
+    wanted: Vector,
+) -> Vector:
     """The part of a `wanted` torque up to a `facet` of all torques, beside what is `made` (N m).
 
     The torques along `units` are between two `bounds` (N m), of which None is zero. A facet of
@@ -209,9 +210,7 @@ def part_up_to(
     return jnp.where(ends & (part < 1), part, 1.0) * wanted
 
 
-def _beginning(
-    upper: Float[Array, " m"], torque: Float[Array, "3"], first: Float[Array, "3"]
-) -> Vertex:
+def _beginning(upper: Float[Array, " m"], torque: Vector, first: Vector) -> Vertex:
     """No thrust, and all of the torque ahead."""
     comes_first = jnp.any(first != 0)
     none = jnp.zeros_like(torque)
@@ -230,7 +229,7 @@ def _beginning(
     )
 
 
-def inverse_of_columns(columns: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+def inverse_of_columns(columns: Matrix) -> Matrix:
     """Of the matrix with these columns, one a row."""
     a, b, c = columns
     across = jnp.cross(b, c)
@@ -238,7 +237,7 @@ def inverse_of_columns(columns: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
     return adjugate / jnp.sum(a * across)
 
 
-def _pivot(programme: Programme, torque: Float[Array, "3"], at: Vertex) -> Vertex:
+def _pivot(programme: Programme, torque: Vector, at: Vertex) -> Vertex:
     """As far as no member meets a bound; then the cheapest other takes the place of that one."""
     units, upper, price = programme
     zero = _zero(upper)
@@ -278,11 +277,7 @@ def _pivot(programme: Programme, torque: Float[Array, "3"], at: Vertex) -> Verte
 
 
 def _next_leg(
-    upper: Float[Array, " m"],
-    torque: Float[Array, "3"],
-    at: Vertex,
-    turns: Bool[Array, ""],
-    facet: Float[Array, "3"],
+    upper: Float[Array, " m"], torque: Vector, at: Vertex, turns: BoolScalar, facet: Vector
 ) -> Vertex:
     """This leg, unless it has ended: 0 comes first, 1 is the torque (N m) itself.
 

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, concrete, require_positive
 
 
@@ -40,7 +41,7 @@ class AbstractModulation(eqx.Module):
         self,
         duty: Float[Array, " m"],
         memory: PyTree,
-        period: Float[Array, ""],
+        period: RealScalar,
         min_on_time: Float[Array, " m"],
     ) -> tuple[Pulses, PyTree]:
         """The pulses of the period that begins now, and the next memory."""
@@ -132,10 +133,10 @@ class PulseWidthPulseFrequency(AbstractModulation):
     where it is above `on_level` / `gain`.
     """
 
-    gain: Float[Array, ""] = eqx.field(converter=as_float)
-    time_constant: Float[Array, ""] = eqx.field(converter=as_float)
-    on_level: Float[Array, ""] = eqx.field(converter=as_float)
-    off_level: Float[Array, ""] = eqx.field(converter=as_float)
+    gain: RealScalar = eqx.field(converter=as_float)
+    time_constant: RealScalar = eqx.field(converter=as_float)
+    on_level: RealScalar = eqx.field(converter=as_float)
+    off_level: RealScalar = eqx.field(converter=as_float)
     switchings: int = eqx.field(static=True, default=4)
 
     def __check_init__(self):

@@ -10,8 +10,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float, Int
+from jaxtyping import ArrayLike
 
+from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import (
     as_array,
@@ -25,7 +26,7 @@ from jaxsat.core.checks import (
 from jaxsat.core.errors import ArgumentError
 
 
-def _as_three(value: ArrayLike | list | tuple) -> Float[Array, "3"]:
+def _as_three(value: ArrayLike | list | tuple) -> Vector:
     """One number for all axes, or one for each."""
     array = as_float(value)
     return as_float([value] * 3) if array.ndim == 0 else array
@@ -37,11 +38,8 @@ def _require_both(start: object, length: object) -> None:
 
 
 def _outside_outage(
-    sample: Int[Array, ""],
-    period: Float[Array, ""],
-    start: Float[Array, ""] | None,
-    length: Float[Array, ""] | None,
-) -> Bool[Array, ""] | None:
+    sample: IntScalar, period: RealScalar, start: RealScalar | None, length: RealScalar | None
+) -> BoolScalar | None:
     """Whether a sample is outside an outage of this start and length (s), None for no outage."""
     if start is None or length is None:
         return None
@@ -71,15 +69,15 @@ class Gyro(eqx.Module):
     an outage without a start or a length.
     """
 
-    noise_density: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    bias_walk: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    bias: Float[Array, "3"] = eqx.field(converter=_as_three, default=0.0)
-    bias_sigma: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    scale_factor: Float[Array, "3"] = eqx.field(converter=_as_three, default=0.0)
-    misalignment: Float[Array, "3"] = eqx.field(converter=_as_three, default=0.0)
-    limit: Float[Array, ""] = eqx.field(converter=as_float, default=jnp.inf)
-    outage_start: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
-    outage: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
+    noise_density: RealScalar = eqx.field(converter=as_float, default=0.0)
+    bias_walk: RealScalar = eqx.field(converter=as_float, default=0.0)
+    bias: Vector = eqx.field(converter=_as_three, default=0.0)
+    bias_sigma: RealScalar = eqx.field(converter=as_float, default=0.0)
+    scale_factor: Vector = eqx.field(converter=_as_three, default=0.0)
+    misalignment: Vector = eqx.field(converter=_as_three, default=0.0)
+    limit: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
+    outage_start: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
+    outage: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
         for name in ("noise_density", "bias_walk", "bias_sigma"):
@@ -107,33 +105,25 @@ class Gyro(eqx.Module):
             values["outage_s"],
         )
 
-    def is_valid(self, sample: Int[Array, ""], period: Float[Array, ""]) -> Bool[Array, ""] | None:
+    def is_valid(self, sample: IntScalar, period: RealScalar) -> BoolScalar | None:
         """Whether what is measured at this sample is valid, None where it always is; samples are
         `period` s apart."""
         return _outside_outage(sample, period, self.outage_start, self.outage)
 
-    def rate_variance(self, period: Float[Array, ""]) -> Float[Array, ""]:
+    def rate_variance(self, period: RealScalar) -> RealScalar:
         """Variance of the white noise of one sample, (rad/s)², for samples `period` s apart."""
         _, noise, walk, period = numpy_if_known(self.noise_density, self.bias_walk, period)
         return as_float(noise**2 / period + walk**2 * period / 12)
 
-    def first_bias(self, noise: Float[Array, "3"]) -> Float[Array, "3"]:
+    def first_bias(self, noise: Vector) -> Vector:
         """The bias at the start, rad/s, made of standard normal numbers."""
         return self.bias + self.bias_sigma * noise
 
-    def next_bias(
-        self, bias: Float[Array, "3"], noise: Float[Array, "3"], period: Float[Array, ""]
-    ) -> Float[Array, "3"]:
+    def next_bias(self, bias: Vector, noise: Vector, period: RealScalar) -> Vector:
         """The bias one sample later, rad/s."""
         return bias + self.bias_walk * jnp.sqrt(period) * noise
 
-    def measured(
-        self,
-        omega: Float[Array, "3"],
-        bias: Float[Array, "3"],
-        noise: Float[Array, "3"],
-        period: Float[Array, ""],
-    ) -> Float[Array, "3"]:
+    def measured(self, omega: Vector, bias: Vector, noise: Vector, period: RealScalar) -> Vector:
         """The measured rate, rad/s, of the true ω under a bias and standard normal numbers."""
         turned = omega - jnp.cross(self.misalignment, omega)
         white = jnp.sqrt(self.rate_variance(period)) * noise
@@ -159,15 +149,15 @@ class StarTracker(eqx.Module):
     direction, and for counts that are none.
     """
 
-    across: Float[Array, ""]
-    along: Float[Array, ""]
-    axes: Float[Array, "3 3"]
-    rate_limit: Float[Array, ""]
-    every: Int[Array, ""]
+    across: RealScalar
+    along: RealScalar
+    axes: Matrix
+    rate_limit: RealScalar
+    every: IntScalar
     latency: int = eqx.field(static=True)
-    arrival: Int[Array, ""] | None
-    outage_start: Float[Array, ""] | None
-    outage: Float[Array, ""] | None
+    arrival: IntScalar | None
+    outage_start: RealScalar | None
+    outage: RealScalar | None
 
     def __init__(
         self,
@@ -208,13 +198,11 @@ class StarTracker(eqx.Module):
         )
 
     @property
-    def deviations(self) -> Float[Array, "3"]:
+    def deviations(self) -> Vector:
         """Standard deviations (rad) about the three `axes`."""
         return jnp.stack([self.across, self.across, self.along])
 
-    def measures(
-        self, sample: Int[Array, ""], period: Float[Array, ""], omega: Float[Array, "3"]
-    ) -> Bool[Array, ""]:
+    def measures(self, sample: IntScalar, period: RealScalar, omega: Vector) -> BoolScalar:
         """Whether there is a measurement at this sample; samples are `period` s apart."""
         has_fix = (sample % self.every == 0) & (jnp.sum(omega**2) <= self.rate_limit**2)
         works = _outside_outage(sample, period, self.outage_start, self.outage)
@@ -225,7 +213,7 @@ class StarTracker(eqx.Module):
         place = 0 if self.arrival is None else self.latency - self.arrival
         return jax.tree.map(lambda part: part[place], queue)
 
-    def measured(self, attitude: Quaternion, noise: Float[Array, "3"]) -> Quaternion:
+    def measured(self, attitude: Quaternion, noise: Vector) -> Quaternion:
         """The measured attitude for the true one and standard normal numbers."""
         return attitude.turned((self.deviations * noise) @ self.axes)
 

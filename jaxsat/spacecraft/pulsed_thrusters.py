@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.smooth import at_least, within
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, Reach
 from jaxsat.spacecraft.failures import Condition, FailureEvents
@@ -60,7 +60,7 @@ class Running(NamedTuple):
     level: Float[Array, " m"] | None
     propellant: RealScalar
     on_time: Float[Array, " m"]
-    impulse: Float[Array, "3"]
+    impulse: Vector
 
 
 class _Level(NamedTuple):
@@ -91,8 +91,8 @@ class ThrusterTorque(NamedTuple):
     `usage` is that of a period of which it is the mean.
     """
 
-    torque: Float[Array, "3"]
-    rate: Float[Array, "3"] | None = None
+    torque: Vector
+    rate: Vector | None = None
     usage: Usage | None = None
 
 
@@ -165,7 +165,7 @@ class PulsedThrusters(AbstractEffector):
             return within(command, jnp.zeros_like(command), jnp.ones_like(command))
         return self.allocation(command)[0]
 
-    def unmade(self, use: Float[Array, " torques"]) -> Float[Array, "3"] | None:
+    def unmade(self, use: Float[Array, " torques"]) -> Vector | None:
         """What no duties make, N m; None where the law commands these."""
         return None if self.allocation is None else self.allocation(use)[1]
 

@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft.allocation import allocate_unloading
 from jaxsat.spacecraft.effector import Reach
@@ -35,8 +36,8 @@ class Relief(eqx.Module):
     shares: Float[Array, "wheels 3"] = eqx.field(converter=as_float)
     torque_limit: OfEach = eqx.field(converter=as_float)
     momentum_limit: OfEach = eqx.field(converter=as_float)
-    inertia: Float[Array, "3 3"] = eqx.field(converter=as_float)
-    period: Float[Array, ""] = eqx.field(converter=as_float)
+    inertia: Matrix = eqx.field(converter=as_float)
+    period: RealScalar = eqx.field(converter=as_float)
 
     def __check_init__(self):
         require_positive("torque_limit", self.torque_limit)
@@ -54,7 +55,7 @@ class Relief(eqx.Module):
         )
         return -jnp.minimum(self.torque_limit, down), jnp.minimum(self.torque_limit, up)
 
-    def unloading(self, omega: Float[Array, "3"], momentum: OfEach) -> Float[Array, "3"]:
+    def unloading(self, omega: Vector, momentum: OfEach) -> Vector:
         """The torque (N m) by which thrusters take momentum out of wheels at a rate (rad/s).
 
         It counts what each wheel would hold of the momentum of body and wheels once the body rests,
@@ -71,8 +72,8 @@ class Relief(eqx.Module):
         return -(self.axes @ wanted)
 
     def allocate(
-        self, torque: Float[Array, "3"], unloading: Float[Array, "3"], momentum: OfEach
-    ) -> tuple[OfEach, Float[Array, "3"], Float[Array, "3"]]:
+        self, torque: Vector, unloading: Vector, momentum: OfEach
+    ) -> tuple[OfEach, Vector, Vector]:
         """The torque of each wheel, of all thrusters, and what both do not make (N m)."""
         low, high = self.bounds(momentum)
         thrusters, free = self.thrusters, jnp.zeros_like(low)

@@ -6,9 +6,10 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PyTree, UInt32
+from jaxtyping import Array, Float, PyTree, UInt32
 from numpy.typing import DTypeLike
 
+from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.noise import fold_in, name_number, sample_noise
@@ -28,8 +29,8 @@ class Sensors(eqx.Module):
     measured one. The noise is a function of `key` (two 32-bit words) and of the sample's number.
     """
 
-    rate_noise: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    attitude_noise: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    rate_noise: RealScalar = eqx.field(converter=as_float, default=0.0)
+    attitude_noise: RealScalar = eqx.field(converter=as_float, default=0.0)
     key: UInt32[Array, "2"] = eqx.field(converter=as_key, default=(0, 0))
 
     def __check_init__(self):
@@ -42,23 +43,23 @@ class Sensors(eqx.Module):
         return cls(values["rate_noise_rad_s"], values["attitude_noise_rad"], key)
 
     def __call__(
-        self, sample: Int[Array, ""], attitude: AbstractAttitude, omega: Float[Array, "3"]
-    ) -> tuple[AbstractAttitude, Float[Array, "3"]]:
+        self, sample: IntScalar, attitude: AbstractAttitude, omega: Vector
+    ) -> tuple[AbstractAttitude, Vector]:
         """The measured attitude, in the parameters of the true one, and the measured ω, rad/s."""
         return self.with_noise(self.noise(sample, omega.dtype), attitude, omega)
 
-    def noise(self, sample: Int[Array, ""], dtype: DTypeLike) -> Float[Array, "6"]:
+    def noise(self, sample: IntScalar, dtype: DTypeLike) -> Float[Array, "6"]:
         """Standard normal numbers of a sample, three for the rate and three for the attitude."""
         return sample_noise(self.key, sample, 6, dtype)
 
     def with_noise(
-        self, noise: Float[Array, "6"], attitude: AbstractAttitude, omega: Float[Array, "3"]
-    ) -> tuple[AbstractAttitude, Float[Array, "3"]]:
+        self, noise: Float[Array, "6"], attitude: AbstractAttitude, omega: Vector
+    ) -> tuple[AbstractAttitude, Vector]:
         """What is measured with this noise."""
         turned = turned_slightly(attitude, self.attitude_noise * noise[3:])
         return turned, omega + self.rate_noise * noise[:3]
 
-    def drawn(self, first: Int[Array, ""], count: int, dtype: DTypeLike) -> "DrawnSensors":
+    def drawn(self, first: IntScalar, count: int, dtype: DTypeLike) -> "DrawnSensors":
         """The same for `count` samples from number `first` on, with all their noise drawn now."""
         noise = jax.vmap(lambda sample: self.noise(sample, dtype))(first + jnp.arange(count))
         return DrawnSensors(self, noise, first)
@@ -69,16 +70,16 @@ class DrawnSensors(eqx.Module):
 
     sensors: Sensors
     noise: Float[Array, "samples 6"]
-    first: Int[Array, ""]
+    first: IntScalar
 
     def __call__(
-        self, sample: Int[Array, ""], attitude: AbstractAttitude, omega: Float[Array, "3"]
-    ) -> tuple[AbstractAttitude, Float[Array, "3"]]:
+        self, sample: IntScalar, attitude: AbstractAttitude, omega: Vector
+    ) -> tuple[AbstractAttitude, Vector]:
         """The measured attitude and the measured ω (rad/s), as by the sensors themselves."""
         return self.sensors.with_noise(self.noise[sample - self.first], attitude, omega)
 
 
-def turned_slightly(attitude: AbstractAttitude, rotation: Float[Array, "3"]) -> AbstractAttitude:
+def turned_slightly(attitude: AbstractAttitude, rotation: Vector) -> AbstractAttitude:
     """The attitude after a small rotation of the body (rad, body axes), in the same parameters.
 
     The angle turned is 2 arctan(|rotation| / 2), |rotation| to third order. A turn z stays within
@@ -111,7 +112,7 @@ class Tachometers(eqx.Module):
     def __check_init__(self):
         require_positive("noise", self.noise, zero_allowed=True)
 
-    def __call__(self, sample: Int[Array, ""], effectors: PyTree) -> PyTree:
+    def __call__(self, sample: IntScalar, effectors: PyTree) -> PyTree:
         """States of effectors with the momenta of wheels as they are measured, N m s."""
         own = fold_in(self.key, jnp.asarray(name_number("tachometers"), jnp.uint32))
 

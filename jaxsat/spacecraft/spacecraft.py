@@ -6,13 +6,14 @@ from typing import TypeVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, PyTree
+from jaxtyping import ArrayLike, PyTree
 
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import as_array, as_float, concrete, numpy_if_known, require_inertia
 
 
-def _as_inertia(value: ArrayLike | list | tuple) -> Float[Array, "3 3"]:
+def _as_inertia(value: ArrayLike | list | tuple) -> Matrix:
     array = as_float(value)
     if array.shape not in ((3,), (3, 3)):
         raise ValueError(
@@ -25,7 +26,7 @@ def _as_inertia(value: ArrayLike | list | tuple) -> Float[Array, "3 3"]:
     return jnp.diag(array) if moments is None else as_array(np.diag(moments))
 
 
-def inverse_of(inertia: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+def inverse_of(inertia: Matrix) -> Matrix:
     """Inverse of an inertia by cofactors: cheap inside a loop and free of LAPACK."""
     xp, (a, b, c) = numpy_if_known(inertia)
     cofactors = xp.stack([xp.cross(b, c), xp.cross(c, a), xp.cross(a, b)])
@@ -42,13 +43,13 @@ class Spacecraft(eqx.Module):
     told by `obeys_triangle_inequality`.
     """
 
-    inertia: Float[Array, "3 3"] = eqx.field(converter=_as_inertia)
+    inertia: Matrix = eqx.field(converter=_as_inertia)
 
     def __check_init__(self):
         require_inertia("inertia", self.inertia)
 
     @property
-    def moments(self) -> Float[Array, "3"]:
+    def moments(self) -> Vector:
         """The diagonal of the inertia, J1, J2, J3 of equation (37), kg m²."""
         inertia = concrete(self.inertia)
         if inertia is not None:
@@ -57,12 +58,12 @@ class Spacecraft(eqx.Module):
         return jnp.stack([a[0], b[1], c[2]])  # far fewer operations than jnp.diagonal
 
     @property
-    def momentum_unit(self) -> Float[Array, ""]:
+    def momentum_unit(self) -> RealScalar:
         """The mean moment of inertia times 1 rad/s, N m s: what momenta are large or small by."""
         return jnp.mean(self.moments)
 
     @property
-    def inverse_inertia(self) -> Float[Array, "3 3"]:
+    def inverse_inertia(self) -> Matrix:
         """Inverse of the inertia."""
         return inverse_of(self.inertia)
 
@@ -85,7 +86,7 @@ class PlantState(eqx.Module):
     """
 
     attitude: AbstractAttitude
-    omega: Float[Array, "3"] = eqx.field(converter=as_float)
+    omega: Vector = eqx.field(converter=as_float)
     effectors: OfEach | None = None
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
 from jaxsat.core.allocation import NORMALISER_FLOOR, unit_columns
+from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.checks import (
     as_array,
     as_float,
@@ -47,7 +48,7 @@ class Thrusters(eqx.Module):
         """How many thrusters there are."""
         return self.torque_axes.shape[1]
 
-    def torque(self, thrust: Float[Array, "m"]) -> Float[Array, "3"]:
+    def torque(self, thrust: Float[Array, "m"]) -> Vector:
         """Equations (3), (4), (7): the body torque, N m, of thrusts given as torques, N m."""
         return self.torque_axes @ thrust
 
@@ -64,7 +65,7 @@ class Thrusters(eqx.Module):
         return Thrusters(axes[:, np.array(working, dtype=int)])
 
 
-def two_thruster_coupling(thrusters: Thrusters) -> Float[Array, "2"]:
+def two_thruster_coupling(thrusters: Thrusters) -> Pair:
     """b1 and b2 of equation (5): the third torque is b1 u1 + b2 u2.
 
     Raises `ValueError` unless there are two thrusters whose torques about the first two body axes
@@ -82,7 +83,7 @@ def two_thruster_coupling(thrusters: Thrusters) -> Float[Array, "2"]:
     return jnp.stack([b1, b2]) / determinant
 
 
-def one_thruster_coupling(thrusters: Thrusters) -> Float[Array, "2"]:
+def one_thruster_coupling(thrusters: Thrusters) -> Pair:
     """c1 and c2 of equation (8): the torque is u1 (1, c1, c2)ᵀ.
 
     Raises `ValueError` unless there is one thruster with some torque about the first body axis.
@@ -94,7 +95,7 @@ def one_thruster_coupling(thrusters: Thrusters) -> Float[Array, "2"]:
     return axis[1:] / axis[0]
 
 
-def _require_normaliser(value: Float[Array, ""], rule: str) -> None:
+def _require_normaliser(value: RealScalar, rule: str) -> None:
     number = concrete(value)
     if number is not None and abs(number) < NORMALISER_FLOOR:
         raise ValueError(f"{rule}, but got {float(number):.3g}.")

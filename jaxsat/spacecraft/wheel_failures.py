@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import concrete
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.core.declaration.wheels import WheelFailureKind
@@ -112,10 +113,7 @@ def driven(
 
 
 def reach(
-    wheels: "Wheels",
-    momentum: Float[Array, " wheels"],
-    struck: Bool[Array, " f"],
-    span: Float[Array, ""],
+    wheels: "Wheels", momentum: Float[Array, " wheels"], struck: Bool[Array, " f"], span: RealScalar
 ) -> Reach:
     """The torque of each motor that friction leaves, N m, whichever way the wheel turns.
 

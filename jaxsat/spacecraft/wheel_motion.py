@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from jaxsat.core.array_types import RealScalar
+
 if TYPE_CHECKING:
     from jaxsat.spacecraft.wheels import Wheels
 
@@ -83,7 +85,7 @@ class _Course(NamedTuple):
 
 
 def edges_of(
-    wheels: "Wheels", momentum: OfEach, command: OfEach, period: Float[Array, ""]
+    wheels: "Wheels", momentum: OfEach, command: OfEach, period: RealScalar
 ) -> Float[Array, " edges"]:
     """Instants (s) in [0, `period`] at which the torque of a wheel jumps, in no order.
 
@@ -98,7 +100,7 @@ def edges_of(
 
 
 def piece_after(
-    wheels: "Wheels", momentum: OfEach, command: OfEach, elapsed: Float[Array, ""]
+    wheels: "Wheels", momentum: OfEach, command: OfEach, elapsed: RealScalar
 ) -> WheelPiece:
     """The piece that holds `elapsed` seconds after a command began to stay at `momentum`.
 
@@ -113,11 +115,7 @@ def piece_after(
 
 
 def snapped(
-    wheels: "Wheels",
-    momentum: OfEach,
-    command: OfEach,
-    elapsed: Float[Array, ""],
-    reached: OfEach,
+    wheels: "Wheels", momentum: OfEach, command: OfEach, elapsed: RealScalar, reached: OfEach
 ) -> OfEach:
     """What momenta have `reached` (N m s), `elapsed` seconds after a command began to stay at
     `momentum`: exactly zero, or the limit, where the edge at which they come to it is then."""

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
 from jaxsat.core.allocation import unit_columns
+from jaxsat.core.array_types import Matrix, Vector
 from jaxsat.core.checks import as_float, concrete, require_finite, require_positive
 from jaxsat.core.declaration.wheels import WheelFailureKind
 from jaxsat.core.errors import ArgumentError
@@ -152,7 +153,7 @@ class Wheels(AbstractEffector):
         """How many wheels there are."""
         return self.axes.shape[1]
 
-    def rotors(self, turns: Bool[Array, " wheels"] | None = None) -> Float[Array, "3 3"]:
+    def rotors(self, turns: Bool[Array, " wheels"] | None = None) -> Matrix:
         """Σ J_w a aᵀ (kg m²) over the wheels that turn, by default all: their part of the body."""
         if self.rotor_inertia is None:
             return jnp.zeros((3, 3))
@@ -173,7 +174,7 @@ class Wheels(AbstractEffector):
             return command
         return jnp.clip(command, -self.torque_limit, self.torque_limit)
 
-    def _drag(self, acceleration: Float[Array, "3"]) -> Float[Array, " wheels"]:
+    def _drag(self, acceleration: Vector) -> Float[Array, " wheels"]:
         """J_w a·dω/dt of each wheel, N m."""
         if self.rotor_inertia is None:
             return jnp.zeros(self.count, acceleration.dtype)
@@ -189,7 +190,7 @@ class Wheels(AbstractEffector):
         """The state with each wheel's momentum changed."""
         return WheelMomenta(change(state.momentum))
 
-    def momentum(self, state: WheelMomenta) -> Float[Array, "3"]:
+    def momentum(self, state: WheelMomenta) -> Vector:
         """The momentum of all wheels relative to the body, A h in body axes, N m s."""
         return self.axes @ state.momentum
 
@@ -201,11 +202,11 @@ class Wheels(AbstractEffector):
             jnp.full(self.count, jnp.inf) if most is None else most,
         )
 
-    def free_inertia(self) -> Float[Array, "3 3"] | None:
+    def free_inertia(self) -> Matrix | None:
         """The correction of the inertia by all wheels, -Σ J_w a aᵀ, kg m²."""
         return self._correction(None)
 
-    def _correction(self, turns: Bool[Array, " wheels"] | None) -> Float[Array, "3 3"] | None:
+    def _correction(self, turns: Bool[Array, " wheels"] | None) -> Matrix | None:
         return None if self.rotor_inertia is None else -self.rotors(turns)
 
     @property
@@ -250,7 +251,7 @@ class Wheels(AbstractEffector):
         return rate if piece.turns is None else jnp.where(piece.turns, rate, 0.0)
 
     def made(
-        self, piece: WheelPiece, state: WheelMomenta, acceleration: Float[Array, "3"]
+        self, piece: WheelPiece, state: WheelMomenta, acceleration: Vector
     ) -> Float[Array, " wheels"]:
         """What each wheel does to the body along its axis, N m.
 

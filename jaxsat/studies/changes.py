@@ -7,12 +7,13 @@ from typing import NamedTuple, TypeVar, cast
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from jaxsat.control.controller import AbstractBacksteppingLaw
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.three_axis import InternalModel
+from jaxsat.core.array_types import BoolScalar, Matrix
 from jaxsat.core.attitude import DCM, WZ, AbstractAttitude, Quaternion
 from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
 from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop, parts_of
@@ -74,7 +75,7 @@ LEAST_TORQUE = 1e-30
 """N m: tells frequencies apart where no torque does."""
 
 
-def possible_inertia(inertia: Float[Array, "3 3"]) -> Bool[Array, ""]:
+def possible_inertia(inertia: Matrix) -> BoolScalar:
     """Whether a body of positive mass density can have this inertia: ½ tr(J) I - J > 0.
 
     The triangle inequality of the principal moments in the form that products of inertia leave
@@ -83,18 +84,18 @@ def possible_inertia(inertia: Float[Array, "3 3"]) -> Bool[Array, ""]:
     return _positive(jnp.trace(inertia) / 2 * jnp.eye(3, dtype=inertia.dtype) - inertia)
 
 
-def possible_body(loop: AbstractLoop) -> Bool[Array, ""]:
+def possible_body(loop: AbstractLoop) -> BoolScalar:
     """Whether a body can have the plant's inertia, and the rotors of its wheels are part of it."""
     return _with_rotors(loop.plant.spacecraft.inertia, loop)
 
 
-def possible_belief(loop: AbstractLoop) -> Bool[Array, ""]:
+def possible_belief(loop: AbstractLoop) -> BoolScalar:
     """Whether a body can have the inertia that the controller believes, with rotors added."""
     parts = parts_of(Spacecraft, controller_of(loop))
     return _with_rotors(parts[0].inertia + rotors_of(loop), loop)
 
 
-def _with_rotors(inertia: Float[Array, "3 3"], loop: AbstractLoop) -> Bool[Array, ""]:
+def _with_rotors(inertia: Matrix, loop: AbstractLoop) -> BoolScalar:
     possible, stores = possible_inertia(inertia), [one.storage() for one in loop.plant.effectors]
     rotors = [one.rotors for one in stores if one is not None]
     if any(one.free_inertia() is not None for one in loop.plant.effectors):
@@ -102,21 +103,21 @@ def _with_rotors(inertia: Float[Array, "3 3"], loop: AbstractLoop) -> Bool[Array
     return possible & jnp.all(jnp.concatenate(rotors) >= 0) if rotors else possible
 
 
-def _positive(matrix: Float[Array, "3 3"]) -> Bool[Array, ""]:
+def _positive(matrix: Matrix) -> BoolScalar:
     """Whether a symmetric matrix is positive definite, by its leading minors."""
     two = matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]
     three = jnp.dot(matrix[0], jnp.cross(matrix[1], matrix[2]))
     return (matrix[0, 0] > 0) & (two > 0) & (three > 0)
 
 
-def rotors_of(loop: AbstractLoop) -> Float[Array, "3 3"]:
+def rotors_of(loop: AbstractLoop) -> Matrix:
     """What of the inertia moves freely in the plant's effectors, Σ J_w a aᵀ of wheels
     and Σ d dᵀ of flexible modes, kg m²."""
     free = (one.free_inertia() for one in loop.plant.effectors)
     return -sum((one for one in free if one is not None), jnp.zeros((3, 3)))
 
 
-def scaled_inertia(inertia: Float[Array, "3 3"], change: Values) -> Float[Array, "3 3"]:
+def scaled_inertia(inertia: Matrix, change: Values) -> Matrix:
     """J_ij √((1 + change_i)(1 + change_j)), NaN where a factor is negative."""
     root = jnp.sqrt(1 + change)
     return inertia * root[:, None] * root[None, :]

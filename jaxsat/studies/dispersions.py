@@ -7,9 +7,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, PyTree, UInt32
+from jaxtyping import Array, Float, PyTree, UInt32
 
 import jaxsat.core.noise as noise
+from jaxsat.core.array_types import BoolScalar
 from jaxsat.core.checks import as_array
 from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
 from jaxsat.simulation.engine.program import AbstractCaseFactory, Case
@@ -147,7 +148,7 @@ class Dispersed(AbstractCaseFactory):
                 possible = possible & fine
         return draws, possible
 
-    def _within_limits(self, draws) -> Bool[Array, ""]:
+    def _within_limits(self, draws) -> BoolScalar:
         """Whether no tail of a distribution reached beyond its quantity's limits.
 
         Inertias are left out: they are drawn again until they are possible.

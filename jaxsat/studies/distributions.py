@@ -10,6 +10,7 @@ import numpy as np
 from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import Vector
 from jaxsat.core.checks import as_float, concrete, require_finite, require_positive
 from jaxsat.core.errors import ArgumentError
 
@@ -163,7 +164,7 @@ class RandomAttitude(AbstractDistribution):
 
     end_names = ()
 
-    def quantile(self, u: Float[Array, "3"]) -> Float[Array, "4"]:
+    def quantile(self, u: Vector) -> Float[Array, "4"]:
         """The quaternion of three unit coordinates."""
         near, far = jnp.sqrt(1 - u[0]), jnp.sqrt(u[0])
         first, second = 2 * jnp.pi * u[1], 2 * jnp.pi * u[2]

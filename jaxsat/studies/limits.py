@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 import jaxsat.core.ranges as ranges
 from jaxsat.control.controller import AbstractBacksteppingLaw
+from jaxsat.core.array_types import Vector
 from jaxsat.core.checks import as_float, concrete, numpy_if_known
 from jaxsat.core.declaration.actuator import ActuatorDeclaration
 from jaxsat.core.declaration.actuators import ACTUATORS
@@ -143,7 +144,7 @@ def _of_failures(loop: AbstractLoop, each: Callable[[Any], np.ndarray]) -> Float
     return as_float(values[0] if np.all(values == values[0]) else values)
 
 
-def moments_of(loop: AbstractLoop) -> Float[Array, "3"]:
+def moments_of(loop: AbstractLoop) -> Vector:
     """J1, J2, J3 of the plant, kg m²."""
     return loop.plant.spacecraft.moments
 
@@ -154,7 +155,7 @@ def periodic_of(loop: AbstractLoop) -> PeriodicTorque:
     return torque
 
 
-def believed_moments(loop: AbstractLoop) -> Float[Array, "3"]:
+def believed_moments(loop: AbstractLoop) -> Vector:
     """J1, J2, J3 that the controller believes, kg m²."""
     return parts_of(Spacecraft, controller_of(loop))[0].moments
 

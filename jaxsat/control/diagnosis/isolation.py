@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.declaration.failures import AbstractFailureKind
 
 LEAST_PART = 0.02
@@ -155,8 +155,8 @@ class Explanation(NamedTuple):
     that of the constant torque, and `acceleration` (rad/s²) what it does.
     """
 
-    actuator: Int[Array, ""]
-    kind: Int[Array, ""]
+    actuator: IntScalar
+    kind: IntScalar
     loss: RealScalar
     flow: RealScalar
     score: RealScalar
@@ -164,7 +164,7 @@ class Explanation(NamedTuple):
     tested: RealScalar
     scores: Float[Array, " m"]
     disturbance: RealScalar
-    acceleration: Float[Array, "3"]
+    acceleration: Vector
 
 
 def explanation(

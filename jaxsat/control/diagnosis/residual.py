@@ -12,10 +12,10 @@ from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.control.diagnosis.isolation import Hypotheses, Residual
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.spacecraft.wheels import Wheels
 
 RESTLESSNESS = 0.25
@@ -35,9 +35,9 @@ class Reading(NamedTuple):
     on average since the last reading, None without them.
     """
 
-    rate: Float[Array, "3"]
+    rate: Vector
     momentum: Float[Array, " wheels"] | None = None
-    unwatched: Float[Array, "3"] | None = None
+    unwatched: Vector | None = None
 
 
 def momentum_with_rotors(wheels: Wheels, reading: Reading) -> Float[Array, " wheels"]:
@@ -63,7 +63,7 @@ class ActuatorCondition(NamedTuple):
     failed: Bool[Array, " m"]
     part: Float[Array, " m"]
     flow: Float[Array, " m"]
-    torque: Float[Array, "3"]
+    torque: Vector
     samples: RealScalar
 
     @staticmethod
@@ -85,7 +85,7 @@ class FilterMemory(NamedTuple):
     loss: Float[Array, "n m"]
     flow: Float[Array, "n m"]
     steady: RealScalar | None
-    started: Bool[Array, ""]
+    started: BoolScalar
     own: PyTree
 
 
@@ -203,7 +203,7 @@ class AbstractResidualFilter(eqx.Module):
         residual: Residual,
         condition: ActuatorCondition,
         period: RealScalar,
-        quiet: Bool[Array, ""],
+        quiet: BoolScalar,
     ) -> ActuatorCondition:
         """The condition with the flows that actuators make all the time, and the torque, corrected.
 
@@ -214,12 +214,10 @@ class AbstractResidualFilter(eqx.Module):
     def test_command(self, period: RealScalar, sigma: Float[Array, " k"]) -> Float[Array, " m"]:
         """Commands of test pulses that stand out of errors of this standard deviation."""
 
-    def torque_of(self, acceleration: Float[Array, "3"]) -> Float[Array, "3"]:
+    def torque_of(self, acceleration: Vector) -> Vector:
         """The torque (N m) that makes an acceleration (rad/s²); none of what is on board."""
         return jnp.zeros_like(acceleration)
 
-    def named(
-        self, kind: Int[Array, ""], actuator: Int[Array, ""], memory: FilterMemory
-    ) -> Int[Array, ""]:
+    def named(self, kind: IntScalar, actuator: IntScalar, memory: FilterMemory) -> IntScalar:
         """The kind of a verdict; here as it was isolated."""
         return kind

@@ -11,7 +11,7 @@ from typing import ClassVar, NamedTuple, cast
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from jaxsat.control.diagnosis.isolation import (
     DiagnosedKind,
@@ -31,7 +31,7 @@ from jaxsat.control.diagnosis.residual import (
     Reading,
     momentum_with_rotors,
 )
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_finite, require_positive
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.modulation import AbstractModulation
@@ -79,7 +79,7 @@ class ThrusterModel(eqx.Module):
         return self.torque.shape[1]
 
     def on_times(
-        self, duty: Float[Array, " m"], memory: PyTree, period: Float[Array, ""]
+        self, duty: Float[Array, " m"], memory: PyTree, period: RealScalar
     ) -> tuple[Float[Array, " m"], Float[Array, " m"], PyTree]:
         """What the duties of a period make: on-times (s) in it and in the next, and the memory.
 
@@ -118,7 +118,7 @@ class Late(NamedTuple):
     """
 
     on_time: Float[Array, " m"]
-    turned: Float[Array, "3"] | None = None
+    turned: Vector | None = None
 
 
 class ThrusterFilter(AbstractResidualFilter):
@@ -163,7 +163,7 @@ class ThrusterFilter(AbstractResidualFilter):
         turned = self._turned(reading)
         return (reading.rate if turned is None else reading.rate + turned)[:, None]
 
-    def _turned(self, reading: Reading) -> Float[Array, "3"] | None:
+    def _turned(self, reading: Reading) -> Vector | None:
         """The rate (rad/s) that the momentum of wheels would give the body; None without."""
         if self.wheels is None:
             return None
@@ -221,7 +221,7 @@ class ThrusterFilter(AbstractResidualFilter):
         residual: Residual,
         condition: ActuatorCondition,
         period: RealScalar,
-        quiet: Bool[Array, ""],
+        quiet: BoolScalar,
     ) -> ActuatorCondition:
         """The condition with the flows of failed thrusters, and the torque that acts, corrected.
 
@@ -248,7 +248,7 @@ class ThrusterFilter(AbstractResidualFilter):
             samples=jnp.where(opposed, 0.0, samples),
         )
 
-    def believed(self, condition: ActuatorCondition, period: RealScalar) -> Float[Array, "3"]:
+    def believed(self, condition: ActuatorCondition, period: RealScalar) -> Vector:
         """What stands out of the noise of the estimated torque that acts besides, N m."""
         rate = self.model.spacecraft.inverse_inertia @ condition.torque * period
         known = jnp.sqrt(condition.samples + FIRST_SAMPLES)
@@ -260,7 +260,7 @@ class ThrusterFilter(AbstractResidualFilter):
         part = (sigmas - DOUBTED_SIGMAS) / (BELIEVED_SIGMAS - DOUBTED_SIGMAS)
         return jnp.where(opposed, 1.0, jnp.clip(part, 0.0, 1.0)) * condition.torque
 
-    def torque_of(self, acceleration: Float[Array, "3"]) -> Float[Array, "3"]:
+    def torque_of(self, acceleration: Vector) -> Vector:
         """The torque (N m) that makes an acceleration (rad/s²)."""
         return self.model.spacecraft.inertia @ acceleration
 

@@ -5,15 +5,16 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import PyTree
 
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.trigonometry import cos, sin
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
 
 
-def rotation(angle: Float[Array, "3"]) -> Quaternion:
+def rotation(angle: Vector) -> Quaternion:
     """The turn of the body by a rotation vector, rad."""
     square = jnp.sum(angle**2) / 4
     turns = square > 0
@@ -33,7 +34,7 @@ def between(q: Quaternion, p: Quaternion) -> Quaternion:
     return Quaternion(jnp.where(turn[0] < 0, -turn, turn))
 
 
-def difference(q: Quaternion, p: Quaternion) -> Float[Array, "3"]:
+def difference(q: Quaternion, p: Quaternion) -> Vector:
     """The small rotation (rad) with which `q.turned` gives p, the rotation vector to second order.
 
     2 tan(θ/2) in place of θ, so that a whole turn is found at once; held near half a circle.
@@ -42,7 +43,7 @@ def difference(q: Quaternion, p: Quaternion) -> Float[Array, "3"]:
     return 2 * turn[1:] / jnp.maximum(turn[0], 0.01)
 
 
-def rotation_vector(q: Quaternion, p: Quaternion) -> Float[Array, "3"]:
+def rotation_vector(q: Quaternion, p: Quaternion) -> Vector:
     """The rotation vector (rad) of the turn from the attitude q to p, at most half a circle."""
     turn = between(q, p).q
     square = jnp.sum(turn[1:] ** 2)
@@ -57,9 +58,9 @@ class Measurement(NamedTuple):
     The attitude is that of the star tracker's latency earlier; where `seen` is false there is none.
     """
 
-    rate: Float[Array, "3"]
+    rate: Vector
     attitude: Quaternion
-    seen: Bool[Array, ""]
+    seen: BoolScalar
 
 
 class Estimate(NamedTuple):
@@ -71,11 +72,11 @@ class Estimate(NamedTuple):
     """
 
     attitude: Quaternion
-    omega: Float[Array, "3"]
-    bias: Float[Array, "3"] | None = None
-    attitude_sigma: Float[Array, "3"] | None = None
-    rate_sigma: Float[Array, "3"] | None = None
-    bias_sigma: Float[Array, "3"] | None = None
+    omega: Vector
+    bias: Vector | None = None
+    attitude_sigma: Vector | None = None
+    rate_sigma: Vector | None = None
+    bias_sigma: Vector | None = None
 
 
 class EstimatorContext(NamedTuple):
@@ -85,7 +86,7 @@ class EstimatorContext(NamedTuple):
     gyro: Gyro
     tracker: StarTracker
     orbit: AbstractOrbit
-    period: Float[Array, ""]
+    period: RealScalar
 
 
 class AbstractEstimator(eqx.Module):
@@ -97,7 +98,7 @@ class AbstractEstimator(eqx.Module):
     """
 
     @abc.abstractmethod
-    def init(self, attitude: Quaternion, sigma: Float[Array, ""]) -> PyTree:
+    def init(self, attitude: Quaternion, sigma: RealScalar) -> PyTree:
         """The memory before the first sample.
 
         `attitude` is the first estimate; its error has the standard deviation `sigma` (rad) about
@@ -106,11 +107,7 @@ class AbstractEstimator(eqx.Module):
 
     @abc.abstractmethod
     def step(
-        self,
-        sample: Int[Array, ""],
-        period: Float[Array, ""],
-        measurement: Measurement,
-        memory: PyTree,
+        self, sample: IntScalar, period: RealScalar, measurement: Measurement, memory: PyTree
     ) -> tuple[Estimate, PyTree]:
         """The estimate at a sample of the run, and the memory; samples are `period` s apart."""
 
@@ -118,16 +115,12 @@ class AbstractEstimator(eqx.Module):
 class RawMeasurements(AbstractEstimator):
     """No estimator: the measured rate, and the attitude that the star tracker gave last."""
 
-    def init(self, attitude: Quaternion, sigma: Float[Array, ""]) -> Quaternion:
+    def init(self, attitude: Quaternion, sigma: RealScalar) -> Quaternion:
         """The first estimate, until the first measurement."""
         return attitude
 
     def step(
-        self,
-        sample: Int[Array, ""],
-        period: Float[Array, ""],
-        measurement: Measurement,
-        memory: Quaternion,
+        self, sample: IntScalar, period: RealScalar, measurement: Measurement, memory: Quaternion
     ) -> tuple[Estimate, Quaternion]:
         """What was measured."""
         q = jnp.where(measurement.seen, measurement.attitude.q, memory.q)

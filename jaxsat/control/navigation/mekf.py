@@ -5,7 +5,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsat.control.navigation.estimator import (
     AbstractEstimator,
@@ -15,12 +15,11 @@ from jaxsat.control.navigation.estimator import (
     product,
     rotation,
 )
+from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.trees import apart
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
-
-Matrix = Float[Array, "3 3"]
 
 
 class Belief(NamedTuple):
@@ -32,7 +31,7 @@ class Belief(NamedTuple):
     """
 
     q: Float[Array, "4"]
-    b: Float[Array, "3"]
+    b: Vector
     attitude: Matrix
     cross: Matrix
     bias: Matrix
@@ -69,7 +68,7 @@ class MultiplicativeFilter(AbstractEstimator):
     gyro: Gyro
     tracker: StarTracker
 
-    def init(self, attitude: Quaternion, sigma: Float[Array, ""]) -> FilterMemory:
+    def init(self, attitude: Quaternion, sigma: RealScalar) -> FilterMemory:
         """A belief without correlations; the bias is believed to be zero.
 
         Its variance is what the gyro declares: that of the draw, and the square of the rest.
@@ -81,11 +80,7 @@ class MultiplicativeFilter(AbstractEstimator):
         return FilterMemory(belief, jnp.zeros((self.tracker.latency + 1, 3), zero.dtype))
 
     def step(
-        self,
-        sample: Int[Array, ""],
-        period: Float[Array, ""],
-        measurement: Measurement,
-        memory: FilterMemory,
+        self, sample: IntScalar, period: RealScalar, measurement: Measurement, memory: FilterMemory
     ) -> tuple[Estimate, FilterMemory]:
         """The estimate with all that has arrived by this sample."""
         rates = jnp.concatenate([memory.rates, measurement.rate[None]])
@@ -104,12 +99,7 @@ class MultiplicativeFilter(AbstractEstimator):
         return self._estimate(now, measurement.rate, period), FilterMemory(belief, rates[1:])
 
     def moved(
-        self,
-        belief: Belief,
-        begin: Float[Array, "3"],
-        end: Float[Array, "3"],
-        length: Float[Array, ""],
-        period: Float[Array, ""],
+        self, belief: Belief, begin: Vector, end: Vector, length: RealScalar, period: RealScalar
     ) -> Belief:
         """The belief one sample later, for the rates measured at both samples (rad/s).
 
@@ -157,7 +147,7 @@ class MultiplicativeFilter(AbstractEstimator):
         q = product(q, turn)
         return q.turned(-half * self.orbit.frame_rate(q)).q
 
-    def _variance(self, rate, period) -> Float[Array, "3"]:
+    def _variance(self, rate, period) -> Vector:
         """Of the noise of a measured rate, about each axis; of the whole range at its limit."""
         within_limit = jnp.abs(rate) < self.gyro.limit
         return jnp.where(within_limit, self.gyro.rate_variance(period), self.gyro.limit**2)
@@ -181,8 +171,8 @@ def _corrected(estimator: MultiplicativeFilter, belief: Belief, measurement: Mea
 
 
 def _narrowed(
-    belief: Belief, axis: Float[Array, "3"], variance: Float[Array, ""], valid: Bool[Array, ""]
-) -> tuple[Belief, tuple[Float[Array, "3"], Float[Array, "3"]], Float[Array, ""]]:
+    belief: Belief, axis: Vector, variance: RealScalar, valid: BoolScalar
+) -> tuple[Belief, tuple[Vector, Vector], RealScalar]:
     """The covariances after a measurement of δ along an axis with this variance (rad²).
 
     Also E δy and E βy of the measured y, and the inverse of its variance; zero where nothing is
@@ -201,9 +191,9 @@ def _narrowed(
     return narrowed, (attitude, bias), scale
 
 
-def _outer(x: Float[Array, "3"], y: Float[Array, "3"]) -> Matrix:
+def _outer(x: Vector, y: Vector) -> Matrix:
     return x[:, None] * y[None, :]
 
 
-def _diagonal(matrix: Matrix) -> Float[Array, "3"]:
+def _diagonal(matrix: Matrix) -> Vector:
     return jnp.stack([matrix[0, 0], matrix[1, 1], matrix[2, 2]])

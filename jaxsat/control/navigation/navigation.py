@@ -7,7 +7,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree, UInt32
+from jaxtyping import Array, Bool, Float, PyTree, UInt32
 
 from jaxsat.control.navigation.estimator import (
     AbstractEstimator,
@@ -15,6 +15,7 @@ from jaxsat.control.navigation.estimator import (
     Measurement,
     rotation_vector,
 )
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.noise import fold_in, name_number, sample_noise
@@ -37,10 +38,10 @@ class NavigationState(NamedTuple):
     the last valid measurement of the gyro (rad/s), None where all are valid.
     """
 
-    bias: Float[Array, "3"]
+    bias: Vector
     waiting: Delivery | None
     memory: PyTree
-    rate: Float[Array, "3"] | None = None
+    rate: Vector | None = None
 
 
 class Told(NamedTuple):
@@ -53,8 +54,8 @@ class Told(NamedTuple):
 
     state: PlantState
     navigation: NavigationState | None = None
-    errors: Mapping[str, Float[Array, "3"]] = MappingProxyType({})
-    valid: Bool[Array, ""] | None = None
+    errors: Mapping[str, Vector] = MappingProxyType({})
+    valid: BoolScalar | None = None
 
 
 class Navigation(eqx.Module):
@@ -67,7 +68,7 @@ class Navigation(eqx.Module):
     gyro: Gyro
     tracker: StarTracker
     estimator: AbstractEstimator
-    attitude_sigma: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    attitude_sigma: RealScalar = eqx.field(converter=as_float, default=0.0)
     key: UInt32[Array, "2"] = eqx.field(converter=as_key, default=(0, 0))
 
     def __check_init__(self):
@@ -86,11 +87,7 @@ class Navigation(eqx.Module):
         return NavigationState(self.gyro.first_bias(noise[:3]), waiting, memory, rate)
 
     def step(
-        self,
-        sample: Int[Array, ""],
-        period: Float[Array, ""],
-        plant: PlantState,
-        state: NavigationState,
+        self, sample: IntScalar, period: RealScalar, plant: PlantState, state: NavigationState
     ) -> tuple[Estimate, NavigationState]:
         """The estimate at a sample of the run when the truth is `plant`, and the next state.
 
@@ -118,11 +115,7 @@ class Navigation(eqx.Module):
         return estimate, NavigationState(bias, waiting, memory, last)
 
     def told(
-        self,
-        sample: Int[Array, ""],
-        period: Float[Array, ""],
-        plant: PlantState,
-        state: NavigationState,
+        self, sample: IntScalar, period: RealScalar, plant: PlantState, state: NavigationState
     ) -> Told:
         """What the law is told, the attitude in the parameters of the true one; as `step`."""
         estimate, following = self.step(sample, period, plant, state)
@@ -132,9 +125,7 @@ class Navigation(eqx.Module):
         return Told(estimated, following, errors, self.gyro.is_valid(sample, period))
 
 
-def _errors(
-    plant: PlantState, bias: Float[Array, "3"], estimate: Estimate
-) -> dict[str, Float[Array, "3"]]:
+def _errors(plant: PlantState, bias: Vector, estimate: Estimate) -> dict[str, Vector]:
     off = {
         "attitude": rotation_vector(estimate.attitude, plant.attitude.as_quaternion()),
         "rate": plant.omega - estimate.omega,

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.tolerances import Tolerances
 
 Torques = Float[Array, " m"]
@@ -148,7 +148,7 @@ INSIDE = 0.9
 """Of a radius, where the place of a guess is at most."""
 
 
-def radii_of(tolerances: Tolerances, time_unit: RealScalar) -> Float[Array, "3"]:
+def radii_of(tolerances: Tolerances, time_unit: RealScalar) -> Vector:
     """R of tilt, turn and rate times `time_unit` (s): twice the sines of half the angles, as ψ."""
     tilt = tolerances.w / jnp.sqrt(1 + tolerances.w**2)
     turn = jnp.sin(jnp.minimum(tolerances.z, jnp.pi) / 2)
@@ -161,7 +161,7 @@ def inside(place: Float[Array, "6"]) -> Float[Array, "6"]:
     return place * (BALLS @ (INSIDE / jnp.maximum(sizes, INSIDE)))
 
 
-def slacks(place: Float[Array, "6"]) -> Float[Array, "3"]:
+def slacks(place: Float[Array, "6"]) -> Vector:
     """The slack c of each ball."""
     return 1 - place**2 @ BALLS
 
@@ -180,10 +180,7 @@ class EndTerms(NamedTuple):
 
     @staticmethod
     def of(
-        place: Float[Array, "6"],
-        multipliers: Float[Array, "3"],
-        radii: Float[Array, "3"],
-        mu: RealScalar,
+        place: Float[Array, "6"], multipliers: Vector, radii: Vector, mu: RealScalar
     ) -> "EndTerms":
         """The terms at a place of the end, with the multipliers z."""
         slack = slacks(place)
@@ -207,12 +204,12 @@ def longest_place_step(place: Float[Array, "6"], change: Float[Array, "6"]) -> R
 
 def moved_multipliers(
     place: Float[Array, "6"],
-    multipliers: Float[Array, "3"],
+    multipliers: Vector,
     change: Float[Array, "6"],
     primal: RealScalar,
     dual: RealScalar,
     mu: RealScalar,
-) -> Float[Array, "3"]:
+) -> Vector:
     """z after Newton's step, near the central path of the place after the `primal` step."""
     slack = slacks(place)
     falling = 2 * (place * change) @ BALLS

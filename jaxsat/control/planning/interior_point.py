@@ -10,7 +10,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsat.control.planning.barriers import (
     TO_BOUNDARY,
@@ -24,7 +24,7 @@ from jaxsat.control.planning.barriers import (
 )
 from jaxsat.control.planning.riccati import NewtonStep, QuadraticTerms, newton_step
 from jaxsat.control.planning.transcription import ARRIVALS, PlanObjective, Transcription, Unknowns
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 
 INSIDE = 0.9
 """Torques of a guess are at most this share of the limit."""
@@ -72,7 +72,7 @@ class Settings(NamedTuple):
     first_barrier: float | RealScalar
     last_barrier: float | RealScalar
     proximity: float | RealScalar
-    iterations: int | Int[Array, ""]
+    iterations: int | IntScalar
     least_duration: float | RealScalar = 0.0
 
 
@@ -87,10 +87,10 @@ class Iterate(NamedTuple):
     arrival_multipliers: Float[Array, "6"]
     barrier: RealScalar
     proximity: RealScalar
-    iterations: Int[Array, ""]
+    iterations: IntScalar
     defects: RealScalar
-    done: Bool[Array, ""]
-    end_multipliers: Float[Array, "3"] | None = None
+    done: BoolScalar
+    end_multipliers: Vector | None = None
 
 
 def solve(
@@ -186,7 +186,7 @@ def iterated(program: Transcription, begin: RealScalar, at: Iterate, settings: S
 
 def _end_multipliers(
     at: Iterate, change: Unknowns, length: RealScalar, dual: RealScalar
-) -> Float[Array, "3"] | None:
+) -> Vector | None:
     place, moved = at.unknowns.place, change.place
     if place is None or moved is None or at.end_multipliers is None:
         return None

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsat.control.planning.guesses import guess, random_numbers, resampled
 from jaxsat.control.planning.interior_point import Iterate, solve
 from jaxsat.control.planning.search import ARRIVING, CLOSE, ROUGH, in_hemisphere_of, worth_of
 from jaxsat.control.planning.transcription import PlanObjective, Transcription, Unknowns
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import IntScalar, RealScalar
 from jaxsat.core.checks import (
     as_float,
     require_counts,
@@ -63,8 +63,8 @@ class Plan(NamedTuple):
     quaternion: Float[Array, "ends 4"]
     omega: Float[Array, "ends 3"]
     effort: RealScalar
-    status: Int[Array, ""]
-    iterations: Int[Array, ""]
+    status: IntScalar
+    iterations: IntScalar
     defects: RealScalar
 
     def torque_at(self, t: RealScalar) -> Float[Array, " m"]:

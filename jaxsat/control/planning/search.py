@@ -6,12 +6,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsat.control.planning.guesses import guess, random_numbers, resampled
 from jaxsat.control.planning.interior_point import Iterate, Settings, begun, iterated
 from jaxsat.control.planning.transcription import Transcription, Unknowns
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 from jaxsat.core.checks import require_counts, require_finite, require_positive
 from jaxsat.core.trees import choose
 
@@ -45,8 +45,8 @@ class Search(NamedTuple):
     at least `least` (τ).
     """
 
-    stage: Int[Array, ""]
-    fresh: Bool[Array, ""]
+    stage: IntScalar
+    fresh: BoolScalar
     iterate: Iterate
     best: Unknowns
     worth: RealScalar
@@ -117,11 +117,11 @@ class PlanSearch(eqx.Module):
         of_plan = {"best": best, "begin": begin, "start": best.states[0]}
         return search._replace(stage=stage, fresh=yes, **of_plan, least=jnp.zeros_like(begin))
 
-    def over(self, search: Search) -> Bool[Array, ""]:
+    def over(self, search: Search) -> BoolScalar:
         """Whether there is nothing left to do."""
         return search.stage > self.guesses
 
-    def arrives(self, search: Search) -> Bool[Array, ""]:
+    def arrives(self, search: Search) -> BoolScalar:
         """Whether a search that is over has found a plan that arrives; not for NaN."""
         return self.over(search) & (search.iterate.defects < ARRIVING)
 

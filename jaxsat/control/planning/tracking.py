@@ -4,12 +4,12 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsat.control.planning.riccati import solved
 from jaxsat.control.planning.search import in_hemisphere_of
 from jaxsat.control.planning.transcription import STATES, Transcription, Unknowns
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 
 WEIGHTS, LAST_WEIGHTS = (10.0,) * 4 + (2.0,) * 3, (100.0,) * 4 + (30.0,) * 3
 """Of the feedback, for (q, ω τ): on the way, and at the end of the plan."""
@@ -24,7 +24,7 @@ class Followed(NamedTuple):
 
 
 def followed_if(
-    program: Transcription, new: Bool[Array, ""], plan: Unknowns, begin: RealScalar, old: Followed
+    program: Transcription, new: BoolScalar, plan: Unknowns, begin: RealScalar, old: Followed
 ) -> Followed:
     """A `new` plan with its feedback, or the `old` one.
 
@@ -115,7 +115,7 @@ def mean_torque(
 
 def interval_at(
     program: Transcription, plan: Unknowns, passed: RealScalar
-) -> tuple[Int[Array, ""], RealScalar]:
+) -> tuple[IntScalar, RealScalar]:
     """The interval at a time after the begin, and the share of it that has passed."""
     place = jnp.clip(passed / plan.duration * program.intervals, 0.0, float(program.intervals))
     number = jnp.minimum(place.astype(int), program.intervals - 1)

@@ -13,10 +13,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from jaxsat.control.planning.barriers import BALLS, inside, radii_of
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
@@ -54,9 +54,7 @@ class AbstractCorrection(eqx.Module):
     """What is known of the dynamics besides the model."""
 
     @abc.abstractmethod
-    def __call__(
-        self, omega: Float[Array, "3"], torque: Float[Array, "3"], acceleration: Float[Array, "3"]
-    ) -> Float[Array, "3"]:
+    def __call__(self, omega: Vector, torque: Vector, acceleration: Vector) -> Vector:
         """The angular acceleration (rad/s²) where the model has this one.
 
         `omega` are the rates (rad/s), `torque` that of the thrusters (N m), in body axes.
@@ -109,7 +107,7 @@ class Transcription(eqx.Module):
         return jnp.concatenate([of_attitude, relative * self.time_unit])
 
     @property
-    def radii(self) -> Float[Array, "3"] | None:
+    def radii(self) -> Vector | None:
         """Within which the arrival is to be, in tilt, turn and rate; None for rest."""
         return None if self.tolerances is None else radii_of(self.tolerances, self.time_unit)
 
@@ -163,12 +161,7 @@ class Transcription(eqx.Module):
         return lax.fori_loop(0, self.substeps, step, (t, x))[1]
 
     def coasted(
-        self,
-        begin: RealScalar,
-        x: Float[Array, "7"],
-        step: RealScalar,
-        steps: Int[Array, ""],
-        most: int,
+        self, begin: RealScalar, x: Float[Array, "7"], step: RealScalar, steps: IntScalar, most: int
     ) -> Float[Array, "7"]:
         """The state to which the body coasts in so many Runge-Kutta steps, `most` at the most."""
         whole, coast = step * self.intervals, jnp.zeros(self.torque_axes.shape[1], x.dtype)

@@ -7,9 +7,9 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import as_float, require_finite
 from jaxsat.core.declaration import PartDeclaration
@@ -52,18 +52,14 @@ class AbstractDisturbance(eqx.Module):
     """
 
     @abc.abstractmethod
-    def __call__(
-        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
-    ) -> Float[Array, "3"]:
+    def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
         """The torque at time `t` (s), N m; `inertia` is the body's true inertia, kg m²."""
 
 
 class NoDisturbance(AbstractDisturbance):
     """No torque at all."""
 
-    def __call__(
-        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
-    ) -> Float[Array, "3"]:
+    def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
         """Zero."""
         return jnp.zeros(3, inertia.dtype)
 
@@ -77,9 +73,9 @@ class PeriodicTorque(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = PERIODIC
 
-    amplitude: Float[Array, "3"] = eqx.field(converter=as_float)
-    frequency: Float[Array, "3"] = eqx.field(converter=as_float)
-    phase: Float[Array, "3"] = eqx.field(converter=as_float, default=(0.0, 0.0, 0.0))
+    amplitude: Vector = eqx.field(converter=as_float)
+    frequency: Vector = eqx.field(converter=as_float)
+    phase: Vector = eqx.field(converter=as_float, default=(0.0, 0.0, 0.0))
 
     def __check_init__(self):
         for name in ("amplitude", "frequency", "phase"):
@@ -90,13 +86,11 @@ class PeriodicTorque(AbstractDisturbance):
         """The torque of a table of a scenario, of zeros where it has none."""
         return cls(values["amplitude_N_m"], values["frequency_rad_s"], values["phase_rad"])
 
-    def __call__(
-        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
-    ) -> Float[Array, "3"]:
+    def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
         """Equation (2)."""
         return self.at(t)
 
-    def at(self, t: RealScalar) -> Float[Array, "3"]:
+    def at(self, t: RealScalar) -> Vector:
         """Equation (2) at time `t` (s), N m."""
         return self.amplitude * sin(self.frequency * t + self.phase)
 
@@ -106,7 +100,7 @@ class ConstantTorque(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = CONSTANT
 
-    torque: Float[Array, "3"] = eqx.field(converter=as_float)
+    torque: Vector = eqx.field(converter=as_float)
 
     def __check_init__(self):
         require_finite("torque", self.torque)
@@ -118,9 +112,7 @@ class ConstantTorque(AbstractDisturbance):
         """The torque of a table of a scenario; None where it is zero."""
         return cls(values["constant_N_m"]) if any(values["constant_N_m"]) else None
 
-    def __call__(
-        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
-    ) -> Float[Array, "3"]:
+    def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
         """The same torque always."""
         return self.torque
 
@@ -133,7 +125,7 @@ class GravityGradient(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = GRAVITY_GRADIENT
 
-    orbit_rate: Float[Array, ""] = eqx.field(converter=as_float)
+    orbit_rate: RealScalar = eqx.field(converter=as_float)
 
     def __check_init__(self):
         require_finite("orbit_rate", self.orbit_rate)
@@ -152,9 +144,7 @@ class GravityGradient(AbstractDisturbance):
             else GravityGradientAt(place)
         )
 
-    def __call__(
-        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
-    ) -> Float[Array, "3"]:
+    def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
         """3 ω0² n × J n with n = C (0, 0, 1)ᵀ."""
         nadir = attitude.as_dcm().matrix[:, 2]
         return 3 * self.orbit_rate**2 * jnp.cross(nadir, inertia @ nadir)
@@ -165,9 +155,7 @@ class GravityGradientAt(AbstractDisturbance):
 
     place: AbstractPlace
 
-    def __call__(
-        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
-    ) -> Float[Array, "3"]:
+    def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
         """3 GM/r³ n × J n."""
         nadir = -(attitude.as_dcm().matrix @ self.place.up(t))
         size = 3 * EARTH_GRAVITY / self.place.distance(t) ** 3
@@ -185,8 +173,6 @@ class SumOfDisturbances(AbstractDisturbance):
 
     terms: tuple[AbstractDisturbance, ...]
 
-    def __call__(
-        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
-    ) -> Float[Array, "3"]:
+    def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
         """The sum of the terms."""
         return sum((term(t, attitude, inertia) for term in self.terms), jnp.zeros(3, inertia.dtype))

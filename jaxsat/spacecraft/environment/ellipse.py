@@ -2,8 +2,8 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_finite, require_positive
 from jaxsat.core.earth import EARTH_GRAVITY, EARTH_RADIUS
 from jaxsat.core.trigonometry import cos, sin
@@ -13,7 +13,7 @@ NEWTON_STEPS = 6
 """After as many, the anomaly is within 1e-14 of itself up to `MAX_ECCENTRICITY`."""
 
 
-def eccentric_anomaly(mean: Float[Array, ""], eccentricity: Float[Array, ""]) -> Float[Array, ""]:
+def eccentric_anomaly(mean: RealScalar, eccentricity: RealScalar) -> RealScalar:
     """E of Kepler's equation E - e sin E = M, rad, for M (rad) from -π to π.
 
     A fixed number of Newton's steps, which can be differentiated, from M + e sin M / (1 - sin(M +
@@ -39,14 +39,14 @@ class EllipticOrbit(AbstractPlace):
     are left out. Raises `ValueError` for an orbit that is no ellipse.
     """
 
-    semi_major_axis: Float[Array, ""] = eqx.field(converter=as_float)
-    eccentricity: Float[Array, ""] = eqx.field(converter=as_float)
-    inclination: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    node: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    argument_of_perigee: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    mean_anomaly: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    sidereal_angle: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    oblateness: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    semi_major_axis: RealScalar = eqx.field(converter=as_float)
+    eccentricity: RealScalar = eqx.field(converter=as_float)
+    inclination: RealScalar = eqx.field(converter=as_float, default=0.0)
+    node: RealScalar = eqx.field(converter=as_float, default=0.0)
+    argument_of_perigee: RealScalar = eqx.field(converter=as_float, default=0.0)
+    mean_anomaly: RealScalar = eqx.field(converter=as_float, default=0.0)
+    sidereal_angle: RealScalar = eqx.field(converter=as_float, default=0.0)
+    oblateness: RealScalar = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self):
         require_positive("semi_major_axis", self.semi_major_axis)
@@ -56,11 +56,11 @@ class EllipticOrbit(AbstractPlace):
         for name in (*angles, "oblateness"):
             require_finite(name, getattr(self, name))
 
-    def greenwich(self) -> Float[Array, ""]:
+    def greenwich(self) -> RealScalar:
         """The sidereal angle, rad."""
         return self.sidereal_angle
 
-    def secular_rates(self) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
+    def secular_rates(self) -> tuple[RealScalar, RealScalar, RealScalar]:
         """Those of node, argument of perigee and mean anomaly, rad/s."""
         axis, inclination = self.semi_major_axis, self.inclination
         motion = jnp.sqrt(EARTH_GRAVITY / axis) / axis
@@ -70,7 +70,7 @@ class EllipticOrbit(AbstractPlace):
         perigee = size * (2 - 2.5 * sin(inclination) ** 2)
         return -size * cos(inclination), perigee, motion + size * jnp.sqrt(square) * across
 
-    def position(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+    def position(self, t: RealScalar) -> Vector:
         """From the Earth's centre in inertial axes at time `t` (s), m."""
         node_rate, perigee_rate, motion = self.secular_rates()
         mean = self.mean_anomaly + motion * t
@@ -87,18 +87,18 @@ class EllipticOrbit(AbstractPlace):
             [cn * to_node - sn * across * ci, sn * to_node + cn * across * ci, across * si]
         )
 
-    def axes(self, t: Float[Array, ""]) -> Float[Array, "3 3"]:
+    def axes(self, t: RealScalar) -> Matrix:
         """The inertial axes themselves."""
         return jnp.eye(3, dtype=self.semi_major_axis.dtype)
 
-    def up(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+    def up(self, t: RealScalar) -> Vector:
         """Unit vector away from the Earth's centre, in inertial axes."""
         return self.position(t) / self.distance(t)
 
-    def depth(self, t: Float[Array, ""], vector: Float[Array, "3"]) -> Float[Array, ""]:
+    def depth(self, t: RealScalar, vector: Vector) -> RealScalar:
         """The component towards the Earth's centre of a vector in inertial axes."""
         return -jnp.sum(self.up(t) * vector)
 
-    def distance(self, t: Float[Array, ""]) -> Float[Array, ""]:
+    def distance(self, t: RealScalar) -> RealScalar:
         """From the Earth's centre, m."""
         return jnp.sqrt(jnp.sum(self.position(t) ** 2))

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.checks import as_float
 from jaxsat.core.earth import EARTH_GRAVITY
 from jaxsat.core.epoch import IGRF_DATES
@@ -157,7 +158,7 @@ class IgrfField(AbstractMagneticField):
 
     orbit: AbstractPlace
     table: Float[Array, "phases turns 3"]
-    first_degree: Float[Array, "3"]
+    first_degree: Vector
 
     def __init__(self, orbit: CircularOrbit, date: np.datetime64):
         g, h = igrf_coefficients(date)[:, 1]
@@ -165,11 +166,11 @@ class IgrfField(AbstractMagneticField):
         self.table = as_float(_splines(float(orbit.rate), float(orbit.inclination), date))
 
     @property
-    def dipole(self) -> Float[Array, "3"]:
+    def dipole(self) -> Vector:
         """The first degree at the date, T."""
         return self.first_degree
 
-    def over(self, t: Float[Array, ""], turn: Float[Array, ""]) -> Float[Array, "3"]:
+    def over(self, t: RealScalar, turn: RealScalar) -> Vector:
         """B in orbit axes, T, where the orbit is at time `t` (s) and the Earth has turned by `turn`
         (rad) since time zero: periodic in both."""
         orbit = self.circle

@@ -11,8 +11,9 @@ import abc
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float
 
+from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import as_float, require_finite
 from jaxsat.core.earth import EARTH_GRAVITY
@@ -24,22 +25,22 @@ EARTH_ROTATION = 7.292115e-5  # rad/s, WGS 84
 class AbstractOrbit(eqx.Module):
     """How the orbit frame's own rotation appears in body axes."""
 
-    rate: eqx.AbstractVar[Float[Array, ""]]
+    rate: eqx.AbstractVar[RealScalar]
 
     @abc.abstractmethod
-    def frame_rate(self, attitude: AbstractAttitude) -> Float[Array, "3"]:
+    def frame_rate(self, attitude: AbstractAttitude) -> Vector:
         """Angular velocity of the orbit frame in body axes, rad/s: the term C_bo ω_e of (11)."""
 
 
 class ExactOrbit(AbstractOrbit):
     """Equation (11) as it is: C (0, -ω0, 0)ᵀ. `rate` is ω0 in rad/s."""
 
-    rate: Float[Array, ""] = eqx.field(converter=as_float)
+    rate: RealScalar = eqx.field(converter=as_float)
 
     def __check_init__(self):
         require_finite("rate", self.rate)
 
-    def frame_rate(self, attitude: AbstractAttitude) -> Float[Array, "3"]:
+    def frame_rate(self, attitude: AbstractAttitude) -> Vector:
         """C (0, -ω0, 0)ᵀ, rad/s."""
         return -self.rate * attitude.as_dcm().matrix[:, 1]
 
@@ -47,12 +48,12 @@ class ExactOrbit(AbstractOrbit):
 class SmallAngleOrbit(AbstractOrbit):
     """Equation (11) with C_bo replaced by the identity, as in the paper's simulations."""
 
-    rate: Float[Array, ""] = eqx.field(converter=as_float)
+    rate: RealScalar = eqx.field(converter=as_float)
 
     def __check_init__(self):
         require_finite("rate", self.rate)
 
-    def frame_rate(self, attitude: AbstractAttitude) -> Float[Array, "3"]:
+    def frame_rate(self, attitude: AbstractAttitude) -> Vector:
         """(0, -ω0, 0)ᵀ whatever the attitude, rad/s."""
         zero = jnp.zeros_like(self.rate)
         return jnp.stack([zero, -self.rate, zero])
@@ -62,23 +63,23 @@ class AbstractPlace(eqx.Module):
     """Where a spacecraft is, and how the reference frame of its attitude is turned there."""
 
     @abc.abstractmethod
-    def greenwich(self) -> Float[Array, ""]:
+    def greenwich(self) -> RealScalar:
         """The right ascension of Greenwich at time zero, rad."""
 
     @abc.abstractmethod
-    def axes(self, t: Float[Array, ""]) -> Float[Array, "3 3"]:
+    def axes(self, t: RealScalar) -> Matrix:
         """Axes of the reference frame at time `t` (s), as rows, in inertial axes."""
 
     @abc.abstractmethod
-    def up(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+    def up(self, t: RealScalar) -> Vector:
         """Unit vector away from the Earth's centre at time `t` (s), in the reference frame."""
 
     @abc.abstractmethod
-    def depth(self, t: Float[Array, ""], vector: Float[Array, "3"]) -> Float[Array, ""]:
+    def depth(self, t: RealScalar, vector: Vector) -> RealScalar:
         """The component towards the Earth's centre of a vector in the reference frame."""
 
     @abc.abstractmethod
-    def distance(self, t: Float[Array, ""]) -> Float[Array, ""]:
+    def distance(self, t: RealScalar) -> RealScalar:
         """From the Earth's centre at time `t` (s), m."""
 
 
@@ -90,11 +91,11 @@ class CircularOrbit(AbstractPlace):
     `sidereal_angle` of Greenwich, rad. Neither the node nor the plane moves.
     """
 
-    rate: Float[Array, ""] = eqx.field(converter=as_float)
-    inclination: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    node: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    argument_of_latitude: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
-    sidereal_angle: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    rate: RealScalar = eqx.field(converter=as_float)
+    inclination: RealScalar = eqx.field(converter=as_float, default=0.0)
+    node: RealScalar = eqx.field(converter=as_float, default=0.0)
+    argument_of_latitude: RealScalar = eqx.field(converter=as_float, default=0.0)
+    sidereal_angle: RealScalar = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self):
         names = ("rate", "inclination", "node", "argument_of_latitude", "sidereal_angle")
@@ -102,11 +103,11 @@ class CircularOrbit(AbstractPlace):
             require_finite(name, getattr(self, name))
 
     @property
-    def radius(self) -> Float[Array, ""]:
+    def radius(self) -> RealScalar:
         """(GM / ω0²)^⅓, m."""
         return jnp.cbrt(EARTH_GRAVITY / self.rate**2)
 
-    def axes(self, t: Float[Array, ""]) -> Float[Array, "3 3"]:
+    def axes(self, t: RealScalar) -> Matrix:
         """Axes of the orbit frame at time `t` (s), as rows, in inertial axes."""
         along = self.argument_of_latitude + self.rate * t
         c, s, ci, si = cos(along), sin(along), cos(self.inclination), sin(self.inclination)
@@ -116,24 +117,24 @@ class CircularOrbit(AbstractPlace):
         normal = jnp.stack([sn * si, -cn * si, ci])
         return jnp.stack([forward, -normal, -up])
 
-    def greenwich(self) -> Float[Array, ""]:
+    def greenwich(self) -> RealScalar:
         """The sidereal angle, rad."""
         return self.sidereal_angle
 
-    def up(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+    def up(self, t: RealScalar) -> Vector:
         """Minus the third axis."""
         return jnp.array([0.0, 0.0, -1.0], self.rate.dtype)
 
-    def depth(self, t: Float[Array, ""], vector: Float[Array, "3"]) -> Float[Array, ""]:
+    def depth(self, t: RealScalar, vector: Vector) -> RealScalar:
         """The third component of a vector in orbit axes."""
         return vector[2]
 
-    def distance(self, t: Float[Array, ""]) -> Float[Array, ""]:
+    def distance(self, t: RealScalar) -> RealScalar:
         """The radius, m."""
         return self.radius
 
 
-def place_on_circle(angle: Float[Array, ""], count: int) -> tuple[Int[Array, ""], Float[Array, ""]]:
+def place_on_circle(angle: RealScalar, count: int) -> tuple[IntScalar, RealScalar]:
     """The last of so many equally spaced places on a circle up to an angle (rad), and the share of
     the way from there to the next."""
     place = angle * (count / (2 * np.pi))
@@ -163,11 +164,11 @@ class AbstractMagneticField(eqx.Module):
 
     @property
     @abc.abstractmethod
-    def dipole(self) -> Float[Array, "3"]:
+    def dipole(self) -> Vector:
         """The first degree as (g11, h11, g10), T."""
 
     @abc.abstractmethod
-    def over(self, t: Float[Array, ""], turn: Float[Array, ""]) -> Float[Array, "3"]:
+    def over(self, t: RealScalar, turn: RealScalar) -> Vector:
         """B in orbit axes, T, where the orbit is at time `t` (s) and the Earth has turned by `turn`
         (rad) since time zero: periodic in both."""
 
@@ -177,11 +178,11 @@ class AbstractMagneticField(eqx.Module):
     ) -> Float[np.ndarray, "*both 3"]:
         """`over` of broadcast arrays in NumPy, for tables: XLA takes longer to compile it."""
 
-    def __call__(self, t: Float[Array, ""]) -> Float[Array, "3"]:
+    def __call__(self, t: RealScalar) -> Vector:
         """B at time `t` (s) in orbit axes, T."""
         return self.over(t, EARTH_ROTATION * t)
 
-    def in_body(self, t: Float[Array, ""], attitude: AbstractAttitude) -> Float[Array, "3"]:
+    def in_body(self, t: RealScalar, attitude: AbstractAttitude) -> Vector:
         """B at time `t` (s) in body axes, T."""
         return attitude.as_dcm().matrix @ self(t)
 
@@ -192,11 +193,11 @@ class DipoleField(AbstractMagneticField):
     orbit: AbstractPlace
 
     @property
-    def dipole(self) -> Float[Array, "3"]:
+    def dipole(self) -> Vector:
         """`DIPOLE`, T."""
         return as_float(DIPOLE)
 
-    def over(self, t: Float[Array, ""], turn: Float[Array, ""]) -> Float[Array, "3"]:
+    def over(self, t: RealScalar, turn: RealScalar) -> Vector:
         """B in orbit axes, T."""
         axes, angle = self.orbit.axes(t), self.orbit.greenwich() + turn
         east, north = cos(angle), sin(angle)

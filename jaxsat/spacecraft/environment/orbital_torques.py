@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import as_float, require_finite, require_positive
 from jaxsat.core.declaration import PartDeclaration
@@ -18,7 +18,6 @@ from jaxsat.core.earth import EARTH_RADIUS
 from jaxsat.spacecraft.environment.disturbances import (
     AbstractDisturbance,
     DisturbanceContext,
-    RealScalar,
 )
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace, CircularOrbit
 
@@ -31,7 +30,7 @@ class MagneticTorque(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = MAGNETIC
 
-    dipole: Float[Array, "3"] = eqx.field(converter=as_float)
+    dipole: Vector = eqx.field(converter=as_float)
     field: AbstractMagneticField
 
     def __check_init__(self):
@@ -45,9 +44,7 @@ class MagneticTorque(AbstractDisturbance):
         dipole = values["residual_dipole_A_m2"]
         return cls(dipole, context.field) if any(dipole) else None
 
-    def __call__(
-        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
-    ) -> Float[Array, "3"]:
+    def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
         """m × B in body axes."""
         return jnp.cross(self.dipole, self.field.in_body(t, attitude))
 
@@ -61,10 +58,10 @@ class AerodynamicTorque(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = AERODYNAMIC
 
-    density: Float[Array, ""] = eqx.field(converter=as_float)
-    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
-    area: Float[Array, ""] = eqx.field(converter=as_float)
-    centre: Float[Array, "3"] = eqx.field(converter=as_float)
+    density: RealScalar = eqx.field(converter=as_float)
+    coefficient: RealScalar = eqx.field(converter=as_float)
+    area: RealScalar = eqx.field(converter=as_float)
+    centre: Vector = eqx.field(converter=as_float)
     orbit: CircularOrbit
 
     def __check_init__(self):
@@ -87,9 +84,7 @@ class AerodynamicTorque(AbstractDisturbance):
             context.circle,
         )
 
-    def __call__(
-        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
-    ) -> Float[Array, "3"]:
+    def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
         """centre × force in body axes."""
         forward = attitude.as_dcm().matrix[:, 0]
         speed = self.orbit.rate * self.orbit.radius
@@ -104,7 +99,7 @@ class Sunlight(eqx.Module):
     its equator, into which no light comes.
     """
 
-    sun: Float[Array, "3"] = eqx.field(converter=as_float)
+    sun: Vector = eqx.field(converter=as_float)
     orbit: AbstractPlace
     eclipses: bool = eqx.field(static=True, default=False)
 
@@ -112,7 +107,7 @@ class Sunlight(eqx.Module):
         require_finite("sun", self.sun)
         require_positive("sun", jnp.sum(self.sun**2))
 
-    def __call__(self, t: RealScalar) -> tuple[Float[Array, "3"], Float[Array, ""]]:
+    def __call__(self, t: RealScalar) -> tuple[Vector, RealScalar]:
         """Unit vector to the Sun in the reference frame at `t` (s), and the light there, 0 or 1."""
         towards = self.orbit.axes(t) @ (self.sun / jnp.sqrt(jnp.sum(self.sun**2)))
         if not self.eclipses:
@@ -134,10 +129,10 @@ class SolarPressureTorque(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = SOLAR
 
-    coefficient: Float[Array, ""] = eqx.field(converter=as_float)
-    area: Float[Array, ""] = eqx.field(converter=as_float)
-    centre: Float[Array, "3"] = eqx.field(converter=as_float)
-    sun: Float[Array, "3"] = eqx.field(converter=as_float)
+    coefficient: RealScalar = eqx.field(converter=as_float)
+    area: RealScalar = eqx.field(converter=as_float)
+    centre: Vector = eqx.field(converter=as_float)
+    sun: Vector = eqx.field(converter=as_float)
     orbit: AbstractPlace
     eclipses: bool = eqx.field(static=True, default=False)
 
@@ -167,9 +162,7 @@ class SolarPressureTorque(AbstractDisturbance):
             values["eclipses"],
         )
 
-    def __call__(
-        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
-    ) -> Float[Array, "3"]:
+    def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
         """centre × force in body axes."""
         towards, light = self.light()(t)
         push = -light * SOLAR_PRESSURE * self.coefficient * self.area

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import as_float, require_finite, require_positive
 from jaxsat.core.declaration import PartDeclaration
@@ -18,7 +19,6 @@ from jaxsat.core.declaration.disturbances import PANEL_DRAG, PANEL_LIGHT
 from jaxsat.spacecraft.environment.disturbances import (
     AbstractDisturbance,
     DisturbanceContext,
-    RealScalar,
 )
 from jaxsat.spacecraft.environment.orbit import CircularOrbit
 from jaxsat.spacecraft.environment.orbital_torques import SOLAR_PRESSURE, Sunlight
@@ -56,7 +56,7 @@ class Panels(eqx.Module):
         """The normals, of length 1."""
         return self.normal / jnp.sqrt(jnp.sum(self.normal**2, axis=1, keepdims=True))
 
-    def torque(self, force: Float[Array, "p 3"]) -> Float[Array, "3"]:
+    def torque(self, force: Float[Array, "p 3"]) -> Vector:
         """The torque of a force on the centre of each, N m."""
         return jnp.sum(jnp.cross(self.centre, force), axis=0)
 
@@ -70,7 +70,7 @@ class PanelDrag(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = PANEL_DRAG
 
-    density: Float[Array, ""] = eqx.field(converter=as_float)
+    density: RealScalar = eqx.field(converter=as_float)
     panels: Panels
     orbit: CircularOrbit
 
@@ -87,9 +87,7 @@ class PanelDrag(AbstractDisturbance):
             return None
         return cls(density, Panels.from_tables(context.panels), context.circle)
 
-    def __call__(
-        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
-    ) -> Float[Array, "3"]:
+    def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
         """Σ centre × force in body axes."""
         panels, forward = self.panels, attitude.as_dcm().matrix[:, 0]
         speed = self.orbit.rate * self.orbit.radius
@@ -120,9 +118,7 @@ class PanelSolarPressure(AbstractDisturbance):
         light = Sunlight(values["sun_direction"], context.place, values["eclipses"])
         return cls(Panels.from_tables(context.panels), light)
 
-    def __call__(
-        self, t: RealScalar, attitude: AbstractAttitude, inertia: Float[Array, "3 3"]
-    ) -> Float[Array, "3"]:
+    def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
         """Σ centre × force in body axes."""
         panels, normal = self.panels, self.panels.unit_normals()
         towards, pressure = self.light(t)
