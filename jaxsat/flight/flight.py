@@ -1,5 +1,6 @@
 """What of a closed loop flies: estimator, law and actuator commands, as functions of trees."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -13,13 +14,10 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import AbstractAttitude, Quaternion
 from jaxsat.core.errors import JaxsatError
 from jaxsat.simulation.sampled_loop import SampledLoop
-from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.distribution import AbstractDistribution
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import AbstractEffector
-from jaxsat.spacecraft.magnetorquers import Magnetorquers
-from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
-from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
+from jaxsat.spacecraft.wheels import WheelMomenta
 
 UNITS = {
     "attitude": "1",
@@ -152,16 +150,8 @@ class FlightController(eqx.Module):
         uses = self.distribution(jnp.zeros(()), law_input.as_state(), command, self.effectors).uses
         commands: dict[str, Array] = {}
         for one, use in zip(self.effectors, uses, strict=True):
-            if isinstance(one, Wheels):
-                commands["wheel_torque"] = use
-            elif isinstance(one, Magnetorquers):
-                commands["dipole"] = use
-            elif isinstance(one, Actuators):
-                commands["thrust"] = one.thrust(use)
-            elif isinstance(one, PulsedThrusters):
-                period, least = self.law.period, one.thrusters.min_on_time
-                pulses, memory = one.modulation(one.duties(use), memory, period, least)
-                commands |= zip(("valve_on", "valve_off", "level"), pulses, strict=True)
+            own, memory = one.flight_commands(use, memory, self.law.period)
+            commands |= own
         return commands, memory
 
     def begin_law(self, law_input: Seen) -> PyTree:
@@ -176,8 +166,13 @@ class FlightController(eqx.Module):
 
     def begin_modulation(self) -> PyTree:
         """The modulator's memory before the first sample."""
-        pulsed = (one for one in self.effectors if isinstance(one, PulsedThrusters))
-        return next((one.modulation.init(one.count) for one in pulsed), None)
+        return modulator_of(self.effectors, [one.init_memory() for one in self.effectors])
+
+
+def modulator_of(effectors: Sequence[AbstractEffector], memories: Sequence[PyTree]) -> PyTree:
+    """What of the memories of effectors the one modulator has; None without one."""
+    each = (one.modulator(memory) for one, memory in zip(effectors, memories, strict=True))
+    return next((one for one in each if one is not None), None)
 
 
 class Measured(NamedTuple):

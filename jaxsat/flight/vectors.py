@@ -14,12 +14,11 @@ from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Mea
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.solvers import NamedSolver
-from jaxsat.flight.flight import Input, Measured, Seen, State
+from jaxsat.flight.flight import Input, Measured, Seen, State, modulator_of
 from jaxsat.flight.program import FlightProgram
 from jaxsat.simulation.engine.runge_kutta import explicit_step, tableau_of
 from jaxsat.simulation.sampled_loop import SampledLoop
-from jaxsat.spacecraft.dynamics import OfEach, PlantState
-from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.wheels import wheel_momentum
 
 CASES, SAMPLES, EDGES = 8, 1280, 512
@@ -186,12 +185,6 @@ def _recording(loop: SampledLoop) -> SampledLoop:
     return eqx.tree_at(lambda x: x.navigation.estimator, loop, estimator)
 
 
-def _modulation(loop: SampledLoop, memories: OfEach) -> PyTree:
-    parts = zip(loop.plant.effectors, memories, strict=True)
-    pulsed = (memory for one, memory in parts if isinstance(one, PulsedThrusters))
-    return next((memory.modulation for memory in pulsed), None)
-
-
 def _closed_loops(
     loop: SampledLoop, start: PlantState, duration: float, seed: int
 ) -> tuple[Input, State]:
@@ -257,7 +250,7 @@ def _after(loop: SampledLoop, number, period: float, state):
 def _observation(loop: SampledLoop, number, before: Any, following: Any) -> tuple[Input, State]:
     """Input and state of one sample, from the loop's states before and after its period."""
     plant_state = following.memory.last_input
-    state = State(before.memory.memory, None, _modulation(loop, before.effectors))
+    state = State(before.memory.memory, None, modulator_of(loop.plant.effectors, before.effectors))
     measured: Any = Seen(plant_state.attitude, plant_state.omega, wheel_momentum(plant_state))
     if before.navigation is not None:
         rate, attitude, has_attitude = following.navigation.memory.last_input

@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.allocation import allocation_matrix
 from jaxsat.core.array_types import RealScalar, Vector
@@ -193,6 +193,10 @@ class Actuators(AbstractEffector):
         held = level * jnp.where(jnp.isfinite(self.limit), self.limit, 0.0)
         each = jnp.zeros(now.torque_axes.shape[1])
         return Reach(now.torque_axes, each + held - room, each + held + room)
+
+    def flight_commands(self, use, memory, period) -> tuple[dict[str, Array], PyTree]:
+        """The torque of each thruster, N m."""
+        return {"thrust": self.thrust(use)}, memory
 
     def event_functions(self, state: None, command, acceleration) -> Float[Array, " m"]:
         """Positive for each thruster of which more than its limit is asked, or the first of all."""

@@ -162,6 +162,17 @@ class AbstractHeldEffector(eqx.Module):
         """What has been used up to a sample, by the names of signals that are declared as total."""
         return {}
 
+    def flight_commands(
+        self, use: PyTree, memory: PyTree, period: RealScalar
+    ) -> tuple[dict[str, Array], PyTree]:
+        """What flight code puts out for what is asked for, by the names of
+        `jaxsat.flight.flight.SampleCommands`, and the next memory of a modulator; here nothing."""
+        return {}, memory
+
+    def modulator(self, memory: PyTree) -> PyTree:
+        """What of the memory a modulator has; None without one."""
+        return None
+
     def later(self, command: PyTree, elapsed: RealScalar) -> PyTree:
         """The command, or the piece, `elapsed` seconds after it began to stay."""
         return command

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float, require_positive
@@ -130,6 +130,10 @@ class Magnetorquers(AbstractEffector):
     def signals(self, piece: Float[Array, " k"], state: None, acceleration) -> dict[str, Array]:
         """The dipole of each magnetorquer (A m²), by the name of its signal."""
         return {"dipole": piece}
+
+    def flight_commands(self, use, memory, period) -> tuple[dict[str, Array], PyTree]:
+        """The dipole of each, A m²."""
+        return {"dipole": use}, memory
 
     def misaligned(self, angles: Float[Array, "k 2"]) -> "Magnetorquers":
         """Magnetorquers turned by small angles (rad) towards two directions across each axis."""

@@ -176,6 +176,16 @@ class PulsedThrusters(AbstractEffector):
         to_end = pulses.off >= period * (1 - ROUNDING)
         return pulses._replace(off=jnp.where(to_end, period, pulses.off)), modulation
 
+    def flight_commands(self, use, memory, period) -> tuple[dict[str, Array], PyTree]:
+        """When each valve opens and closes (s from the sample), and the level of its thrust."""
+        least = self.thrusters.min_on_time
+        pulses, memory = self.modulation(self.duties(use), memory, period, least)
+        return dict(zip(("valve_on", "valve_off", "level"), pulses, strict=True)), memory
+
+    def modulator(self, memory: ThrusterMemory) -> PyTree:
+        """That of its modulation."""
+        return memory.modulation
+
     def plan(self, t, use, memory, period, delay) -> PulsePlan:
         """Pulses as commanded, shifted by what the valves are late."""
         pulses, modulation = self._pulses(use, memory.modulation, period)

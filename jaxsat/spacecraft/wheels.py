@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Bool, Float
+from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.array_types import Matrix, Vector
@@ -273,6 +273,10 @@ class Wheels(AbstractEffector):
     def stored(self, state: WheelMomenta) -> dict[str, Array]:
         """The momentum of each wheel (N m s), by the name of its signal."""
         return {"wheel_momentum": state.momentum}
+
+    def flight_commands(self, use, memory, period) -> tuple[dict[str, Array], PyTree]:
+        """The torque of each wheel on the body, N m."""
+        return {"wheel_torque": use}, memory
 
     # Failures in flight.
 
