@@ -86,10 +86,10 @@ def _judgement(dataset: xr.Dataset, scenario: dict, requirement: RequirementTabl
 
 def _light(scenario: dict) -> Sunlight:
     """Where the Sun is along the orbit of a scenario's tables."""
-    from jaxsat.scenario.build.plant import place_of
+    from jaxsat.scenario.build.plant import sunlight_of
 
-    place = place_of(OrbitTable.model_validate(scenario["orbit"]))
-    return Sunlight(np.array(scenario["disturbance"]["sun_direction"], float), place)
+    orbit = OrbitTable.model_validate(scenario["orbit"])
+    return sunlight_of(orbit, scenario["disturbance"]["sun_direction"])
 
 
 def requirement_table(found: Sequence[Judgement]) -> Table:

@@ -1,6 +1,7 @@
 """From a scenario to the plant."""
 
 import pkgutil
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,7 @@ from jaxsat.spacecraft.environment.orbit import (
     ExactOrbit,
     SmallAngleOrbit,
 )
+from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 from jaxsat.spacecraft.spacecraft import Spacecraft
 
 
@@ -73,6 +75,11 @@ def orbit_rate(scenario: Scenario) -> float:
 def orbit_of(relation: str, rate: float) -> AbstractOrbit:
     """The orbit of the scenario or of a model of it."""
     return (ExactOrbit if relation == "exact" else SmallAngleOrbit)(as_float(rate))
+
+
+def sunlight_of(table: OrbitTable, sun_direction: Sequence[float]) -> Sunlight:
+    """Where the Sun of a direction in inertial axes is along the orbit of a table."""
+    return Sunlight(np.asarray(sun_direction, float), place_of(table))
 
 
 def place_of(table: OrbitTable) -> AbstractPlace:

@@ -1,15 +1,13 @@
 """From the requirements of a scenario to what judges every case of a study."""
 
 import jax
-import numpy as np
 
 from jaxsat.core.declaration.requirements import comparisons
-from jaxsat.scenario.build.plant import place_of
+from jaxsat.scenario.build.plant import sunlight_of
 from jaxsat.scenario.build.run import Run
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation.engine.monitors import state_signals
 from jaxsat.simulation.requirements import Requirements, raw_signals
-from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 
 
 def build_requirements(scenario: Scenario, run: Run) -> Requirements | None:
@@ -25,11 +23,6 @@ def build_requirements(scenario: Scenario, run: Run) -> Requirements | None:
     formulas = tuple(one.parsed for one in chosen)
     names = tuple(one.id for one in chosen)
     needs_sun = any(one.signal == "sun_angle" for all in formulas for one in comparisons(all))
-    light = sunlight_of(scenario) if needs_sun else None
+    sun = scenario.disturbance.sun_direction
+    light = sunlight_of(scenario.orbit, sun) if needs_sun else None
     return Requirements(names, formulas, scenario.simulation.duration_s, light)
-
-
-def sunlight_of(scenario: Scenario) -> Sunlight:
-    """Where the Sun is along the orbit."""
-    sun = np.asarray(scenario.disturbance.sun_direction, float)
-    return Sunlight(sun, place_of(scenario.orbit))
