@@ -62,10 +62,6 @@ def _minimum(x, y):
     return np.where(zeros, np.negative(np.subtract(np.negative(x), y)), np.minimum(x, y))
 
 
-def _shift_left(x, y):
-    return np.left_shift(x, y)
-
-
 def _shift_right_logical(x, y):
     x = np.asarray(x)
     unsigned = x.dtype.str.replace("i", "u")
@@ -97,7 +93,7 @@ OPERATIONS: dict[str, Arithmetic] = {
     "or": Arithmetic(np.bitwise_or, None, "or", "or"),
     "xor": Arithmetic(np.bitwise_xor, None, "xor", "xor"),
     # shifts are by less than the width
-    "shift_left": Arithmetic(_shift_left, None, "shl", "shl"),
+    "shift_left": Arithmetic(np.left_shift, None, "shl", "shl"),
     "shift_right_logical": Arithmetic(_shift_right_logical, None, "lshr", "lshr"),
     "shift_right_arithmetic": Arithmetic(_shift_right_arithmetic, None, "ashr", "ashr"),
     "lt": Arithmetic(np.less, "fcmp olt", "icmp slt", "icmp ult", compares=True),

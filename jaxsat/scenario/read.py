@@ -82,7 +82,10 @@ def read(
     valid_overrides = [entry for entry in entries if isinstance(entry, Override)]
     places = _Places(source, valid_overrides)
     folders = (Path(name_or_path).resolve().parent, Path.cwd())
-    plugin_parts = [*_plugin_parts(source.data), *_plugin_parts(_override_tables(valid_overrides))]
+    plugin_parts = [
+        *_plugin_parts(source.data),
+        *_plugin_parts(apply_overrides({}, valid_overrides)[0]),
+    ]
     if plugin_parts:
         add_folders(map(str, folders))
     data, obstacles = apply_overrides(source.data, valid_overrides)
@@ -102,7 +105,7 @@ def read(
         issues = [line["ctx"]["issue"] for line in error.errors()]  # pyright: ignore
     problems += sorted((places.problem(issue) for issue in issues), key=_order)
     if scenario is None or problems:
-        raise ScenarioError(_unique(problems))
+        raise ScenarioError(list(dict.fromkeys(problems)))
     for issue in cautions(scenario, law):
         caution(str(places.problem(issue)))
     return scenario
@@ -124,11 +127,6 @@ def _plugin_parts(data: Mapping[str, Any]) -> Iterator[tuple[PluginKind, Locatio
 def _table(data: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     inner = data.get(name)
     return inner if isinstance(inner, Mapping) else {}
-
-
-def _override_tables(overrides: Sequence[Override]) -> Mapping[str, Any]:
-    """The tables that overrides alone make."""
-    return apply_overrides({}, overrides)[0]
 
 
 def _overrides(texts: Iterable[str | Override]) -> list[Override | Problem]:
@@ -183,10 +181,6 @@ class _Places:
 
 def _order(problem: Problem) -> tuple[bool, int]:
     return (problem.line is not None, problem.line or 0)
-
-
-def _unique(problems: Iterable[Problem]) -> list[Problem]:
-    return list(dict.fromkeys(problems))
 
 
 def _read(name_or_path: str | Path) -> _Source:

@@ -76,7 +76,8 @@ def trajectory_dataset(
         if axis in axes:
             sizes = (one.sizes[axis] for one in variables.values() if axis in one.dims)
             names = part_names(scenario, axis, next(sizes))
-            labels[axis] = [int(name) for name in names] if _are_numbers(names) else names
+            are_numbers = all(name.isdecimal() for name in names)
+            labels[axis] = [int(name) for name in names] if are_numbers else names
     if ALL_PARTS in axes:
         kinds = [(kind, variables[name].shape[-1]) for kind, name in DIAGNOSED_PARTS.items()]
         labels[ALL_PARTS] = [
@@ -87,11 +88,6 @@ def trajectory_dataset(
         coords={"time": time, **labels},
         attrs=_attributes(trajectory, title, scenario, seed),
     )
-
-
-def _are_numbers(names: list[str]) -> bool:
-    """Whether no part has a name of its own."""
-    return all(name.isdecimal() for name in names)
 
 
 def _labels_of_own_signals(signals: Signals) -> dict[str, Label]:

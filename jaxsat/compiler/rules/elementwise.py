@@ -128,10 +128,6 @@ def extremum(b: Builder, name: str, x: Scalar, y: Scalar) -> Scalar:
     return b.operation(name, x, y)
 
 
-def _clamp(b: Builder, low: Scalar, x: Scalar, high: Scalar) -> Scalar:
-    return extremum(b, "min", extremum(b, "max", x, low), high)
-
-
 def _select(b: Builder, which: Scalar, *cases: Scalar) -> Scalar:
     if which.dtype == BOOL:
         return b.select(which, cases[1], cases[0]) if len(cases) == 2 else cases[0]
@@ -147,15 +143,11 @@ def _not(b: Builder, x: Scalar) -> Scalar:
     return b.operation("xor", x, full)
 
 
-def _is_finite(b: Builder, x: Scalar) -> Scalar:
-    return b.operation("lt", b.operation("abs", x), x.dtype.type(np.inf))
-
-
 OF_SCALARS: dict[str, Callable[..., Scalar]] = {
     "abs": absolute,
-    "clamp": _clamp,
+    "clamp": lambda b, low, x, high: extremum(b, "min", extremum(b, "max", x, low), high),
     "div": quotient,
-    "is_finite": _is_finite,
+    "is_finite": lambda b, x: b.operation("lt", b.operation("abs", x), x.dtype.type(np.inf)),
     "max": lambda b, x, y: extremum(b, "max", x, y),
     "min": lambda b, x, y: extremum(b, "min", x, y),
     "neg": negative,

@@ -8,7 +8,7 @@ from typing import Any
 import jaxsat
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.package_files import text_of
-from jaxsat.report.document import Chart, Charts, Document, Shown, cell_text, is_number, prose
+from jaxsat.report.document import Chart, Charts, Document, cell_text, is_number, prose
 
 PACKAGES = ("bokeh", "jinja2")
 """What the extra `report` installs."""
@@ -77,7 +77,11 @@ def render(sections: Sequence[Document], title: str) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"prose": _prose, "cell_text": cell_text, "sorted_by": _sort_key}
+    environment.filters |= {
+        "prose": _prose,
+        "cell_text": cell_text,
+        "sorted_by": lambda cell: getattr(cell, "value", cell),
+    }
     environment.tests["quantity"] = is_number
     library = Resources(mode="inline", minified=True, components=["bokeh"]).js_raw if charts else []
     page = environment.get_template("page.html")
@@ -103,10 +107,6 @@ def _prose(text: str) -> str:
     return Markup(
         "".join(f"<code>{piece}</code>" if is_code else piece for is_code, piece in parts)
     )
-
-
-def _sort_key(cell: Shown | float | int) -> Any:
-    return cell.value if isinstance(cell, Shown) else cell
 
 
 def _window(section: Document) -> dict[str, Any] | None:
