@@ -250,7 +250,7 @@ class Diagnosis(eqx.Module):
         flow = jnp.where(comes_back, 0.0, tracked.flow)
         judged = ActuatorCondition(
             (condition.failed | (fails & ~serves)) & ~comes_back,
-            jnp.where(hit, left, condition.part),
+            jnp.where(hit, left, tracked.part),
             jnp.where(fails, condition.flow + best.flow, flow),
             tracked.torque + jnp.where(disturbed, watch.torque_of(best.acceleration), 0.0),
             jnp.where(disturbed, 0.0, tracked.samples),

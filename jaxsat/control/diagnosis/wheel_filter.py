@@ -53,6 +53,9 @@ NEAR_LIMIT = 0.98
 MOST_FRICTION = 4.0
 """Of the full torque of a motor: what brakes a wheel more counts as this."""
 
+ROUGH = 0.1
+"""Of the part that a weak motor makes: how well a verdict knows it."""
+
 
 def _parts(information, weighted, uncertainty) -> Float[Array, "kinds 2 m"]:
     """The most likely (a, b) of every kind; b of a runaway is minus its full torque as it is."""
@@ -180,25 +183,25 @@ class WheelFilter(AbstractResidualFilter):
         left_behind = 0.0
         if rotor_momentum is not None and memory.own.taken is not None:
             left_behind = rotor_momentum - memory.own.taken
-        full = period * self.full
         motor = condition.part * commanded
-        driving = motor + left_behind
-        held = period * self.held(before, driving / period, condition)
-        motor = motor - period * self.held(before, motor / period, condition)
-        friction, side = period * self.friction(before, condition), self.side(before)
-        braked = friction * side
-        change = held - driving - braked
-        limit = self.wheels.momentum_limit
-        squares = motor**2 + left_behind**2 + braked**2
-        rests = jnp.abs(before) < jnp.abs(motor) + jnp.abs(friction) + STILL * self.momentum_noise
+        friction, limit = period * self.friction(before, condition), self.wheels.momentum_limit
+        noise = STILL * self.momentum_noise
+        after, side = moved(before, motor + left_behind, friction)
+        missing, _ = moved(before, left_behind + jnp.zeros_like(motor), friction)
+        returned, _ = moved(before, commanded + left_behind, friction)
+        missing = jnp.where(condition.failed, returned, missing) - after
+        braked, full = before - motor - left_behind - after, period * self.full
+        moves = jnp.minimum(jnp.maximum(jnp.abs(before), jnp.abs(after)) / noise, 1.0)
+        side = side * moves
+        squares = missing**2 + left_behind**2 + braked**2
+        rests = jnp.abs(before) < jnp.abs(motor) + jnp.abs(friction) + noise
         doubt = jnp.where(rests, friction**2, 0.0)
         if limit is not None:
             near = jnp.abs(before) > NEAR_LIMIT * limit - jnp.abs(motor)
             doubt = doubt + jnp.where(near, motor**2, 0.0)
-            change = jnp.clip(change, -limit - before, limit - before)
-        returned = (condition.part - 1) * commanded
-        missing = jnp.where(condition.failed, returned, motor)
-        driven = (1 - jnp.abs(side)) * motor / (jnp.abs(motor) + self.momentum_noise)
+            after = jnp.clip(after, -limit, limit)
+        change = after - before
+        driven = (1 - jnp.abs(self.side(before))) * motor / (jnp.abs(motor) + self.momentum_noise)
         still = jnp.abs(_momentum(reading)) < STILL * self.momentum_noise
 
         def rotors(residual: Residual, left: OfEach) -> Rotors:
@@ -223,18 +226,26 @@ class WheelFilter(AbstractResidualFilter):
         period: RealScalar,
         quiet: Bool[Array, ""],
     ) -> ActuatorCondition:
-        """The condition with the friction of wheels that are braked too much corrected.
+        """The condition with the friction of wheels that are braked too much corrected, and while
+        it is `quiet` with the part that weak motors make.
 
-        One that turns tells it by how fast it slows, one that does not turn though it is driven
-        has more.
+        A wheel that turns tells its friction by how fast it slows, one that does not turn though it
+        is driven has more. The verdict on a weak motor is rough, and no test tells more torque.
         """
-        full, flow = period * self.full, residual.flow[0]
+        full, flow, loss = period * self.full, residual.flow[0], residual.loss[0]
         driven = 0.0 if residual.driven is None else residual.driven
         signature = jnp.where(jnp.abs(flow) > full, flow, full * driven)
-        error = residual.innovation[0] * signature / (signature**2 + full**2)
+        wrong = TRACKING * residual.innovation[0]
         braked = ~condition.failed & (condition.flow > 0)
-        known = jnp.clip(condition.flow + TRACKING * error, LEAST_PART, MOST_FRICTION)
-        return condition._replace(flow=jnp.where(braked, known, condition.flow))
+        friction = condition.flow + wrong * signature / (signature**2 + full**2)
+        friction = jnp.clip(friction, LEAST_PART, MOST_FRICTION)
+        weak = ~condition.failed & (condition.part < 1) & quiet
+        less = wrong * loss / (loss**2 + residual.variance / ROUGH**2)
+        made = condition.part * (1 - less)
+        return condition._replace(
+            part=jnp.where(weak, jnp.clip(made, LEAST_PART, 1 - LEAST_PART), condition.part),
+            flow=jnp.where(braked, friction, condition.flow),
+        )
 
     def test_command(self, period: RealScalar, sigma: OfEach) -> OfEach:
         """Torques (N m) that stand out of errors of a momentum (N m s) within a period."""
@@ -246,6 +257,19 @@ class WheelFilter(AbstractResidualFilter):
         """A dead wheel that stood still at once is one that has stopped."""
         stopped = (kind == DiagnosedKind.DEAD) & memory.own.seized[actuator]
         return jnp.where(stopped, int(DiagnosedKind.STOPPED), kind)
+
+
+def moved(before: OfEach, motor: OfEach, friction: OfEach) -> tuple[OfEach, OfEach]:
+    """The momentum (N m s) after a period in which a motor takes `motor` out and friction as much
+    as `friction` (both N m s), to rest and from it to the other side; and which way the wheel
+    turned on average, from -1 to 1. Exact for constant torques: no error of `before` grows."""
+    way, size = jnp.sign(before), jnp.abs(before)
+    toward = way * motor + friction
+    stops = jnp.maximum(toward, 0.0) >= size
+    part = jnp.where(stops, size / jnp.where(stops & (toward > 0), toward, 1.0), 1.0)
+    onward = -jnp.sign(motor) * jnp.maximum(jnp.abs(motor) - friction, 0.0)
+    after = jnp.where(stops, (1 - part) * onward, before - way * toward)
+    return after, part * way + (1 - part) * jnp.sign(onward)
 
 
 def _momentum(reading: Reading) -> OfEach:
