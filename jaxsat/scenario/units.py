@@ -27,6 +27,7 @@ UNITS: Mapping[str, Mapping[str, Unit]] = {
         "_deg_s": Unit("deg/s", DEGREE),
         "_deg_h": Unit("deg/h", ARCSECOND),
         "_rpm": Unit("rpm", 2 * math.pi / 60),
+        "_Hz": Unit("Hz", 2 * math.pi),
     },
     "_rad_s2": {"_deg_s2": Unit("deg/s²", DEGREE)},
     "_rad_s_sqrt_Hz": {
@@ -37,6 +38,9 @@ UNITS: Mapping[str, Mapping[str, Unit]] = {
 }
 """The endings of keys in SI, and the endings that may stand in place of each."""
 
+_SI_OF = {one: si for si, units in UNITS.items() for one in (si, *units)}
+"""The ending in SI of every ending."""
+
 PURE_NUMBERS = frozenset({"weights"})
 """Keys of a distribution that are not in the unit of what is dispersed."""
 
@@ -46,11 +50,16 @@ KEYS_OF_THE_LAW = (("tuning", "parameters"), ("tuning", "smoothing"))
 
 def spellings(key: str) -> tuple[str, ...]:
     """The key with each unit that it may have, that of SI first; only itself if it has no other."""
-    for ending, units in UNITS.items():
-        for one in (ending, *units):
-            if key.endswith(one):
-                return tuple(key.removesuffix(one) + other for other in (ending, *units))
-    return (key,)
+    ending = _ending(key)
+    si = _SI_OF.get(ending)
+    if si is None:
+        return (key,)
+    return tuple(key.removesuffix(ending) + other for other in (si, *UNITS[si]))
+
+
+def _ending(key: str) -> str:
+    """The longest ending that a key has, as `_sqrt_Hz` is no `_Hz`; empty without one."""
+    return max(filter(key.endswith, _SI_OF), key=len, default="")
 
 
 def other_spellings(key: str) -> Iterator[str]:
@@ -60,9 +69,8 @@ def other_spellings(key: str) -> Iterator[str]:
 
 def _unit(key: str) -> Unit:
     """The unit of a key that is not in SI."""
-    return next(
-        unit for units in UNITS.values() for ending, unit in units.items() if key.endswith(ending)
-    )
+    ending = _ending(key)
+    return UNITS[_SI_OF[ending]][ending]
 
 
 def convert_units(conversion: Conversion) -> None:

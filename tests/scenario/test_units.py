@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from jaxsat.scenario import ScenarioError, dump, json_schema, read
+from jaxsat.scenario import ScenarioError, dump, json_schema, library, read
 from jaxsat.scenario.conversion import Conversion
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.registry import TABLES
@@ -229,6 +229,15 @@ def test_two_units_of_one_key_are_refused(tmp_path):
     assert text.count("\n") == 0
 
 
-def test_no_ending_is_the_end_of_another():
-    endings = [one for si, units in UNITS.items() for one in (si, *units)]
-    assert not [(a, b) for a in endings for b in endings if a != b and a.endswith(b)]
+def test_every_ending_is_its_own():
+    for si, units in UNITS.items():
+        for one in (si, *units):
+            assert spellings(f"x{one}") == tuple(f"x{other}" for other in (si, *units))
+
+
+def test_a_frequency_in_hertz_is_that_in_radians(tmp_path):
+    mode = "flexible_mode=[{coupling_sqrt_kg_m=[0.01, 0, 0], frequency_Hz=0.5, damping=0.01}]"
+    found = read(library()["cubesat-12u"], [mode])
+    assert found.flexible_mode[0].frequency_rad_s == math.pi
+    turned = read(written(tmp_path), ["initial.omega_Hz=[0, 0, 0.5]"])
+    assert turned.initial.omega_rad_s == (0.0, 0.0, math.pi)
