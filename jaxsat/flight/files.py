@@ -13,6 +13,8 @@ from jaxsat.core.declaration.keys import Key
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.flight import interface
 from jaxsat.flight.calls import drawn_calls, expected_of_calls
+from jaxsat.flight.cfs import cfs_app
+from jaxsat.flight.fprime import fprime_component
 from jaxsat.flight.function_calls import function_calls
 from jaxsat.flight.guard import guard_header
 from jaxsat.flight.guard_source import guard_source
@@ -34,7 +36,6 @@ from jaxsat.flight.source import header, source
 from jaxsat.flight.tasks import freertos_task
 from jaxsat.flight.templates import DEVIATIONS, template
 from jaxsat.flight.vectors import Reference, Vectors, vectors
-from jaxsat.flight.wrappers import cfs_app
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
@@ -132,6 +133,7 @@ def export(request: Request) -> Export:
     words = readme(request, program, samples, calls, processor_uses, lines, unsearched)
     files["README.md"] = words.encode()
     wrappers = cfs_app(program, rows, intro, request.hold_samples)
+    wrappers |= fprime_component(program, rows, table, intro, request.hold_samples)
     files |= {name: text.encode() for name, text in wrappers.items()}
     return Export(program, files, samples, calls, processor_uses, lines, unsearched)
 

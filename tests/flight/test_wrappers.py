@@ -3,6 +3,7 @@
 import re
 import subprocess
 import zlib
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 from helpers.tools import needs
 from jaxsat.core.declaration.keys import number
 from jaxsat.flight import vectors
+from jaxsat.flight.cfs import CFS, cfs_app
+from jaxsat.flight.fprime import FPRIME, fprime_component
 from jaxsat.flight.guard import guard_header, status_bits
 from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.harness import records_header
@@ -18,7 +21,6 @@ from jaxsat.flight.interface import parameters, rows
 from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import header, source
-from jaxsat.flight.wrappers import CFS, cfs_app
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from tests.flight.folders import write_files
@@ -32,13 +34,13 @@ SENSORS = ["gyro.bias_sigma_rad_s=1e-5", "star_tracker={across_rad=1e-5, along_r
 
 
 def _filtered():
-    return loop_of(Filtered(gain=[3.0, 2.0])), start(), KEYS, "gain"
+    return loop_of(Filtered(gain=[3.0, 2.0])), start(), KEYS
 
 
 def _estimating():
     scenario = load("switching", SENSORS)
     run = build(scenario)
-    return run.loop, run.start, scenario.law.declaration.keys, "k1"
+    return run.loop, run.start, scenario.law.declaration.keys
 
 
 def _driver(kind, program, gain, rate) -> str:
@@ -63,26 +65,29 @@ def _driver(kind, program, gain, rate) -> str:
     return text
 
 
-@pytest.fixture
-def controller(tmp_path):
-    """A function that writes a controller's files, and returns its program, parameters and rows."""
+@cache
+def _made(make, single=False):
+    """A controller's program, parameters, rows of the interface control document, and samples."""
+    loop, first, keys = make()
+    program = flight_program(loop, first, single=single)
+    table = parameters(program, loop, keys)
+    return program, table, rows(program, table), vectors.vectors(program, loop, first, 100.0)
 
-    def write(loop, first, *, single=False, keys=()):
-        program = flight_program(loop, first, single=single)
-        table = parameters(program, loop, keys)
-        files = {
-            "controller.h": header(program, []),
-            "controller.c": source(program, [], libm=False),
-            "controller_guard.h": guard_header(program, []),
-            "controller_guard.c": guard_source(program, []),
-            "controller_parameters.h": parameters_header(table, []),
-            "controller_parameters.c": parameters_source(program, table, []),
-            "controller_records.h": records_header(program, []),
-        }
-        write_files(tmp_path, files)
-        return program, table, rows(program, table)
 
-    return write
+def _write_controller(folder, made):
+    """The files of a controller, and its samples, the first of the closed loops at the end."""
+    program, table, _, found = made
+    files = {
+        "controller.h": header(program, []),
+        "controller.c": source(program, [], libm=False),
+        "controller_guard.h": guard_header(program, []),
+        "controller_guard.c": guard_source(program, []),
+        "controller_parameters.h": parameters_header(table, []),
+        "controller_parameters.c": parameters_source(program, table, []),
+        "controller_records.h": records_header(program, []),
+        "samples": np.hstack([found.given, found.expected])[::-1].tobytes(),
+    }
+    write_files(folder, files)
 
 
 def _run(folder, *words) -> list[str]:
@@ -91,42 +96,45 @@ def _run(folder, *words) -> list[str]:
     return done.stdout.splitlines()
 
 
-@pytest.fixture
-def _few_samples(monkeypatch):
-    monkeypatch.setattr(vectors, "SAMPLES", 32)
-    monkeypatch.setattr(vectors, "CASES", 2)
-    monkeypatch.setattr(vectors, "LONGEST", 64)
-    monkeypatch.setattr(vectors, "EDGES", 64)
+def _bits(program) -> dict[str, int]:
+    bits = status_bits(program).items()
+    return {name.removeprefix("CONTROLLER_STATUS_"): number for name, (number, _) in bits}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _few_samples():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(vectors, "SAMPLES", 32)
+        patch.setattr(vectors, "CASES", 2)
+        patch.setattr(vectors, "LONGEST", 64)
+        patch.setattr(vectors, "EDGES", 64)
+        yield
 
 
 @needs("gcc")
-@pytest.mark.usefixtures("_few_samples")
 @pytest.mark.parametrize(
-    ("make", "rate", "single"),
+    ("make", "key", "rate", "single"),
     [
-        (_filtered, "omega", False),
-        pytest.param(_estimating, "rate", True, marks=pytest.mark.slow),
+        (_filtered, "gain", "omega", False),
+        pytest.param(_estimating, "k1", "rate", True, marks=pytest.mark.slow),
     ],
 )
 def test_the_app_of_cfs_steps_at_each_wake_up_with_the_bits_of_the_controller(
-    tmp_path, controller, make, rate, single
+    tmp_path, make, key, rate, single
 ):
-    loop, first, keys, key = make()
-    program, table, told_of = controller(loop, first, single=single, keys=keys)
+    made = _made(make, single)
+    program, table, told_of, found = made
+    _write_controller(tmp_path, made)
     place, gain = next((n, x) for n, x in enumerate(table, 1) if x.key and x.key.name == key)
     element = gain.field.elements("")[-1]
     write_files(tmp_path, cfs_app(program, told_of, [], 10))
     (tmp_path / "main.c").write_text(_driver("cfs/main.c", program, element, rate))
-    found = vectors.vectors(program, loop, first, 100.0)
-    np.hstack([found.given, found.expected])[::-1].tofile(tmp_path / "samples")
     parts = [f"controller{part}.c" for part in ("", "_guard", "_parameters")]
     parts += ["main.c", f"{CFS}/controller_app.c", f"{CFS}/controller_tbl.c"]
     include = [f"-I{folder}" for folder in (".", CFS, STUBS / "cfs")]
     _run(tmp_path, "gcc", "-std=c99", *STRICT, *SANITIZED, *include, *parts, "-o", "app", "-lm")
     told = _run(tmp_path, tmp_path / "app", "samples")
-    bits = {
-        name.removeprefix("CONTROLLER_STATUS_"): n for name, (n, _) in status_bits(program).items()
-    }
+    bits = _bits(program)
     without = bits[f"INVALID_{rate.upper()}"] | bits["INVALID_ATTITUDE"]
     held, begun = without | bits["HELD"], without | bits["ZERO"]
     assert told[:4] == [f"subscribed 0x18C{i}" for i in range(4)]
@@ -162,3 +170,56 @@ def test_the_app_of_cfs_steps_at_each_wake_up_with_the_bits_of_the_controller(
         "event 9 3 CONTROLLER: pipe cannot be read, RC = 0xFFFFFFFF",
         "exit 3",
     ]
+
+
+@needs("g++")
+def test_the_component_of_fprime_steps_with_the_bits_of_the_controller(tmp_path):
+    made = _made(_filtered)
+    program, table, told_of, found = made
+    _write_controller(tmp_path, made)
+    write_files(tmp_path, fprime_component(program, told_of, table, [], 10))
+    for name in ("controller", "controller_guard", "controller_parameters"):
+        _run(tmp_path, "gcc", "-std=c99", *STRICT, *SANITIZED, "-c", f"{name}.c")
+    parts = [f"{FPRIME}/Controller.cpp", STUBS / "fprime/main.cpp"]
+    parts += [f"controller{part}.o" for part in ("", "_guard", "_parameters")]
+    include = [f"-I{folder}" for folder in (".", FPRIME, STUBS / "fprime")]
+    _run(tmp_path, "g++", "-std=c++14", *STRICT, *SANITIZED, *include, *parts, "-o", "component")
+    told = _run(tmp_path, tmp_path / "component", "samples")
+    samples, judged, differing, outputs = map(int, re.findall(r"\d+", told[0]))
+    assert samples == outputs == len(found.given)
+    assert judged >= 51  # all of the closed loops but those with flags
+    assert differing == 0
+    bits = _bits(program)
+    without = bits["INVALID_OMEGA"] | bits["INVALID_ATTITUDE"]
+    held, begun = without | bits["HELD"], without | bits["ZERO"]
+    last = int(found.given[0, 0])
+    numbers = [np.array(one.default) for one in table]
+    numbers[0][1] = 2.5  # the gain, which the tester sets
+    checksum = zlib.crc32(b"".join(one.tobytes() for one in numbers))
+    assert told[1:] == [
+        f"status 0x{held:X} 0x0",
+        *(f"step {last + 1 + i} 0x{held:X} missing {i + 1}" for i in range(2)),
+        "refused 0x1 0x0",
+        f"step {last + 3} 0x{held:X} missing 3",
+        "refused 0x0 0x0",
+        f"step {last + 4} 0x{held:X} missing 4",
+        f"in use 0x{checksum:X} 0x0",
+        f"step {last + 5} 0x{held:X} missing 5",
+        "restarted 0x0 0x0",
+        "response 32 5 0",
+        "response 33 6 0",
+        f"status 0x{begun:X} 0x{held:X}",
+        f"step 0 0x{begun:X} missing 1",
+        f"checksum 0x{checksum:X}",
+    ]
+
+
+@needs("fpp-check")
+@pytest.mark.parametrize(
+    ("make", "single"),
+    [(_filtered, False), pytest.param(_estimating, True, marks=pytest.mark.slow)],
+)
+def test_the_model_of_fprime_is_one(tmp_path, make, single):
+    program, table, told_of, _ = _made(make, single)
+    write_files(tmp_path, fprime_component(program, told_of, table, [], 10))
+    _run(tmp_path, "fpp-check", STUBS / "fprime/Fw.fpp", f"{FPRIME}/Controller.fpp")

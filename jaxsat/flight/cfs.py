@@ -1,0 +1,89 @@
+"""A wrapper of a controller: an app for NASA's Core Flight System (cFS)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jaxsat.compiler.c.naming import comment
+from jaxsat.flight.guard import real_type
+from jaxsat.flight.guard_source import default_limits
+from jaxsat.flight.interface import Row
+from jaxsat.flight.messages import Item, commanded, measured, words_of_modes
+from jaxsat.flight.program import FlightProgram
+from jaxsat.flight.source import default_parameters
+from jaxsat.flight.templates import template
+
+CFS = "wrappers/cfs/controller_app"
+"""The folder of the app in an export."""
+
+FILES = (
+    "CMakeLists.txt",
+    "controller_app.c",
+    "controller_app.h",
+    "controller_app_msg.h",
+    "controller_app_tbl.h",
+    "controller_app_topicids.h",
+    "controller_tbl.c",
+)
+
+PLACES = {"input": "Input->", "valid": "Valid->", "output": "Output."}
+
+
+def cfs_app(
+    program: FlightProgram, rows: Sequence[Row], intro: Sequence[str], hold_samples: int
+) -> dict[str, str]:
+    """The files of the app by their names, which begin with `CFS`.
+
+    `rows` are those of the interface control document, `hold_samples` the guard's default.
+    """
+    given, told = measured(rows), commanded(rows)
+    begin = (
+        f"  static const {real_type(program)} attitude[4] = {{0}}; "
+        "/* begin with the first measured one */\n\n"
+    )
+    values = {
+        "PERIOD": f"{float(np.asarray(program.period)):.9g}",
+        "PROGRAM": program.hash[:12],
+        "MODES": words_of_modes(program),
+        "MEASUREMENT": _members(given),
+        "OUTPUT": _members(told),
+        "READ": "\n".join(_copy(_place(item), f"Payload->{item.name}", item) for item in given),
+        "WRITE": "\n".join(
+            _copy(f"Payload->{item.name}", _place(item), item) for item in told if item.place[0]
+        ),
+        "BEGIN": begin * program.estimates,
+        "ATTITUDE": "attitude, " * program.estimates,
+        "PARAMETERS": "\n".join(default_parameters(program)),
+        "LIMITS": "\n".join(default_limits(program, hold_samples)),
+    }
+    head = "\n".join(intro)
+    return {
+        f"{CFS}/{name}": (head if name.endswith((".c", ".h")) else "")
+        + template(f"cfs/{name}", **values)
+        for name in FILES
+    }
+
+
+def _place(item: Item) -> str:
+    structure, field = item.place
+    return PLACES[structure] + field
+
+
+def _members(items: Sequence[Item]) -> str:
+    """Members of a structure that has no padding; truth values are bytes."""
+    lines = []
+    for item in items:
+        kind = "uint8_t" if item.type == "bool" else item.type
+        sizes = "".join(f"[{size}]" for size in item.shape)
+        first, *rest = comment(item.about)
+        lines += [f"  {kind} {item.name}{sizes}; {first}", *rest]
+    spare = -sum(item.count * item.size for item in items) % max(item.size for item in items)
+    return "\n".join([*lines, *[f"  uint8_t spare[{spare}];"] * bool(spare)])
+
+
+def _copy(to: str, source: str, item: Item) -> str:
+    """A statement that copies an item; a byte of a message is read as a truth value."""
+    if item.shape:
+        return f"  (void)memcpy({to}, {source}, sizeof({to}));"
+    truth = " != 0u" if item.type == "bool" else ""
+    return f"  {to} = {source}{truth};"

@@ -1,0 +1,159 @@
+"""A wrapper of a controller: a component of NASA's F´ (F Prime)."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jaxsat.compiler.c.naming import ascii_text
+from jaxsat.flight.guard import NORM_TOLERANCE, RATE_LIMIT, real_type
+from jaxsat.flight.interface import Parameter, Row
+from jaxsat.flight.messages import Item, commanded, measured, words_of_modes
+from jaxsat.flight.program import FlightProgram
+from jaxsat.flight.templates import template
+
+FPRIME = "wrappers/fprime/Controller"
+"""The folder of the component in an export."""
+
+FILES = ("CMakeLists.txt", "Controller.cpp", "Controller.fpp", "Controller.hpp")
+
+TYPES = {
+    "bool": "bool", "int8_t": "I8", "int16_t": "I16", "int32_t": "I32", "int64_t": "I64",
+    "uint8_t": "U8", "uint16_t": "U16", "uint32_t": "U32", "uint64_t": "U64", "float": "F32",
+    "double": "F64",
+}  # fmt: skip
+"""Types of the modelling language by those of C."""
+
+PLACES = {
+    "input": "this->m_input.", "valid": "this->m_valid.", "output": "output.", "read": "read.",
+    "limits": "limits.", "": "",
+}  # fmt: skip
+
+
+def fprime_component(
+    program: FlightProgram,
+    rows: Sequence[Row],
+    of_parameters: Sequence[Parameter],
+    intro: Sequence[str],
+    hold_samples: int,
+) -> dict[str, str]:
+    """The files of the component by their names, which begin with `FPRIME`.
+
+    `rows` are those of the interface control document, `hold_samples` the guard's default. Those
+    of the parameters that keys of the scenario set are parameters of the component, too.
+    """
+    given, told = measured(rows), commanded(rows)
+    real = real_type(program)
+    tuned = _tuned(rows, of_parameters, hold_samples)
+    items = [*given, *told, *(item for item, _ in tuned)]
+    arrays = {_type(item): item for item in items if item.shape}
+    begin = f"    static const {real} attitude[4] = {{0}}; // begin with the first measured one\n\n"
+    values = {
+        "PERIOD": f"{float(np.asarray(program.period)):.9g}",
+        "MODES": ascii_text(words_of_modes(program)),
+        "ARRAYS": "\n".join(
+            f"  array {name} = [{item.count}] {TYPES[item.type]}" for name, item in arrays.items()
+        ),
+        "MEASUREMENT": _members(given),
+        "OUTPUT": _members(told),
+        "ARGUMENTS": ",\n".join(f"    {_argument(item)}" for item in given),
+        "READ": "\n".join(_take(item, item.name) for item in given),
+        "WRITE": ",\n".join(f"            {_passed(item)}" for item in told),
+        "PARAMETERS": "\n".join(
+            f"    @ {ascii_text(item.about)}\n"
+            f"    param {item.name}: {_type(item)} default {_initialiser(default)} id {number} "
+            f"set opcode {256 + 2 * number} save opcode {257 + 2 * number}\n"
+            for number, (item, default) in enumerate(tuned)
+        ),
+        "TAKE": "\n".join(_read(item) for item, _ in tuned),
+        "BEGIN": begin * program.estimates,
+        "ATTITUDE": "attitude, " * program.estimates,
+    }
+    head = "\n".join(intro)
+    return {
+        f"{FPRIME}/{name}": (head if name.endswith((".cpp", ".hpp")) else "")
+        + template(f"fprime/{name}", **values)
+        for name in FILES
+    }
+
+
+def _tuned(
+    rows: Sequence[Row], of_parameters: Sequence[Parameter], hold_samples: int
+) -> list[tuple[Item, np.ndarray]]:
+    """The parameters of the component with their defaults: finite ones of keys, and limits."""
+    named = {row.name: row for row in rows if row.structure == "controller_parameters"}
+    tuned = []
+    for one in of_parameters:
+        default, field = np.asarray(one.default), one.field
+        if one.key is not None and np.isfinite(default).all():
+            row = named[field.name]
+            about = f"{row.path}, {_about(row)}"
+            place = ("read", field.name)
+            item = Item(field.name, row.type, field.shape, field.dtype.itemsize, about, place)
+            tuned.append((item, default))
+    limits = {
+        "hold_samples": hold_samples,
+        "rate_limit": RATE_LIMIT,
+        "norm_tolerance": NORM_TOLERANCE,
+    }
+    for row in rows:
+        if row.structure == "controller_guard_parameters":
+            place = ("limits", row.name)
+            item = Item(f"guard_{row.name}", row.type, (), row.bytes, _about(row), place)
+            tuned.append((item, np.asarray(limits[row.name])))
+    return tuned
+
+
+def _about(row: Row) -> str:
+    return ", ".join(text for text in (row.unit, row.range) if text)
+
+
+def _type(item: Item) -> str:
+    kind = TYPES[item.type]
+    return f"{kind}x{item.count}" if item.shape else kind
+
+
+def _members(items: Sequence[Item]) -> str:
+    return "\n".join(
+        f"    {item.name}: {_type(item)} @< {ascii_text(item.about)}" for item in items
+    )
+
+
+def _initialiser(default: np.ndarray) -> str:
+    """A value of the modelling language."""
+    numbers = [str(x).lower() for x in default.ravel()]
+    return f"[{', '.join(numbers)}]" if default.ndim else numbers[0]
+
+
+def _place(item: Item) -> str:
+    structure, field = item.place
+    return PLACES[structure] + field
+
+
+def _argument(item: Item) -> str:
+    """A parameter of a handler."""
+    return f"const {_type(item)}& {item.name}" if item.shape else f"{_type(item)} {item.name}"
+
+
+def _passed(item: Item) -> str:
+    """What a port is called with."""
+    if item.place == ("", "sample"):
+        return "this->m_input.sample"
+    return f"fromField<{_type(item)}>({_place(item)})" if item.shape else _place(item)
+
+
+def _take(item: Item, value: str) -> str:
+    if item.shape:
+        return f"    toField({value}, {_place(item)});"
+    return f"    {_place(item)} = {value};"
+
+
+def _read(item: Item) -> str:
+    """Statements that read a parameter, if it is set."""
+    return "\n".join(
+        [
+            f"    const {_type(item)} {item.name} = this->paramGet_{item.name}(valid);",
+            "    if (isSet(valid)) {",
+            f"    {_take(item, item.name)}",
+            "    }",
+        ]
+    )
