@@ -11,7 +11,8 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.allocation import allocation_matrix
 from jaxsat.core.array_types import RealScalar, Vector
-from jaxsat.core.checks import as_float, as_optional_float, require_positive
+from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
+from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.core.smooth import sat
 from jaxsat.spacecraft.allocation import first_at_limit, share_within
 from jaxsat.spacecraft.axes import turned_axes
@@ -193,6 +194,12 @@ class Actuators(AbstractEffector):
         held = level * jnp.where(jnp.isfinite(self.limit), self.limit, 0.0)
         each = jnp.zeros(now.torque_axes.shape[1])
         return Reach(now.torque_axes, each + held - room, each + held + room)
+
+    def last_drawn_kind(self, sampled: bool) -> FailureKind:
+        """The last kind that a study draws: a thruster is dead, weak or, with a limit, stuck."""
+        limit = concrete(self.limit)
+        limited = limit is not None and bool(np.all(np.isfinite(limit)))
+        return FailureKind.STUCK_AT if limited else FailureKind.DEGRADED
 
     def flight_commands(self, use, memory, period) -> tuple[dict[str, Array], PyTree]:
         """The torque of each thruster, N m."""

@@ -15,15 +15,13 @@ from jaxtyping import Array, Float
 import jaxsat.core.ranges as ranges
 from jaxsat.control.controller import AbstractBacksteppingLaw
 from jaxsat.core.array_types import Vector
-from jaxsat.core.checks import as_float, concrete, numpy_if_known
+from jaxsat.core.checks import as_float, numpy_if_known
 from jaxsat.core.declaration.actuator import ActuatorDeclaration
 from jaxsat.core.declaration.actuators import ACTUATORS
-from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
 from jaxsat.simulation.loops import AbstractLoop, failures_of, parts_of
 from jaxsat.simulation.sampled_loop import SampledLoop
-from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dispersible import Limits
 from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.environment.disturbances import ConstantTorque, PeriodicTorque
@@ -105,32 +103,18 @@ def of_failed(actuator: ActuatorDeclaration) -> Callable[[AbstractLoop], Limits]
 
 
 def of_failure_kind(loop: AbstractLoop) -> Limits:
-    """Limits of numbers that are rounded to kinds: those that actuators declare as drawn.
-
-    An ideal thruster is dead, weak or, where it has a limit, stuck.
-    """
+    """Limits of numbers that are rounded to kinds: those that actuators declare as drawn."""
     sampled, effectors = isinstance(loop, SampledLoop), loop.plant.effectors
 
     def last(failures: AbstractFailures) -> np.ndarray:
-        owners = [one for one in effectors if one.kind == failures.part]
-        kinds = [one.last_drawn_kind(sampled) for one in owners] or [_of_ideal_thrusters(loop)]
-        last_declared = _DRAWN[failures.part][-1]
-        return np.full(failures.count, (last_declared if kinds[0] is None else kinds[0]) + 0.5)
+        owner = next(one for one in effectors if one.kind == failures.part)
+        own, last_declared = owner.last_drawn_kind(sampled), _DRAWN[failures.part][-1]
+        return np.full(failures.count, (last_declared if own is None else own) + 0.5)
 
     return Limits(as_float(-0.5), _of_failures(loop, last))
 
 
 _DRAWN = {one.name: one.drawn for one in ACTUATORS}
-
-
-def _of_ideal_thrusters(loop: AbstractLoop) -> FailureKind | None:
-    """The last kind that can be drawn for thrusters of torques of either sign; None for others."""
-    (thrusters,) = thrusters_of(loop)
-    if not isinstance(thrusters, Actuators):
-        return None
-    limit = concrete(thrusters.limit)
-    limited = limit is not None and bool(np.all(np.isfinite(limit)))
-    return FailureKind.STUCK_AT if limited else FailureKind.DEGRADED
 
 
 def of_failure_amount(loop: AbstractLoop) -> Limits:

@@ -11,6 +11,7 @@ from jaxsat.simulation.loops import ContinuousLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.failures import FailureEvents
 from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
+from jaxsat.studies.quantities import QUANTITIES
 
 FAILURES = (
     "failure=[{of='thruster 2',at_s=5.0,kind='stuck-at',fraction=-0.5},"
@@ -75,6 +76,15 @@ DEAD = "failure=[{of='thruster 1',at_s=5.0,kind='dead'}]"
 def test_what_cannot_be_is_told(name, changes, said):
     with pytest.raises(ScenarioError, match=said):
         load(name, changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "last"),
+    [([], FailureKind.DEGRADED), (["spacecraft.torque_limit_N_m=5.0"], FailureKind.STUCK_AT)],
+)
+def test_studies_draw_kinds_that_a_thruster_of_either_sign_can_have(changes, last):
+    loop = build(load("free-third-rate", [DEAD, *changes])).loop
+    assert float(QUANTITIES["failure_kind"].limits(loop).high) == last + 0.5
 
 
 def test_reversal_is_of_torques_of_either_sign():
