@@ -13,6 +13,8 @@ MARK_ROWS, MARK_STEP = 9, 0.1
 
 def paint_marks(panel: Axes, timeline: Timeline, *, named: bool) -> None:
     """Dotted lines at the instants, one object, with their names where `named`."""
+    if not timeline.marks:
+        return
     instants = [at for at, _ in timeline.marks]
     across, along = np.repeat(instants, 3), np.tile([0.0, 1.0, np.nan], len(instants))
     where = {"transform": panel.get_xaxis_transform(), "scalex": False, "scaley": False}

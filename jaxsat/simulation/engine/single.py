@@ -147,6 +147,12 @@ TABLE = 256
 """Numbers of an array beyond which it is a table, such as that of gains over an orbit."""
 
 
+ERROR_EVERY = 7
+"""Periods of a sampled loop, in one of which the error of its steps is estimated: it takes twice as
+long as the steps. Sensors and pulses that repeat every 2, 3, 4, 5, 8 or 10 periods are met in each
+of their phases."""
+
+
 class _OneCase(AbstractCaseFactory):
     """The case whose numbers are the arrays of a loop and of its start, as a list.
 
@@ -258,7 +264,8 @@ def _program(
     numbers = [x for x in leaves if x.size <= TABLE]
     tables = [x for x in leaves if x.size > TABLE]
     tolerances = Tolerances() if tolerances is None else tolerances
-    keys: dict[str, Any] = {"detailed": True, "error_every": 1, "state_limit": state_limit}
+    keys: dict[str, Any] = {"detailed": True, "state_limit": state_limit}
+    keys["error_every"] = ERROR_EVERY if isinstance(loop, SampledLoop) else 1
     return Program(factory, interval, count, tolerances, **keys), (numbers, tables)
 
 
