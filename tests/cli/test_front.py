@@ -2,13 +2,14 @@
 
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from jaxsat.report.front import front_figure
 from jaxsat.scenario.build.load import load
-from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.run import build, build_tolerances
 from jaxsat.synthesis.comparison.front import (
     STRETCHES,
     FlownPoint,
@@ -18,9 +19,6 @@ from jaxsat.synthesis.comparison.front import (
     front,
 )
 from jaxsat.synthesis.comparison.in_scenario import scenario_under
-
-QUICK = ["acceptance-nominal", "--torque-limit", "20", "--guesses", "6"]
-QUICK += ["--set", "simulation.duration_s=60"]
 
 LIMIT, MOMENT, ANGLE = 5.0, 449.5, 0.4
 
@@ -43,28 +41,69 @@ def least_effort(duration):
 
 
 @pytest.mark.slow
-def test_a_turn_about_a_driven_axis_and_a_law_beside_it():
-    scenario = load("acceptance-nominal", TURN)
-    told = []
-    found = front(scenario, ["three-slew", "oscillatory"], 6, told.append, end="rest")
+def test_a_turn_about_a_driven_axis_and_laws_beside_it(command_line, tmp_path):
+    sets = [token for change in TURN for token in ("--set", change)]
+    laws = ["--law", "three-slew", "--law", "oscillatory", "--guesses", "6", "--end", "rest"]
+    tokens = ["front", "acceptance-nominal", *sets, *laws, "--out", "f"]
+    status, out, err = command_line(*tokens)
+    assert status == 0, err
+    assert {path.name for path in (tmp_path / "f").iterdir()} >= {
+        "front.json",
+        "front.png",
+        "front.svg",
+    }
+    (found,) = json.loads((tmp_path / "f" / "front.json").read_text())["fronts"]
     shortest = 2 * math.sqrt(MOMENT * ANGLE / LIMIT)
-    assert found.torque_limit == LIMIT
-    assert found.failed == []
-    assert found.points[0].duration == pytest.approx(shortest, rel=2e-3)
-    assert len(found.points) == len(STRETCHES) + 1
-    for duration, effort in found.points[2:]:  # intervals of 1/48 of it cost up to 2.1 %
+    assert (found["torque_limit_N_m"], found["end"]) == (LIMIT, "rest")
+    assert found["failed_durations_s"] == []
+    points = [(one["duration_s"], one["effort_N_m_s"]) for one in found["front"]]
+    assert points[0][0] == pytest.approx(shortest, rel=2e-3)
+    assert len(points) == len(STRETCHES) + 1
+    for duration, effort in points[2:]:  # intervals of 1/48 of it cost up to 2.1 %
         assert least_effort(duration) * 0.999 < effort < least_effort(duration) * 1.03
-    assert {"least time", "flying oscillatory"} < set(told)
+    assert "\nPlans end exactly at rest" in out
 
-    slew, slow = found.flown
-    assert (slow.law, slow.settled_from) == ("oscillatory", math.inf)  # takes longer
-    assert math.isnan(slow.effort)
-    trajectory = build(scenario_under(scenario, "three-slew")).simulate()
+    slew, slow = found["laws"]
+    assert slow == {"law": "oscillatory", "settled_from_s": None, "effort_N_m_s": None}
+    trajectory = build(scenario_under(load("acceptance-nominal", TURN), "three-slew")).simulate()
     held = 0.1 * np.abs(trajectory.signals.torque[:-1]).sum(axis=1)  # the axes of the thrusters
-    efforts = np.interp(
-        slew.settled_from + np.array([-0.1, 0.1]), trajectory.times[1:], held.cumsum()
-    )
-    assert efforts[0] - 1e-6 <= slew.effort <= efforts[1] + 1e-6
+    settled = slew["settled_from_s"] + np.array([-0.1, 0.1])
+    efforts = np.interp(settled, trajectory.times[1:], held.cumsum())
+    assert efforts[0] - 1e-6 <= slew["effort_N_m_s"] <= efforts[1] + 1e-6
+    *_, flown, unsettled, _ = out.splitlines()
+    assert flown.split()[:2] == ["5", "three-slew"]
+    assert "oscillatory, which does not settle" in unsettled  # takes longer
+    status, _, err = command_line(*tokens)
+    assert status == 2
+    assert "--overwrite" in err
+
+
+@pytest.mark.slow
+def test_laws_that_settle_count_where_plans_end_settled(monkeypatch):
+    """The planner is left out: one plan arrives, in the least time and later."""
+    plan = SimpleNamespace(duration=80.0, effort=1000.0)
+    planners, told = [], []
+
+    def quickest(planner, start):
+        planners.append(planner)
+        return [plan]
+
+    module = "jaxsat.synthesis.comparison.front."
+    monkeypatch.setattr(module + "quickest_plans", quickest)
+    monkeypatch.setattr(module + "_cheapest", lambda *given: [(90.0, None)])
+    monkeypatch.setattr(module + "arrives", lambda manoeuvre, plan: True)
+    scenario = load("acceptance-nominal", TURN)
+    found = front(scenario, ["three-slew"], 6, told.append)
+    tolerances = build_tolerances(scenario)
+    assert [one.tolerances for one in planners] == [tolerances]
+    assert found.failed == [90.0]
+    (flown,) = found.flown
+    assert 0 < flown.settled_from < 80
+    assert found.points[0] == FrontPoint(flown.settled_from, flown.effort)
+    assert (FrontPoint(80.0, 1000.0) in found.points) == (flown.effort > 1000)
+    assert told == ["least time", "flying three-slew"]
+    assert front(scenario, ["three-slew"], 6, end="rest").points == [FrontPoint(80.0, 1000.0)]
+    assert planners[-1].tolerances is None
 
 
 FRONTS = [
@@ -98,38 +137,12 @@ def test_what_is_not_finite_is_none_in_the_data():
     }
 
 
-@pytest.mark.slow
-def test_table_numbers_and_figure(command_line, tmp_path):
-    laws = ["--law", "three-slew", "--law", "oscillatory"]
-    status, out, _ = command_line("front", *QUICK, *laws, "--out", "f")
-    assert status == 0
-    assert {path.name for path in (tmp_path / "f").iterdir()} >= {
-        "front.json",
-        "front.png",
-        "front.svg",
-    }
-    (found,) = json.loads((tmp_path / "f" / "front.json").read_text())["fronts"]
-    assert found["torque_limit_N_m"] == 20.0
-    efforts = [one["effort_N_m_s"] for one in found["front"]]
-    assert efforts == sorted(efforts, reverse=True)
-    assert len(efforts) > 5
-    settled = [one["settled_from_s"] for one in found["laws"]]
-    assert found["end"] == "settled"
-    assert found["front"][0]["duration_s"] < min(one for one in settled if one is not None)
-    assert "\nPlans end settled, |w| < 0.05, |z| < 0.05 rad" in out
-    *_, slew, oscillatory, _ = out.splitlines()
-    assert slew.split()[:2] == ["20", "three-slew"]
-    assert "oscillatory, which does not settle" in oscillatory
-    status, _, err = command_line("front", *QUICK, *laws, "--out", "f")
-    assert status == 2
-    assert "--overwrite" in err
-
-
 def test_no_plan_is_told_with_what_to_do(command_line, monkeypatch, tmp_path):
     monkeypatch.setattr("jaxsat.front", lambda *arguments: FRONTS[1])
     status, out, err = command_line("front", "acceptance-nominal", "--out", "f")
     assert status == 1
     assert "a, which does not settle" in out
+    assert "\nPlans end settled, |w| < 0.05, |z| < 0.05 rad" in out
     assert "no plan reaches the target with 0.3 N m; give more --guesses" in err
     assert (tmp_path / "f" / "front.json").is_file()
 

@@ -57,9 +57,9 @@ def order_of(found):
 
 @pytest.mark.slow
 def test_the_papers_start_near_the_least_time():
-    """Within 1.5 times of it."""
-    for limit, least in LEAST_TIMES.items():
-        found = flight(limit)
+    """Within 1.5 times of it; at 5 N m it is flown with another inertia than is believed, below."""
+    for limit in (1.0, 20.0):
+        found, least = flight(limit), LEAST_TIMES[limit]
         assert least < found.assessment.settled_from < 1.5 * least
         order = order_of(found)
         if "OSCILLATING" in order:  # where the plan left enough for it

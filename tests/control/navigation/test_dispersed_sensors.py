@@ -111,8 +111,7 @@ def test_engines_agree_on_dispersed_sensors():
     scenario = load("switching", changes, purpose="study")
     found = {
         engine: build_study(scenario, 5, engine=engine, batch_size=6).evaluate(np.arange(5))
-        for engine in ("native", "scan", "diffrax")
+        for engine in ("native", "diffrax")
     }
-    for engine in ("native", "diffrax"):
-        np.testing.assert_allclose(found[engine].omega, found["scan"].omega, atol=1e-9)
-    assert np.ptp(found["scan"].omega, axis=0).max() > 1e-4
+    np.testing.assert_allclose(found["native"].omega, found["diffrax"].omega, atol=1e-9)
+    assert np.ptp(found["native"].omega, axis=0).max() > 1e-4

@@ -83,5 +83,5 @@ CASES = np.array(
 def test_engines_agree_on_whatever_fails():
     cases = factory()
     program = program_of(cases, cases.loop, 8.0)
-    found = agreed(program, CASES, 0.5, apart=1e-4)
+    found = agreed(program, CASES, 0.5, apart=1e-4, scanned=True)
     assert np.all(found.code == 0)
