@@ -1,10 +1,11 @@
-"""Random spacecraft with wheels and thrusters, of which one or two fail in flight.
+"""Random spacecraft with wheels, thrusters and magnetorquers, of which one or two fail in flight.
 
-    python benchmarks/family_of_mixes.py --members 40 --cases 8 --out mixes.csv
+    python benchmarks/family_of_mixes.py --members 40 --cases 4 --out mixes.csv
 
-Each flies `fault-tolerant` with the sensors and dispersions of the scenario `hybrid-wheels`. The
-table holds what is recovered against what the torques that are left can recover. A table that
-exists is continued. Member i of a seed is drawn from both alone.
+Each flies `fault-tolerant` with the sensors of the scenario `hybrid-wheels`, in a low orbit of any
+inclination under gravity gradient and with a residual dipole, or far from the Earth. The table
+holds what is recovered against what the torques that are left can recover. A table that exists is
+continued. Member i of a seed is drawn from both alone.
 """
 
 import argparse
@@ -39,6 +40,23 @@ RATE = (0.035, 0.07)
 PUSH = (1.5e-3, 4e-3)
 """rad/s²: the torque of a thruster over the largest moment."""
 
+DIPOLE = (0.02, 0.05)
+"""A m²/kg: the dipole of a magnetorquer over the mass, as 0.2 A m² of a 6U CubeSat."""
+
+RESIDUAL = 0.04
+"""Of the dipole of a magnetorquer of that size: the residual dipole of the body about an axis."""
+
+ALTITUDE = (400.0, 800.0)
+"""km, of low orbits."""
+
+DISPERSIONS = {
+    "attitude": 'distribution="random-attitude"',
+    "inertia": 'distribution="uniform", low=-0.1, high=0.1',
+    "products_of_inertia": 'distribution="uniform", low=-0.02, high=0.02',
+    "omega_rad_s": 'distribution="uniform", low=-2e-3, high=2e-3',
+}
+"""Of all; those of thrusters and magnetorquers are beside them."""
+
 WHEELS = np.array([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]]) / math.sqrt(2)
 CORNERS = np.array([[x, y, z] for z in (1, -1) for x in (1, -1) for y in (1, -1)])
 """Signs of the corners of a box at which thrusters are, as those of `hybrid-wheels`."""
@@ -46,6 +64,7 @@ CORNERS = np.array([[x, y, z] for z in (1, -1) for x in (1, -1) for y in (1, -1)
 KINDS = {
     "wheel": ('kind="dead"', 'kind="stopped"', 'kind="degraded", fraction=0.3'),
     "thruster": ('kind="dead"', 'kind="stuck-on"', 'kind="degraded", fraction=0.4'),
+    "magnetorquer": ('kind="dead"', 'kind="stuck-on"', 'kind="degraded", fraction=0.4'),
 }
 
 COLUMNS = (
@@ -53,7 +72,9 @@ COLUMNS = (
     "mass_kg",
     "wheels",
     "thrusters",
-    "orbit_rate_rad_s",
+    "magnetorquers",
+    "altitude_km",
+    "inclination_deg",
     "failures",
     "cases",
     "recoverable",
@@ -69,15 +90,68 @@ def member(number: int, seed: int = SEED) -> tuple[dict[str, object], Scenario]:
     mass = float(np.exp(rng.uniform(*np.log(MASS))))
     sides = (mass / DENSITY) ** (1 / 3) * rng.uniform(0.75, 1.25, 3)
     moments = mass / 12 * (np.sum(sides**2) - sides**2)
-    largest = float(moments.max())
-    count = {"wheel": int(rng.integers(2, 5)), "thruster": int(rng.choice([0, 4, 6, 8]))}
+    low = bool(rng.integers(4))
+    count = {
+        "wheel": int(rng.integers(2, 5)),
+        "thruster": int(rng.choice([0, 4, 6, 8])),
+        "magnetorquer": int(rng.integers(4)) if low else 0,
+    }
     if count["wheel"] == 2 and count["thruster"] < 6:
         count["thruster"] = 6  # two wheels alone leave no three axes from the start
-    orbit_rate = float(rng.choice([0.0, rng.uniform(1.09e-3, 1.13e-3)]))
+    failures, drawn = _failures(rng, count)
+    altitude, inclination = rng.uniform(*ALTITUDE), np.degrees(np.arccos(rng.uniform(-0.2, 1)))
+    dispersions = dict(DISPERSIONS)
+    changes = [
+        f"spacecraft.inertia_kg_m2={moments.tolist()}",
+        *_effectors(rng, count, float(moments.max()), mass, dispersions),
+        f"failure=[{', '.join(failures)}]",
+        *(_low_orbit(rng, altitude, inclination, mass) if low else ["orbit={rate_rad_s=0.0}"]),
+        f"dispersion={{{', '.join(f'{key}={{{one}}}' for key, one in dispersions.items())}}}",
+    ]
+    if count["magnetorquer"]:
+        changes += ["simulation.duration_s=8400", "simulation.save_every_s=10"]
+        changes += ["settled={tilt_rad=0.05, turn_rad=0.05}", "control.period_s=0.25"]
+        changes.append("star_tracker.latency_s=0.25")
+    row = {
+        "member": number,
+        "mass_kg": round(mass, 1),
+        "wheels": count["wheel"],
+        "thrusters": count["thruster"],
+        "magnetorquers": count["magnetorquer"],
+        "altitude_km": round(altitude) if low else "",
+        "inclination_deg": round(float(inclination)) if low else "",
+        "failures": "; ".join(drawn),
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ScenarioWarning)
+        return row, load("hybrid-wheels" if count["thruster"] else "wheels-fail", changes)
+
+
+def _failures(rng: np.random.Generator, count: dict[str, int]) -> tuple[list[str], list[str]]:
+    """One or two failures as tables, and in words."""
+    failures, drawn = [], []
+    for _ in range(int(rng.integers(1, 3))):
+        part = str(rng.choice([kind for kind, many in count.items() if many]))
+        which, kind = int(rng.integers(count[part])) + 1, str(rng.choice(KINDS[part]))
+        at = rng.uniform(50, 500)
+        failures.append(f'{{of="{part} {which}", at_s={at:.4f}, {kind}}}')
+        drawn.append(f"{part} {which} {kind.split(chr(34))[1]} at {at:.0f} s")
+    return failures, drawn
+
+
+def _effectors(
+    rng: np.random.Generator,
+    count: dict[str, int],
+    largest: float,
+    mass: float,
+    dispersions: dict[str, str],
+) -> list[str]:
+    """The tables of actuators for a body of a `largest` moment (kg m²) and a mass (kg)."""
     torque, momentum = (largest * rng.uniform(*span) for span in (ACCELERATION, RATE))
     each = f"torque_limit_N_m={torque}, momentum_limit_N_m_s={momentum}, "
     each += f"coulomb_friction_N_m={0.02 * torque}, tachometer_noise_N_m_s={1e-4 * momentum}"
     wheels = [f"{{axis={axis.tolist()}, {each}}}" for axis in WHEELS[: count["wheel"]]]
+    changes = [f"wheel=[{', '.join(wheels)}]"]
     push = largest * rng.uniform(*PUSH)
     x, y, z = CORNERS.T
     arms = np.cross(CORNERS * [0.8, 0.8, 1.2], np.column_stack([-z * x, z * y, -2 * z]))
@@ -85,34 +159,30 @@ def member(number: int, seed: int = SEED) -> tuple[dict[str, object], Scenario]:
     jets = [
         f"{{torque_axis={arm.tolist()}, torque_N_m={push}, min_on_time_s=0.02}}" for arm in arms
     ]
-    failures, drawn = [], []
-    for _ in range(int(rng.integers(1, 3))):
-        part = str(rng.choice([kind for kind, many in count.items() if many]))
-        which, kind = int(rng.integers(count[part])) + 1, str(rng.choice(KINDS[part]))
-        at = rng.uniform(50, 500)
-        failures.append(f'{{of="{part} {which}", at_s={at:.1f}, {kind}}}')
-        drawn.append(f"{part} {which} {kind.split(chr(34))[1]} at {at:.0f} s")
-    changes = [
-        f"spacecraft.inertia_kg_m2={moments.tolist()}",
-        f"wheel=[{', '.join(wheels)}]",
-        f"failure=[{', '.join(failures)}]",
-        f"orbit.rate_rad_s={orbit_rate}",
-    ]
     if jets:
         changes.append(f"thruster=[{', '.join(jets)}]")
-    else:
-        changes.append('dispersion.attitude={distribution="random-attitude"}')
-    row = {
-        "member": number,
-        "mass_kg": round(mass, 1),
-        "wheels": count["wheel"],
-        "thrusters": count["thruster"],
-        "orbit_rate_rad_s": round(orbit_rate, 6),
-        "failures": "; ".join(drawn),
-    }
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ScenarioWarning)
-        return row, load("hybrid-wheels" if jets else "wheels-fail", changes)
+        dispersions["torque_gain"] = 'distribution="uniform", low=-0.1, high=0.1'
+    dipole = mass * rng.uniform(*DIPOLE)
+    axes = np.eye(3)[rng.permutation(3)[: count["magnetorquer"]]]
+    rods = [f"{{axis={axis.tolist()}, dipole_limit_A_m2={dipole}}}" for axis in axes]
+    if rods:
+        changes += [f"magnetorquer=[{', '.join(rods)}]", "unloading={time_constant_s=300}"]
+        turned = 'distribution="normal", mean=0.0, sigma=0.02'
+        dispersions["magnetorquer_misalignment_rad"] = turned
+    return changes
+
+
+def _low_orbit(
+    rng: np.random.Generator, altitude: float, inclination: float, mass: float
+) -> list[str]:
+    """The tables of an orbit at an altitude (km) and inclination (deg), and what acts there."""
+    node, turn, place = rng.uniform(0, 360, 3)
+    residual = RESIDUAL * DIPOLE[0] * mass * rng.choice([-1.0, 1.0], 3)
+    return [
+        f"orbit={{altitude_km={altitude}, inclination_deg={inclination}, "
+        f"ascending_node_deg={node}, sidereal_angle_deg={turn}, argument_of_latitude_deg={place}}}",
+        f"disturbance={{gravity_gradient=true, residual_dipole_A_m2={residual.tolist()}}}",
+    ]
 
 
 def flown(number: int, cases: int, seed: int = SEED) -> dict[str, object]:

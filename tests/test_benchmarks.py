@@ -90,3 +90,16 @@ def test_a_torque_from_outside_is_counted_as_no_failure(lines_here):
     """Four cases in which nothing fails and eight with a failure, at 1 % of a thruster's torque."""
     told = lines_here("model_errors", "--cases", 4, "--torque", 0.01)
     assert told[-1].split() == ["torque", "1%", "4", "0", "0", "0", "8", "0"]
+
+
+def test_a_family_of_mixes_has_the_devices_that_its_table_tells():
+    """One with wheels and magnetorquers, one with wheels and thrusters."""
+    from family_of_mixes import member
+
+    for number, devices in ((1, (4, 0, 3)), (6, (2, 8, 0))):
+        row, scenario = member(number)
+        tables = (scenario.wheel, scenario.thruster, scenario.magnetorquer)
+        assert tuple(len(one) for one in tables) == devices
+        assert tuple(row[one] for one in ("wheels", "thrusters", "magnetorquers")) == devices
+        assert len(scenario.failure) == str(row["failures"]).count(" at ")
+        assert scenario.orbit.altitude_km == pytest.approx(row["altitude_km"], abs=0.5)
