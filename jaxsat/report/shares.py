@@ -52,10 +52,8 @@ def _rods_torque(dataset: xr.Dataset, tables: dict[str, Any]) -> Float[np.ndarra
     time = dataset["time"].values
     field = field_of(OrbitTable.model_validate(tables.get("orbit", {})))
     b = field.sampled(time, EARTH_ROTATION * time)
-    from scipy.spatial.transform import Rotation  # slow to import
-
-    to_orbit = Rotation.from_quat(np.roll(dataset["quaternion"].values, -1, axis=1))
-    return np.cross(dataset["dipole"].values @ _axes(tables[ROD]), to_orbit.inv().apply(b))
+    to_body = dataset["quaternion"].values * [1, -1, -1, -1]
+    return np.cross(dataset["dipole"].values @ _axes(tables[ROD]), _turned(to_body, b))
 
 
 def share_plots(dataset: xr.Dataset) -> list[Plot]:
@@ -101,10 +99,19 @@ def _in_inertial(
 
     The orbit frame turns as the body does beyond its rate relative to the frame.
     """
-    from scipy.spatial.transform import Rotation  # slow to import
+    to_orbit = dataset["quaternion"].values
+    frame_rate = (dataset["omega"] - dataset["relative_rate"]).values[:1]
+    (turn,) = _turned(to_orbit[:1], frame_rate)
+    half = (dataset["time"].values[:, None] - float(dataset["time"][0])) / 2
+    size = half * np.linalg.norm(turn)
+    frame_turns = np.hstack([np.cos(size), half * np.sinc(size / np.pi) * turn])
+    return _turned(frame_turns, _turned(to_orbit, vectors))
 
-    to_orbit = Rotation.from_quat(np.roll(dataset["quaternion"].values, -1, axis=1))
-    frame_rate = (dataset["omega"] - dataset["relative_rate"]).values[0]
-    time = dataset["time"].values - float(dataset["time"][0])
-    frame_turns = Rotation.from_rotvec(np.outer(time, to_orbit[0].apply(np.array(frame_rate))))
-    return (frame_turns * to_orbit).apply(np.array(vectors))
+
+def _turned(
+    quaternions: Float[np.ndarray, "n 4"], vectors: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """Vectors turned by unit quaternions, scalar first. (SciPy's rotations are slow to import.)"""
+    scalar, axis = quaternions[:, :1], quaternions[:, 1:]
+    across = 2 * np.cross(axis, vectors)
+    return vectors + scalar * across + np.cross(axis, across)
