@@ -120,19 +120,19 @@ def commands_of(loop):
     return np.asarray(jax.vmap(lambda t: loop.controller.step(t, None, None)[0])(instants))
 
 
-BY_THE_SAMPLE = ("delayed", "intermittent", "turned")
-"""Failures with two kinds of valves only, to save time."""
+WITH_TWO_VALVES = ("ideal", "delta-sigma", "pwpf", "delayed", "intermittent", "turned")
+"""Neither late nor slow, or both, to save time."""
 
 QUICK = {("dead", "at once")}
 
 
 def combinations(first):
-    """All pairs with VALVES; all but a few are slow, as each is compiled on its own."""
+    """All pairs with VALVES; all but a few are slow, as each of VALVES is compiled on its own."""
     return [
         pytest.param(one, valves, marks=() if (one, valves) in QUICK else pytest.mark.slow)
         for one in first
         for valves in VALVES
-        if one not in BY_THE_SAMPLE or valves in ("at once", "late ramps")
+        if one not in WITH_TWO_VALVES or valves in ("at once", "late ramps")
     ]
 
 
