@@ -14,6 +14,7 @@ from jaxsat.control.diagnosis.residual import Reading
 from jaxsat.control.quaternion_feedback import QuaternionFeedback, QuaternionFeedbackMemory
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.control.third_axis_band import BandMemory, ThirdAxisBand
 from jaxsat.control.tolerant_actuators import (
     AbstractTolerantActuators,
     TolerantMemory,
@@ -21,6 +22,7 @@ from jaxsat.control.tolerant_actuators import (
 )
 from jaxsat.control.tolerant_mix import Mix, MixMemory
 from jaxsat.control.tolerant_rods import RodMemory, TolerantRods, about
+from jaxsat.control.tolerant_thrusters import TolerantThrusters
 from jaxsat.control.tolerant_wheels import TolerantWheels
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
@@ -37,7 +39,8 @@ class FaultTolerantMemory(NamedTuple):
     """The memory of the law of three axes, that of each kind of actuator, and the mode.
 
     `mix` is that of several kinds together, None for one alone, `rods` that of magnetorquers, None
-    without any.
+    without any. `band` is that of the axis which no wheel drives, None where thrusters never leave
+    it alone.
     """
 
     healthy: QuaternionFeedbackMemory
@@ -45,6 +48,7 @@ class FaultTolerantMemory(NamedTuple):
     mix: MixMemory | None
     mode: Int[Array, ""]
     rods: RodMemory | None = None
+    band: BandMemory | None = None
 
 
 class FaultTolerant(AbstractSampledController):
@@ -56,7 +60,8 @@ class FaultTolerant(AbstractSampledController):
     quaternion feedback; what leaves torques in a plane settles by a law of its own, see
     `AbstractTolerantActuators`; else rates are damped. Of several kinds, see `Mix`, wheels make
     what they can of a torque and thrusters the rest, which also take momentum out of wheels that
-    are full. Magnetorquers, `rods`, do so all the time while there are three axes.
+    are full. Magnetorquers, `rods`, do so all the time while there are three axes. Within a `band`
+    thrusters leave the axis alone that no wheel drives.
     """
 
     declaration: ClassVar[LawDeclaration] = FAULT_TOLERANT
@@ -67,6 +72,7 @@ class FaultTolerant(AbstractSampledController):
     actuators: tuple[AbstractTolerantActuators, ...]
     period: RealScalar = eqx.field(converter=as_float)
     rods: TolerantRods | None = None
+    band: ThirdAxisBand | None = None
 
     def __check_init__(self):
         require_positive("period", self.period)
@@ -83,7 +89,8 @@ class FaultTolerant(AbstractSampledController):
         mode = jnp.array(int(TolerantMode.THREE_AXES))
         mix = MixMemory.begin() if len(self.actuators) > 1 else None
         rods = None if self.rods is None else RodMemory.begin()
-        return FaultTolerantMemory(self.healthy.init(state), memories, mix, mode, rods)
+        band = None if self.band is None else BandMemory.begin()
+        return FaultTolerantMemory(self.healthy.init(state), memories, mix, mode, rods, band)
 
     def step(
         self, t: RealScalar, state: PlantState, memory: FaultTolerantMemory
@@ -104,16 +111,20 @@ class FaultTolerant(AbstractSampledController):
         if made is not None and axis is not None:
             torque, whole = torque - made, three | jnp.any(axis != 0)
             torque = torque - axis * jnp.sum(axis * torque)
+        torque, mix, besides, band = self._coasting(
+            state, reading, able, torque, three, mix, memory.band
+        )
         following, unloading = self._unloading(state, reading, able, three, mix, memory.mix)
         commands, memories = [], []
         demands, unmade = mix.demands(torque, unloading, whole)
+        demands = [one._replace(besides=own) for one, own in zip(demands, besides, strict=True)]
         following = None if following is None else following._replace(unmade=unmade)
         for (one, before), now, demand in zip(pairs, able, demands, strict=True):
             command, after = one.act(state, reading, law, demand, before, now)
             commands.append(command)
             memories.append(after)
         mode = self._mode(whole, axis, memories)
-        memory = FaultTolerantMemory(healthy, tuple(memories), following, mode, rods)
+        memory = FaultTolerantMemory(healthy, tuple(memories), following, mode, rods, band)
         return jnp.concatenate([*commands, *dipoles]), memory
 
     def _axis(self, able: list[TolerantMemory], three: Bool[Array, ""]) -> Float[Array, "3"] | None:
@@ -175,6 +186,37 @@ class FaultTolerant(AbstractSampledController):
         relief = self.rods.relief(state, self.healthy, axis, excess, stored - bias - excess)
         dipoles, made, after = self.rods.act(field, relief, torque, axis, self.period, before)
         return [dipoles], made, after
+
+    def _coasting(
+        self,
+        state: PlantState,
+        reading: Reading,
+        able: list[TolerantMemory],
+        torque: Float[Array, "3"],
+        three: Bool[Array, ""],
+        mix: Mix,
+        before: BandMemory | None,
+    ) -> tuple[Float[Array, "3"], Mix, list[Float[Array, " m"] | None], BandMemory | None]:
+        """A torque (N m) and the mix without what the band leaves alone, the duties of thrusters
+        at its edges, and its memory."""
+        besides: list[Float[Array, " m"] | None] = [None] * len(able)
+        if self.band is None or before is None:
+            return torque, mix, besides, None
+        pairs = list(zip(self.actuators, able, strict=True))
+        axis = sum((one.missing(now) for one, now in pairs), jnp.zeros(3))
+        flows = jnp.any(jnp.stack([one.flows(now) for one, now in pairs]))
+        axis = jnp.where(three & ~flows, axis, 0.0)
+        stored = cast(Float[Array, "3"], self._stored(reading))
+        place = next(
+            number
+            for number, one in enumerate(self.actuators)
+            if isinstance(one, TolerantThrusters)
+        )
+        limit = able[place].ability.limit
+        corrected = self.band.correct(state, self.healthy, axis, torque, stored, limit, before)
+        besides[place] = corrected.duty
+        without = jnp.where(corrected.memory.coasts, axis, 0.0)
+        return corrected.torque, mix.without(without), besides, corrected.memory
 
     def _slowed(
         self,

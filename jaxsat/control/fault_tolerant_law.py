@@ -40,6 +40,7 @@ from jaxsat.control.reconfiguration import (
     limit_about,
 )
 from jaxsat.control.supervisor import ThreeSlewSettling
+from jaxsat.control.third_axis_band import ThirdAxisBand
 from jaxsat.control.tolerant_actuators import AbstractTolerantActuators
 from jaxsat.control.tolerant_rods import TolerantRods
 from jaxsat.control.tolerant_thrusters import SettlingLaws, TolerantThrusters
@@ -163,7 +164,17 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
         actuators=tuple(actuators),
         period=values["period_s"],
         rods=_tolerant_rods(context),
+        band=_band(values["third_axis_band_rad"], context),
     )
+
+
+def _band(band: float | None, context: LawContext) -> ThirdAxisBand | None:
+    """The band of the axis that no wheel drives; None where thrusters have none to leave alone."""
+    thrusters = context.thrusters
+    if band is None or thrusters is None or context.wheels is None:
+        return None
+    cost, pulse = as_float(thrusters.cost), as_float(thrusters.pulse)
+    return ThirdAxisBand(band, thrusters.model.torque, pulse, cost)
 
 
 def _tolerant_rods(context: LawContext) -> TolerantRods | None:

@@ -55,13 +55,15 @@ class Demand(NamedTuple):
 
     The latter comes first; it makes up for what acts all the time. Where `three` is false no torque
     about three axes can be had, and they do what they can do alone. `use` is what each is to do for
-    the torque where that is shared with other actuators, None where it is not.
+    the torque where that is shared with other actuators, None where it is not. `besides` is what
+    each is to do anyway, None for nothing.
     """
 
     torque: Float[Array, "3"]
     steady: Float[Array, "3"]
     three: Bool[Array, ""]
     use: Float[Array, " m"] | None = None
+    besides: Float[Array, " m"] | None = None
 
 
 class AbstractTolerantActuators(eqx.Module):

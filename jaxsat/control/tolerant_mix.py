@@ -81,6 +81,10 @@ class Mix(NamedTuple):
         first = jnp.all(largest > FLAT * most)
         return jax.lax.fori_loop(0, len(ways), also, first)
 
+    def without(self, axis: Float[Array, "3"]) -> "Mix":
+        """With nothing that makes up for what acts steadily about a unit `axis`, or zero."""
+        return self._replace(steady=tuple(one - axis * (axis @ one) for one in self.steady))
+
     def demands(
         self, torque: Float[Array, "3"], unloading: Float[Array, "3"], three: Bool[Array, ""]
     ) -> tuple[list[Demand], Float[Array, "3"]]:

@@ -165,6 +165,8 @@ class TolerantThrusters(AbstractTolerantActuators):
             pushed, leaking = leaks.push(fit, push, duty, limit, period, leaking)
             duty = jnp.where(plane, pushed, duty)
         duty = jnp.where(three | plane, duty, self.damping(state, law, now))
+        if demand.besides is not None:
+            duty = jnp.minimum(duty + demand.besides, 1.0)
         due, probe = self.probing(law, now)
         tested = (now.diagnosis.may_return & due) | in_turn(now.diagnosis, period)
         test = now.diagnosis.test_command(self.filter, period)

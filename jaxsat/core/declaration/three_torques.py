@@ -1,6 +1,9 @@
 """What the laws of three torques declare: quaternion feedback, and the fault-tolerant one."""
 
-from jaxsat.core.declaration.keys import number, of_part
+from collections.abc import Iterator
+from typing import Any
+
+from jaxsat.core.declaration.keys import Finding, Rule, number, of_part
 from jaxsat.core.declaration.law import LawDeclaration, control_period
 
 QUATERNION_FEEDBACK = LawDeclaration(
@@ -25,6 +28,12 @@ QUATERNION_FEEDBACK = LawDeclaration(
     ),
     torques=3,
 )
+
+
+def _band_is_of_two_kinds(band: float | None, thrusters: Any, wheels: Any) -> Iterator[Finding]:
+    if band is not None and not (thrusters and wheels):
+        message = "must be omitted without tables [[wheel]] and [[thruster]]"
+        yield Finding("control.third_axis_band_rad", f"{message}, got {band:g}")
 
 
 FAULT_TOLERANT = LawDeclaration(
@@ -78,8 +87,18 @@ FAULT_TOLERANT = LawDeclaration(
             at_most=1,
             default=None,
         ),
+        number(
+            "third_axis_band_rad",
+            "Error about the axis that no wheel drives up to which thrusters leave it alone; by "
+            "default they control it all the time",
+            "rad",
+            above=0,
+            at_most=1,
+            default=None,
+        ),
     ),
     torques=3,
     commands_actuators=True,
     steers=("magnetorquer",),
+    rules=(Rule(("control.third_axis_band_rad", "thruster", "wheel"), _band_is_of_two_kinds),),
 )

@@ -1,0 +1,128 @@
+"""Thrusters that leave the axis alone which no wheel drives, while its error is within a band.
+
+A torque that acts all the time brings the error to an edge of the band. There thrusters fire once
+and reverse the rate, as a ball bounces: the error goes back as it came, and returns to the same
+edge. None fires against another, so that the propellant is that of the torque's own momentum.
+An error that has crossed the band is turned back as slowly as pulses allow.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxsat.control.quaternion_feedback import QuaternionFeedback
+from jaxsat.core.array_types import RealScalar
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.spacecraft.dynamics import PlantState
+
+LEAVE = 2.0
+"""Of the band: an error beyond this is brought back by feedback."""
+
+RETURN = 0.01
+"""Of the band times the natural frequency: the rate at which an error returns at least."""
+
+CALM = 0.1
+"""The same: the rate below which an error begins to be left alone."""
+
+ALIKE = 0.99
+"""Of the most momentum for the propellant: what counts as as much."""
+
+SMALLEST = 1e-30
+"""Keeps a quotient of two zeros finite."""
+
+
+class BandMemory(NamedTuple):
+    """Whether the axis `coasts` between its edges, and at which it was turned back last.
+
+    `edge` is the sign of the error there, 0 for neither.
+    """
+
+    coasts: Bool[Array, ""]
+    edge: Float[Array, ""]
+
+    @staticmethod
+    def begin() -> "BandMemory":
+        """Under feedback."""
+        return BandMemory(jnp.array(False), jnp.array(0.0))
+
+
+class Corrected(NamedTuple):
+    """The duty of each thruster, the torque (N m) without that about the axis, less what these
+    make across it, and the memory of the next sample."""
+
+    duty: Float[Array, " m"]
+    torque: Float[Array, "3"]
+    memory: BandMemory
+
+
+class ThirdAxisBand(eqx.Module):
+    """Errors up to `band` (rad) about the axis that no wheel drives are left alone.
+
+    `thrust` (3, m) is the torque of each thruster (N m), `least` (s) its least pulse, zero where
+    any width will do, and `cost` what full thrust costs.
+    """
+
+    band: RealScalar = eqx.field(converter=as_float)
+    thrust: Float[Array, "3 m"] = eqx.field(converter=as_float)
+    least: Float[Array, " m"] = eqx.field(converter=as_float)
+    cost: Float[Array, " m"] = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_positive("band", self.band)
+
+    def correct(
+        self,
+        state: PlantState,
+        law: QuaternionFeedback,
+        axis: Float[Array, "3"],
+        torque: Float[Array, "3"],
+        stored: Float[Array, "3"],
+        limit: Float[Array, " m"],
+        before: BandMemory,
+    ) -> Corrected:
+        """What is to be done of a `torque` (N m), about a unit `axis` n, or nothing else about
+        zero.
+
+        Wheels hold momentum `stored` (N m s); of thrusters that do as well the one is taken that
+        lessens it most. Thrusters make the part `limit` of their thrust. Accelerations across n are
+        those that the torque would give: J n / n·Jn turns the body about n alone.
+        """
+        inertia = law.model.spacecraft.inertia
+        moment = jnp.maximum(axis @ inertia @ axis, SMALLEST)
+        along = inertia @ axis / moment
+        quaternion = state.attitude.as_quaternion().q
+        shorter = jnp.where(quaternion[0] < 0, -1.0, 1.0)
+        error = 2 * shorter * (axis @ quaternion[1:])
+        rate = axis @ (state.omega - law.model.orbit.frame_rate(state.attitude))
+        calm = CALM * law.natural_frequency * self.band
+        side = jnp.where(error < 0, -1.0, 1.0)
+        push = -side * (axis @ self.thrust) * limit / moment  # inwards, rad/s²
+        step = push * self.least
+        able = push > 0
+        biggest = jnp.max(jnp.where(able, step, 0.0))
+        near = (jnp.abs(error) < self.band) & (jnp.abs(rate) < jnp.maximum(calm, 2 * biggest))
+        coasts = jnp.any(able) & (near | (before.coasts & (jnp.abs(error) < LEAVE * self.band)))
+        coasts = coasts & jnp.any(axis != 0)
+        worth = jnp.where(able, push / self.cost, 0.0)
+        alike = able & (worth > ALIKE * jnp.max(worth))
+        relief = stored @ self.thrust  # the more negative, the more momentum is taken out
+        best = jnp.argmin(jnp.where(alike, relief, jnp.inf))
+        inwards = -side * rate
+        slowest = jnp.maximum(step[best] / 2, RETURN * law.natural_frequency * self.band)
+        crossed = before.edge == -side
+        wanted = jnp.where(crossed, slowest, jnp.maximum(slowest, -inwards)) - inwards
+        on_time = wanted / jnp.maximum(push[best], SMALLEST)
+        pulse = jnp.where(self.least[best] > 0, self.least[best], 1.0)
+        whole = jnp.maximum(jnp.round(on_time / pulse), 1.0) * pulse
+        on_time = jnp.where(self.least[best] > 0, whole, on_time)
+        fires = coasts & (jnp.abs(error) > self.band) & (inwards <= 0)
+        most = jnp.floor(law.period / pulse * (1 + 1e-12)) * pulse
+        most = jnp.where(self.least[best] > 0, most, law.period)
+        chosen = fires & (jnp.arange(self.least.shape[0]) == best)
+        duty = jnp.where(chosen, jnp.minimum(on_time, most) / law.period, 0.0)
+        made = self.thrust @ (limit * duty)
+        left = torque - along * (axis @ torque) + along * (axis @ made) - made
+        edge = jnp.where(coasts, jnp.where(fires, side, before.edge), 0.0)
+        return Corrected(duty, jnp.where(coasts, left, torque), BandMemory(coasts, edge))
