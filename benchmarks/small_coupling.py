@@ -100,7 +100,7 @@ def beyond_any_law(scenario: Scenario, study: Study) -> tuple[np.ndarray, np.nda
         frame, (first, second, third) = normal_axes(inertia, torque_directions(axes))
         missing, ahead, behind = (
             missing_torque(inertia, frame[2], turns, acts) / third * rate**2
-            for turns in (np.zeros(3), STEP * frame, -STEP * frame)
+            for turns in (np.zeros(3), STEP * np.eye(3), -STEP * np.eye(3))
         )
         slope = (ahead - behind) / (2 * STEP)
         within = 2 * SETTLED_W * np.hypot(*slope[:2]) + SETTLED_TURN * abs(slope[2])

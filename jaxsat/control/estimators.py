@@ -9,6 +9,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
@@ -16,6 +17,7 @@ from jaxsat.control.normal_form import NormalForm, leaned
 from jaxsat.control.ripple import RippleFilter, ThirdRate
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import as_float, numpy_if_known
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.trees import choose
 
@@ -25,8 +27,9 @@ by it."""
 
 
 MOST_TILT, MOST_TURN = 0.06, 0.03
-"""How far the laws go from an attitude that cannot be held, of tilt alone or of turn about n alone,
-rad. Settled means within 0.05 of z and of |w|, which is half of the tilt."""
+"""How far the laws go from an attitude that cannot be held, of tilt of the body's third axis alone
+and of turn about it alone, rad. Settled means within 0.05 of z and of |w|, which is half of the
+tilt, both of the body's axes whatever the plane of the torques."""
 
 STILL = 1e-30
 """Added to what may be zero, in the unit of its sum: keeps the quotient of two zeros finite."""
@@ -94,7 +97,8 @@ class ThirdAxisEstimator(eqx.Module):
     Earth's centre along (x, y, n) in the wanted attitude (rad/s), None where no gravity gradient
     acts: its torque 3 ω0² o × J o is that of -ω × J ω at ω = √3 ω0 o with the other sign, so it
     changes s by the same products. If it `balances_steady`, the observer's steady acceleration
-    counts as a part of the drift at rest: what errors of the products leave of it.
+    counts as a part of the drift at rest: what errors of the products leave of it. `most_turn`
+    (rad) is how far the held attitude may turn about n alone.
     """
 
     form: NormalForm
@@ -103,6 +107,7 @@ class ThirdAxisEstimator(eqx.Module):
     balanced: RealScalar | None = None
     gradient: Float[Array, "3"] | None = None
     balances_steady: bool = eqx.field(static=True, default=False)
+    most_turn: RealScalar = eqx.field(converter=as_float, default=MOST_TURN)
 
     def init(self, omega: Float[Array, "3"]) -> EstimatorMemory:
         """The memory of an estimator that knows nothing but (p1, p2, s), rad/s."""
@@ -228,8 +233,8 @@ class ThirdAxisEstimator(eqx.Module):
     def _balance(
         self, products: Float[Array, "6"], lean: Float[Array, "2"], steady: RealScalar | None
     ) -> Float[Array, "3"]:
-        """The least turn (rad) from the orbit frame to where s stays, in parts of `MOST_TILT` and
-        `MOST_TURN`, of which it is at most one."""
+        """The least turn (rad) from the orbit frame to where s stays, in the unit of `_reach`, of
+        which it is at most one."""
         drift, by_turn = _drift(products, lean, self.form.orbit_rate)
         if self.gradient is not None:
             less, slope = _drift(products, lean, self.gradient)
@@ -238,11 +243,26 @@ class ThirdAxisEstimator(eqx.Module):
             drift = drift + steady
         if self.balanced is not None:
             drift = drift - jnp.clip(drift, -self.balanced, self.balanced)
-        most = jnp.array((MOST_TILT, MOST_TILT, MOST_TURN))
-        part = by_turn * most
-        turn = -drift * reciprocal(jnp.sum(part**2) + STILL) * part
-        size = jnp.sqrt(jnp.sum(turn**2) + STILL)
-        return most * turn * jnp.minimum(1 / size, 1.0)
+        steepest = self._reach @ by_turn
+        change = jnp.sum(by_turn * steepest) + STILL
+        share = -drift * reciprocal(change)
+        size = jnp.sqrt(share**2 * change + STILL)
+        return share * jnp.minimum(1 / size, 1.0) * steepest
+
+    @property
+    def _reach(self) -> Float[Array, "3 3"]:
+        """W: turns δ along (x, y, n) with δ·W⁻¹δ ≤ 1 are those to which the laws go, rad².
+
+        An ellipsoid with `MOST_TILT` along the body's first two axes and `MOST_TURN` along its
+        third, pressed along n until it reaches `most_turn` that way, where the end game turns.
+        """
+        _, axes, about_n = numpy_if_known(self.form.axes, self.most_turn)
+        turn, tilt = MOST_TURN**2, MOST_TILT**2
+        ellipsoid = axes @ np.diag((tilt, tilt, turn)) @ axes.T
+        along, most = ellipsoid[2], ellipsoid[2, 2]
+        return as_float(
+            ellipsoid - along[:, None] * along[None, :] * ((most - about_n**2) / most**2)
+        )
 
 
 def _drift(

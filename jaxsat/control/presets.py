@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.control.demands import AbstractDemand, MorinSamson, TwoChannel
-from jaxsat.control.estimators import ThirdAxisEstimator
+from jaxsat.control.estimators import MOST_TURN, ThirdAxisEstimator
 from jaxsat.control.fine import FineStage, Handover, OscillatorySettling
 from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.control.least_squares import RecursiveLeastSquares
@@ -70,6 +70,10 @@ ORBIT_STEADY, ORBIT_STEADY_DRIFT, AIM_SLACK = 0.05, 1e-4, 2.0
 """Under gravity gradient: the acceleration at rest that errors of the products leave, in parts of
 ω0², and how fast it may change with the attitude, in parts of ω0^2.5; and how far from the aimed
 slow rate a hold may begin, in parts of the oscillation's dead zone."""
+
+TILT_ROOM, NO_PART = 1.6, 1e-9
+"""Of a turn about an axis across the body's third one and about that: 0.1 rad against 0.05, less a
+tenth and what an oscillation takes of the tilt; and a part of an axis that counts as none."""
 
 PULSE_SHARE, LEAST_QUIET = 0.2, 0.5
 """The amplitude of the end game is smaller by the first share of a pulse's rate, but at least the
@@ -203,7 +207,8 @@ def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSet
 def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
     """The same law with an estimate of the drift that errors of the products leave under gravity
     gradient, which moves the held attitude, and holds that begin against what no attitude balances.
-    Its slews are about the axes that are believed once an attitude has been lost.
+    They turn about n as far as the tolerances of settling allow. Its slews are about the axes that
+    are believed once an attitude has been lost.
 
     The estimate expects at least the `noise` (rad/s) that the measured rates have. A law that does
     not know of gravity gradient, or has no ripple filter, stays as it is.
@@ -214,13 +219,30 @@ def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
     steady = ORBIT_STEADY * orbit_rate**2, ORBIT_STEADY_DRIFT * orbit_rate**2.5
     law = _with_steady(law, steady, noise)
     slack = AIM_SLACK * law.fine.oscillator.dead_zone
-    handover = dataclasses.replace(law.fine.handover, aim_slack=slack)
+    room, handover = _room(law.form), law.fine.handover
+    handover = dataclasses.replace(
+        handover,
+        aim_slack=slack,
+        enter_turn=handover.enter_turn * room,
+        leave_turn=handover.leave_turn * room,
+    )
     return dataclasses.replace(
         law,
         fine=dataclasses.replace(law.fine, handover=handover),
-        estimator=dataclasses.replace(law.estimator, balances_steady=True),
+        estimator=dataclasses.replace(
+            law.estimator, balances_steady=True, most_turn=as_float(room * MOST_TURN)
+        ),
         turns_slews=True,
     )
+
+
+def _room(form: NormalForm) -> float:
+    """How much farther a turn about n may go than one about the body's third axis.
+
+    Settled means the tilt of that axis, which may be twice as large as the turn about it.
+    """
+    first, second, third = np.abs(np.asarray(form.axes)[2])
+    return min(1 / max(third, NO_PART), TILT_ROOM / max(math.hypot(first, second), NO_PART))
 
 
 def _with_steady(

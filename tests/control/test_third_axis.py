@@ -17,6 +17,7 @@ from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.supervisor import Phase
 from jaxsat.core.attitude import WZ, Quaternion
 from jaxsat.core.inertia import normal_axes
+from jaxsat.core.ranges import SETTLED_TURN, SETTLED_W
 from jaxsat.spacecraft.dynamics import PlantState
 
 LEANING = np.array([[300.0, 30.0, -20.0], [30.0, 220.0, 15.0], [-20.0, 15.0, 260.0]])
@@ -80,7 +81,8 @@ def test_two_products_are_one_about_the_axes_of_the_reduced_inertia():
 @pytest.mark.parametrize("gradient", [False, True])
 @pytest.mark.parametrize("share", [1.0, 0.02])
 def test_the_nearest_attitude_that_can_be_held_is_wanted(share, gradient):
-    """Nearest by how far the laws go: a tilt of `MOST_TILT` counts as a turn of `MOST_TURN`.
+    """Nearest by how far the laws go: a tilt of `MOST_TILT` of the body's third axis counts as a
+    turn of `MOST_TURN` about it or about n.
 
     The turn goes along the steepest change of the drift by SciPy's rotations, as far as allowed.
 
@@ -95,11 +97,17 @@ def test_the_nearest_attitude_that_can_be_held_is_wanted(share, gradient):
     def drift_of(turn):
         return drift_at(form, turn, gradient)
 
-    steps, most = 1e-6 * np.eye(3), np.array([MOST_TILT, MOST_TILT, MOST_TURN])
-    slope = np.array([(drift_of(e) - drift_of(-e)) / 2e-6 for e in steps])
-    needed = -drift_of(np.zeros(3)) * slope * most**2 / (slope**2 @ most**2)
-    expected = needed * min(1.0, 1 / np.linalg.norm(needed / most))
+    slope = np.array([(drift_of(e) - drift_of(-e)) / 2e-6 for e in 1e-6 * np.eye(3)])
+    units = np.asarray(form.axes) / np.array([MOST_TILT, MOST_TILT, MOST_TURN])
+    size = units @ units.T
+    size[2, 2] += 1 / MOST_TURN**2 - 1 / np.linalg.inv(size)[2, 2]  # so that n reaches MOST_TURN
+    steepest = np.linalg.solve(size, slope)
+    needed = -drift_of(np.zeros(3)) * steepest / (slope @ steepest)
+    expected = needed * min(1.0, 1 / np.sqrt(needed @ size @ needed))
     np.testing.assert_allclose(third.turn, expected, rtol=1e-6)
+    tilt_1, tilt_2, turn = np.asarray(form.axes).T @ expected
+    assert np.hypot(tilt_1, tilt_2) < MOST_TILT
+    assert abs(turn) < MOST_TURN
     drift = drift_of(expected)
     assert third.drift == pytest.approx(drift, abs=5e-3 * abs(drift_of(np.zeros(3))))
     rest = np.asarray(form.slow(jnp.asarray(third.orbit_rate)))
@@ -246,6 +254,29 @@ def test_only_under_gravity_gradient_errors_of_the_products_are_balanced(acts):
     assert float(found.estimator.observer.steady.size) == pytest.approx(0.05 * ORBIT_RATE**2)
     assert float(found.estimator.observer.noise) == 1e-3
     assert float(found.fine.holding_amplitude) == float(law.fine.holding_amplitude)
+
+
+@pytest.mark.parametrize(
+    ("normal", "room"), [((0, 0, 1), 1.0), ((0, -0.6, 0.8), 1.25), ((0.8, 0.6, 0), 1.6)]
+)
+def test_a_hold_turns_about_n_as_far_as_the_tolerances_allow(normal, room):
+    """At the end of its turn |w| and |z| of the body, by SciPy's rotations, are within them; half
+    as much again is not. The attitude that is held has two thirds of the turn."""
+    plane = np.linalg.svd(np.array([normal], float))[2][1:].T
+    inertia = LEANING + np.diag([0, 0, 40.0])
+    law = three_slew_settling(body(inertia), 5.0, directions=plane, gravity_gradient=True)
+    found = balancing(law, 0.0)
+    leave = float(found.fine.handover.leave_turn)
+    assert leave == pytest.approx(room * float(law.fine.handover.leave_turn))
+    assert float(found.estimator.most_turn) == pytest.approx(2 / 3 * leave)
+
+    def within(angle):
+        q = Rotation.from_rotvec(angle * np.array(normal)).as_quat(scalar_first=True)
+        end = Quaternion(jnp.asarray(q)).as_wz()
+        return bool((np.linalg.norm(end.w) < SETTLED_W) & (abs(end.z) < SETTLED_TURN))
+
+    assert within(leave)
+    assert not within(1.5 * leave)
 
 
 def test_slews_of_a_lost_attitude_are_about_the_axes_that_are_believed():
