@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxsat.control.normal_form import Tilt
 from jaxsat.control.oscillatory import Slow
 from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, as_optional_float, require_positive
 
 AIMED_TURN = 0.02
 """A (rad). Settled means within 0.05."""
@@ -163,8 +163,11 @@ class Handover(eqx.Module):
     If it `coasts`, a hold begins against a drift that the end game cannot balance, and ends only
     when the turn itself exceeds `leave_turn` (see `UnbalancedDrift`): each hand-back takes rates
     far above those of the end game; it may begin within `aim_slack` (rad/s) of the slow rate aimed
-    at, if that is given. The first one is judged, as it begins before the drift is known. `slack`
-    is what of the slow rate counts for nothing, None for nothing of it.
+    at, if that is given. The first one is judged, as it begins before the drift is known. A hold
+    that the drift allows also ends as far from the attitude that is held as `leave_held` (rad), if
+    that is given: it may be held far from the wanted one, but beyond that gravity gradient soon
+    turns the body faster than the oscillation. `slack` is what of the slow rate counts for nothing,
+    None for nothing of it.
     """
 
     enter_rate: RealScalar = eqx.field(converter=as_float)
@@ -175,6 +178,7 @@ class Handover(eqx.Module):
     coasts: bool = eqx.field(static=True, default=False)
     slack: RippleSlack | None = None
     aim_slack: RealScalar | None = None
+    leave_held: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
         for name in ("enter_rate", "enter_angle", "enter_turn", "leave_tilt", "leave_turn"):
@@ -207,6 +211,8 @@ class Handover(eqx.Module):
         if coast is not None:
             short = jnp.where(coast.drifts, ~coast.lasts(wanted, self.leave_turn, ENOUGH), leave)
             leave = (jnp.abs(wanted.turn) > self.leave_turn) | (short & coast.judged)
+            if self.leave_held is not None:
+                leave = leave | (~coast.drifts & (jnp.abs(slow.turn) > self.leave_held))
             from_held, from_wanted = _farthest(slow, held, coast.deceleration(deceleration))
             from_held = jnp.where(coast.drifts, 0.0, from_held)
         enter = (

@@ -207,8 +207,8 @@ def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSet
 def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
     """The same law with an estimate of the drift that errors of the products leave under gravity
     gradient, which moves the held attitude, and holds that begin against what no attitude balances.
-    They turn about n as far as the tolerances of settling allow. Its slews are about the axes that
-    are believed once an attitude has been lost.
+    The held attitude turns about n as far as the tolerances of settling allow. Slews are about the
+    axes that are believed once an attitude has been lost.
 
     The estimate expects at least the `noise` (rad/s) that the measured rates have. A law that does
     not know of gravity gradient, or has no ripple filter, stays as it is.
@@ -225,6 +225,7 @@ def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
         aim_slack=slack,
         enter_turn=handover.enter_turn * room,
         leave_turn=handover.leave_turn * room,
+        leave_held=handover.leave_turn,
     )
     return dataclasses.replace(
         law,

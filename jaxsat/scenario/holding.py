@@ -1,9 +1,13 @@
-"""Which attitudes can be held without a torque about one axis."""
+"""Which attitudes can be held without a torque about one axis, and against what drift."""
 
+import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+
+from jaxsat.core.inertia import normal_axes
 
 GRAVITY_GRADIENT = 3.0
 """The torque of the gradient is this times ω0² o × J o, o the direction to the Earth's centre."""
@@ -13,6 +17,9 @@ STEP = 1e-6
 
 BALANCED = 1e-12
 """Torque that counts as none, in parts of a scale: the largest moment times ω0² in orbit."""
+
+DRIFT_STEP = 1e-4
+"""Step of the differences of a drift, rad."""
 
 ITERATIONS = 100
 
@@ -125,3 +132,45 @@ def _iterate(
             return following
         turn = (turn + following) / 2 if np.any(turn) else following
     return None
+
+
+class RestDrift(NamedTuple):
+    """ds/dt at rest in orbit, s = n·Jω / n·Jn about the axis n without a torque, in rad/s².
+
+    `drift` is that of the target attitude, `attitude` how much of it the attitudes within the
+    tolerances take away to first order, and `oscillation` how much two rates in phase do that
+    together are the tolerance of the rate ω: c ω²/4.
+    """
+
+    drift: float
+    attitude: float
+    oscillation: float
+
+    @property
+    def balanced(self) -> float:
+        """The largest drift against which an attitude within the tolerances can be held."""
+        return self.attitude + self.oscillation
+
+
+def rest_drift(
+    inertia: Float[np.ndarray, "3 3"],
+    directions: Float[np.ndarray, "3 2"],
+    orbit_rate: float,
+    gravity_gradient: bool,
+    tolerances: tuple[float, float, float],
+) -> RestDrift:
+    """The drift of a body (kg m²) with torques about two orthonormal `directions`.
+
+    `tolerances` are those of the tilt of the body's third axis and of the turn about it (rad), and
+    of the rate (rad/s); `orbit_rate` is in rad/s.
+    """
+    frame, (first, second, third) = normal_axes(inertia, directions)
+    turns = DRIFT_STEP * np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])
+    missing = missing_torque(inertia, frame[2], turns, gravity_gradient) * orbit_rate**2 / third
+    one, other, about_third = (missing[1:4] - missing[4:]) / (2 * DRIFT_STEP)
+    tilt, turn, rate = tolerances
+    return RestDrift(
+        -float(missing[0]),
+        tilt * math.hypot(one, other) + turn * abs(float(about_third)),
+        (first - second) / third * rate**2 / 4,
+    )

@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxsat.control.handover import AIMED_TURN, ENOUGH, KNOWN_PERIODS, HoldRecord, UnbalancedDrift
+from jaxsat.control.handover import (
+    AIMED_TURN,
+    ENOUGH,
+    KNOWN_PERIODS,
+    Handover,
+    HoldRecord,
+    UnbalancedDrift,
+)
+from jaxsat.control.normal_form import tilt_of
 from jaxsat.control.oscillatory import Slow
+from jaxsat.core.attitude import WZ
 
 DRIFT, LIMIT = 2.5e-7, 0.045
 
@@ -125,3 +134,20 @@ def test_a_hold_near_the_aim_begins_however_short_it_is():
     assert not one.lasts(slow, jnp.array(LIMIT), 0.999)
     assert one.lasts(slow, jnp.array(LIMIT), 0.999, jnp.array(4e-6))
     assert not one.lasts(slow, jnp.array(LIMIT), 0.999, jnp.array(2e-6))
+
+
+@pytest.mark.parametrize("drifts", [False, True])
+def test_a_hold_far_from_the_wanted_attitude_ends_near_the_held_one(drifts):
+    """The wanted attitude is another 0.05 rad away; against a drift only that one counts."""
+    handover = Handover(1e-2, leave_turn=0.07, coasts=True, leave_held=0.045)
+    one = coast(DRIFT if drifts else 0.0, known=True)
+
+    def stays(turn):
+        slow = Slow(jnp.array(0.0), jnp.array(turn))
+        upright, still = tilt_of(WZ([0.0, 0.0], 0.0)), jnp.zeros(3)
+        given = (jnp.array(True), upright, slow, still, jnp.array(1e-7), jnp.array(0.05))
+        return bool(handover(*given, one))
+
+    assert stays(-0.044)
+    assert stays(-0.046) == drifts
+    assert not stays(0.021)

@@ -6,23 +6,20 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.build.plant import orbit_rate
-from jaxsat.scenario.domain import dimensionless_numbers, domain_cautions
+from jaxsat.scenario.domain import domain_cautions
 from jaxsat.scenario.flexibility import flexibility_cautions
 from jaxsat.studies.statistics import Interval, fraction_text
 from jaxsat.studies.summary import Summary
 from jaxsat.synthesis.comparison.verdict import ComparisonRow, ComparisonVerdict
 from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.controller_design.explanation import Remedy, Separation
+from jaxsat.synthesis.controller_design.lost_holds import lost_holds
 from jaxsat.synthesis.controller_design.request import ALL, QUICK, DesignSettings
 from jaxsat.synthesis.controller_design.tuning import Tuned
 from jaxsat.synthesis.controller_design.vehicle import VehicleVerdict
 from jaxsat.synthesis.plain_data import plain_data
 
 DesignOutcome = Literal["reached", "not reached", "nothing to design"]
-
-HELD_COUPLING = 0.2
-"""c below which the balance about the third axis in orbit may be lost in over 1 % of the cases."""
 
 
 class Step(NamedTuple):
@@ -126,20 +123,12 @@ class ControllerDesign:
 
     @property
     def _lost_holds(self) -> tuple[str, ...]:
-        """Why a small c in orbit leaves cases that no law here settles."""
+        """Why errors of the body leave cases that no law here settles."""
         judgement = self.verdict.judgement
         if judgement.laws != "two torques" or self.original.wheel or not self.candidates:
             return ()
-        scenario = self.candidates[0].scenario
-        c = dimensionless_numbers(scenario)["coupling"]
-        if orbit_rate(scenario) == 0 or c >= HELD_COUPLING:
-            return ()
-        return (
-            f"In orbit with c = {c:.2g}, below {HELD_COUPLING:g}, fewer than 99 % of the cases "
-            "may settle, however long the run: inertia errors leave a drift about the unactuated "
-            "axis, of which attitude and oscillation can balance only a part at so small a c. "
-            "A better known inertia helps.",
-        )
+        told = lost_holds(self.candidates[0].scenario)
+        return (told,) if told else ()
 
     @property
     def scenario(self) -> Scenario | None:

@@ -142,10 +142,14 @@ def test_what_is_filled_in_has_no_dimension(bare):
 
 def test_a_small_coupling_takes_longer_as_physics_does(bare):
     """Twice the time for half the c and the same moments about the axes with torques; in orbit,
-    where more time does not help, none more, but the reason is told."""
+    where more time does not help, none more, but the reason is told.
 
-    def filled(third, *more):
-        inertia = f"spacecraft.inertia_kg_m2=[0.27, 0.26, {third}]"
+    Of a body without products whose n is its third axis, the turn about n changes ds/dt by c ω0²
+    and a product Jxy by Jxy ω0² / J3.
+    """
+
+    def filled(third, *more, second=0.26):
+        inertia = f"spacecraft.inertia_kg_m2=[0.27, {second}, {third}]"
         vehicle = read_vehicle(bare, [inertia, *more])
         candidates = complete(vehicle).candidates
         verdict = vehicle_verdict(vehicle.scenario)
@@ -162,7 +166,13 @@ def test_a_small_coupling_takes_longer_as_physics_does(bare):
     assert not any("In orbit with c" in line for line in told)
     in_orbit, told = filled(0.2, "orbit.rate_rad_s=1e-3")
     assert in_orbit == pytest.approx(usual, rel=0.2)
-    assert "In orbit with c = 0.05, below 0.2," in told[0]
+    spread, balanced = 0.02 / 3**0.5 * 1e-6, (0.05 * 0.05e-6, 0.05e-6 / 4)
+    assert "In orbit with c = 0.05, errors" in told[0]
+    assert f"{spread:.1e} rad/s² (standard deviation)" in told[0]
+    assert f"balance {balanced[0]:.1e} rad/s² and oscillations" in told[0]
+    assert f"together {sum(balanced) / spread:.2g} standard deviations" in told[0]
+    _, told = filled(0.2, "orbit.rate_rad_s=1e-3", second=0.2)
+    assert not any("In orbit with c" in line for line in told)
 
 
 def test_dispersions_that_are_given_are_kept_with_their_duration():
