@@ -104,13 +104,21 @@ def print_problems(error: "ScenarioError") -> None:
 
 
 def finish(status: int) -> int:
-    """The exit status once all output is out: `status`, unless some of it cannot be written."""
+    """The exit status once all output is out: `status`, unless some of it cannot be written.
+
+    What standard error did not take is dropped: Python would end with another status for it.
+    """
     try:
         _print("")
     except FailedRun as failure:
         if status == SUCCESS:  # what failed before has been told
             print_stderr(str(failure))
-            return FAILED_RUN
+            status = FAILED_RUN
+    if sys.stderr is not None:
+        try:
+            sys.stderr.flush()
+        except (OSError, ValueError):
+            _silence(sys.stderr)
     return OUTPUT_CUT if _cut and status == SUCCESS else status
 
 

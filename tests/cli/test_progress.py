@@ -121,12 +121,13 @@ def test_nothing_with_quiet(command_line, monkeypatch):
 
 
 @pytest.mark.slow
-def test_progress_that_cannot_be_written_is_no_reason_to_fail():
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_progress_that_cannot_be_written_is_no_reason_to_fail(unbuffered):
     begin = time.monotonic()
     with open("/dev/full", "w") as full:
         done = subprocess.run(
             slow(1.5), stdout=subprocess.PIPE, stderr=full,
-            env=environment(), check=True,
+            env=environment(PYTHONUNBUFFERED=unbuffered), check=True,
         )  # fmt: skip
     assert done.stdout == b"x: valid (done)\n"
     assert time.monotonic() - begin > 1.5
