@@ -84,11 +84,6 @@ class FailureRow(NamedTuple):
     worst: int
     command: str
 
-    @property
-    def violations(self) -> dict[str, int]:
-        """The requirements that some case violates, and how many do."""
-        return {name: self.cases - met for name, met in self.met.items() if met < self.cases}
-
 
 class Verification(NamedTuple):
     """Everything that a verification found; `sentences` are what requirements say, by id.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import xarray as xr
 
 from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.package_files import text_of
@@ -16,7 +17,8 @@ from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import refined_study
 from jaxsat.scenario.errors import MissingTable
-from jaxsat.store.dataset import trajectory_dataset
+from jaxsat.scenario.resolution import refined
+from jaxsat.store.dataset import errors_of, trajectory_dataset
 from jaxsat.store.labels import named_store
 from jaxsat.store.provenance import command_line, provenance
 from jaxsat.store.resumable import ResumableFolder
@@ -90,7 +92,7 @@ def verify(
         shown = list(_of_nominal(scenario, folder, listener.remark))
         rows: list[FailureRow] = []
         for one in studies:
-            columns = one.columns(folder, rule, execution, listener)
+            columns = one.columns(folder, rule, execution, listener) if one.names else {}
             again = f"jaxsat montecarlo {folder.path / one.file} --case {{}}"
             shown += one.shown(columns, rule, again)
             rows += one.failure_rows(columns, again)
@@ -104,13 +106,9 @@ def verify(
 def _of_nominal(
     scenario: Scenario, folder: ResumableFolder, tell: Callable[[str], None]
 ) -> Iterator[Shown]:
-    """What the run of the scenario itself shows."""
+    """What the run of the scenario itself shows, with steps as fine as `jaxsat simulate` takes."""
+    scenario, dataset = refined(scenario, lambda one: _flown(one, tell), errors_of, tell)
     folder.write(f"{NOMINAL}.toml", dump(scenario))
-    run = build(scenario)
-    trajectory = run.simulate(tell)
-    seed = scenario.simulation.seed
-    title, text = scenario.title, dump(scenario)
-    dataset = trajectory_dataset(trajectory, title=title, scenario=text, seed=seed, modes=run.modes)
     command = f"jaxsat simulate {folder.path / f'{NOMINAL}.toml'}"
     for one in judgements(dataset):
         verdict = "not judged" if math.isnan(one.margin) else "met" if one.met else "violated"
@@ -118,6 +116,18 @@ def _of_nominal(
             one.id, NOMINAL, verdict, 1, int(one.met), None,
             one.margin, one.unit, one.signal, one.time, None, command,
         )  # fmt: skip
+
+
+def _flown(scenario: Scenario, tell: Callable[[str], None]) -> xr.Dataset:
+    """The trajectory of a scenario."""
+    run = build(scenario)
+    return trajectory_dataset(
+        run.simulate(tell),
+        title=scenario.title,
+        scenario=dump(scenario),
+        seed=scenario.simulation.seed,
+        modes=run.modes,
+    )
 
 
 @dataclass(frozen=True)
@@ -148,23 +158,22 @@ class _Study:
         """The columns of as many cases as decide every requirement that studies judge."""
         folder.write(self.file, dump(self.scenario))
         store = named_store(folder.path, self.condition.name)
-        until = WhenAllDecided(rule) if self._names else None
-        what = self.condition.text
+        until, what = WhenAllDecided(rule), self.condition.text
         return run_columns(self.study, self.scenario, store, what, execution, listener, until=until)
 
     @property
-    def _names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[str, ...]:
         """The requirements that the study judges."""
         requirements = self.study.program.requirements
         return () if requirements is None else requirements.names
 
     def shown(self, columns: Columns, rule: WhenDecided, again: str) -> Iterator[Shown]:
         """What the cases show of each requirement."""
-        count, condition = len(columns["code"]), self.condition.text
+        count, condition = len(columns.get("code", ())), self.condition.text
         formulas = {one.id: one.parsed for one in self.scenario.requirement}
         summaries = {}
-        if self._names:
-            labelled = {**columns, REQUIREMENT: np.array(self._names)}
+        if columns:
+            labelled = {**columns, REQUIREMENT: np.array(self.names)}
             found = summarise_requirements(labelled, np.arange(count))
             summaries = {one.name: one for one in found}
         for name, formula in formulas.items():
@@ -185,13 +194,12 @@ class _Study:
     def failure_rows(self, columns: Columns, again: str) -> Iterator[FailureRow]:
         """What comes of each kind of failure of each device; none where not one fails a case."""
         failures = self.study.failures
-        if failures is None or columns["failure_kind"].shape[1] != 1:
+        if failures is None or not columns or columns["failure_kind"].shape[1] != 1:
             return
         for device, places, one in recovery_by_device(columns, failures.names):
-            margins = columns["requirement_margin"][places] if self._names else np.zeros((1, 0))
-            met = dict(zip(self._names, (margins >= 0).sum(axis=0).tolist(), strict=True))
-            hardest = min(range(len(met)), key=list(met.values()).__getitem__, default=None)
-            least = np.zeros(len(places)) if hardest is None else margins[:, hardest]
+            margins = columns["requirement_margin"][places]
+            counts = (margins >= 0).sum(axis=0)
+            least = margins[:, counts.argmin()]
             worst = int(places[np.argmin(np.nan_to_num(least, nan=-np.inf))])
             left = np.bincount(columns["torques_left"][places]).argmax()
             diagnosis, settling = one.diagnosis, one.settling_delay
@@ -207,7 +215,7 @@ class _Study:
                 recovered=one.settled,
                 settling_time=settling[50.0].value if settling else math.nan,
                 propellant=_median(columns, "propellant", places),
-                met=met,
+                met=dict(zip(self.names, counts.tolist(), strict=True)),
                 worst=worst,
                 command=again.format(worst),
             )
