@@ -8,7 +8,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from types import ModuleType
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
 Result = TypeVar("Result")
 
@@ -69,36 +69,3 @@ def dask_unseen() -> Iterator[None]:
     finally:
         if hidden:
             del sys.modules["dask"]
-
-
-@contextlib.contextmanager
-def undocumented() -> Iterator[None]:
-    """Import matplotlib without docstrings and signatures of `set`.
-
-    It composes them for each of its hundred classes, in a third of the time that it takes to import
-    it. (`kwdoc` is public; the other name is that of matplotlib 3.9 to 3.11, and idle elsewhere.)
-    """
-    from matplotlib import artist
-
-    owners: Any = ((artist, "kwdoc"), (artist.Artist, "_update_set_signature_and_docstring"))
-    composed = [(owner, name, vars(owner)[name]) for owner, name in owners if name in vars(owner)]
-    for owner, name, _ in composed:
-        setattr(owner, name, lambda *_: "")
-    try:
-        yield
-    finally:
-        for owner, name, function in composed:
-            setattr(owner, name, function)
-
-
-def in_background(module: str) -> None:
-    """Import a slow module that draws while something else compiles.
-
-    What fails is told when the module is needed.
-    """
-
-    def target() -> None:
-        with contextlib.suppress(Exception), undocumented():
-            importlib.import_module(module)
-
-    threading.Thread(target=target, daemon=True).start()

@@ -3,6 +3,7 @@
 A live line on a terminal; elsewhere plain lines at increasing intervals.
 """
 
+import importlib
 import os
 import shutil
 import sys
@@ -33,6 +34,8 @@ class _Display:
         self.text = text
         self.lock = threading.RLock()
         self._live = _is_live()
+        if self._live:  # here, as two threads that import parts of one package may fail
+            importlib.import_module("rich.cells")
         self._shown = False
         self._begin = time.monotonic()
         self._end = threading.Event()

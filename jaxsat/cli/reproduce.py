@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jaxsat.cli.computing import in_background, interruptibly, use_double_precision
+from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import Results
 from jaxsat.cli.progress import show_progress
@@ -41,7 +41,6 @@ def reproduce(
 
     with OutputFolder(out, kind="reproduction", overwrite=results.overwrite) as folder:
         use_double_precision()
-        in_background("jaxsat.report.figures")
         datasets = _simulate_all(quiet)
         show_progress("judging claims, drawing figures")
         document = interruptibly(lambda: _write(folder, datasets))

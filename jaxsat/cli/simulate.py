@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jaxsat.cli.computing import dask_unseen, in_background, interruptibly
+from jaxsat.cli.computing import dask_unseen, interruptibly
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import Overrides, Results
 from jaxsat.cli.progress import show_progress
@@ -62,7 +62,6 @@ def simulate(
     output_folder = OutputFolder(target, kind="run", overwrite=results.overwrite)
     with dask_unseen(), output_folder as folder:
         show_progress(f"simulating {scenario}")
-        in_background("jaxsat.report.figures")
         remarks: list[str] = []
         chosen, (dataset, seconds) = interruptibly(
             lambda: refined(

@@ -55,30 +55,6 @@ def test_xarray_labels_an_array_without_dask():
     assert done.stdout == "[]\n"
 
 
-DRAWS = """
-from jaxsat.cli.computing import undocumented
-with undocumented():
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-from matplotlib.artist import Artist, kwdoc
-line = Line2D([0, 1], [0, 1])
-line.set(linewidth=3)
-figure = Figure()
-figure.add_subplot().add_line(line)
-figure.canvas.draw()
-class Documented(Artist):
-    pass
-print(line.get_linewidth(), Line2D.set.__doc__)
-print("alpha" in Documented.set.__doc__, len(kwdoc(line)) > 100)
-"""
-
-
-def test_matplotlib_draws_where_it_is_imported_without_its_docstrings():
-    command = [sys.executable, "-c", DRAWS]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stdout == "3.0 None\nTrue True\n"
-
-
 ENDS = """
 import atexit, gc, sys
 atexit.register(lambda: print(gc.get_freeze_count() > 0))

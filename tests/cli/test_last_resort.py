@@ -13,7 +13,6 @@ from pathlib import Path
 import jax
 import pytest
 
-from jaxsat.cli import computing
 from jaxsat.cli.app import failure_of
 from jaxsat.cli.computing import interruptibly
 
@@ -289,15 +288,3 @@ def test_a_platform_that_jax_does_not_find_is_no_bug(monkeypatch):
     assert failure_of(caught.value) is None
     monkeypatch.setenv("JAX_PLATFORMS", "nonsense")
     assert "JAX_PLATFORMS: must be what JAX finds" in (failure_of(caught.value) or "")
-
-
-def test_what_fails_while_it_is_imported_beforehand_is_no_bug(tmp_path, monkeypatch, capfd):
-    (tmp_path / "damaged_settings.py").write_text("raise UnicodeError('settings')")
-    monkeypatch.syspath_prepend(tmp_path)
-    told = []
-    monkeypatch.setattr(threading, "excepthook", told.append)
-    computing.in_background("damaged_settings")
-    for thread in threading.enumerate():
-        if thread is not threading.current_thread():
-            thread.join(0.2)
-    assert told == []

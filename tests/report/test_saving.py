@@ -2,6 +2,8 @@
 
 import io
 import re
+import subprocess
+import sys
 from xml.etree import ElementTree
 
 import matplotlib as mpl
@@ -127,3 +129,27 @@ def test_texts_are_those_of_matplotlib_also_when_they_are_known():
         assert (one.tag, one.get(link)) == (other.tag, other.get(link))
         if one.tag.endswith("use"):
             assert one.get("transform") == other.get("transform")
+
+
+DRAWS = """
+from jaxsat.report.saving import undocumented
+with undocumented():
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+from matplotlib.artist import Artist, kwdoc
+line = Line2D([0, 1], [0, 1])
+line.set(linewidth=3)
+figure = Figure()
+figure.add_subplot().add_line(line)
+figure.canvas.draw()
+class Documented(Artist):
+    pass
+print(line.get_linewidth(), Line2D.set.__doc__)
+print("alpha" in Documented.set.__doc__, len(kwdoc(line)) > 100)
+"""
+
+
+def test_matplotlib_draws_where_it_is_imported_without_its_docstrings():
+    command = [sys.executable, "-c", DRAWS]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == "3.0 None\nTrue True\n"
