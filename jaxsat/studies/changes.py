@@ -1,32 +1,24 @@
-"""A loop that is dispersed, and how numbers go into body, environment, law's model and start."""
+"""A loop that is dispersed, what a quantity does to it, and which inertias a body can have."""
 
-import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar, cast
+from typing import NamedTuple, cast
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.control.controller import AbstractBacksteppingLaw
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.three_axis import InternalModel
 from jaxsat.core.array_types import BoolScalar, Matrix
-from jaxsat.core.attitude import DCM, WZ, AbstractAttitude, Quaternion
+from jaxsat.core.ranges import Range
 from jaxsat.simulation.error_coordinates import ErrorCoordinateLoop
 from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop, parts_of
 from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.dispersible import Limits
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.spacecraft.effector import AbstractEffector
-from jaxsat.spacecraft.environment.disturbances import (
-    ConstantTorque,
-    PeriodicTorque,
-    SumOfDisturbances,
-)
-from jaxsat.spacecraft.environment.orbit import AbstractOrbit
-from jaxsat.spacecraft.sensors import turned_slightly
+from jaxsat.spacecraft.environment.disturbances import PeriodicTorque
 from jaxsat.spacecraft.spacecraft import Spacecraft
 
 
@@ -40,12 +32,47 @@ class PerturbedLoop(NamedTuple):
 
 Values = Float[Array, " size"]
 
-Kind = TypeVar("Kind", bound=AbstractEffector)
+Obstacle = Callable[[AbstractLoop], str | None]
+"""Tells, as a clause, why a loop lacks a quantity, or None."""
 
 
-def effector_of(loop: AbstractLoop, kind: type[Kind]) -> Kind:
-    """The plant's effector of this class, which `obstacle` has made sure of."""
-    return cast(Kind, loop.plant.find(kind))
+def fixed(size: int) -> Callable[[AbstractLoop], int]:
+    """The size of a quantity that takes so many numbers of any loop."""
+    return lambda loop: size
+
+
+class Quantity(NamedTuple):
+    """What a quantity of `jaxsat.core.declaration.quantities` takes and does.
+
+    `apply` puts the numbers into the model. `limits` are the least and the largest number that may
+    be drawn for it, given the nominal loop, so that what comes of it stays in its range
+    (`jaxsat.core.ranges`). `size` is how many numbers it takes. `obstacle` tells, as a clause, why
+    a loop has no such quantity, or None.
+    """
+
+    apply: Callable[[PerturbedLoop, Values], PerturbedLoop]
+    limits: Callable[[AbstractLoop], Limits]
+    size: Callable[[AbstractLoop], int] = fixed(1)
+    obstacle: Obstacle = lambda loop: None
+
+
+def between(values: Range) -> Callable[[AbstractLoop], Limits]:
+    """Limits of numbers that are drawn as they are."""
+    return lambda loop: Limits.between(values)
+
+
+def changing(
+    values: Range, nominal: Callable[[AbstractLoop], Float[Array, " n"]]
+) -> Callable[[AbstractLoop], Limits]:
+    """Limits of relative changes of what `nominal` finds in a loop."""
+    return lambda loop: Limits.of_change(values, nominal(loop))
+
+
+def needs_torque_level(loop: AbstractLoop) -> str | None:
+    """The obstacle unless torques reach the plant through actuators."""
+    if isinstance(loop, ErrorCoordinateLoop):
+        return "a loop in error coordinates has ideal thrusters and the plant's own model"
+    return None
 
 
 def controller_of(loop: AbstractLoop):
@@ -117,34 +144,10 @@ def rotors_of(loop: AbstractLoop) -> Matrix:
     return -sum((one for one in free if one is not None), jnp.zeros((3, 3)))
 
 
-def scaled_inertia(inertia: Matrix, change: Values) -> Matrix:
-    """J_ij √((1 + change_i)(1 + change_j)), NaN where a factor is negative."""
-    root = jnp.sqrt(1 + change)
-    return inertia * root[:, None] * root[None, :]
-
-
-def set_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """The case with moments and products scaled by relative changes of J1, J2, J3."""
-    return in_loop(
-        perturbed,
-        lambda loop: loop.plant.spacecraft.inertia,
-        scaled_inertia(perturbed.loop.plant.spacecraft.inertia, change),
-    )
-
-
-def set_products(perturbed: PerturbedLoop, share: Values) -> PerturbedLoop:
-    """The case with products of inertia added, in parts of the least nominal moment."""
-    smallest = jnp.min(perturbed.nominal.plant.spacecraft.moments)
-    xy, xz, yz = share * smallest
-    zero = jnp.zeros_like(xy)
-    extra = jnp.stack(
-        [jnp.stack([zero, xy, xz]), jnp.stack([xy, zero, yz]), jnp.stack([xz, yz, zero])]
-    )
-    return in_loop(
-        perturbed,
-        lambda loop: loop.plant.spacecraft.inertia,
-        perturbed.loop.plant.spacecraft.inertia + extra,
-    )
+def periodic_of(loop: AbstractLoop) -> PeriodicTorque:
+    """The plant's one periodic torque."""
+    (torque,) = parts_of(PeriodicTorque, loop.plant.disturbance)
+    return torque
 
 
 def follow_frequency(loop: AbstractLoop) -> AbstractLoop:
@@ -153,7 +156,7 @@ def follow_frequency(loop: AbstractLoop) -> AbstractLoop:
     That is its internal model about the first two axes and its ripple estimator about the axis
     without a torque, for the frequency that makes the most ripple about it.
     """
-    (torque,) = parts_of(PeriodicTorque, loop.plant.disturbance)
+    torque = periodic_of(loop)
     forms = parts_of(NormalForm, controller_of(loop))
     normal = jnp.abs(forms[0].axes[2]) if forms else jnp.array([0.0, 0.0, 1.0])
     ripple = normal * (jnp.abs(torque.amplitude) + LEAST_TORQUE) / jnp.abs(torque.frequency)
@@ -168,86 +171,3 @@ def follow_frequency(loop: AbstractLoop) -> AbstractLoop:
 
     kinds = (InternalModel, RippleFilter)
     return with_controller(loop, map_parts(change, kinds, controller_of(loop)))
-
-
-def set_constant_torque(perturbed: PerturbedLoop, torque: Values) -> PerturbedLoop:
-    """The case with a constant torque (N m) beside the disturbances that there are."""
-    disturbance = SumOfDisturbances((perturbed.loop.plant.disturbance, ConstantTorque(torque)))
-    return in_loop(perturbed, lambda loop: loop.plant.disturbance, disturbance)
-
-
-def set_model_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """The case with a relative change of the inertia, wheels locked, that the law believes."""
-    rotors = rotors_of(perturbed.nominal)
-
-    def changed(part):
-        if not isinstance(part, Spacecraft):
-            return part
-        return Spacecraft(scaled_inertia(part.inertia + rotors, change) - rotors)
-
-    controller = map_parts(changed, Spacecraft, controller_of(perturbed.loop))
-    return perturbed._replace(loop=with_controller(perturbed.loop, controller))
-
-
-def set_model_orbit_rate(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """The case with a relative change of the orbit rate that the controller believes."""
-
-    def changed(part):
-        is_orbit = isinstance(part, AbstractOrbit)
-        return (
-            eqx.tree_at(lambda o: o.rate, part, part.rate * (1 + change[0])) if is_orbit else part
-        )
-
-    controller = map_parts(changed, AbstractOrbit, controller_of(perturbed.loop))
-    return perturbed._replace(loop=with_controller(perturbed.loop, controller))
-
-
-def set_attitude(perturbed: PerturbedLoop, q: Values) -> PerturbedLoop:
-    """The case with another initial attitude, a unit quaternion."""
-    return _with_attitude(perturbed, Quaternion(q))
-
-
-def set_tilt_by(change: Callable[[WZ, Values], WZ]):
-    """Gives the function that changes the initial (w, z) parameters of a case."""
-
-    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
-        return _with_attitude(perturbed, change(perturbed.start.attitude.as_wz(), values))
-
-    return apply
-
-
-def resized(wz: WZ, size: Values) -> WZ:
-    """The attitude with w in the same direction, of another length."""
-    return WZ(wz.w * (size[0] / jnp.sqrt(jnp.sum(wz.w**2))), wz.z)
-
-
-def redirected(wz: WZ, angle: Values) -> WZ:
-    """The attitude with w of the same length, in another direction (rad)."""
-    size = jnp.sqrt(jnp.sum(wz.w**2))
-    return WZ(size * jnp.stack([jnp.cos(angle[0]), jnp.sin(angle[0])]), wz.z)
-
-
-def set_attitude_error(perturbed: PerturbedLoop, rotation: Values) -> PerturbedLoop:
-    """The case with its initial attitude turned by a rotation vector in body axes, rad."""
-    half = jnp.sqrt(jnp.sum(rotation**2)) / 2
-    stretch = jnp.where(half > 0, jnp.tan(half) / jnp.where(half > 0, half, 1.0), 1.0)
-    return _with_attitude(perturbed, turned_slightly(perturbed.start.attitude, stretch * rotation))
-
-
-def set_omega(perturbed: PerturbedLoop, omega: Values) -> PerturbedLoop:
-    """The case with another initial angular velocity, rad/s."""
-    return perturbed._replace(start=dataclasses.replace(perturbed.start, omega=omega))
-
-
-def set_rate_error(perturbed: PerturbedLoop, error: Values) -> PerturbedLoop:
-    """The case with its initial (ω1, ω2) off the reference of the nominal law, rad/s."""
-    law = cast(AbstractBacksteppingLaw, controller_of(perturbed.nominal))
-    reference = law.reference_rate(perturbed.start)
-    omega = jnp.concatenate([reference + error, perturbed.start.omega[2:]])
-    return set_omega(perturbed, omega)
-
-
-def _with_attitude(perturbed: PerturbedLoop, attitude: AbstractAttitude) -> PerturbedLoop:
-    forms = {WZ: "as_wz", Quaternion: "as_quaternion", DCM: "as_dcm"}
-    same = getattr(attitude, forms[type(perturbed.start.attitude)])()
-    return perturbed._replace(start=dataclasses.replace(perturbed.start, attitude=same))

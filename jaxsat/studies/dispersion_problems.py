@@ -13,9 +13,8 @@ from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.simulation.loops import AbstractLoop, parts_of
 from jaxsat.spacecraft.dispersible import Limits
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.studies.changes import controller_of
+from jaxsat.studies.changes import controller_of, periodic_of
 from jaxsat.studies.distributions import AbstractDistribution, Discrete, RandomAttitude
-from jaxsat.studies.limits import periodic_of
 from jaxsat.studies.quantities import QUANTITIES
 
 Distributions = Mapping[str, AbstractDistribution]

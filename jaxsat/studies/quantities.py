@@ -1,255 +1,309 @@
-"""How many numbers each dispersible quantity takes, and where they go in the model."""
+"""How many numbers each dispersible quantity takes, and where they go in the model.
 
-import functools
+Here stand those of sensors, disturbances, effectors, their failures and the delay, besides those of
+`model_quantities.py`.
+"""
+
+import dataclasses
 import pkgutil
 from collections.abc import Callable
-from operator import attrgetter
-from typing import Any, NamedTuple
+from typing import Any, TypeVar, cast
 
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 import jaxsat.core.ranges as ranges
-from jaxsat.core.attitude import WZ
-from jaxsat.core.declaration.actuator import ActuatorDeclaration
+from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
 from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.core.declaration.keys import DispersibleQuantity
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.declaration.sensors import SENSED
-from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.simulation.loops import AbstractLoop, failures_of, parts_of
+from jaxsat.simulation.sampled_loop import SampledLoop
+from jaxsat.spacecraft.actuators import Actuators
+from jaxsat.spacecraft.dispersible import Limits
 from jaxsat.spacecraft.effector import AbstractEffector
-from jaxsat.spacecraft.environment.orbit import AbstractOrbit
-from jaxsat.spacecraft.spacecraft import Spacecraft
-from jaxsat.studies import changes, limits, part_changes
-from jaxsat.studies.changes import PerturbedLoop, Values, effector_of
-from jaxsat.studies.part_changes import set_field, set_in_effector, thrusters_of
+from jaxsat.spacecraft.failures import AbstractFailures
+from jaxsat.spacecraft.thrusters import ThrusterSet
+from jaxsat.studies.changes import (
+    Obstacle,
+    PerturbedLoop,
+    Quantity,
+    Values,
+    between,
+    changing,
+    in_loop,
+    map_parts,
+    needs_torque_level,
+)
+from jaxsat.studies.model_quantities import MODEL_QUANTITIES
 
-
-class Quantity(NamedTuple):
-    """What a quantity of `jaxsat.core.declaration.quantities` takes and does.
-
-    `apply` puts the numbers into the model. `obstacle` tells, as a clause, why a loop has no such
-    quantity, or None. `limits` are the least and the largest number that may be drawn for it, given
-    the nominal loop, so that what comes of it stays in its range (`jaxsat.core.ranges`).
-    """
-
-    size: Callable[[AbstractLoop], int]
-    apply: Callable[[PerturbedLoop, Values], PerturbedLoop]
-    obstacle: Callable[[AbstractLoop], str | None]
-    limits: Callable[[AbstractLoop], limits.Limits]
-
-
-def _fixed(size: int) -> Callable[[AbstractLoop], int]:
-    return lambda loop: size
-
-
-def _thrusters(each: int) -> Callable[[AbstractLoop], int]:
-    def size(loop: AbstractLoop) -> int:
-        (thrusters,) = thrusters_of(loop)
-        return each * thrusters.count
-
-    return size
-
-
-def _failures(part: str | None = None) -> Callable[[AbstractLoop], int]:
-    """One number for each failure of an actuator of that kind, or of any."""
-    return lambda loop: sum(one.count for one in failures_of(loop) if part in (None, one.part))
+Kind = TypeVar("Kind", bound=AbstractEffector)
 
 
 def _of_field(
     one: DispersibleQuantity,
     part_of: Callable[[AbstractLoop], Any],
-    obstacle: Callable[[AbstractLoop], str | None],
+    obstacle: Obstacle,
     lacks: str = "",
 ) -> Quantity:
-    """A quantity that is one field of a part; `lacks` begins what is said where that is None."""
+    """A quantity that is one field of a part; `lacks` begins what is said where that is None.
+
+    The law believes the nominal numbers.
+    """
     field, within = one.field, one.within
     assert field is not None
     assert within is not None
 
-    def nominal(loop: AbstractLoop) -> Any:
+    def where(loop: AbstractLoop) -> Any:
         return getattr(part_of(loop), field)
 
+    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
+        old = where(perturbed.loop)
+        new = old * (1 + values) if one.relative else values
+        return in_loop(perturbed, where, new if old is not None and old.ndim else new[0])
+
     def needs_number(loop: AbstractLoop) -> str | None:
-        reason = obstacle(loop)
-        if reason is None and nominal(loop) is None:
-            return f"{lacks} {field.replace('_', ' ')}"
-        return reason
+        missing = f"{lacks} {field.replace('_', ' ')}"
+        return obstacle(loop) or (missing if where(loop) is None else None)
 
-    return Quantity(
-        lambda loop: np.size(nominal(loop)),
-        set_field(part_of, one),
-        needs_number,
-        limits.changing(within, nominal) if one.relative else limits.between(within),
-    )
+    limits = changing(within, where) if one.relative else between(within)
+    return Quantity(apply, limits, lambda loop: np.size(where(loop)), needs_number)
 
 
-def _of_sensors() -> dict[str, Quantity]:
-    return {
-        one.name: _of_field(
-            one,
-            attrgetter(place),
-            limits.needs_sensor(place, sensor.summary),
-            f"the {sensor.summary} has no",
-        )
-        for place, sensor in SENSED.items()
-        for one in sensor.quantities
-        if one.field is not None
-    }
+def _of_sensor(place: str, what: str, one: DispersibleQuantity) -> Quantity:
+    """A field of the sensor at an attribute of a sampled loop."""
+
+    def sensor(loop: AbstractLoop) -> Any:
+        part: Any = loop
+        for name in place.split("."):
+            part = getattr(part, name, None)
+        return part
+
+    def obstacle(loop: AbstractLoop) -> str | None:
+        if not isinstance(loop, SampledLoop):
+            return "only sampled loops have sensors"
+        return None if sensor(loop) is not None else f"the loop has no {what}"
+
+    return _of_field(one, sensor, obstacle, f"the {what} has no")
 
 
-def _of_disturbances() -> dict[str, Quantity]:
-    return {
-        one.name: _of_field(
-            one, functools.partial(_disturbance, kind), limits.needs_disturbance(kind, part.summary)
-        )
-        for place, part in DISTURBANCES.items()
-        for kind in [pkgutil.resolve_name(place)]
-        for one in part.quantities
-        if one.field is not None
-    }
+def _of_disturbance(kind: type, what: str, one: DispersibleQuantity) -> Quantity:
+    """A field of the plant's only disturbance of a class."""
+
+    def obstacle(loop: AbstractLoop) -> str | None:
+        count = len(parts_of(kind, loop.plant.disturbance))
+        return None if count == 1 else f"the plant has {what} {count} times, not once"
+
+    return _of_field(one, lambda loop: parts_of(kind, loop.plant.disturbance)[0], obstacle)
 
 
-def _disturbance(kind: type, loop: AbstractLoop) -> Any:
-    (disturbance,) = parts_of(kind, loop.plant.disturbance)
-    return disturbance
+def _of_effector(kind: type[Kind], one: DispersibleQuantity) -> Quantity:
+    """A field of the effector of a class, or what its `Dispersible` changes in it or its state."""
 
+    def effector(loop: AbstractLoop) -> Kind:
+        return cast(Kind, loop.plant.find(kind))
 
-def _of_effectors() -> dict[str, Quantity]:
-    return {
-        one.name: _of_effector(actuator.effector, one)
-        for actuator in EFFECTORS
-        for one in actuator.dispersible
-    }
+    def obstacle(loop: AbstractLoop) -> str | None:
+        there = loop.plant.find(kind) is not None
+        return None if there else f"the spacecraft has no {kind.kind}s"
 
-
-def _of_effector(kind: type[AbstractEffector], one: DispersibleQuantity) -> Quantity:
     if one.field is not None:
-        obstacle, lacks = limits.needs_effector(kind), f"no {kind.kind} has a"
-        return _of_field(one, lambda loop: effector_of(loop, kind), obstacle, lacks)
+        return _of_field(one, effector, obstacle, f"no {kind.kind} has a")
     own = kind.dispersible[one.name]
+
+    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
+        plant = perturbed.loop.plant
+        states = list(plant.complete(perturbed.start).of_each)
+        place = next(n for n, other in enumerate(plant.effectors) if isinstance(other, kind))
+        changed, state = own.changed(plant.effectors[place], states[place], values)
+        if changed is not plant.effectors[place]:
+            perturbed = in_loop(perturbed, lambda loop: loop.plant.effectors[place], changed)
+        if state is not states[place]:
+            states[place] = state
+            start = dataclasses.replace(perturbed.start, effectors=tuple(states))
+            perturbed = perturbed._replace(start=start)
+        return perturbed
+
     return Quantity(
-        lambda loop: own.each * effector_of(loop, kind).count,
-        set_in_effector(kind, own),
-        limits.needs_effector(kind),
-        lambda loop: own.limits(effector_of(loop, kind)),
+        apply,
+        lambda loop: own.limits(effector(loop)),
+        lambda loop: own.each * effector(loop).count,
+        obstacle,
     )
 
 
-def _of_failed(actuator: ActuatorDeclaration) -> Quantity:
-    """The number of what fails."""
+_THRUSTERS = (Actuators, ThrusterSet)
+
+
+def _thrusters_of(loop: AbstractLoop) -> list[Any]:
+    return [one for kind in _THRUSTERS for one in parts_of(kind, loop.plant.effectors)]
+
+
+def _of_thrusters(
+    change: Callable[[Any, Values], Any], limits: ranges.Range, each: int = 1
+) -> Quantity:
+    """What changes thrusters, ideal or not; a command is shared as in the nominal loop."""
+
+    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
+        def changed(part):
+            return change(part, values) if isinstance(part, _THRUSTERS) else part
+
+        effectors = map_parts(changed, _THRUSTERS, perturbed.loop.plant.effectors)
+        return in_loop(perturbed, lambda loop: loop.plant.effectors, effectors)
+
+    def obstacle(loop: AbstractLoop) -> str | None:
+        one_set = len(_thrusters_of(loop)) == 1
+        return needs_torque_level(loop) or (None if one_set else "the actuators are no thrusters")
+
     return Quantity(
-        _failures(actuator.name),
-        part_changes.set_failure("number", actuator.name),
-        limits.needs_failures(actuator.name),
-        limits.of_failed(actuator),
+        apply, between(limits), lambda loop: each * _thrusters_of(loop)[0].count, obstacle
     )
+
+
+def _of_failures(
+    field: str, limits: Callable[[AbstractLoop], Limits], part: str | None = None
+) -> Quantity:
+    """A field of all failures, or of those of one kind of actuator: one number for each."""
+
+    def failures(loop: AbstractLoop) -> list[AbstractFailures]:
+        return [one for one in failures_of(loop) if part in (None, one.part)]
+
+    def fields(loop: AbstractLoop) -> list:
+        return [getattr(one, field) for one in failures(loop)]
+
+    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
+        ends = np.cumsum([one.size for one in fields(perturbed.loop)])[:-1]
+        return in_loop(perturbed, fields, jnp.split(values, ends))
+
+    def obstacle(loop: AbstractLoop) -> str | None:
+        which = "" if part is None else f" of a {part}"
+        return None if failures(loop) else f"the scenario has no failure{which} in flight"
+
+    return Quantity(apply, limits, lambda loop: sum(one.count for one in failures(loop)), obstacle)
+
+
+def _of_failed(name: str) -> Quantity:
+    """The number of the device of an actuator that fails."""
+
+    def limits(loop: AbstractLoop) -> Limits:
+        (devices,) = [one for one in loop.plant.effectors if one.kind == name]
+        return Limits(as_float(-0.5), as_float(devices.count - 0.5))
+
+    return _of_failures("number", limits, name)
+
+
+def _kind_limits(loop: AbstractLoop) -> Limits:
+    """The limits of numbers that are rounded to the kinds that actuators declare as drawn."""
+    sampled, effectors = isinstance(loop, SampledLoop), loop.plant.effectors
+
+    def last(failures: AbstractFailures) -> np.ndarray:
+        owner = next(one for one in effectors if one.kind == failures.part)
+        own, last_declared = owner.last_drawn_kind(sampled), _DRAWN[failures.part][-1]
+        return np.full(failures.count, (last_declared if own is None else own) + 0.5)
+
+    return Limits(as_float(-0.5), _of_all_failures(loop, last))
+
+
+_DRAWN = {one.name: one.drawn for one in ACTUATORS}
+
+
+def _amount_limits(loop: AbstractLoop) -> Limits:
+    return Limits(as_float(0.0), _of_all_failures(loop, lambda one: one.largest_amount()))
+
+
+def _of_all_failures(loop: AbstractLoop, each: Callable[[Any], np.ndarray]) -> Float[Array, "*n"]:
+    """Numbers of all failures, one where they are the same for all."""
+    values = np.concatenate([each(one) for one in failures_of(loop)])
+    return as_float(values[0] if np.all(values == values[0]) else values)
+
+
+def _period(loop: AbstractLoop) -> Float[Array, ""]:
+    return cast(SampledLoop, loop).controller.period
+
+
+def _of_tracker(
+    field: str, least: int, limits: Callable[[AbstractLoop], Limits], obstacle: Obstacle
+) -> Quantity:
+    """A time (s) of the star tracker, not that of its estimator, which believes the nominal one.
+
+    It is rounded to whole periods of the law, and is at least `least` of them.
+    """
+
+    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
+        samples = jnp.round(values[0] / _period(perturbed.loop))
+        new = jnp.maximum(samples, least).astype(int)
+        return in_loop(perturbed, lambda loop: getattr(_tracker_of(loop), field), new)
+
+    return Quantity(apply, limits, obstacle=obstacle)
+
+
+def _update_period_limits(loop: AbstractLoop) -> Limits:
+    period = _period(loop)
+    return Limits(period, jnp.full_like(period, ranges.SECONDS.high))
+
+
+def _tracker_of(loop: AbstractLoop) -> Any:
+    navigation = getattr(loop, "navigation", None)
+    return None if navigation is None else navigation.tracker
+
+
+def _latency_limits(loop: AbstractLoop) -> Limits:
+    """At most the nominal latency, for which measurements are kept."""
+    period, most = _period(loop), _tracker_of(loop).latency + 1e-9
+    return Limits(jnp.zeros_like(period), period * most)
+
+
+def _needs_tracker(loop: AbstractLoop) -> str | None:
+    return None if _tracker_of(loop) is not None else "the loop has no gyro and star tracker"
+
+
+def _needs_latency(loop: AbstractLoop) -> str | None:
+    no_latency = _needs_tracker(loop) is None and not _tracker_of(loop).latency
+    return "the star tracker has no latency" if no_latency else _needs_tracker(loop)
+
+
+def _needs_delay(loop: AbstractLoop) -> str | None:
+    return None if getattr(loop, "delay", None) is not None else "the loop has no delay"
 
 
 _QUANTITIES: dict[str, Quantity] = {
-    **_of_sensors(),
-    "inertia": Quantity(
-        _fixed(3),
-        changes.set_inertia,
-        limits.needs_torque_level,
-        limits.changing(ranges.MOMENT, limits.moments_of),
+    **MODEL_QUANTITIES,
+    **{
+        one.name: _of_sensor(place, sensor.summary, one)
+        for place, sensor in SENSED.items()
+        for one in sensor.quantities
+        if one.field is not None
+    },
+    "misalignment": _of_thrusters(
+        lambda one, angles: one.misaligned(angles.reshape(one.count, 2)), ranges.MISALIGNMENT, 2
     ),
-    "products_of_inertia": Quantity(
-        _fixed(3), changes.set_products, limits.needs_torque_level, limits.of_products
+    "torque_gain": _of_thrusters(lambda one, change: one.stronger(change), ranges.CHANGE_OF_TORQUE),
+    "tracker_update_period": _of_tracker("every", 1, _update_period_limits, _needs_tracker),
+    "tracker_latency": _of_tracker("arrival", 0, _latency_limits, _needs_latency),
+    "failure_time": _of_failures("at", between(ranges.FROM_ZERO)),
+    "failure_kind": _of_failures("kind", _kind_limits),
+    "failure_amount": _of_failures("amount", _amount_limits),
+    "delay": Quantity(
+        lambda perturbed, delay: in_loop(perturbed, lambda loop: loop.delay, delay[0]),
+        lambda loop: Limits(jnp.zeros_like(_period(loop)), _period(loop)),
+        obstacle=_needs_delay,
     ),
-    "misalignment": Quantity(
-        _thrusters(2),
-        part_changes.set_misalignment,
-        limits.needs_thrusters,
-        limits.between(ranges.MISALIGNMENT),
-    ),
-    "torque_gain": Quantity(
-        _thrusters(1),
-        part_changes.set_torque_gain,
-        limits.needs_thrusters,
-        limits.between(ranges.CHANGE_OF_TORQUE),
-    ),
-    "constant_torque": Quantity(
-        _fixed(3), changes.set_constant_torque, limits.always, limits.of_constant_torque
-    ),
-    "model_inertia": Quantity(
-        _fixed(3),
-        changes.set_model_inertia,
-        limits.needs_model(Spacecraft),
-        limits.changing(ranges.MOMENT, limits.believed_moments),
-    ),
-    "model_orbit_rate": Quantity(
-        _fixed(1),
-        changes.set_model_orbit_rate,
-        limits.needs_model(AbstractOrbit),
-        limits.changing(ranges.ORBIT_RATE, limits.believed_orbit_rate),
-    ),
-    "tracker_update_period": Quantity(
-        _fixed(1),
-        part_changes.set_tracker_samples("every", 1),
-        limits.needs_navigation,
-        limits.of_update_period,
-    ),
-    "tracker_latency": Quantity(
-        _fixed(1),
-        part_changes.set_tracker_samples("arrival", 0),
-        limits.needs_latency,
-        limits.of_latency,
-    ),
-    "failure_time": Quantity(
-        _failures(),
-        part_changes.set_failure("at"),
-        limits.needs_failures(),
-        limits.between(ranges.FROM_ZERO),
-    ),
-    "failure_kind": Quantity(
-        _failures(),
-        part_changes.set_failure("kind"),
-        limits.needs_failures(),
-        limits.of_failure_kind,
-    ),
-    "failure_amount": Quantity(
-        _failures(),
-        part_changes.set_failure("amount"),
-        limits.needs_failures(),
-        limits.of_failure_amount,
-    ),
-    "delay": Quantity(_fixed(1), part_changes.set_delay, limits.needs_delay, limits.of_delay),
-    "attitude": Quantity(
-        _fixed(4), changes.set_attitude, limits.always, limits.between(Range(-1.0, 1.0))
-    ),
-    "tilt": Quantity(
-        _fixed(1),
-        changes.set_tilt_by(changes.resized),
-        limits.always,
-        limits.between(Range(0.0, STATE_LIMIT)),
-    ),
-    "tilt_direction": Quantity(
-        _fixed(1),
-        changes.set_tilt_by(changes.redirected),
-        limits.always,
-        limits.between(ranges.ANGLE),
-    ),
-    "turn": Quantity(
-        _fixed(1),
-        changes.set_tilt_by(lambda wz, turn: WZ(wz.w, turn[0])),
-        limits.always,
-        limits.between(limits.STATE),
-    ),
-    "attitude_error": Quantity(
-        _fixed(3), changes.set_attitude_error, limits.always, limits.between(ranges.ROTATION)
-    ),
-    "omega": Quantity(_fixed(3), changes.set_omega, limits.always, limits.of_omega),
-    "rate_error": Quantity(
-        _fixed(2), changes.set_rate_error, limits.needs_reference, limits.between(limits.STATE)
-    ),
-    **_of_disturbances(),
-    **_of_effectors(),
-    **{actuator.failed_quantity.name: _of_failed(actuator) for actuator in ACTUATORS},
+    **{
+        one.name: _of_disturbance(pkgutil.resolve_name(place), part.summary, one)
+        for place, part in DISTURBANCES.items()
+        for one in part.quantities
+        if one.field is not None
+    },
+    **{
+        one.name: _of_effector(actuator.effector, one)
+        for actuator in EFFECTORS
+        for one in actuator.dispersible
+    },
+    **{one.failed_quantity.name: _of_failed(one.name) for one in ACTUATORS},
 }
 
-_ORDER = tuple(DISPERSIBLE)
-
-QUANTITIES = dict(sorted(_QUANTITIES.items(), key=lambda item: _ORDER.index(item[0])))
+QUANTITIES = {name: _QUANTITIES[name] for name in DISPERSIBLE}
 """By name, in the order in which they are applied."""

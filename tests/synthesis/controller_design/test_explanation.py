@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import jaxsat
-from jaxsat.studies.changes import PerturbedLoop, set_inertia, set_products
+from jaxsat.studies.changes import PerturbedLoop
+from jaxsat.studies.quantities import QUANTITIES
 from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.controller_design.explanation import (
     COUPLING,
@@ -60,8 +61,8 @@ def test_the_coupling_is_that_of_the_body_that_is_flown():
     loop = jaxsat.build(HARD).loop
     for case, found in enumerate(drawn_numbers(HARD, drawn, two_torques=True)[COUPLING]):
         flown = PerturbedLoop(loop, None, loop)
-        flown = set_inertia(flown, jnp.asarray(drawn["drawn_inertia"][case]))
-        flown = set_products(flown, jnp.asarray(drawn["drawn_products_of_inertia"][case]))
+        for name in ("inertia", "products_of_inertia"):
+            flown = QUANTITIES[name].apply(flown, jnp.asarray(drawn[f"drawn_{name}"][case]))
         inertia = np.asarray(flown.loop.plant.spacecraft.inertia)
         along = inertia @ np.array([0.0, 0.0, 1.0])
         reduced = (inertia - np.outer(along, along) / along[2])[:2, :2]
