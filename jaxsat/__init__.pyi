@@ -1,4 +1,7 @@
 # The names for users; `__init__.py` imports each from here when it is first used.
+from jaxsat.scenario.build.datasets import (
+    replay_case as replay_case,
+)
 from jaxsat.scenario.build.errors import (
     BuildError as BuildError,
 )
@@ -11,7 +14,6 @@ from jaxsat.scenario.build.run import (
 )
 from jaxsat.scenario.build.study import (
     build_study as build_study,
-    replay_case as replay_case,
 )
 from jaxsat.core.attitude import (
     DCM as DCM,

@@ -60,9 +60,7 @@ def reproduce(
 def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
     """Every run the claims need, by name, with a line a run."""
     from jaxsat.report.reproduction import RUNS
-    from jaxsat.scenario import dump
-    from jaxsat.scenario.build.run import build
-    from jaxsat.store.dataset import trajectory_dataset
+    from jaxsat.scenario.build.datasets import simulated
 
     datasets = {}
     for number, (name, run) in enumerate(RUNS.items(), start=1):
@@ -70,15 +68,8 @@ def _simulate_all(quiet: bool) -> "dict[str, xr.Dataset]":
             print_stderr(f"[{number}/{len(RUNS)}] {run.purpose}", "")
         show_progress(f"simulating {name}, run {number} of {len(RUNS)}")
         scenario = load_scenario(run.scenario, run.overrides)
-        simulation = build(scenario)
-        trajectory = interruptibly(simulation.simulate)
-        datasets[name] = trajectory_dataset(
-            trajectory,
-            title=run.purpose,
-            scenario=dump(scenario),
-            seed=scenario.simulation.seed,
-            modes=simulation.modes,
-        )
+        dataset = interruptibly(lambda scenario=scenario: simulated(scenario))
+        datasets[name] = dataset.assign_attrs(title=run.purpose)
     return datasets
 
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     import xarray as xr
-    from matplotlib.figure import Figure
 
     from jaxsat.scenario import Scenario
     from jaxsat.store.folder import OutputFolder
@@ -56,21 +55,16 @@ def simulate(
     target = results.out or Path(f"jaxsat-{Path(scenario).stem}")
     report = planned_report(results, target)
 
-    from jaxsat.scenario.resolution import excessive_error, refined
+    from jaxsat.scenario.resolution import excessive_error
     from jaxsat.store.folder import OutputFolder
 
     output_folder = OutputFolder(target, kind="run", overwrite=results.overwrite)
     with dask_unseen(), output_folder as folder:
         show_progress(f"simulating {scenario}")
         remarks: list[str] = []
-        chosen, (dataset, seconds) = interruptibly(
-            lambda: refined(
-                chosen,
-                lambda scenario: _run(scenario, remarks.append),
-                _errors,
-                remarks.append,
-            )
-        )
+        begin = time.perf_counter()
+        chosen, dataset = interruptibly(lambda: _simulated(chosen, remarks.append))
+        seconds = time.perf_counter() - begin
         show_progress("drawing figures")
         interruptibly(lambda: _write(folder, chosen, dataset))
         files = folder.names
@@ -93,33 +87,16 @@ def simulate(
     return FAILED_RUN
 
 
-def _errors(run: tuple["xr.Dataset", float]) -> tuple[float | None, float | None]:
-    """The error estimates of what `_run` gives."""
-    from jaxsat.store.dataset import errors_of
+def _simulated(
+    scenario: "Scenario", tell: "Callable[[str], None]"
+) -> tuple["Scenario", "xr.Dataset"]:
+    from jaxsat.scenario.build.datasets import simulated_finely  # imports xarray
 
-    return errors_of(run[0])
-
-
-def _run(scenario: "Scenario", tell: "Callable[[str], None]") -> tuple["xr.Dataset", float]:
-    """The trajectory as a dataset, and the seconds that it took; see `Run.simulate`."""
-    from jaxsat.scenario import dump
-    from jaxsat.scenario.build.run import build
-    from jaxsat.store.dataset import trajectory_dataset
-
-    begin = time.perf_counter()
-    run = build(scenario)
-    trajectory = run.simulate(tell)
-    dataset = trajectory_dataset(
-        trajectory,
-        title=scenario.title,
-        scenario=dump(scenario),
-        seed=scenario.simulation.seed,
-        modes=run.modes,
-    )
-    return dataset, time.perf_counter() - begin
+    return simulated_finely(scenario, tell)
 
 
 def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "xr.Dataset") -> None:
+    from jaxsat.report.figures import trajectory_figures
     from jaxsat.report.saving import save_figures
     from jaxsat.store.netcdf import dataset_bytes
 
@@ -127,14 +104,7 @@ def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "xr.Dataset") 
     record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
     folder.write("run.json", record + "\n")
     folder.write("trajectory.nc", dataset_bytes(dataset))
-    save_figures(lambda: figures_of(dataset), folder.write)
-
-
-def figures_of(dataset: "xr.Dataset") -> "dict[str, Figure]":
-    """The figures of a trajectory by file name."""
-    from jaxsat.report.figures import trajectory_figures
-
-    return trajectory_figures(dataset)
+    save_figures(lambda: trajectory_figures(dataset), folder.write)
 
 
 def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:

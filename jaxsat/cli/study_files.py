@@ -63,7 +63,7 @@ def write_one_case(
     quiet: bool,
 ) -> None:
     """Compute one case again, and write a folder like that of `jaxsat simulate`."""
-    from jaxsat.cli.simulate import figures_of
+    from jaxsat.report.figures import trajectory_figures
     from jaxsat.report.saving import save_figures
     from jaxsat.store.folder import OutputFolder
 
@@ -74,7 +74,7 @@ def write_one_case(
             dataset, draws = interruptibly(lambda: replayed(scenario, study, number))
             folder.write("scenario.toml", dataset.attrs["scenario"])
             folder.write("trajectory.nc", dataset_bytes(dataset))
-            save_figures(lambda: figures_of(dataset), folder.write)
+            save_figures(lambda: trajectory_figures(dataset), folder.write)
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if not quiet:
@@ -89,7 +89,7 @@ def replayed(
 ) -> tuple["xr.Dataset", Sequence[str]]:
     """The trajectory of one case as a dataset, and what was drawn for it as lines."""
     from jaxsat.core.declaration.quantities import DISPERSIBLE
-    from jaxsat.scenario.build.study import replay_case
+    from jaxsat.scenario.build.datasets import replay_case
 
     dataset = replay_case(scenario, study, number)
     lines = []

@@ -3,14 +3,14 @@
 import dataclasses
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import Any, Literal, cast
 
 import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxsat.core.checks import as_array, require_counts
+from jaxsat.core.checks import require_counts
 from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
@@ -19,13 +19,12 @@ from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.requirements import build_requirements
 from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.scenario.dispersion_tables import DispersionTable
-from jaxsat.scenario.dump import dump
 from jaxsat.scenario.errors import MissingTable
 from jaxsat.scenario.parts.actuator import names_of
 from jaxsat.scenario.parts.thrusters import signs
 from jaxsat.scenario.resolution import Errors, refined
 from jaxsat.scenario.schema import Scenario
-from jaxsat.simulation.assessment import Assessment, IntegrationError
+from jaxsat.simulation.assessment import IntegrationError
 from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
 from jaxsat.simulation.engine.fixed import FixedStepper
 from jaxsat.simulation.engine.interface import AbstractEngine
@@ -37,13 +36,9 @@ from jaxsat.simulation.engine.scan import ScanEngine
 from jaxsat.simulation.loops import ContinuousLoop
 from jaxsat.simulation.methods import SMOOTH_STEP
 from jaxsat.simulation.sampled_loop import SampledLoop
-from jaxsat.simulation.trajectory import Trajectory
 from jaxsat.studies.designs import AbstractDesign, Independent, LatinHypercube, Sobol
 from jaxsat.studies.dispersions import Dispersed, Dispersions, StudyCase
 from jaxsat.studies.ensemble import Study
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
 """Solvers with a dense output of their own, on which switches are located; and what the tolerance,
@@ -273,31 +268,3 @@ def _adaptive(scenario: Scenario, run: Run) -> bool:
         return solver.steps == "adaptive" and not isinstance(loop, SampledLoop)
     smooth = isinstance(loop, ContinuousLoop) and loop.is_smooth()
     return not smooth or solver.name in (None, *ADAPTIVE_SOLVERS)
-
-
-def replay_case(scenario: Scenario, study: Study, number: int) -> "xr.Dataset":
-    """Case `number` of the study of a scenario with its complete history.
-
-    The dataset is that of `jaxsat simulate`. Its attributes hold the number of the case (`case`)
-    and the values drawn for it (`drawn_NAME`). It has every observed instant.
-    """
-    from jaxsat.store.dataset import trajectory_dataset  # slow to import
-
-    replay = study.replay(number)
-    steps, unknown = as_array(np.array(len(replay.times) - 1)), as_array(np.array(np.nan))
-    outputs, signals = jax.tree.map(as_array, (replay.outputs, replay.signals))
-    attitude = scenario.law.declaration.regulates_attitude
-    settled, error = outputs.settling_time, outputs.integration_error
-    assessment = Assessment(settled, unknown) if attitude else Assessment(unknown, settled)
-    times, ranges = as_array(replay.times), signals.torque_range
-    dataset = trajectory_dataset(
-        Trajectory(times, signals, None, outputs.code, steps, assessment, ranges, error),
-        title=scenario.title,
-        scenario=dump(scenario),
-        modes=getattr(scenario.law.controller, "modes", None),
-        seed=study.design.seed,
-    )
-    dataset.attrs["case"] = number
-    for name, values in replay.outputs.drawn.items():
-        dataset.attrs[f"drawn_{name}"] = [float(value) for value in values]
-    return dataset

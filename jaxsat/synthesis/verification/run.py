@@ -7,18 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import xarray as xr
 
 from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.package_files import text_of
 from jaxsat.report.requirements import judgements
 from jaxsat.report.verification_document import failure_csv, matrix_csv
 from jaxsat.scenario import Scenario, dump
-from jaxsat.scenario.build.run import build
+from jaxsat.scenario.build.datasets import simulated_finely
 from jaxsat.scenario.build.study import refined_study
 from jaxsat.scenario.errors import MissingTable
-from jaxsat.scenario.resolution import refined
-from jaxsat.store.dataset import errors_of, trajectory_dataset
 from jaxsat.store.labels import named_store
 from jaxsat.store.provenance import command_line, provenance
 from jaxsat.store.resumable import ResumableFolder
@@ -107,7 +104,7 @@ def _of_nominal(
     scenario: Scenario, folder: ResumableFolder, tell: Callable[[str], None]
 ) -> Iterator[Shown]:
     """What the run of the scenario itself shows, with steps as fine as `jaxsat simulate` takes."""
-    scenario, dataset = refined(scenario, lambda one: _flown(one, tell), errors_of, tell)
+    scenario, dataset = simulated_finely(scenario, tell)
     folder.write(f"{NOMINAL}.toml", dump(scenario))
     command = f"jaxsat simulate {folder.path / f'{NOMINAL}.toml'}"
     for one in judgements(dataset):
@@ -116,18 +113,6 @@ def _of_nominal(
             one.id, NOMINAL, verdict, 1, int(one.met), None,
             one.margin, one.unit, one.signal, one.time, None, command,
         )  # fmt: skip
-
-
-def _flown(scenario: Scenario, tell: Callable[[str], None]) -> xr.Dataset:
-    """The trajectory of a scenario."""
-    run = build(scenario)
-    return trajectory_dataset(
-        run.simulate(tell),
-        title=scenario.title,
-        scenario=dump(scenario),
-        seed=scenario.simulation.seed,
-        modes=run.modes,
-    )
 
 
 @dataclass(frozen=True)

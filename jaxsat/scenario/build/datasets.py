@@ -1,0 +1,64 @@
+"""Runs of scenarios, and cases of their studies, as datasets."""
+
+from collections.abc import Callable
+
+import jax
+import numpy as np
+import xarray as xr
+
+from jaxsat.core.checks import as_array
+from jaxsat.scenario.build.run import build
+from jaxsat.scenario.dump import dump
+from jaxsat.scenario.resolution import refined
+from jaxsat.scenario.schema import Scenario
+from jaxsat.simulation.assessment import Assessment
+from jaxsat.simulation.trajectory import Trajectory
+from jaxsat.store.dataset import errors_of, trajectory_dataset
+from jaxsat.studies.ensemble import Study
+
+
+def simulated(
+    scenario: Scenario, tell: Callable[[str], None] = lambda obstacle: None
+) -> xr.Dataset:
+    """The trajectory of a scenario; for `tell` see `Run.simulate`."""
+    run = build(scenario)
+    return trajectory_dataset(
+        run.simulate(tell),
+        title=scenario.title,
+        scenario=dump(scenario),
+        seed=scenario.simulation.seed,
+        modes=run.modes,
+    )
+
+
+def simulated_finely(
+    scenario: Scenario, tell: Callable[[str], None]
+) -> tuple[Scenario, xr.Dataset]:
+    """The scenario with steps as fine as it needs, and its trajectory; see `refined`."""
+    return refined(scenario, lambda one: simulated(one, tell), errors_of, tell)
+
+
+def replay_case(scenario: Scenario, study: Study, number: int) -> xr.Dataset:
+    """Case `number` of the study of a scenario with its complete history.
+
+    The dataset is that of `jaxsat simulate`. Its attributes hold the number of the case (`case`)
+    and the values drawn for it (`drawn_NAME`). It has every observed instant.
+    """
+    replay = study.replay(number)
+    steps, unknown = as_array(np.array(len(replay.times) - 1)), as_array(np.array(np.nan))
+    outputs, signals = jax.tree.map(as_array, (replay.outputs, replay.signals))
+    attitude = scenario.law.declaration.regulates_attitude
+    settled, error = outputs.settling_time, outputs.integration_error
+    assessment = Assessment(settled, unknown) if attitude else Assessment(unknown, settled)
+    times, ranges = as_array(replay.times), signals.torque_range
+    dataset = trajectory_dataset(
+        Trajectory(times, signals, None, outputs.code, steps, assessment, ranges, error),
+        title=scenario.title,
+        scenario=dump(scenario),
+        modes=getattr(scenario.law.controller, "modes", None),
+        seed=study.design.seed,
+    )
+    dataset.attrs["case"] = number
+    for name, values in replay.outputs.drawn.items():
+        dataset.attrs[f"drawn_{name}"] = [float(value) for value in values]
+    return dataset
