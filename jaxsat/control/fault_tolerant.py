@@ -17,13 +17,12 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.third_axis_band import BandMemory, ThirdAxisBand
 from jaxsat.control.tolerant_actuators import (
     AbstractTolerantActuators,
+    Sample,
     TolerantMemory,
     TolerantMode,
 )
 from jaxsat.control.tolerant_mix import Mix, MixMemory
 from jaxsat.control.tolerant_rods import RodMemory, TolerantRods, about
-from jaxsat.control.tolerant_thrusters import TolerantThrusters
-from jaxsat.control.tolerant_wheels import TolerantWheels
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
@@ -49,6 +48,24 @@ class FaultTolerantMemory(NamedTuple):
     mode: Int[Array, ""]
     rods: RodMemory | None = None
     band: BandMemory | None = None
+
+
+Kinds = list[tuple[AbstractTolerantActuators, TolerantMemory]]
+"""The actuators of each kind, and what is known of them at a sample."""
+
+
+class _Left(NamedTuple):
+    """What is left of all `kinds`: whether `three` axes, and the `axis` of magnetorquers, zero
+    where others make all torques, None without any."""
+
+    kinds: Kinds
+    three: Bool[Array, ""]
+    axis: Float[Array, "3"] | None
+
+
+def _missing(kinds: Kinds) -> Float[Array, "3"]:
+    """The axis about which one kind makes no torque, or zero."""
+    return sum((one.missing(now) for one, now in kinds), jnp.zeros(3))
 
 
 class FaultTolerant(AbstractSampledController):
@@ -97,64 +114,58 @@ class FaultTolerant(AbstractSampledController):
     ) -> tuple[Float[Array, " m"], FaultTolerantMemory]:
         """The command of each actuator, those of one kind after those of the other."""
         reading = _reading(state, memory.rods)
-        pairs = list(zip(self.actuators, memory.actuators, strict=True))
-        able = [
-            one.able(state, reading, self.healthy, self._diagnosed(one, reading, before), before)
-            for one, before in pairs
+        sample = Sample(t, state, reading, self.healthy)
+        kinds = [
+            (one, one.able(sample, self._diagnosed(one, reading, before), before))
+            for one, before in zip(self.actuators, memory.actuators, strict=True)
         ]
-        mix = self._mix(reading, able)
+        mix = self._mix(sample, kinds)
         three = mix.spans(memory.mix)
-        law, axis = self._slowed(state, reading, able, three), self._axis(able, three)
-        torque, healthy = self._feedback(t, state, reading, law, axis, memory.healthy)
-        dipoles, made, rods = self._rods(t, state, reading, able, torque, axis, three, memory.rods)
-        whole = three
+        left = _Left(kinds, three, self._axis(kinds, three))
+        slowed = sample._replace(law=self._slowed(sample, left))
+        torque, healthy = self._feedback(slowed, left, memory.healthy)
+        dipoles, made, rods = self._rods(sample, left, torque, memory.rods)
+        whole, axis = three, left.axis
         if made is not None and axis is not None:
             torque, whole = torque - made, three | jnp.any(axis != 0)
             torque = torque - axis * jnp.sum(axis * torque)
-        torque, mix, besides, band = self._coasting(
-            state, reading, able, torque, three, mix, memory.band
-        )
-        following, unloading = self._unloading(state, reading, able, three, mix, memory.mix)
+        torque, mix, besides, band = self._coasting(sample, left, torque, mix, memory.band)
+        following, unloading = self._unloading(sample, left, mix, memory.mix)
         commands, memories = [], []
         demands, unmade = mix.demands(torque, unloading, whole)
         demands = [one._replace(besides=own) for one, own in zip(demands, besides, strict=True)]
         following = None if following is None else following._replace(unmade=unmade)
-        for (one, before), now, demand in zip(pairs, able, demands, strict=True):
-            command, after = one.act(state, reading, law, demand, before, now)
+        for (one, now), before, demand in zip(kinds, memory.actuators, demands, strict=True):
+            command, after = one.act(slowed, demand, before, now)
             commands.append(command)
             memories.append(after)
         mode = self._mode(whole, axis, memories)
         memory = FaultTolerantMemory(healthy, tuple(memories), following, mode, rods, band)
         return jnp.concatenate([*commands, *dipoles]), memory
 
-    def _axis(self, able: list[TolerantMemory], three: Bool[Array, ""]) -> Float[Array, "3"] | None:
+    def _axis(self, kinds: Kinds, three: Bool[Array, ""]) -> Float[Array, "3"] | None:
         """The one about which magnetorquers make torques that nothing else does, or zero; None
         without magnetorquers."""
         if self.rods is None:
             return None
-        pairs = zip(self.actuators, able, strict=True)
-        axis = sum((one.missing(now) for one, now in pairs), jnp.zeros(3))
+        axis = _missing(kinds)
         holds = self.rods.holds(self.healthy.model.spacecraft.inertia, axis)
         return jnp.where(holds & ~three, axis, 0.0)
 
     def _feedback(
-        self,
-        t: RealScalar,
-        state: PlantState,
-        reading: Reading,
-        law: QuaternionFeedback,
-        axis: Float[Array, "3"] | None,
-        before: QuaternionFeedbackMemory,
+        self, sample: Sample, left: _Left, before: QuaternionFeedbackMemory
     ) -> tuple[Float[Array, "3"], QuaternionFeedbackMemory]:
         """The torque of a law (N m), slower about an axis, with that of what is stored."""
-        stored, slower = self._stored(reading), law
-        if self.rods is not None and axis is not None:
-            law, slower = self.rods.slowed(state, law, axis, cast(Float[Array, "3"], stored))
-        torque, after = law.step(t, state, before)
-        if axis is not None:
-            slow, _ = slower.step(t, state, before)
-            torque = about(law.model.spacecraft.inertia, axis, torque, slow)
-        return torque if stored is None else torque + jnp.cross(state.omega, stored), after
+        stored, law, slower = self._stored(sample.reading), sample.law, sample.law
+        if self.rods is not None and left.axis is not None:
+            law, slower = self.rods.slowed(sample, left.axis, cast(Float[Array, "3"], stored))
+        torque, after = law.step(sample.t, sample.state, before)
+        if left.axis is not None:
+            slow, _ = slower.step(sample.t, sample.state, before)
+            torque = about(law.model.spacecraft.inertia, left.axis, torque, slow)
+        if stored is not None:
+            torque = torque + jnp.cross(sample.state.omega, stored)
+        return torque, after
 
     def _stored(self, reading: Reading) -> Float[Array, "3"] | None:
         """The momentum (N m s) that all kinds hold; None where none can."""
@@ -163,113 +174,86 @@ class FaultTolerant(AbstractSampledController):
         return sum(held[1:], held[0]) if held else None
 
     def _rods(
-        self,
-        t: RealScalar,
-        state: PlantState,
-        reading: Reading,
-        able: list[TolerantMemory],
-        torque: Float[Array, "3"],
-        axis: Float[Array, "3"] | None,
-        three: Bool[Array, ""],
-        before: RodMemory | None,
+        self, sample: Sample, left: _Left, torque: Float[Array, "3"], before: RodMemory | None
     ) -> tuple[list[Float[Array, " k"]], Float[Array, "3"] | None, RodMemory | None]:
         """The dipoles of magnetorquers (A m²), their torque (N m) and their memory, if there are
         any."""
+        axis = left.axis
         if self.rods is None or before is None or axis is None:
             return [], None, None
-        bias, field = self.rods.bias, self.rods.field(t, state)
-        holds = jnp.any(axis != 0)
-        pairs = zip(self.actuators, able, strict=True)
-        each = [one.unloadable(reading, now, bias, field, holds) for one, now in pairs]
-        excess = jnp.where(three | holds, sum(each, 0 * bias), 0.0)
-        stored = cast(Float[Array, "3"], self._stored(reading))
-        relief = self.rods.relief(state, self.healthy, axis, excess, stored - bias - excess)
+        bias, field, holds = self.rods.bias, self.rods.field(sample), jnp.any(axis != 0)
+        each = [one.unloadable(sample, now, bias, field, holds) for one, now in left.kinds]
+        excess = jnp.where(left.three | holds, sum(each, 0 * bias), 0.0)
+        stored = cast(Float[Array, "3"], self._stored(sample.reading))
+        relief = self.rods.relief(sample, axis, excess, stored - bias - excess)
         dipoles, made, after = self.rods.act(field, relief, torque, axis, self.period, before)
         return [dipoles], made, after
 
     def _coasting(
         self,
-        state: PlantState,
-        reading: Reading,
-        able: list[TolerantMemory],
+        sample: Sample,
+        left: _Left,
         torque: Float[Array, "3"],
-        three: Bool[Array, ""],
         mix: Mix,
         before: BandMemory | None,
     ) -> tuple[Float[Array, "3"], Mix, list[Float[Array, " m"] | None], BandMemory | None]:
         """A torque (N m) and the mix without what the band leaves alone, the duties of thrusters
         at its edges, and its memory."""
-        besides: list[Float[Array, " m"] | None] = [None] * len(able)
+        besides: list[Float[Array, " m"] | None] = [None] * len(left.kinds)
         if self.band is None or before is None:
             return torque, mix, besides, None
-        pairs = list(zip(self.actuators, able, strict=True))
-        axis = sum((one.missing(now) for one, now in pairs), jnp.zeros(3))
-        flows = jnp.any(jnp.stack([one.flows(now) for one, now in pairs]))
-        axis = jnp.where(three & ~flows, axis, 0.0)
-        stored = cast(Float[Array, "3"], self._stored(reading))
-        place = next(
-            number
-            for number, one in enumerate(self.actuators)
-            if isinstance(one, TolerantThrusters)
+        flows = jnp.any(jnp.stack([one.flows(now) for one, now in left.kinds]))
+        axis = jnp.where(left.three & ~flows, _missing(left.kinds), 0.0)
+        stored = cast(Float[Array, "3"], self._stored(sample.reading))
+        limits = [one.thrust_limit(now) for one, now in left.kinds]
+        place, limit = next((n, one) for n, one in enumerate(limits) if one is not None)
+        corrected = self.band.correct(
+            sample.state, self.healthy, axis, torque, stored, limit, before
         )
-        limit = able[place].ability.limit
-        corrected = self.band.correct(state, self.healthy, axis, torque, stored, limit, before)
         besides[place] = corrected.duty
         without = jnp.where(corrected.memory.coasts, axis, 0.0)
         return corrected.torque, mix.without(without), besides, corrected.memory
 
-    def _slowed(
-        self,
-        state: PlantState,
-        reading: Reading,
-        able: list[TolerantMemory],
-        three: Bool[Array, ""],
-    ) -> QuaternionFeedback:
+    def _slowed(self, sample: Sample, left: _Left) -> QuaternionFeedback:
         """The law of three axes, no faster than those that hold the momentum of a slew allow.
 
         Where others help out they need not hold all of it.
         """
-        law = self.healthy
-        for one, now in zip(self.actuators, able, strict=True):
-            holds = (now.ability.left == Left.THREE_AXES) | ~three
-            slow = one.slowed(state, reading, law, now).max_rate
-            law = dataclasses.replace(law, max_rate=jnp.where(holds, slow, law.max_rate))
-        return law
+        for one, now in left.kinds:
+            law = sample.law
+            holds = (now.ability.left == Left.THREE_AXES) | ~left.three
+            rate = jnp.where(holds, one.slowed(sample, now).max_rate, law.max_rate)
+            sample = sample._replace(law=dataclasses.replace(law, max_rate=rate))
+        return sample.law
 
-    def _mix(self, reading: Reading, able: list[TolerantMemory]) -> Mix:
+    def _mix(self, sample: Sample, kinds: Kinds) -> Mix:
         """What all kinds can do together."""
-        pairs = list(zip(self.actuators, able, strict=True))
         return Mix(
-            tuple(one.reach(reading, self.healthy, now) for one, now in pairs),
-            tuple(one.steady(now, self.period) for one, now in pairs),
-            tuple(now.ability.left == Left.THREE_AXES for now in able),
-            tuple(one.alone(now)[0] for one, now in pairs),
-            tuple(one.stored(reading) is not None for one in self.actuators),
+            tuple(one.reach(sample, now) for one, now in kinds),
+            tuple(one.steady(now, self.period) for one, now in kinds),
+            tuple(now.ability.left == Left.THREE_AXES for _, now in kinds),
+            tuple(one.alone(now)[0] for one, now in kinds),
+            tuple(one.stored(sample.reading) is not None for one in self.actuators),
         )
 
     def _unloading(
-        self,
-        state: PlantState,
-        reading: Reading,
-        able: list[TolerantMemory],
-        three: Bool[Array, ""],
-        mix: Mix,
-        before: MixMemory | None,
+        self, sample: Sample, left: _Left, mix: Mix, before: MixMemory | None
     ) -> tuple[MixMemory | None, Float[Array, "3"]]:
         """Whether others take momentum out, and the torque (N m) that does.
 
         While they do, and where a failed device makes a torque all the time, it makes up for what
         acts steadily, too: what stores momentum would be full again at once.
         """
-        unloads, flows, torque = jnp.array(False), jnp.array(False), jnp.zeros_like(state.omega)
+        unloads, flows, torque = jnp.array(False), jnp.array(False), jnp.zeros(3)
         if before is None:
             return None, torque
-        for one, now in zip(self.actuators, able, strict=True):
-            full, relief = one.overfull(state, reading, self.healthy, now, before.unloads)
+        for one, now in left.kinds:
+            full, relief = one.overfull(sample, now, before.unloads)
             unloads, torque = unloads | full, torque + relief
             flows = flows | one.flows(now)
         torque = torque + jnp.where(unloads | flows, sum(mix.steady, jnp.zeros(3)), 0.0)
-        return before._replace(three=three, unloads=unloads & three), jnp.where(three, torque, 0.0)
+        following = before._replace(three=left.three, unloads=unloads & left.three)
+        return following, jnp.where(left.three, torque, 0.0)
 
     def _diagnosed(
         self, one: AbstractTolerantActuators, reading: Reading, memory: TolerantMemory
@@ -301,7 +285,8 @@ class FaultTolerant(AbstractSampledController):
     @property
     def known(self) -> Bool[Array, " wheels"] | None:
         """Which wheels it knows to have failed before the start; None without wheels."""
-        return next((one.known for one in self.actuators if isinstance(one, TolerantWheels)), None)
+        each = [one.failed_before for one in self.actuators]
+        return next((one for one in each if one is not None), None)
 
     def holds_by_rods(self, axes: Float[np.ndarray, "3 k"]) -> bool:
         """Whether magnetorquers make the torques that wheels along these axes do not."""

@@ -66,12 +66,22 @@ class Demand(NamedTuple):
     besides: Float[Array, " m"] | None = None
 
 
-class AbstractTolerantActuators(eqx.Module):
-    """What the fault-tolerant law knows of actuators of one kind, and how it uses them.
+class Sample(NamedTuple):
+    """What is known at a sample: the time (s), the estimate of the `state`, what is read, and the
+    `law` of three axes with its gains, period and model."""
 
-    `law` is the quaternion feedback of the spacecraft without a failure, with its gains, period and
-    model.
-    """
+    t: RealScalar
+    state: PlantState
+    reading: Reading
+    law: QuaternionFeedback
+
+
+class AbstractTolerantActuators(eqx.Module):
+    """What the fault-tolerant law knows of actuators of one kind, and how it uses them."""
+
+    @property
+    def failed_before(self) -> Bool[Array, " m"] | None:
+        """Which are known to have failed before the start; None where that is never known."""
 
     @property
     @abc.abstractmethod
@@ -90,12 +100,7 @@ class AbstractTolerantActuators(eqx.Module):
 
     @abc.abstractmethod
     def able(
-        self,
-        state: PlantState,
-        reading: Reading,
-        law: QuaternionFeedback,
-        diagnosis: DiagnosisMemory,
-        before: TolerantMemory,
+        self, sample: Sample, diagnosis: DiagnosisMemory, before: TolerantMemory
     ) -> TolerantMemory:
         """The memory with the verdicts of this sample, and what is left by them."""
 
@@ -105,20 +110,12 @@ class AbstractTolerantActuators(eqx.Module):
 
     @abc.abstractmethod
     def act(
-        self,
-        state: PlantState,
-        reading: Reading,
-        law: QuaternionFeedback,
-        demand: Demand,
-        before: TolerantMemory,
-        now: TolerantMemory,
+        self, sample: Sample, demand: Demand, before: TolerantMemory, now: TolerantMemory
     ) -> tuple[Float[Array, " m"], TolerantMemory]:
         """The command of each, and the memory of the next sample; `before` is that of the last."""
 
     @abc.abstractmethod
-    def damping(
-        self, state: PlantState, law: QuaternionFeedback, memory: TolerantMemory
-    ) -> Float[Array, " m"]:
+    def damping(self, sample: Sample, memory: TolerantMemory) -> Float[Array, " m"]:
         """Commands that damp the rate, of which none puts energy in."""
 
     @abc.abstractmethod
@@ -126,7 +123,7 @@ class AbstractTolerantActuators(eqx.Module):
         """Whether they settle with torques in a plane alone, and the `TolerantMode` of that."""
 
     @abc.abstractmethod
-    def reach(self, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory) -> Reach:
+    def reach(self, sample: Sample, memory: TolerantMemory) -> Reach:
         """What each can do to the body for a while, and what that costs."""
 
     def changed(self, memory: TolerantMemory) -> Bool[Array, ""]:
@@ -141,12 +138,15 @@ class AbstractTolerantActuators(eqx.Module):
         """Whether one that has failed makes a torque on the spacecraft all the time."""
         return jnp.zeros_like(memory.diagnosis.alarmed)
 
+    def thrust_limit(self, memory: TolerantMemory) -> Float[Array, " m"] | None:
+        """The part of its thrust that each makes; None for what is no thruster."""
+
     def stored(self, reading: Reading) -> Float[Array, "3"] | None:
         """The momentum (N m s) that they hold; None for none ever."""
 
     def unloadable(
         self,
-        reading: Reading,
+        sample: Sample,
         memory: TolerantMemory,
         bias: Float[Array, "3"],
         field: Float[Array, "3"],
@@ -158,28 +158,19 @@ class AbstractTolerantActuators(eqx.Module):
         return jnp.zeros_like(bias)
 
     def overfull(
-        self,
-        state: PlantState,
-        reading: Reading,
-        law: QuaternionFeedback,
-        memory: TolerantMemory,
-        unloads: Bool[Array, ""],
+        self, sample: Sample, memory: TolerantMemory, unloads: Bool[Array, ""]
     ) -> tuple[Bool[Array, ""], Float[Array, "3"]]:
         """Whether other actuators are to take momentum out, as they do or not, and by what torque
         (N m)."""
-        return jnp.zeros_like(unloads), jnp.zeros_like(state.omega)
+        return jnp.zeros_like(unloads), jnp.zeros_like(sample.state.omega)
 
-    def slowed(
-        self, state: PlantState, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory
-    ) -> QuaternionFeedback:
+    def slowed(self, sample: Sample, memory: TolerantMemory) -> QuaternionFeedback:
         """The law with the rate at which a slew gives them no more momentum than they can hold."""
-        return law
+        return sample.law
 
-    def probing(
-        self, law: QuaternionFeedback, memory: TolerantMemory
-    ) -> tuple[Bool[Array, ""], RealScalar]:
+    def probing(self, sample: Sample, memory: TolerantMemory) -> tuple[Bool[Array, ""], RealScalar]:
         """Whether test pulses of failed actuators are due, and the time since the last (s)."""
-        probe = memory.probe + law.period
-        interval = PROBE_INTERVAL / law.natural_frequency
+        probe = memory.probe + sample.law.period
+        interval = PROBE_INTERVAL / sample.law.natural_frequency
         due = (probe >= interval) & ~memory.diagnosis.alarmed
         return due, jnp.where(due, 0.0, probe)

@@ -13,11 +13,11 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.steering import MagneticSteering
+from jaxsat.control.tolerant_actuators import Sample
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import root
 from jaxsat.spacecraft.allocation import allocate
-from jaxsat.spacecraft.dynamics import PlantState
 
 INSTANTS = 64
 """Of an orbit, and as many turns of the Earth, over which a torque is averaged."""
@@ -97,9 +97,9 @@ class TolerantRods(eqx.Module):
         """The momentum (N m s, body axes) that wheels are to keep."""
         return self.steering.bias
 
-    def field(self, t: RealScalar, state: PlantState) -> Float[Array, "3"]:
+    def field(self, sample: Sample) -> Float[Array, "3"]:
         """The Earth's field (T, body axes) at the attitude that the law is told."""
-        return self.steering.field.in_body(t, state.attitude)
+        return self.steering.field.in_body(sample.t, sample.state.attitude)
 
     def natural_frequency(
         self, inertia: Float[Array, "3 3"], axis: Float[Array, "3"]
@@ -123,8 +123,7 @@ class TolerantRods(eqx.Module):
 
     def slowed(
         self,
-        state: PlantState,
-        law: QuaternionFeedback,
+        sample: Sample,
         axis: Float[Array, "3"],
         stored: Float[Array, "3"],
     ) -> tuple[QuaternionFeedback, QuaternionFeedback]:
@@ -133,9 +132,9 @@ class TolerantRods(eqx.Module):
         Slews are as slow as magnetorquers can oppose n · (ω × H), with H the momentum of the body
         and what is `stored` (N m s), and about Jn as they can brake them.
         """
-        inertia = law.model.spacecraft.inertia
+        law, inertia = sample.law, sample.law.model.spacecraft.inertia
         most = root(jnp.sum(axis * (self.power @ axis)))
-        momentum = inertia @ state.omega + stored
+        momentum = inertia @ sample.state.omega + stored
         across = momentum - axis * jnp.sum(axis * momentum)
         unit = law.model.spacecraft.momentum_unit
         opposed = most / unit / jnp.sqrt(jnp.sum((across / unit) ** 2) + SMALLEST)
@@ -149,8 +148,7 @@ class TolerantRods(eqx.Module):
 
     def relief(
         self,
-        state: PlantState,
-        law: QuaternionFeedback,
+        sample: Sample,
         axis: Float[Array, "3"],
         excess: Float[Array, "3"],
         coasting: Float[Array, "3"],
@@ -161,9 +159,10 @@ class TolerantRods(eqx.Module):
         turns with the orbit frame what wheels hold that are not in use, `coasting` (N m s).
         """
         holds = jnp.any(axis != 0)
-        fast = RELIEF * self.natural_frequency(law.model.spacecraft.inertia, axis)
+        model = sample.law.model
+        fast = RELIEF * self.natural_frequency(model.spacecraft.inertia, axis)
         rate = jnp.maximum(self.steering.unloading, jnp.where(holds, fast, 0.0))
-        turned = jnp.cross(law.model.orbit.frame_rate(state.attitude), coasting)
+        turned = jnp.cross(model.orbit.frame_rate(sample.state.attitude), coasting)
         return jnp.where(holds, turned, 0.0) - rate * excess
 
     def act(

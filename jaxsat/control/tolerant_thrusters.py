@@ -13,12 +13,12 @@ from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter
 from jaxsat.control.leaks import LeakMemory, Leaks
 from jaxsat.control.least_squares import Fit
 from jaxsat.control.pulse_rounding import PulseRounding
-from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.reconfiguration import Ability, Left, Reconfiguration
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.control.tolerant_actuators import (
     AbstractTolerantActuators,
     Demand,
+    Sample,
     TolerantMemory,
     TolerantMode,
 )
@@ -110,16 +110,15 @@ class TolerantThrusters(AbstractTolerantActuators):
         return self.reconfiguration.needed(memory.diagnosis.condition.failed)
 
     def able(
-        self,
-        state: PlantState,
-        reading: Reading,
-        law: QuaternionFeedback,
-        diagnosis: DiagnosisMemory,
-        before: TolerantMemory,
+        self, sample: Sample, diagnosis: DiagnosisMemory, before: TolerantMemory
     ) -> TolerantMemory:
         """With what the tables of failed sets, weak thrusters and flows leave."""
         ability = self.reconfiguration.find(diagnosis.condition, before.ability)
         return before._replace(diagnosis=diagnosis, ability=ability)
+
+    def thrust_limit(self, memory: TolerantMemory) -> Float[Array, " m"]:
+        """As the tables of failed sets and weak thrusters leave it."""
+        return memory.ability.limit
 
     def flows(self, memory: TolerantMemory) -> Bool[Array, ""]:
         """Whether a thruster is stuck on or leaks."""
@@ -132,27 +131,21 @@ class TolerantThrusters(AbstractTolerantActuators):
         besides = self.filter.believed(condition, period)
         return -(self.filter.thrusters.torque @ condition.flow + besides)
 
-    def reach(self, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory) -> Reach:
+    def reach(self, sample: Sample, memory: TolerantMemory) -> Reach:
         """The duty of each, at the price of its propellant."""
         high, duties = memory.ability.limit, self.reconfiguration.duties
         torque = self.reconfiguration.torque
         return Reach(torque, jnp.zeros_like(high), high, duties.price * duties.size)
 
     def act(
-        self,
-        state: PlantState,
-        reading: Reading,
-        law: QuaternionFeedback,
-        demand: Demand,
-        before: TolerantMemory,
-        now: TolerantMemory,
+        self, sample: Sample, demand: Demand, before: TolerantMemory, now: TolerantMemory
     ) -> tuple[Float[Array, " m"], TolerantMemory]:
         """The duty of each thruster."""
-        thrusters, period, three = self.filter.thrusters, law.period, demand.three
+        thrusters, period, three = self.filter.thrusters, sample.law.period, demand.three
         limit, own = now.ability.limit, before.own
         plane, _ = self.alone(now)
         plane = plane & ~three
-        torque, steady, settling, leaking = self._in_plane(state, demand, plane, before, now)
+        torque, steady, settling, leaking = self._in_plane(sample.state, demand, plane, before, now)
         owed = jnp.where(three, own.owed, 0.0)
         thrust = self.reconfiguration.allocate(limit, torque + owed / period, steady)
         duty = thrust / jnp.where(limit > 0, limit, 1.0)
@@ -164,10 +157,10 @@ class TolerantThrusters(AbstractTolerantActuators):
             push = cast(RealScalar, settling.push)
             pushed, leaking = leaks.push(fit, push, duty, limit, period, leaking)
             duty = jnp.where(plane, pushed, duty)
-        duty = jnp.where(three | plane, duty, self.damping(state, law, now))
+        duty = jnp.where(three | plane, duty, self.damping(sample, now))
         if demand.besides is not None:
             duty = jnp.minimum(duty + demand.besides, 1.0)
-        due, probe = self.probing(law, now)
+        due, probe = self.probing(sample, now)
         tested = (now.diagnosis.may_return & due) | in_turn(now.diagnosis, period)
         test = now.diagnosis.test_command(self.filter, period)
         duty = jnp.where(tested, jnp.maximum(duty, test), duty)
@@ -207,16 +200,15 @@ class TolerantThrusters(AbstractTolerantActuators):
         torque = jnp.where(plane, directions @ command, demand.torque)
         return torque, jnp.where(plane, beside, demand.steady), settling, leaking
 
-    def damping(
-        self, state: PlantState, law: QuaternionFeedback, memory: TolerantMemory
-    ) -> Float[Array, " m"]:
+    def damping(self, sample: Sample, memory: TolerantMemory) -> Float[Array, " m"]:
         """The duty of each thruster against the rate about its own torque."""
         torque = self.reconfiguration.torque
         size = jnp.sqrt(jnp.sum(torque**2, axis=0))
         units = torque / size[None]
+        law = sample.law
         inverse = law.model.spacecraft.inverse_inertia
         inertia = 1 / jnp.sum(units * (inverse @ units), axis=0)
-        rate = -jnp.sum(units * state.omega[:, None], axis=0)
+        rate = -jnp.sum(units * sample.state.omega[:, None], axis=0)
         above = jnp.maximum(rate - QUIET_SIGMAS * self.filter.rate_noise, 0.0)
         pull = 2 * law.damping * law.natural_frequency
         duty = jnp.minimum(pull * inertia * above / size, 1.0)

@@ -15,6 +15,7 @@ from jaxsat.control.reconfiguration import Left
 from jaxsat.control.tolerant_actuators import (
     AbstractTolerantActuators,
     Demand,
+    Sample,
     TolerantMemory,
     TolerantMode,
 )
@@ -85,6 +86,11 @@ class TolerantWheels(AbstractTolerantActuators):
         require_positive("delay", self.delay, zero_allowed=True)
 
     @property
+    def failed_before(self) -> Bool[Array, " m"]:
+        """Those that are `known`."""
+        return self.known
+
+    @property
     def allocation(self) -> WheelAllocation:
         """How a torque is shared among the wheels that are used."""
         return WheelAllocation(self.filter)
@@ -125,68 +131,54 @@ class TolerantWheels(AbstractTolerantActuators):
 
     def stored(self, reading: Reading) -> Float[Array, "3"]:
         """The momentum of the wheels with that of rotors which turn with the body, N m s."""
-        return self.filter.wheels.axes @ momentum_with_rotors(self.filter.wheels, reading)
+        return self.filter.wheels.axes @ self._momenta(reading)
 
     def able(
-        self,
-        state: PlantState,
-        reading: Reading,
-        law: QuaternionFeedback,
-        diagnosis: DiagnosisMemory,
-        before: TolerantMemory,
+        self, sample: Sample, diagnosis: DiagnosisMemory, before: TolerantMemory
     ) -> TolerantMemory:
         """With what the wheels in use make together, and whether two of them settle."""
-        momentum = cast(OfEach, reading.momentum)
+        momentum = cast(OfEach, sample.reading.momentum)
         wheeled = self.allocation.find(diagnosis.condition, momentum, before.ability)
-        own = self._turning(
-            state, momentum_with_rotors(self.filter.wheels, reading), wheeled, law, before
-        )
+        own = self._turning(sample, wheeled, before)
         return before._replace(diagnosis=diagnosis, ability=wheeled, own=own)
 
-    def reach(self, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory) -> Reach:
+    def reach(self, sample: Sample, memory: TolerantMemory) -> Reach:
         """The torque of each (N m), which ends as its momentum comes to the limit."""
         usable, limit = memory.ability.usable, self.filter.wheels.momentum_limit
         low, high = -usable, usable
         if limit is not None:
-            momentum = cast(OfEach, reading.momentum)
-            rate = law.natural_frequency / ROOM
+            momentum = cast(OfEach, sample.reading.momentum)
+            rate = sample.law.natural_frequency / ROOM
             low = -jnp.minimum(usable, jnp.maximum(limit - momentum, 0.0) * rate)
             high = jnp.minimum(usable, jnp.maximum(limit + momentum, 0.0) * rate)
         return Reach(self.filter.wheels.axes, low, high, jnp.zeros_like(usable))
 
     def unloadable(
         self,
-        reading: Reading,
+        sample: Sample,
         memory: TolerantMemory,
         bias: Float[Array, "3"],
         field: Float[Array, "3"],
         held: Bool[Array, ""],
     ) -> Float[Array, "3"]:
         """What wheels in use hold beyond the bias."""
-        momentum = momentum_with_rotors(self.filter.wheels, reading)
+        momentum = self._momenta(sample.reading)
         alone = self.allocation.unloadable(memory.ability, momentum, bias, field)
         working = jnp.where(memory.ability.working, momentum, 0.0)
         return jnp.where(held, self.filter.wheels.axes @ working - bias, alone)
 
     def overfull(
-        self,
-        state: PlantState,
-        reading: Reading,
-        law: QuaternionFeedback,
-        memory: TolerantMemory,
-        unloads: Bool[Array, ""],
+        self, sample: Sample, memory: TolerantMemory, unloads: Bool[Array, ""]
     ) -> tuple[Bool[Array, ""], Float[Array, "3"]]:
         """Whether wheels would hold much once the body rests, and the torque that lessens it."""
         wheeled, limit = memory.ability, self.filter.wheels.momentum_limit
         if limit is None:
-            return jnp.zeros_like(unloads), jnp.zeros_like(state.omega)
-        working = jnp.where(wheeled.working, momentum_with_rotors(self.filter.wheels, reading), 0.0)
-        total = law.model.spacecraft.inertia @ state.omega + self.filter.wheels.axes @ working
-        each = wheeled.shares @ total
+            return jnp.zeros_like(unloads), jnp.zeros(3)
+        each = wheeled.shares @ self._held(sample, wheeled)
         fullest = jnp.max(jnp.abs(each) / limit)
         unloads = fullest > jnp.where(unloads, EMPTY, FULL)
         most = REACTION * wheeled.usable
-        wanted = jnp.clip(UNLOADING * law.natural_frequency * each, -most, most)
+        wanted = jnp.clip(UNLOADING * sample.law.natural_frequency * each, -most, most)
         return unloads, jnp.where(unloads, -(self.filter.wheels.axes @ wanted), 0.0)
 
     def steady(self, memory: TolerantMemory, period: RealScalar) -> Float[Array, "3"]:
@@ -194,27 +186,21 @@ class TolerantWheels(AbstractTolerantActuators):
         return jnp.zeros(3)
 
     def act(
-        self,
-        state: PlantState,
-        reading: Reading,
-        law: QuaternionFeedback,
-        demand: Demand,
-        before: TolerantMemory,
-        now: TolerantMemory,
+        self, sample: Sample, demand: Demand, before: TolerantMemory, now: TolerantMemory
     ) -> tuple[OfEach, TolerantMemory]:
         """The torque of each wheel on the body, N m."""
-        momentum, wheeled = cast(OfEach, reading.momentum), now.ability
+        momentum, wheeled, law = cast(OfEach, sample.reading.momentum), now.ability, sample.law
         by_two, _ = self.alone(now)
         by_two = by_two & ~demand.three
         plane = (wheeled.left == Left.PLANE) & ~demand.three
-        torque = jnp.where(plane, self._by_two(state, reading, law, wheeled), demand.torque)
+        torque = jnp.where(plane, self._by_two(sample, wheeled), demand.torque)
         unloading = UNLOADING * law.natural_frequency
         shared = self.allocation.shared(wheeled, torque)
         if demand.use is not None:
             shared = jnp.where(demand.three, demand.use, shared)
         shared = self.allocation.balanced(wheeled, shared, momentum, unloading)
-        shared = jnp.where(demand.three | by_two, shared, self.damping(state, law, now))
-        pulse, probe = self._pulses(law, now)
+        shared = jnp.where(demand.three | by_two, shared, self.damping(sample, now))
+        pulse, probe = self._pulses(sample, now)
         shared = shared + jnp.where(jnp.abs(shared) < jnp.abs(pulse), pulse, 0.0)
         torques = self.allocation.commands(now.diagnosis.condition, momentum, shared)
         command = jnp.where(wheeled.working, torques, pulse)
@@ -222,41 +208,40 @@ class TolerantWheels(AbstractTolerantActuators):
         own = now.own._replace(command=command, sign=-now.own.sign)
         return command, now._replace(commanded=late, probe=probe, own=own)
 
-    def slowed(
-        self, state: PlantState, reading: Reading, law: QuaternionFeedback, memory: TolerantMemory
-    ) -> QuaternionFeedback:
+    def slowed(self, sample: Sample, memory: TolerantMemory) -> QuaternionFeedback:
         """The law with the rate at which the momentum of the body fits into the wheels in use."""
-        wheeled, inertia = memory.ability, law.model.spacecraft.inertia
-        working = jnp.where(wheeled.working, momentum_with_rotors(self.filter.wheels, reading), 0.0)
-        held = inertia @ state.omega + self.filter.wheels.axes @ working
-        free = self.allocation.largest_momentum(wheeled, held)
+        law, wheeled = sample.law, memory.ability
+        free = self.allocation.largest_momentum(wheeled, self._held(sample, wheeled))
         if free is None:
             return law
-        most = free / jnp.sqrt(jnp.sum(inertia**2))
+        most = free / jnp.sqrt(jnp.sum(law.model.spacecraft.inertia**2))
         return dataclasses.replace(law, max_rate=jnp.minimum(law.max_rate, most))
 
-    def _by_two(
-        self, state: PlantState, reading: Reading, law: QuaternionFeedback, wheeled: Wheeled
-    ) -> Float[Array, "3"]:
+    def _momenta(self, reading: Reading) -> OfEach:
+        """Of each wheel with its rotor, N m s."""
+        return momentum_with_rotors(self.filter.wheels, reading)
+
+    def _held(self, sample: Sample, wheeled: Wheeled) -> Float[Array, "3"]:
+        """The momentum (N m s) of the body and the wheels in use."""
+        working = jnp.where(wheeled.working, self._momenta(sample.reading), 0.0)
+        body = sample.law.model.spacecraft.inertia @ sample.state.omega
+        return body + self.filter.wheels.axes @ working
+
+    def _by_two(self, sample: Sample, wheeled: Wheeled) -> Float[Array, "3"]:
         """The torque (N m) of two wheels, with the gyroscopic one."""
-        momentum = law.model.spacecraft.inertia @ state.omega + self.stored(reading)
+        state, law = sample.state, sample.law
+        momentum = law.model.spacecraft.inertia @ state.omega + self.stored(sample.reading)
         torque = self.two_wheels.torque(state, wheeled.normal, law.natural_frequency, law.max_rate)
         return torque + jnp.cross(state.omega, momentum)
 
-    def _turning(
-        self,
-        state: PlantState,
-        momentum: OfEach,
-        wheeled: Wheeled,
-        law: QuaternionFeedback,
-        before: TolerantMemory,
-    ) -> WheelLawMemory:
+    def _turning(self, sample: Sample, wheeled: Wheeled, before: TolerantMemory) -> WheelLawMemory:
         """The rate (rad/s) about the axis without a wheel that momentum would leave at the target
         attitude, and whether it is slow enough to settle there.
 
         With the total momentum H in the target's axes, n·Jω = n·(H - A h) of the wheels not in use.
         Jω is known to within the uncertainty of the inertia: H is learnt while the body is slow.
         """
+        state, law, momentum = sample.state, sample.law, self._momenta(sample.reading)
         model, axes, own = law.model, self.filter.wheels.axes, before.own
         normal, inertia = wheeled.normal, model.spacecraft.inertia
         total = inertia @ state.omega + axes @ momentum
@@ -275,29 +260,29 @@ class TolerantWheels(AbstractTolerantActuators):
         limit = limit * jnp.where(own.rests & ~changed, 1.0, SLOWLY)
         return own._replace(turning=turning, rests=jnp.abs(turning) < limit)
 
-    def damping(self, state: PlantState, law: QuaternionFeedback, memory: TolerantMemory) -> OfEach:
+    def damping(self, sample: Sample, memory: TolerantMemory) -> OfEach:
         """Each wheel against the rate about its own axis (N m)."""
-        axes, usable = self.filter.wheels.axes, memory.ability.usable
+        axes, usable, law = self.filter.wheels.axes, memory.ability.usable, sample.law
         inverse = law.model.spacecraft.inverse_inertia
         inertia = 1 / jnp.sum(axes * (inverse @ axes), axis=0)
         pull = 2 * law.damping * law.natural_frequency
-        return jnp.clip(-pull * inertia * (axes.T @ state.omega), -usable, usable)
+        return jnp.clip(-pull * inertia * (axes.T @ sample.state.omega), -usable, usable)
 
     def alone(self, memory: TolerantMemory) -> tuple[Bool[Array, ""], Int[Array, ""]]:
         """By two wheels, where they leave no rate."""
         rests = (memory.ability.left == Left.PLANE) & memory.own.rests
         return rests, jnp.array(int(TolerantMode.TWO_WHEELS))
 
-    def _pulses(self, law: QuaternionFeedback, memory: TolerantMemory) -> tuple[OfEach, RealScalar]:
+    def _pulses(self, sample: Sample, memory: TolerantMemory) -> tuple[OfEach, RealScalar]:
         """Test torques (N m), of either sign in turn, and the time since the last one (s).
 
         During an alarm they are of the wheels that explain the residuals; otherwise, now and then,
         of those that may work again, and of those that are braked and may not turn any more.
         """
         diagnosis = memory.diagnosis
-        due, probe = self.probing(law, memory)
+        due, probe = self.probing(sample, memory)
         braked = ~diagnosis.condition.failed & (diagnosis.condition.flow > 0)
         now_and_then = diagnosis.may_return | braked
         tested = (now_and_then & due) | (diagnosis.rival & diagnosis.alarmed)
-        test = memory.own.sign * diagnosis.test_command(self.filter, law.period)
+        test = memory.own.sign * diagnosis.test_command(self.filter, sample.law.period)
         return jnp.where(tested, test, 0.0), probe

@@ -10,7 +10,8 @@ import pytest
 from scipy.optimize import linprog
 
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
-from jaxsat.control.tolerant_actuators import TolerantMode
+from jaxsat.control.diagnosis.residual import Reading
+from jaxsat.control.tolerant_actuators import Sample, TolerantMode
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -202,7 +203,10 @@ def test_damping_takes_energy_out_whatever_is_left():
     rng = np.random.default_rng(6)
     torque = np.asarray(thrusters.reconfiguration.torque)
     for omega in rng.normal(size=(20, 3)) * 0.1:
-        duty = np.asarray(thrusters.damping(PlantState(start.attitude, omega), law.healthy, memory))
+        state = PlantState(start.attitude, omega)
+        duty = np.asarray(
+            thrusters.damping(Sample(jnp.array(0.0), state, Reading(omega), law.healthy), memory)
+        )
         assert np.all(duty * (omega @ torque) <= 0)
         assert duty.max() > 0
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
-from jaxsat.control.tolerant_actuators import TolerantMode
+from jaxsat.control.diagnosis.residual import Reading
+from jaxsat.control.tolerant_actuators import Sample, TolerantMode
 from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
@@ -111,7 +112,11 @@ def test_damping_takes_energy_out_whatever_is_left():
     memory = law.init(run.loop.plant.complete(run.start))
     for omega in rng.normal(size=(10, 3)) * 1e-3:
         state = PlantState(run.start.attitude, omega, (WheelMomenta(np.zeros(4)),))
-        torque = np.asarray(wheels.damping(state, law.healthy, memory.actuators[0]))
+        torque = np.asarray(
+            wheels.damping(
+                Sample(jnp.array(0.0), state, Reading(omega), law.healthy), memory.actuators[0]
+            )
+        )
         assert torque[0] == 0  # it had failed before the start
         assert np.all(torque[1:] * (omega @ axes[:, 1:]) < 0)
 
