@@ -16,6 +16,7 @@ from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.backends.backend_svg import RendererSVG
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
+from matplotlib.path import Path
 from matplotlib.textpath import TextToPath
 from matplotlib.transforms import Affine2D, IdentityTransform, TransformedBbox, TransformedPath
 
@@ -79,7 +80,7 @@ class _Outlines(TextToPath):
         self, font, s, glyph_map=None, return_new_glyphs_only=False, **look
     ) -> tuple[Any, Any, Any]:
         """Places of glyphs, the glyphs (only those that are not in the map, or all), and boxes."""
-        key = (font.fname, s, repr(look))
+        key = (font.fname, s, repr([one for one in look.items() if one[1] is not None]))
         if key not in self._known:
             self._known[key] = super().get_glyphs_with_font(font, s, **look)
         places, glyphs, boxes = self._known[key]
@@ -92,11 +93,22 @@ _OUTLINES = _Outlines()
 
 
 @latest(4096)
-def _text_size(
-    text: str, font: FontProperties, ismath: Any, dpi: Any
-) -> tuple[float, float, float]:
-    """Width, height and descent of a line of text in pixels, measured once for all figures."""
-    return RendererAgg(1, 1, dpi).get_text_width_height_descent(text, font, ismath)
+def _outline(text: str, font: FontProperties, ismath: Any) -> Path:
+    """The outline of a line of text, `_OUTLINES.FONT_SCALE` points high, made once."""
+    outlines: Any = _OUTLINES
+    if ismath:
+        vertices, kinds = outlines.get_text_path(font, text, ismath)
+        return Path(vertices, kinds)
+    places, glyphs, _ = outlines.get_glyphs_with_font(outlines._get_font(font), text)
+    corners = [glyphs[name][0] * size + (x, y) for name, x, y, size in places]
+    codes = [glyphs[name][1] for name, *_ in places]
+    return Path(np.concatenate([np.empty((0, 2)), *corners]), np.concatenate([[], *codes]))
+
+
+@latest(4096)
+def _text_size(text: str, font: FontProperties, ismath: Any) -> tuple[float, float, float]:
+    """Width, height and descent of a line of text in points, measured once for all figures."""
+    return _OUTLINES.get_text_width_height_descent(text, font, ismath)
 
 
 class _PngAndSvgRenderer(RendererBase):
@@ -183,9 +195,22 @@ class _PngAndSvgRenderer(RendererBase):
             renderer.draw_image(own, *unit.transform((x, y)), im)
 
     def draw_text(self, gc, x, y, s, prop, angle, ismath=False, mtext=None) -> None:
-        """Draw one line of text."""
+        """Draw one line of text, as outlines in both files.
+
+        matplotlib lays each text out once more for pixels, and draws it letter by letter, which
+        takes ten times as long.
+        """
         for renderer, own, unit in self._each(gc):
-            renderer.draw_text(own, *unit.transform((x, y)), s, prop, angle, ismath, mtext)
+            if renderer is self.svg:
+                renderer.draw_text(own, *unit.transform((x, y)), s, prop, angle, ismath, mtext)
+                continue
+            filled = renderer.new_gc()
+            filled.copy_properties(gc)
+            filled.set_linewidth(0)
+            size = prop.get_size_in_points() / self._scale / _OUTLINES.FONT_SCALE
+            turned = Affine2D().scale(size).rotate_deg(angle)
+            place = turned.translate(round(x), round(self.height - y))
+            renderer.draw_path(filled, _outline(s, prop.copy(), ismath), place, gc.get_rgb())
 
     def open_group(self, s, gid=None) -> None:
         """Begin a group of the SVG file."""
@@ -223,7 +248,8 @@ class _PngAndSvgRenderer(RendererBase):
 
     def get_text_width_height_descent(self, s, prop, ismath) -> tuple[float, float, float]:
         """The size of a line of text in pixels."""
-        return _text_size(s, prop.copy(), ismath, self.dpi)
+        width, height, descent = _text_size(s, prop.copy(), ismath)
+        return width / self._scale, height / self._scale, descent / self._scale
 
     def points_to_pixels(self, points: Any) -> Any:
         """A length in pixels."""

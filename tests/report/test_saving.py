@@ -116,6 +116,28 @@ def texts() -> Figure:
     return drawn
 
 
+def test_letters_are_where_matplotlib_puts_them():
+    """Its own have hints, so rows and columns of pixels are compared by their mean places."""
+    with io.BytesIO() as file:
+        FigureCanvasAgg(texts()).print_png(file)
+        images = [Image.open(one).convert("L") for one in (io.BytesIO(png_and_svg(texts())[0]), file)]
+    ink, expected = (255.0 - np.asarray(image) for image in images)
+    assert ink.sum() == pytest.approx(expected.sum(), rel=0.05)
+    for axis in (0, 1):
+        (place, other), (spread, other_spread) = zip(
+            *(_moments(one.sum(axis=axis)) for one in (ink, expected)), strict=True
+        )
+        assert place == pytest.approx(other, abs=1)
+        assert spread == pytest.approx(other_spread, abs=1)
+
+
+def _moments(ink: np.ndarray) -> tuple[float, float]:
+    """The mean place of ink, and its standard deviation."""
+    places = np.arange(len(ink))
+    mean = np.average(places, weights=ink)
+    return mean, np.sqrt(np.average((places - mean) ** 2, weights=ink))
+
+
 @mpl.rc_context({"svg.hashsalt": "jaxsat"})
 def test_texts_are_those_of_matplotlib_also_when_they_are_known():
     with io.StringIO() as file:
