@@ -49,7 +49,6 @@ from jaxsat.cli.tune import tune
 from jaxsat.cli.verify import verify
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.numerals import at_least_digits
-from jaxsat.core.process import no_collection
 from jaxsat.core.text import clean
 
 MAX_MESSAGE_LENGTH = 300
@@ -88,7 +87,7 @@ app.command(completion)
 def run(tokens: Sequence[str] | None = None) -> int:
     """Run one command; gives its exit status, whatever it raised, but for signals."""
     try:
-        with no_collection(), thread_errors_reported(), warnings.catch_warnings():
+        with thread_errors_reported(), warnings.catch_warnings():
             warnings.showwarning = _show_warning
             warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
             return _command(tokens)

@@ -23,9 +23,12 @@ def use_double_precision() -> None:
         sys.modules["jax"].config.update("jax_enable_x64", True)
 
 
-def interruptibly(work: Callable[[], Result]) -> Result:
-    """Do the work in a thread, so that a signal need not wait for compiled code to return."""
-    if not gc.isenabled():  # the command line starts without the search for dead cycles
+def interruptibly(work: Callable[[], Result], *, brief: bool = False) -> Result:
+    """Do the work in a thread, so that a signal need not wait for compiled code to return.
+
+    While `brief` work is done, as a single run, nobody searches for dead cycles either.
+    """
+    if not (gc.isenabled() or brief):  # commands start without that search
         gc.freeze()
         gc.enable()
     return _in_a_thread(work)

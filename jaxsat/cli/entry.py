@@ -20,6 +20,7 @@ SIGNALS = [
 def main(tokens: Sequence[str] | None = None) -> None:
     """Run the command line and exit with a status that docs/scenarios.md lists."""
     if tokens is None:  # a process of its own, in which no code was changed
+        gc.disable()  # until `interruptibly` does what takes long
         os.environ.setdefault("JAXSAT_KEPT_KERNELS", "1")
         os.environ |= {"MATPLOTLIBRC": os.devnull, "MPLBACKEND": "agg"}  # damaged ones of a user
     with _signals_as_exceptions() as received:

@@ -63,10 +63,10 @@ def simulate(
         show_progress(f"simulating {scenario}")
         remarks: list[str] = []
         begin = time.perf_counter()
-        chosen, dataset = interruptibly(lambda: _simulated(chosen, remarks.append))
+        chosen, dataset = interruptibly(lambda: _simulated(chosen, remarks.append), brief=True)
         seconds = time.perf_counter() - begin
         show_progress("drawing figures")
-        interruptibly(lambda: _write(folder, chosen, dataset))
+        interruptibly(lambda: _write(folder, chosen, dataset), brief=True)
         files = folder.names
     from jaxsat.store.dataset import coarseness, errors_of
 

@@ -71,7 +71,7 @@ def write_one_case(
         with dask_unseen(), OutputFolder(target, kind="run", overwrite=overwrite) as folder:
             from jaxsat.store.netcdf import dataset_bytes  # imports xarray
 
-            dataset, draws = interruptibly(lambda: replayed(scenario, study, number))
+            dataset, draws = interruptibly(lambda: replayed(scenario, study, number), brief=True)
             folder.write("scenario.toml", dataset.attrs["scenario"])
             folder.write("trajectory.nc", dataset_bytes(dataset))
             save_figures(lambda: trajectory_figures(dataset), folder.write)

@@ -1,12 +1,13 @@
 """What commands do around their computing: imports that are kept away, and how they end."""
 
+import gc
 import subprocess
 import sys
 import types
 
 import pytest
 
-from jaxsat.cli.computing import dask_unseen
+from jaxsat.cli.computing import dask_unseen, interruptibly
 
 LABELS_AN_ARRAY = """
 import sys
@@ -53,6 +54,17 @@ def test_xarray_labels_an_array_without_dask():
     command = [sys.executable, "-c", LABELS_AN_ARRAY]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+def test_only_long_work_searches_for_dead_cycles(monkeypatch):
+    """A single run ends before the search gains anything."""
+    monkeypatch.setattr(gc, "freeze", lambda: None)
+    gc.disable()
+    try:
+        assert not interruptibly(gc.isenabled, brief=True)
+        assert interruptibly(gc.isenabled)
+    finally:
+        gc.enable()
 
 
 ENDS = """

@@ -120,7 +120,9 @@ def test_letters_are_where_matplotlib_puts_them():
     """Its own have hints, so rows and columns of pixels are compared by their mean places."""
     with io.BytesIO() as file:
         FigureCanvasAgg(texts()).print_png(file)
-        images = [Image.open(one).convert("L") for one in (io.BytesIO(png_and_svg(texts())[0]), file)]
+        images = [
+            Image.open(one).convert("L") for one in (io.BytesIO(png_and_svg(texts())[0]), file)
+        ]
     ink, expected = (255.0 - np.asarray(image) for image in images)
     assert ink.sum() == pytest.approx(expected.sum(), rel=0.05)
     for axis in (0, 1):
