@@ -109,14 +109,14 @@ def note_repeated(b: Builder, jaxpr: Jaxpr) -> None:
 def note_pairs(b: Builder, jaxpr: Jaxpr) -> None:
     """Tell the builder of which variables both sine and cosine are needed: they share much."""
     sin, cos = (
-        {eqn.inputs[0] for eqn in jaxpr.equations if eqn.name in names and _varies(eqn)}
+        {
+            eqn.inputs[0]
+            for eqn in jaxpr.equations
+            if eqn.name in names and not isinstance(eqn.inputs[0], Literal)
+        }
         for names in (("sin", "jaxsat_sin"), ("cos", "jaxsat_cos"))
     )
     b.sine_and_cosine |= sin & cos
-
-
-def _varies(eqn: Equation) -> bool:
-    return not isinstance(eqn.inputs[0], Literal)
 
 
 def equations(jaxpr: Jaxpr) -> int:

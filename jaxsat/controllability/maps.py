@@ -42,11 +42,11 @@ def margins_over_inertias(
     Compiled once for each number of axes; in the precision JAX is set to (64-bit for margins below
     1e-5).
     """
-    return _over_cases(_of_moments, jnp.asarray(moments), jnp.asarray(torque_axes))
 
+    def margin(moments: Vector, torque_axes: Float[Array, "3 m"]) -> RealScalar:
+        return controllability_margin(jnp.diag(moments), torque_axes)
 
-def _of_moments(moments: Vector, torque_axes: Float[Array, "3 m"]) -> RealScalar:
-    return controllability_margin(jnp.diag(moments), torque_axes)
+    return _over_cases(margin, jnp.asarray(moments), jnp.asarray(torque_axes))
 
 
 def _over_cases(function: Callable, cases: PyTree, shared: PyTree) -> Float[np.ndarray, " n"]:

@@ -106,10 +106,6 @@ def both_signs_by(judgement: Judgement) -> str:
     return " or ".join(alone) or " and ".join(makers)
 
 
-def _plane(normal: Float[np.ndarray, "3"]) -> str:
-    return f"the plane with normal {direction_words(normal)}"
-
-
 def lost_words(judgement: Judgement) -> str:
     """The control authority that a failure removes."""
     wheels, cone = judgement.level_set, judgement.cone
@@ -248,7 +244,7 @@ def cone_words(cone: TorqueCone) -> str:
     if cone.two_sided == 3:
         return "the torques positively span all three axes"
     if normal is not None:
-        text = f"two torques of both signs, in {_plane(normal)}"
+        text = f"two torques of both signs, in the plane with normal {direction_words(normal)}"
         if cone.opposed is None:
             return f"{text}; no torque about the normal"
         other = direction_words(cone.opposed)

@@ -128,10 +128,10 @@ class FlightController(eqx.Module):
     def estimate(self, now: Input, memory: PyTree) -> tuple[Seen, PyTree]:
         """What the law is told, and the estimator's memory."""
         assert self.estimator is not None
-        estimate, memory = self.estimator.step(
-            now.sample, self.law.period, _measurement(now.measured), memory
-        )
-        return Seen(estimate.attitude, estimate.omega, now.measured.wheel_momentum), memory
+        measured = now.measured
+        measurement = Measurement(measured.rate, Quaternion(measured.attitude), measured.seen)
+        estimate, memory = self.estimator.step(now.sample, self.law.period, measurement, memory)
+        return Seen(estimate.attitude, estimate.omega, measured.wheel_momentum), memory
 
     def control(
         self, sample: Array, law_input: Seen, memory: PyTree
@@ -187,10 +187,6 @@ class Measured(NamedTuple):
     attitude: Float[Array, "4"]
     seen: Array
     wheel_momentum: Float[Array, " wheels"] | None = None
-
-
-def _measurement(measured: Measured) -> Measurement:
-    return Measurement(measured.rate, Quaternion(measured.attitude), measured.seen)
 
 
 def as_type(tree: PyTree, dtype: Any) -> PyTree:

@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxsat.compiler.c.layout import Struct, about, fields_of, parameter_fields
 from jaxsat.compiler.c.naming import Names
-from jaxsat.compiler.ir import Block, Function, Value, uses
+from jaxsat.compiler.ir import Function, Value, uses
 from jaxsat.compiler.scalar_program import ScalarProgram, scalar_program
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.flight.flight import (
@@ -241,13 +241,9 @@ def _places_read(stages: Sequence[ProgramStage]) -> set[int]:
     """Numbers of the scalars that are the first parameters of all stages and that one reads."""
     places: set[int] = set()
     for stage in stages:
-        numbers = {param.number: place for place, param in enumerate(stage.program.function.params)}
-        values_read = _values(stage.program.function.block) | {
-            x.number for x in stage.program.function.results if isinstance(x, Value)
-        }
+        function = stage.program.function
+        numbers = {param.number: place for place, param in enumerate(function.params)}
+        values_read = {number for step in function.block.steps for number in uses(step)}
+        values_read |= {x.number for x in function.results if isinstance(x, Value)}
         places |= {numbers[number] for number in values_read if number in numbers}
     return places
-
-
-def _values(block: Block) -> set[int]:
-    return {number for step in block.steps for number in uses(step)}

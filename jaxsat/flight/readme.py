@@ -34,7 +34,7 @@ def readme(
     return template(
         "README.md",
         TITLE=request.title,
-        PARTS=_parts(program),
+        PARTS="estimator, " * program.estimates + "law, allocation and modulation",
         PROGRAM=program.hash,
         PRECISION="single" if program.single else "double",
         FUNCTIONS=functions,
@@ -47,13 +47,15 @@ def readme(
         CALLS=len(calls.given),
         SEARCH=_search(unsearched),
         AGREEMENT=_agreement(request),
-        ATTITUDE=_attitude(program),
-        PERIOD=_period(program),
-        FLAGS=_flags(program),
+        ATTITUDE="first_attitude, " * program.estimates,
+        PERIOD=f"{float(np.asarray(program.period)):.9g}",
+        FLAGS=", ".join(f".{group.name} = true" for group in groups(program)),
         RATE_LIMIT=f"{RATE_LIMIT:g}",
         HOLD_SAMPLES=request.hold_samples,
         STATUS=_status(program),
-        MEASUREMENTS=_measurements(uses, vectors),
+        MEASUREMENTS="\n\n".join(
+            f"{name}:\n\n{_measurement(use, vectors)}" for name, use in uses.items()
+        ),
         ESTIMATOR=" and the estimator" * program.estimates,
         SINGLE=_precision(program),
         PARAMETERS=_parameters(program),
@@ -71,17 +73,9 @@ def _precision(program: FlightProgram) -> str:
     )
 
 
-def _flags(program: FlightProgram) -> str:
-    return ", ".join(f".{group.name} = true" for group in groups(program))
-
-
 def _status(program: FlightProgram) -> str:
     bits = status_bits(program).items()
     return "\n".join(f"- `{name}` ({number}): {words}" for name, (number, words) in bits)
-
-
-def _parts(program: FlightProgram) -> str:
-    return ("estimator, " if program.estimates else "") + "law, allocation and modulation"
 
 
 def _agreement(request: "Request") -> str:
@@ -102,14 +96,6 @@ def _search(unsearched: str) -> str:
     )
 
 
-def _attitude(program: FlightProgram) -> str:
-    return "first_attitude, " if program.estimates else ""
-
-
-def _period(program: FlightProgram) -> str:
-    return f"{float(np.asarray(program.period)):.9g}"
-
-
 def _emulated_vectors(numbers: ProcessorUse, vectors: Vectors) -> str:
     """The words for the test vectors over which instructions were counted."""
     if numbers.samples == len(vectors.given):
@@ -118,10 +104,6 @@ def _emulated_vectors(numbers: ProcessorUse, vectors: Vectors) -> str:
         f"{numbers.samples} test vectors: all that run a block of code which none before ran, "
         f"and the {DEAREST} that run most blocks"
     )
-
-
-def _measurements(uses: Mapping[str, ProcessorUse], vectors: Vectors) -> str:
-    return "\n\n".join(f"{name}:\n\n{_measurement(use, vectors)}" for name, use in uses.items())
 
 
 def _measurement(numbers: ProcessorUse, vectors: Vectors) -> str:

@@ -103,7 +103,8 @@ def read(
         issues = [] if problems else trial(scenario)
     except ValidationError as error:
         issues = [line["ctx"]["issue"] for line in error.errors()]  # pyright: ignore
-    problems += sorted((places.problem(issue) for issue in issues), key=_order)
+    located = map(places.problem, issues)
+    problems += sorted(located, key=lambda one: (one.line is not None, one.line or 0))
     if scenario is None or problems:
         raise ScenarioError(list(dict.fromkeys(problems)))
     for issue in cautions(scenario, law):
@@ -177,10 +178,6 @@ class _Places:
         if issue.missing and issue.location[:1] == ("control",):
             return next((one for one in last_first if one.key == "control.law"), None)
         return None
-
-
-def _order(problem: Problem) -> tuple[bool, int]:
-    return (problem.line is not None, problem.line or 0)
 
 
 def _read(name_or_path: str | Path) -> _Source:

@@ -127,11 +127,7 @@ class RigidBody(eqx.Module):
         """The state with those of all effectors: at rest where it has none."""
         if state.effectors or not self.effectors:
             return state
-        return self._moved(state, tuple(one.init() for one in self.effectors))
-
-    @staticmethod
-    def _moved(state: PlantState, effectors: OfEach) -> PlantState:
-        return PlantState(state.attitude, state.omega, effectors)
+        return dataclasses.replace(state, effectors=tuple(one.init() for one in self.effectors))
 
     def later(self, commands: OfEach, elapsed: RealScalar) -> OfEach:
         """Commands, or pieces, so many seconds after they began to stay."""

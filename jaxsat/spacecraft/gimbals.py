@@ -65,10 +65,6 @@ class GyroPiece(NamedTuple):
     slowing: Float[Array, " k"]
 
 
-def _with_rotor_momentum(one: "ControlMomentGyros", state: GyroStates, change: Array):
-    return one, GyroStates(state.angle, state.momentum * (1 + change))
-
-
 class ControlMomentGyros(AbstractEffector):
     """k single-gimbal control moment gyros, each of which is commanded a gimbal rate, rad/s.
 
@@ -83,7 +79,11 @@ class ControlMomentGyros(AbstractEffector):
     columns_change: ClassVar[bool] = True
     dispersible: ClassVar[Mapping[str, Dispersible]] = {
         "rotor_momentum": Dispersible(
-            _with_rotor_momentum, lambda one: Limits.of_change(WHEEL_MOMENTUM, one.rotor_momentum)
+            lambda one, state, change: (
+                one,
+                GyroStates(state.angle, state.momentum * (1 + change)),
+            ),
+            lambda one: Limits.of_change(WHEEL_MOMENTUM, one.rotor_momentum),
         )
     }
 

@@ -36,10 +36,6 @@ class MagnetorquerFailures(AbstractFailures):
         return self.last(struck, count).two_signed()
 
 
-def _misaligned(one: "Magnetorquers", state: None, angles: Array):
-    return one.misaligned(angles.reshape(one.count, 2)), state
-
-
 class Magnetorquers(AbstractEffector):
     """k magnetorquers along any axes, of shape (3, k) in body axes, scaled to unit length.
 
@@ -52,7 +48,9 @@ class Magnetorquers(AbstractEffector):
     columns_change: ClassVar[bool] = True
     dispersible: ClassVar[Mapping[str, Dispersible]] = {
         "magnetorquer_misalignment": Dispersible(
-            _misaligned, lambda one: Limits.between(MISALIGNMENT), each=2
+            lambda one, state, angles: (one.misaligned(angles.reshape(one.count, 2)), state),
+            lambda one: Limits.between(MISALIGNMENT),
+            each=2,
         )
     }
 

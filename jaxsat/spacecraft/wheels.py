@@ -46,10 +46,6 @@ class WheelMomenta(eqx.Module):
     momentum: Float[Array, " wheels"] = eqx.field(converter=as_float)
 
 
-def _with_momentum(one: "Wheels", state: WheelMomenta, momentum: Array):
-    return one, WheelMomenta(momentum)
-
-
 def _momentum_limits(one: "Wheels") -> Limits:
     """The limits of momenta: that of each wheel which has one."""
     limit = as_float(TORQUE.high) if one.momentum_limit is None else one.momentum_limit
@@ -71,7 +67,9 @@ class Wheels(AbstractEffector):
     kind: ClassVar[str] = "wheel"
     blows: ClassVar[bool] = True
     dispersible: ClassVar[Mapping[str, Dispersible]] = {
-        "wheel_momentum": Dispersible(_with_momentum, _momentum_limits)
+        "wheel_momentum": Dispersible(
+            lambda one, state, momentum: (one, WheelMomenta(momentum)), _momentum_limits
+        )
     }
 
     axes: Float[Array, "3 wheels"]

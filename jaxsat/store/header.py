@@ -190,8 +190,9 @@ def differences(old: Any, new: Any) -> list[str]:
     places = sorted(
         _differences(old, new), key=lambda place: (place[0][:1] == (PROGRAM,), place[0])
     )
-    named_places = [place for place in places if not _is_operations(place[0])]
-    named_places = [place for place in named_places if not _is_number(place[0])] or named_places
+    named_places = [one for one in places if (one[0][0], one[0][-1]) != (PROGRAM, OPERATIONS)]
+    no_numbers = [one for one in named_places if one[0][0] != PROGRAM or NUMBERS not in one[0][1:]]
+    named_places = no_numbers or named_places
     clauses = [
         f"{'.'.join(path)}: {_short(x)} there, {_short(y)} here" for path, x, y in named_places
     ]
@@ -199,14 +200,6 @@ def differences(old: Any, new: Any) -> list[str]:
         clauses = [OTHER_PROGRAM]
     more = len(clauses) - MOST_DIFFERENCES
     return [*clauses[:MOST_DIFFERENCES], f"and {more} more"] if more > 0 else clauses
-
-
-def _is_operations(path: tuple[str, ...]) -> bool:
-    return path[0] == PROGRAM and path[-1] == OPERATIONS
-
-
-def _is_number(path: tuple[str, ...]) -> bool:
-    return path[0] == PROGRAM and NUMBERS in path[1:]
 
 
 def _differences(old: Any, new: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any, Any]]:

@@ -67,7 +67,7 @@ class Sobol(AbstractDesign):
         plain = np.concatenate([_sobol_run(total, int(run[0]), len(run)) for run in runs])
         shifts = [_shift(self.seed, name, count) for name, count in dimensions.items()]
         whole = (plain * 2.0**_BITS).astype(np.uint64) ^ np.concatenate(shifts)[None, :]
-        return _inside(whole)
+        return (whole.astype(np.float64) + 0.5) / 2.0**_BITS
 
 
 class LatinHypercube(AbstractDesign):
@@ -144,10 +144,6 @@ def _shift(seed: int, name: str, count: int) -> np.ndarray:
 
 def _name_seed(seed: int, name: str) -> list[int]:
     return [seed, noise.name_number(name)]
-
-
-def _inside(whole: np.ndarray) -> np.ndarray:
-    return (whole.astype(np.float64) + 0.5) / 2.0**_BITS
 
 
 def _join(columns: list[np.ndarray], count: int) -> np.ndarray:

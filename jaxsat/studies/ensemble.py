@@ -2,7 +2,7 @@
 
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -139,7 +139,8 @@ class Study:
 
     def columns(self) -> dict[str, Column]:
         """What a case has in a store."""
-        draws = {DRAWN + name: self._draw_column(name) for name in self._dispersed_names}
+        names = self.case_factory.dispersions.names
+        draws = {DRAWN + name: self._draw_column(name) for name in names}
         columns = columns_of(self.case_factory.loop)
         if self.program.error_every:
             columns = columns | {name: column for name, (_, column) in ERRORS.items()}
@@ -172,10 +173,6 @@ class Study:
         begin = f"{axis} "
         names = [one.removeprefix(begin) for one in self.names if one.startswith(begin)]
         return tuple(distinct(names)) if len(names) == size else components(axis, size)
-
-    @property
-    def _dispersed_names(self) -> Sequence[str]:
-        return self.case_factory.dispersions.names
 
     def _draw_column(self, name: str) -> Column:
         """The column of what was drawn for a quantity."""

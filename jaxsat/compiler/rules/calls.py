@@ -163,10 +163,6 @@ def _in_total_order(x: Array) -> Array:
     return jnp.where(bits < 0, bits ^ np.iinfo(word).max, bits)
 
 
-def _cumlogsumexp(x: Array, axis: int, reverse: bool) -> Array:
-    return lax.associative_scan(jnp.logaddexp, x, reverse=reverse, axis=axis)
-
-
 def _nextafter(x: Array, y: Array) -> Array:
     whole = jnp.int64 if x.dtype == jnp.float64 else jnp.int32
     bits = lax.bitcast_convert_type(x, whole)
@@ -218,7 +214,7 @@ def _polynomial(x: Array, *coefficients: Array) -> Array:
 
 COMPOSED: dict[str, Callable[..., Callable]] = {
     "clz": lambda **_: _clz,
-    "cumlogsumexp": lambda axis, reverse, **_: partial(_cumlogsumexp, axis=axis, reverse=reverse),
+    "cumlogsumexp": lambda **axis: partial(lax.associative_scan, jnp.logaddexp, **axis),
     "log2": lambda **_: lambda x: lax.log(x) / np.log(2).astype(x.dtype),
     "nextafter": lambda **_: _nextafter,
     "one_minus_square": lambda **_: lambda x: (1 + x) * (1 - x),

@@ -5,7 +5,6 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, UInt32
 
 from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.interpreter import interpret
@@ -123,14 +122,11 @@ def _threefry(b: Builder, eqn, *arrays: Elements) -> list[Elements]:
 
 
 def _encrypted(b: Builder, scalars: tuple[Scalar, ...]) -> list[Scalar]:
-    program = jaxpr_of(_two_words, *[np.zeros((), WORD)] * 4)
+    program = jaxpr_of(
+        lambda first, second, x, y: threefry(jnp.stack([first, second]), x, y),
+        *[np.zeros((), WORD)] * 4,
+    )
     function = function_of(b, "threefry2x32", program, scalars)
     if not any(isinstance(x, Value) for x in scalars):
         return [WORD.type(word) for word in interpret(function, scalars)]  # pyright: ignore
     return b.call(function, scalars)
-
-
-def _two_words(
-    first: UInt32[Array, ""], second: UInt32[Array, ""], x: UInt32[Array, ""], y: UInt32[Array, ""]
-) -> tuple[UInt32[Array, ""], UInt32[Array, ""]]:
-    return threefry(jnp.stack([first, second]), x, y)

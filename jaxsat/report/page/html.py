@@ -33,7 +33,8 @@ def report_page(paths: Sequence[str | Path], *, title: str | None = None) -> str
     from jaxsat.report.page.sources import sections_of
 
     sections = sections_of([Path(path) for path in paths])
-    return render(sections, title or _title(sections, len(paths)))
+    several = f"{len(paths)} results of jaxsat"
+    return render(sections, title or (sections[0].title if len(paths) == 1 else several))
 
 
 def require_packages() -> None:
@@ -42,10 +43,6 @@ def require_packages() -> None:
     if missing:
         names = " and ".join(missing)
         raise MissingPackages(f"a report needs {names}: pip install 'jaxsat[report]'")
-
-
-def _title(sections: Sequence[Document], results: int) -> str:
-    return sections[0].title if results == 1 else f"{results} results of jaxsat"
 
 
 def render(sections: Sequence[Document], title: str) -> str:

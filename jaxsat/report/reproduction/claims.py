@@ -139,7 +139,10 @@ def third_rate_decays(datasets: Datasets) -> Claim:
 
 def rates_reach_zero(datasets: Datasets) -> Claim:
     """All rates are below `SMALL_RATE` at the end."""
-    worst = {name: _worst_rate(datasets[name], 50.0) for name in ("rate", "rate-without-d3")}
+    worst = {
+        name: float(np.abs(last(datasets[name], 50.0)["omega"]).max())
+        for name in ("rate", "rate-without-d3")
+    }
     return Claim(
         "(39), Fig. 3b",
         "The rates are close to zero at 500 s",
@@ -176,10 +179,6 @@ def burr(datasets: Datasets) -> Claim:
             "any size counts as slight: d3 causes it, and the spikes grow with the resolution",
         ),
     )
-
-
-def _worst_rate(dataset: xr.Dataset, span: float) -> float:
-    return float(np.abs(last(dataset, span)["omega"]).max())
 
 
 _CLAIMS: tuple[Callable[[Datasets], Claim], ...] = (

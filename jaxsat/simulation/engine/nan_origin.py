@@ -120,13 +120,11 @@ class _LoopBody:
             self._first = False
             return _compute(self.body, operands)
         arrays = self._compiled(*[value.array for value in operands])
-        if any(map(_is_new, arrays, before)):
+        if any(
+            origin is None and _has_nan(array) for array, origin in zip(arrays, before, strict=True)
+        ):
             return _compute(self.body, operands)
         return [_value(array, origin) for array, origin in zip(arrays, before, strict=True)]
-
-
-def _is_new(array: Any, before: Origin | None) -> bool:
-    return before is None and _has_nan(array)
 
 
 def _scan(parameters: Any, operands: list[_Value]) -> list[_Value]:

@@ -91,7 +91,11 @@ def within_limit(state: PyTree, limit: Float[Array, ""], *finite: PyTree) -> Arr
 
     Momenta of wheels, and what is to be `finite`, only have to be: they are as large as the body.
     """
-    motion = jax.tree.map(_without_momentum, state, is_leaf=_is_plant)
+    motion = jax.tree.map(
+        lambda one: dataclasses.replace(one, effectors=None) if _is_plant(one) else one,
+        state,
+        is_leaf=_is_plant,
+    )
     squares = [jnp.sum(x**2) for x in _floats(motion)]
     squares += [jnp.sum(0 * x) for x in _floats((state, finite))]
     return sum(squares) < limit**2  # which fails for NaN, too
@@ -99,10 +103,6 @@ def within_limit(state: PyTree, limit: Float[Array, ""], *finite: PyTree) -> Arr
 
 def _is_plant(state: PyTree) -> bool:
     return isinstance(state, PlantState)
-
-
-def _without_momentum(state: PyTree) -> PyTree:
-    return dataclasses.replace(state, effectors=None) if _is_plant(state) else state
 
 
 def _floats(tree: PyTree) -> list[Array]:

@@ -279,17 +279,13 @@ def _with_control(scenario: Scenario, control: dict[str, Any], scale: Scale) -> 
         period = control["period_s"]
         save = period * max(1, round(table["save_every_s"] / period))
         table["save_every_s"] = save
-        table["duration_s"] = _whole(table["duration_s"], table["save_every_s"])
+        table["duration_s"] = math.ceil(table["duration_s"] / save - 1e-9) * save
         quick = period <= QUICK_PERIOD * scale.time and not scenario.thruster
         if quick and not steps_given:
             table["solver"] = {**solver, "name": "bosh3", "substeps": 1}
     elif not steps_given:
         table["solver"] = {**solver, "rtol": 1e-9, "atol": 1e-10, "min_step_s": 1e-6}
     return Scenario.model_validate(data)
-
-
-def _whole(duration: float, step: float) -> float:
-    return math.ceil(duration / step - 1e-9) * step
 
 
 def required_law_to_design(own: str, law: str | None = None) -> str:
