@@ -10,13 +10,7 @@ from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import End, Output, Overrides, Seed, Starts, number
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import (
-    FAILED_RUN,
-    SUCCESS,
-    UserMistake,
-    print_document,
-    print_stderr,
-)
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, print_document, print_stderr
 
 if TYPE_CHECKING:
     from jaxsat.scenario import Scenario

@@ -18,13 +18,7 @@ from jaxsat.cli.options import (
     whole,
 )
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.terminal import (
-    FAILED_RUN,
-    SUCCESS,
-    print_document,
-    print_stderr,
-    print_stdout,
-)
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, print_document, print_stderr, print_stdout
 
 if TYPE_CHECKING:
     from jaxsat.synthesis.controller_design.result import ControllerDesign

@@ -8,13 +8,7 @@ from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import Results
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.terminal import (
-    FAILED_RUN,
-    SUCCESS,
-    print_document,
-    print_stderr,
-    print_stdout,
-)
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, print_document, print_stderr, print_stdout
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -7,12 +7,7 @@ from jaxsat.cli.listening import listener, resumed_later
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import BatchSize, Flag, Overrides, Resumable
 from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.terminal import (
-    SUCCESS,
-    UserMistake,
-    print_document,
-    print_stdout,
-)
+from jaxsat.cli.terminal import SUCCESS, UserMistake, print_document, print_stdout
 
 
 def tune(

@@ -9,12 +9,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.controller import (
-    LawContext,
-    ThrusterContext,
-    UnsuitableModel,
-    WheelContext,
-)
+from jaxsat.control.controller import LawContext, ThrusterContext, UnsuitableModel, WheelContext
 from jaxsat.control.diagnosis.diagnosis import Diagnosis
 from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter

@@ -17,12 +17,7 @@ import jax.numpy as jnp
 
 from jaxsat.control.demands import AbstractDemand
 from jaxsat.control.estimators import ThirdAxis
-from jaxsat.control.normal_form import (
-    NormalForm,
-    NormalState,
-    Tilt,
-    tracking_torque,
-)
+from jaxsat.control.normal_form import NormalForm, NormalState, Tilt, tracking_torque
 from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import reciprocal

@@ -22,11 +22,7 @@ from jaxsat.controllability.layout import (
     inertia_matrix,
     make_layout,
 )
-from jaxsat.controllability.wheels import (
-    MomentumLevelSet,
-    momentum_level_set,
-    one_wheel_brackets,
-)
+from jaxsat.controllability.wheels import MomentumLevelSet, momentum_level_set, one_wheel_brackets
 
 
 def actuator_layout(inertia: Numbers, actuators: ActuatorSet) -> TorqueLayout:

@@ -12,11 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.periodic_gain import (
-    LinearMotion,
-    floquet_multipliers,
-    periodic_gain,
-)
+from jaxsat.control.periodic_gain import LinearMotion, floquet_multipliers, periodic_gain
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 from jaxsat.controllability.linear import lvlh_linearisation
 from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION, AbstractMagneticField

@@ -18,11 +18,7 @@ from jaxsat.scenario.parts.thrusters import (
     modulation_kind,
     working_torques,
 )
-from jaxsat.scenario.parts.wheels import (
-    relieved_by_thrusters,
-    wheel_axes,
-    wheels_make_all,
-)
+from jaxsat.scenario.parts.wheels import relieved_by_thrusters, wheel_axes, wheels_make_all
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import InitialTable

@@ -17,14 +17,7 @@ from pydantic import ValidationError
 from jaxsat.core.process import add_folders
 from jaxsat.scenario.cautions import cautions
 from jaxsat.scenario.conversion import Conversion
-from jaxsat.scenario.errors import (
-    Issue,
-    Location,
-    Problem,
-    ScenarioError,
-    ScenarioWarning,
-    key_of,
-)
+from jaxsat.scenario.errors import Issue, Location, Problem, ScenarioError, ScenarioWarning, key_of
 from jaxsat.scenario.limits import MAX_FILE_SIZE, MAX_OVERRIDES, Excess, require_modest
 from jaxsat.scenario.lines import line_map, nearest_line
 from jaxsat.scenario.overrides import Override, apply_overrides, parse_override

@@ -4,12 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Any
 
 from annotated_types import Len
-from pydantic import (
-    BaseModel,
-    ValidationError,
-    create_model,
-    model_validator,
-)
+from pydantic import BaseModel, ValidationError, create_model, model_validator
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails, PydanticCustomError
 
@@ -26,10 +21,7 @@ from jaxsat.scenario.parts.named import ActuatorsOfAKind
 from jaxsat.scenario.parts.registry import TABLES, TYPES
 from jaxsat.scenario.parts.requirements import RequirementTable
 from jaxsat.scenario.parts.sensors import TABLES as SENSORS
-from jaxsat.scenario.parts.sensors import (
-    EstimatorOfAKind,
-    SamplingTable,
-)
+from jaxsat.scenario.parts.sensors import EstimatorOfAKind, SamplingTable
 from jaxsat.scenario.parts.thrusters import ModulationTable
 from jaxsat.scenario.parts.unloading import UnloadingTable
 from jaxsat.scenario.quantities import Line, ScenarioTable, Text, choice, table_with

@@ -14,11 +14,7 @@ from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import concrete
 from jaxsat.core.quotients import reciprocal
-from jaxsat.simulation.loops import (
-    AbstractContinuousLoop,
-    Motion,
-    continuous_signals,
-)
+from jaxsat.simulation.loops import AbstractContinuousLoop, Motion, continuous_signals
 from jaxsat.simulation.trajectory import Signals
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 

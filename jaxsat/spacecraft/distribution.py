@@ -10,11 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jaxsat.core.allocation import (
-    least_squares_map,
-    unit_columns,
-    what_is_left,
-)
+from jaxsat.core.allocation import least_squares_map, unit_columns, what_is_left
 from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.checks import as_array, as_float, as_optional_float, require_positive
 from jaxsat.core.errors import ArgumentError

@@ -26,13 +26,7 @@ from jaxsat.store.chunks import (
 )
 from jaxsat.store.files import OutputError, explained, reason, write_file
 from jaxsat.store.header import OTHER_PROGRAM, Header, differences, read_header, run_record
-from jaxsat.store.ledger import (
-    ChunkRecord,
-    Ledger,
-    read_chunk,
-    read_chunk_file,
-    status_chunks,
-)
+from jaxsat.store.ledger import ChunkRecord, Ledger, read_chunk, read_chunk_file, status_chunks
 from jaxsat.store.provenance import machine
 from jaxsat.store.temporary import is_absent_or_empty, lock_folder, make_folder
 

@@ -27,11 +27,7 @@ from jaxsat.studies.failure_codes import (
     first_code,
     words,
 )
-from jaxsat.studies.torques_left import (
-    UNRECOVERABLE,
-    TorquesLeft,
-    torques_left,
-)
+from jaxsat.studies.torques_left import UNRECOVERABLE, TorquesLeft, torques_left
 
 STUCK = [1 + kind for kind in ONE_WAY]
 """Codes of failures of one of the two ways of a two-sided thruster."""

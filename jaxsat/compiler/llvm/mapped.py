@@ -18,13 +18,7 @@ from jaxsat.compiler.llvm.emitter import Module, require_lanes
 from jaxsat.compiler.llvm.entry_points import EntryPoint, emit_entry_point
 from jaxsat.compiler.llvm.locations import Location, PerCase, SharedElement
 from jaxsat.compiler.llvm.threads import in_own_thread
-from jaxsat.compiler.lowering import (
-    CannotLower,
-    arrays_of,
-    lower,
-    number_type,
-    scalars_of,
-)
+from jaxsat.compiler.lowering import CannotLower, arrays_of, lower, number_type, scalars_of
 from jaxsat.core.jaxprs import Jaxpr, jaxpr_and_shapes
 from jaxsat.core.once import once_property
 

@@ -10,13 +10,7 @@ from jax.lax import GatherScatterMode
 
 from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.ir import Memory, Scalar, Value, is_uniform
-from jaxsat.compiler.lowering import (
-    CannotLower,
-    Elements,
-    filled,
-    lower,
-    lowers,
-)
+from jaxsat.compiler.lowering import CannotLower, Elements, filled, lower, lowers
 from jaxsat.compiler.operations import BOOL, INT
 from jaxsat.compiler.rules.elementwise import extremum
 

@@ -9,15 +9,7 @@ import numpy as np
 from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.interpreter import interpret
 from jaxsat.compiler.ir import Scalar, Value
-from jaxsat.compiler.lowering import (
-    KEYS,
-    Elements,
-    as_elements,
-    each,
-    function_of,
-    lowers,
-    written,
-)
+from jaxsat.compiler.lowering import KEYS, Elements, as_elements, each, function_of, lowers, written
 from jaxsat.core.jax_internals import key_functions
 from jaxsat.core.jaxprs import jaxpr_of
 from jaxsat.core.noise import threefry

@@ -7,13 +7,7 @@ import numpy as np
 
 from jaxsat.compiler.builder import Builder
 from jaxsat.compiler.ir import Scalar
-from jaxsat.compiler.lowering import (
-    CannotLower,
-    Elements,
-    filled,
-    lower,
-    lowers,
-)
+from jaxsat.compiler.lowering import CannotLower, Elements, filled, lower, lowers
 from jaxsat.compiler.rules.linear_algebra import inner_product
 from jaxsat.compiler.rules.reductions import empty_value, from_zero, joining
 

@@ -11,10 +11,7 @@ from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
 from jaxsat.core.declaration.one_torque import ONE_TORQUE
 from jaxsat.core.declaration.paper import RATE, SWITCHING, THREE_AXIS
 from jaxsat.core.declaration.settling import OSCILLATORY, PLANNED, THREE_SLEW
-from jaxsat.core.declaration.three_torques import (
-    FAULT_TOLERANT,
-    QUATERNION_FEEDBACK,
-)
+from jaxsat.core.declaration.three_torques import FAULT_TOLERANT, QUATERNION_FEEDBACK
 
 
 @dataclass(frozen=True)

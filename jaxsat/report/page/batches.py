@@ -19,15 +19,7 @@ import numpy as np
 from jaxsat.report.comparison_document import comparison_document, place_of
 from jaxsat.report.controllability_document import controllability_document
 from jaxsat.report.design_document import DESIGNED, design_document
-from jaxsat.report.document import (
-    Block,
-    Chart,
-    Charts,
-    Document,
-    Facts,
-    Listing,
-    Table,
-)
+from jaxsat.report.document import Block, Chart, Charts, Document, Facts, Listing, Table
 from jaxsat.report.facts import provenance_facts, record_provenance, scenario_facts, scenario_tables
 from jaxsat.report.page.plots import chart_of
 from jaxsat.report.plot import Axis

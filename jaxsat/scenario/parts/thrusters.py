@@ -13,13 +13,7 @@ from jaxsat.core.ranges import SECONDS
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import table_of_device
 from jaxsat.scenario.parts.wheels import some_work, wheels_make_all
-from jaxsat.scenario.quantities import (
-    Number,
-    ScenarioTable,
-    choice,
-    quantity,
-    within,
-)
+from jaxsat.scenario.quantities import Number, ScenarioTable, choice, quantity, within
 from jaxsat.scenario.rules import at, rule, rule_over, sampled_laws
 from jaxsat.scenario.wording import shown
 

@@ -15,10 +15,7 @@ from jaxsat.core.checks import as_float, require_finite, require_positive
 from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.disturbances import AERODYNAMIC, MAGNETIC, SOLAR
 from jaxsat.core.earth import EARTH_RADIUS
-from jaxsat.spacecraft.environment.disturbances import (
-    AbstractDisturbance,
-    DisturbanceContext,
-)
+from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, DisturbanceContext
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace, CircularOrbit
 
 SOLAR_PRESSURE = 4.56e-6

@@ -16,10 +16,7 @@ from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import as_float, require_finite, require_positive
 from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.disturbances import PANEL_DRAG, PANEL_LIGHT
-from jaxsat.spacecraft.environment.disturbances import (
-    AbstractDisturbance,
-    DisturbanceContext,
-)
+from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, DisturbanceContext
 from jaxsat.spacecraft.environment.orbit import CircularOrbit
 from jaxsat.spacecraft.environment.orbital_torques import SOLAR_PRESSURE, Sunlight
 

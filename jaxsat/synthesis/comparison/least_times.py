@@ -20,11 +20,7 @@ from jaxsat.store.resumable import ResumableFolder
 from jaxsat.synthesis.bounds.manoeuvre import End, manoeuvre_of
 from jaxsat.synthesis.bounds.run import end_data, search_bound, tolerances_at
 from jaxsat.synthesis.bounds.transcription import BoundObjective
-from jaxsat.synthesis.comparison.acceptance import (
-    ComparisonSetting,
-    comparison_scenario,
-    horizon,
-)
+from jaxsat.synthesis.comparison.acceptance import ComparisonSetting, comparison_scenario, horizon
 from jaxsat.synthesis.comparison.verdict import ComparisonRow
 from jaxsat.synthesis.execution import Listener
 

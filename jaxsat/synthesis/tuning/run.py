@@ -24,12 +24,7 @@ from jaxsat.synthesis.tuning.baselines import (
 )
 from jaxsat.synthesis.tuning.build import build_plan, tuned_scenario
 from jaxsat.synthesis.tuning.checkpoint import TuningFolder, plan_identity
-from jaxsat.synthesis.tuning.descent import (
-    DescentProgress,
-    DescentState,
-    descend,
-    initial_state,
-)
+from jaxsat.synthesis.tuning.descent import DescentProgress, DescentState, descend, initial_state
 from jaxsat.synthesis.tuning.history import history_dataset
 from jaxsat.synthesis.tuning.plan import TuningPlan
 from jaxsat.synthesis.tuning.receipt import Receipt, make_receipt

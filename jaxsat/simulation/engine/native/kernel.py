@@ -12,14 +12,7 @@ from jaxtyping import PyTree
 
 from jaxsat.compiler.llvm import cache, target
 from jaxsat.compiler.llvm.arguments import AlignedMemory, addresses
-from jaxsat.compiler.llvm.drivers import (
-    HISTORY,
-    RUN,
-    advance_lanes,
-    history,
-    run_blocks,
-    run_lanes,
-)
+from jaxsat.compiler.llvm.drivers import HISTORY, RUN, advance_lanes, history, run_blocks, run_lanes
 from jaxsat.compiler.llvm.emitter import Module
 from jaxsat.compiler.llvm.entry_points import emit_entry_point
 from jaxsat.compiler.llvm.threads import in_own_thread, in_threads
