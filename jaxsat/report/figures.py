@@ -41,7 +41,7 @@ def trajectory_figures(dataset: xr.Dataset) -> dict[str, Figure]:
         "rates": rates_figure(dataset, linear_to=_usual_size(dataset["omega"])),
         "torque": torque_figure(dataset, linear_to=_usual_size(dataset["torque"])),
     }
-    if np.isfinite(dataset["lyapunov"]).any():
+    if np.nan_to_num(dataset["lyapunov"]).any():
         figures["lyapunov"] = lyapunov_figure(dataset)
     if mode_names(dataset) and torque_axes(dataset) == 2:
         figures["steering"] = steering_figure(dataset)
