@@ -194,6 +194,12 @@ from jaxsat.spacecraft.spacecraft import (
 from jaxsat.spacecraft.thrusters import (
     Thrusters as Thrusters,
 )
+from jaxsat.synthesis.rare_events.result import (
+    RareEvent as RareEvent,
+)
+from jaxsat.synthesis.rare_events.run import (
+    rare_event as rare_event,
+)
 from jaxsat.synthesis.verification.result import (
     Verification as Verification,
 )

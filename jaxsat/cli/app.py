@@ -30,6 +30,7 @@ from jaxsat.cli.front import front
 from jaxsat.cli.mistakes import parser_message
 from jaxsat.cli.montecarlo import montecarlo
 from jaxsat.cli.progress import stop_progress
+from jaxsat.cli.rare import rare
 from jaxsat.cli.report import report
 from jaxsat.cli.reproduce import reproduce
 from jaxsat.cli.scenarios import scenarios
@@ -74,6 +75,7 @@ app.command(bound)
 app.command(front)
 app.command(tune)
 app.command(verify)
+app.command(rare)
 app.command(design)
 app.command(controllability)
 app.command(export)

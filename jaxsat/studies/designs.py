@@ -29,6 +29,27 @@ class AbstractDesign(eqx.Module):
     def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
         """Points (cases, dimensions) of the cases `numbers`, the coordinates name by name."""
 
+    def noise(self, numbers: np.ndarray) -> np.ndarray:
+        """The numbers from which the noise of cases is drawn: their own."""
+        return numbers
+
+
+class Listed(AbstractDesign):
+    """Cases that are listed: `listed_points` (cases, dimensions), and whose noise they have."""
+
+    seed: int = eqx.field(static=True)
+    listed_points: np.ndarray
+    listed_noise: np.ndarray
+
+    def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
+        """The rows of the list."""
+        _require_numbers(numbers, len(self.listed_points) - 1)
+        return self.listed_points[np.asarray(numbers)]
+
+    def noise(self, numbers: np.ndarray) -> np.ndarray:
+        """The numbers of the list."""
+        return self.listed_noise[np.asarray(numbers)]
+
 
 class Independent(AbstractDesign):
     """Independent draws; the case and the name are folded into the seed's key."""

@@ -85,7 +85,7 @@ class Dispersions(eqx.Module):
 
 
 class StudyCase(NamedTuple):
-    """Which case of a study, and its point in the unit cube."""
+    """The number from which the noise of a case is drawn, and its point in the unit cube."""
 
     number: UInt32[Array | np.ndarray, "*n"]
     point: Float[Array | np.ndarray, "*n dimension"]
@@ -116,6 +116,14 @@ class Dispersed(AbstractCaseFactory):
     def dimensions(self) -> dict[str, int]:
         """How many unit coordinates each name takes."""
         return self.dispersions.dimensions(self.loop)
+
+    @property
+    def has_noise(self) -> bool:
+        """Whether a case depends on more than its point."""
+        loop = self.loop
+        if not isinstance(loop, SampledLoop):
+            return False
+        return any(one is not None for one in (loop.sensors, loop.navigation, loop.tachometers))
 
     def __call__(self, case: StudyCase, gains: dict[str, Array] | None = None) -> Case:
         """The copy of one case."""

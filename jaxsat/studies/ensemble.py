@@ -106,7 +106,7 @@ class Study:
     def cases(self, numbers: np.ndarray) -> StudyCase:
         """The cases of these numbers, as the engine takes them."""
         points = self.design.points(numbers, self.case_factory.dimensions())
-        return StudyCase(np.asarray(numbers).astype(np.uint32), points)
+        return StudyCase(self.design.noise(np.asarray(numbers)).astype(np.uint32), points)
 
     def evaluate(self, numbers: np.ndarray) -> Outputs:
         """Outputs of these cases."""

@@ -20,6 +20,7 @@ COMMANDS = [
     ("front",),
     ("tune",),
     ("verify",),
+    ("rare",),
     ("controllability",),
     ("design",),
     ("export",),

@@ -34,6 +34,10 @@ FLAGS = {
         "--set --fraction --confidence --cases --no-failures --out --engine --workers --report "
         "--overwrite --yes --elsewhere --digits --quiet"
     ),
+    "rare": (
+        "--set --requirement --cases --replications --least --confidence --case --out --engine "
+        "--workers --report --overwrite --yes --elsewhere --digits --quiet"
+    ),
     "controllability": (
         "--set --out --report --overwrite --digits --quiet --failures --drift --tolerance"
     ),

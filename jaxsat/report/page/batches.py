@@ -23,6 +23,8 @@ from jaxsat.report.document import Block, Chart, Charts, Document, Facts, Listin
 from jaxsat.report.facts import provenance_facts, record_provenance, scenario_facts, scenario_tables
 from jaxsat.report.page.plots import chart_of
 from jaxsat.report.plot import Axis
+from jaxsat.report.rare_event_document import rare_event_document
+from jaxsat.report.rare_event_plots import rare_event_plots
 from jaxsat.report.reproduction import RUNS, claims_document, judge
 from jaxsat.report.study_plots import curves, settled_by_law, settling_plots
 from jaxsat.report.style import MOST_LINES
@@ -97,6 +99,16 @@ def verification_section(folder: Path) -> Document:
         document = verification_document(record)
     blocks = [*document.blocks, record_provenance(record)]
     return dataclasses.replace(document, blocks=blocks, kind=f"Verification in {folder.name}")
+
+
+def rare_event_section(folder: Path) -> Document:
+    """How probable it is that a requirement is violated, and where cases violate it."""
+    record = read_record(folder / "rare-event.json")
+    with form_explained(folder):
+        document = rare_event_document(record)
+        charts = Charts("Levels and violations", list(map(chart_of, rare_event_plots(record))))
+    blocks = [*document.blocks, charts, record_provenance(record)]
+    return dataclasses.replace(document, blocks=blocks, kind=f"Rare event in {folder.name}")
 
 
 def _settled_by_law(folder: Path, rows: list[Mapping[str, Any]]) -> list[Chart]:

@@ -20,6 +20,7 @@ MADE_BY: Mapping[str, tuple[str, str]] = {
     "comparison.json": ("batches", "comparison_section"),
     "design.json": ("batches", "design_section"),
     "verification.json": ("batches", "verification_section"),
+    "rare-event.json": ("batches", "rare_event_section"),
     "failures.nc": ("batches", "controllability_section"),
     "verdicts.md": ("batches", "reproduction_section"),
 }
@@ -62,8 +63,8 @@ def _section(path: Path) -> Document:
             return _maker(*maker)(path)
     raise OutputError(
         f"{path} is no result of jaxsat; give the folder of a run, a tuning, a comparison, a "
-        "design, a verification, a reproduction or an analysis of controllability, or the store "
-        "of a study."
+        "design, a verification, a rare event, a reproduction or an analysis of controllability, "
+        "or the store of a study."
     )
 
 

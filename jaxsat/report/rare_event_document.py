@@ -1,0 +1,117 @@
+"""How probable it is that a requirement is violated, as a document of `rare-event.json`."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from jaxsat.core.numerals import number_text
+from jaxsat.report.document import Block, Cell, Document, Facts, Lines, Shown, Table, Verdict
+from jaxsat.report.rare_event_plots import chance_distance, probability_text
+from jaxsat.studies.statistics import Interval
+
+Record = Mapping[str, Any]
+
+FIRST = 8
+"""Quantities that text shows."""
+
+MIDDLE, LOW, HIGH = 4, 1, 7
+"""Places of the median and of the 5th and 95th percentile."""
+
+
+def rare_event_document(record: Record) -> Document:
+    """The probability, whether to trust it, the levels, and where cases violate.
+
+    Raises `KeyError` or `TypeError` for a record of another form.
+    """
+    blocks: list[Block] = [Facts("Estimate", dict(_facts(record)))]
+    if record["doubts"]:
+        blocks.append(Lines("Why the interval may not hold", record["doubts"]))
+    blocks.append(_levels(record))
+    if record["differences"]:
+        blocks.append(_differences(record))
+    title = f"Rare event: {record['title']}, {record['requirement']}"
+    return Document(title, _verdict(record), blocks)
+
+
+def _verdict(record: Record) -> Verdict:
+    probability, settings = Interval(**record["probability"]), record["settings"]
+    confidence = f"{100 * settings['confidence']:.6g} %"
+    how = f"probability {probability_text(probability)}"
+    if probability.value == 0:
+        how = f"a probability below {probability.high:.2g}"
+    trust = "It may not hold, as told below." if record["doubts"] else "Nothing speaks against it."
+    text = f"{record['requirement']} is violated with {how}."
+    return Verdict(None, text, [f"The interval is of {confidence}. {trust}"])
+
+
+def _facts(record: Record) -> Iterator[tuple[str, str]]:
+    settings = record["settings"]
+    yield "requirement", record["sentence"]
+    yield (
+        "replications",
+        f"{settings['replications']} with {settings['cases']:,} cases of each level: "
+        + ", ".join(f"{one:.2g}" for one in record["estimates"]),
+    )
+    yield "flights", f"{record['flights']:,}"
+    descent = f"which descend from {record['independent']} independent draws"
+    yield "violating flights", f"{record['violating']:,}, in violations.csv, {descent}"
+    if record["worst"] is not None:
+        margin = "none, it ended early"
+        if record["margin"] is not None:
+            margin = f"{number_text(record['margin'])} {record['unit']}"
+        yield "least margin", f"{margin}; `{record['again']}` flies it again"
+
+
+def _levels(record: Record) -> Table:
+    unit = record["unit"] or "1"
+    rows: list[list[Cell]] = [
+        [
+            Shown("none" if one["margin"] is None else number_text(one["margin"]), one["margin"]),
+            Shown(f"{one['probability']:.3g}", one["probability"]),
+            _percent(one["moved"]),
+            _percent(one["redrawn"]),
+        ]
+        for one in record["levels"]
+    ]
+    note = (
+        "The mean probability of a margin at most as large. On the way to the next level chains "
+        "accepted these parts of their moves, and of the trials to draw again what does not move."
+    )
+    columns = [f"margin ({unit})", "probability", "moves accepted", "new draws accepted"]
+    return Table("Levels", columns, rows, note)
+
+
+def _percent(fraction: float | None) -> Cell:
+    return None if fraction is None else Shown(f"{fraction:.1%}", fraction)
+
+
+def _differences(record: Record) -> Table:
+    rows = [list(_difference_cells(one)) for one in record["differences"]]
+    note = (
+        "Medians with 5th and 95th percentiles, or the commonest values with their shares. The "
+        "distance is the largest difference of the two distribution functions; one below "
+        f"{chance_distance(record):.2f} may be chance."
+    )
+    columns = ["quantity", "all cases", "violating cases", "distance"]
+    return Table("Where cases violate", columns, rows, note, FIRST)
+
+
+def _difference_cells(one: Record) -> Iterator[Cell]:
+    unit = f" ({one['unit']})" if one["unit"] else ""
+    yield one["quantity"] + unit
+    if one["shares"]:
+        commonest = sorted(one["shares"], key=lambda share: -share[2])[:3]
+        yield _shares(commonest, 1)
+        yield _shares(commonest, 2)
+    else:
+        yield _percentiles(one["everywhere"])
+        yield _percentiles(one["violating"])
+    yield Shown(f"{one['distance']:.2f}", one["distance"])
+
+
+def _percentiles(values: list[float]) -> str:
+    middle, low, high = (number_text(values[place], 3) for place in (MIDDLE, LOW, HIGH))
+    return f"{middle} ({low} to {high})"
+
+
+def _shares(shares: list[list[float]], column: int) -> str:
+    return ", ".join(f"{number_text(one[0])}: {one[column]:.0%}" for one in shares)

@@ -1,0 +1,1 @@
+"""Probabilities of violating a requirement, however small."""

@@ -1,0 +1,308 @@
+"""An estimate in one call: the pilot run, the replications, and what they say."""
+
+import csv
+import io
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxsat.core.declaration.requirements import comparisons
+from jaxsat.core.errors import ArgumentError
+from jaxsat.core.package_files import text_of
+from jaxsat.report.rare_event_plots import rare_event_plots
+from jaxsat.scenario import Scenario, dump
+from jaxsat.scenario.build.study import PILOTS, refined_study
+from jaxsat.scenario.errors import MissingTable
+from jaxsat.scenario.parts.requirements import RequirementTable
+from jaxsat.scenario.resolution import excessive_error
+from jaxsat.store.files import OutputError, parse_json
+from jaxsat.store.header import differences as where_other
+from jaxsat.store.marker import Marker
+from jaxsat.store.provenance import command_line, machine, provenance
+from jaxsat.store.resumable import ResumableFolder
+from jaxsat.studies.columns import DRAWN
+from jaxsat.studies.designs import Listed
+from jaxsat.studies.ensemble import Study
+from jaxsat.studies.splitting import LENGTH, Level, Replications, Splitting, interval_of
+from jaxsat.studies.statistics import Interval
+from jaxsat.studies.work import study_work
+from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
+from jaxsat.synthesis.plain_data import plain_data
+from jaxsat.synthesis.rare_events.doubts import doubts_of
+from jaxsat.synthesis.rare_events.flights import Batch, Flights, listed_flights, space_of
+from jaxsat.synthesis.rare_events.result import LevelRow, RareEvent, Settings
+from jaxsat.synthesis.rare_events.violations import Violations, differences
+
+KIND = "rare event"
+"""The kind of the output folder."""
+
+RECORD, SCHEMA = "rare-event.json", "rare-event.schema.json"
+SCENARIO, TABLE, MACHINE = "scenario.toml", "violations.csv", "machine.json"
+
+
+def rare_event(
+    scenario: Scenario,
+    requirement: str | None = None,
+    *,
+    cases: int = 1000,
+    replications: int = 10,
+    least: float = 1e-9,
+    confidence: float = 0.95,
+    out: str | Path | None = None,
+    execution: Execution = Execution(),
+    listener: Listener = Listener(),
+) -> RareEvent:
+    """Estimate the probability, however small, that a requirement is violated.
+
+    The requirement is that of this id, or the only one that studies judge. A pilot run finds levels
+    of the margin down to zero; so many `replications`, each with `cases` of every level, then give
+    independent unbiased estimates, see `jaxsat.studies.splitting`. What is drawn for a case moves
+    along Markov chains; numbers that jump and the noise of sensors are drawn again whole. With
+    `out` flights and results are kept in that folder, and the same call resumes.
+
+    Raises `MissingTable` for a scenario without requirements or dispersions, `ArgumentError` for
+    numbers that cannot be or a requirement that studies do not judge, `OutputError` for a folder
+    that cannot be used, and `ValueError` for an engine that cannot run the study.
+    """
+    settings = Settings(cases, replications, least, confidence)
+    scenario, study = _refined(scenario, execution, listener)
+    table = _chosen(scenario, study, requirement)
+    listener.approve([study_work(replace(study, count=_most_flights(settings)))])
+    identity = _identity(scenario, study)
+    identity |= {"requirement": table.id, "settings": vars(settings)}
+    with folder_of_call(out, KIND, identity) as folder:
+        _require_same_machine(folder, execution.elsewhere)
+        folder.write(SCENARIO, dump(scenario))
+        tell = lambda count: listener.progress(f"{table.id}: {count:,} flights", None)  # noqa: E731
+        flights = Flights(study, table.id, folder, execution.executor, tell)
+        splitting = Splitting(space_of(study), flights.margins, cases, scenario.simulation.seed)
+        levels, reached = splitting.pilot(least)
+        found = splitting.replicate(levels, replications)
+        estimate = _Estimate(scenario, table, settings, levels, reached, found)
+        everything = flights.together()
+        if excess := _excess(everything, scenario):
+            listener.warn(excess)
+        result = estimate.result(study, everything, str(folder.path))
+        if out is not None:
+            _write(folder, result, estimate.violations, everything)
+        return result
+
+
+def flown_again(
+    scenario: Scenario,
+    out: str | Path,
+    number: int,
+    execution: Execution = Execution(),
+    listener: Listener = Listener(),
+) -> tuple[Scenario, Study]:
+    """The scenario with its steps, and a study whose cases are the flights of an estimate.
+
+    Raises `OutputError` where the folder has no estimate of this scenario, and `ArgumentError`
+    for the number of a flight that there was not.
+    """
+    marker = Marker.read(Path(out)) if Path(out).is_dir() else None
+    if marker is None or marker.kind != KIND:
+        raise OutputError(f"{out} holds no estimate of a rare event; give the folder of one.")
+    scenario, study = _refined(scenario, execution, listener)
+    there = {key: marker.about["identity"].get(key) for key in ("scenario", "engine", "program")}
+    here = json.loads(json.dumps(_identity(scenario, study)))
+    if other := where_other(there, {key: here[key] for key in there}):
+        raise OutputError(f"{out} holds an estimate of another scenario ({'; '.join(other)}).")
+    with ResumableFolder(out, KIND, {}) as folder:
+        points, noise = listed_flights(folder)
+    if not number < len(points):
+        raise ArgumentError("case", f"must be below {len(points)}, the number of flights", number)
+    design = Listed(study.design.seed, points, noise)
+    return scenario, replace(study, design=design, count=len(points))
+
+
+def _refined(
+    scenario: Scenario, execution: Execution, listener: Listener
+) -> tuple[Scenario, Study]:
+    """The scenario with steps as fine as it allows, and a study of it."""
+    if not scenario.requirement:
+        raise MissingTable("[requirement]")
+    if scenario.dispersion is None:
+        raise MissingTable("dispersion")
+    listener.progress("compiling", None)
+    scenario, study = refined_study(scenario, PILOTS, listener.remark, engine=execution.engine)
+    if study.remark is not None:
+        listener.remark(study.remark)
+    return scenario, study
+
+
+def _chosen(scenario: Scenario, study: Study, name: str | None) -> RequirementTable:
+    """The requirement of that id; raises `ArgumentError` for one that studies do not judge."""
+    requirements = study.program.requirements
+    judged = () if requirements is None else requirements.names
+    if name is None and len(judged) == 1:
+        name = judged[0]
+    if name not in judged:
+        rule = f"must be one that studies judge: {', '.join(judged) or 'there is none'}"
+        raise ArgumentError("requirement", rule, name or "nothing")
+    return next(one for one in scenario.requirement if one.id == name)
+
+
+def _most_flights(settings: Settings) -> int:
+    """The flights that it takes to get down to the least probability, about."""
+    levels = math.ceil(-math.log(settings.least) / math.log(LENGTH))
+    population = settings.cases + levels * (settings.cases - settings.cases // LENGTH)
+    return (1 + settings.replications) * population
+
+
+def _identity(scenario: Scenario, study: Study) -> dict[str, Any]:
+    """All that the numbers of a flight depend on."""
+    identity = study.identity()
+    own = {"engine": identity["engine"], "program": identity["program"]}
+    return {"scenario": scenario.model_dump(mode="json"), **own}
+
+
+def _require_same_machine(folder: ResumableFolder, elsewhere: bool) -> None:
+    """Raise `OutputError` where the folder was begun under conditions that change last bits."""
+    content, here = folder.read(MACHINE), json.loads(json.dumps(machine()))
+    if content is None:
+        folder.write(MACHINE, json.dumps(here, indent=1) + "\n")
+    elif not elsewhere and (other := where_other(parse_json(content), here)):
+        raise OutputError(
+            f"{folder.path} was begun under other conditions ({'; '.join(other)}), so results may "
+            "differ in their last bits; allow that explicitly.",
+            elsewhere=True,
+        )
+
+
+def _excess(flights: Batch, scenario: Scenario) -> str:
+    """What to say where the steps of a flight leave larger errors than the scenario allows."""
+    errors = [
+        float(np.nanmax(flights[name], initial=0.0)) if name in flights else None
+        for name in ("rate_error", "attitude_error")
+    ]
+    return excessive_error((errors[0], errors[1]), scenario)
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """What was found, on its way to a result."""
+
+    scenario: Scenario
+    table: RequirementTable
+    settings: Settings
+    levels: list[Level]
+    reached: bool
+    found: Replications
+
+    @property
+    def violations(self) -> Violations:
+        """The violating cases."""
+        return Violations.of(self.found)
+
+    def result(self, study: Study, flights: Batch, folder: str) -> RareEvent:
+        """The result, of which `folder` has the flights."""
+        violations = self.violations
+        doubts = doubts_of(
+            self.found, self.levels, self.reached, space_of(study), flights, violations
+        )
+        margins = flights["margin"][violations.number]
+        worst = None
+        margin, unit, again = math.nan, _unit(self.table)[0], ""
+        if len(margins):
+            place = int(np.argmin(np.nan_to_num(margins, nan=-np.inf)))
+            worst = int(violations.number[place])
+            margin = float(margins[place]) / _unit(self.table)[1]
+            again = f"jaxsat rare {folder}/{SCENARIO} --out {folder} --case {worst}"
+        return RareEvent(
+            self.scenario.title,
+            self.table.id,
+            self.table.text or self.table.formula,
+            self.settings,
+            self._probability(),
+            self.found.probabilities.tolist(),
+            len(flights["margin"]),
+            len(violations.number),
+            len(np.unique(violations.root)),
+            doubts,
+            list(self._levels()),
+            differences(flights, self.found.draws, violations),
+            worst,
+            margin,
+            unit,
+            again,
+        )
+
+    def _probability(self) -> Interval:
+        """The mean with its interval; of no violations the upper end is that of the last level."""
+        probability = interval_of(self.found.probabilities, self.settings.confidence)
+        if probability.value > 0:
+            return probability
+        if self.levels:
+            high = interval_of(self.found.of_last, self.settings.confidence).high
+        else:
+            count = len(self.found.draws)
+            high = 1 - ((1 - self.settings.confidence) / 2) ** (1 / count)
+        return probability._replace(high=min(1.0, high))
+
+    def _levels(self) -> Iterator[LevelRow]:
+        """The levels with their probabilities, at last a margin of zero."""
+        size = _unit(self.table)[1]
+        fractions = self.found.fractions
+        probabilities = np.cumprod(fractions, axis=1).mean(axis=0)
+        told = {one.margin: one for one in self.found.levels}
+        margins = [*(one.margin for one in self.levels), 0.0]
+        for place, margin in enumerate(margins):
+            level = told.get(margin) if place < len(self.levels) else None
+            moved, redrawn = (math.nan,) * 2 if level is None else (level.moved, level.redrawn)
+            yield LevelRow(
+                margin / size,
+                float(probabilities[place]),
+                fractions[:, place].tolist(),
+                moved,
+                redrawn,
+            )
+
+
+def _unit(table: RequirementTable) -> tuple[str, float]:
+    """The unit of the margin and its size in SI; that of SI where comparisons have several."""
+    units = {(one.unit, one.size) for one in comparisons(table.parsed)}
+    return units.pop() if len(units) == 1 else ("SI", 1.0)
+
+
+def _write(
+    folder: ResumableFolder, result: RareEvent, violations: Violations, flights: Batch
+) -> None:
+    """The record with its schema, the violating cases, and the figure."""
+    from jaxsat.report.figure_painter import paint
+    from jaxsat.report.saving import save_figures
+
+    record = plain_data({"command": command_line(), **result.as_data(), **provenance()})
+    folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
+    folder.write(SCHEMA, text_of("jaxsat.synthesis.rare_events", SCHEMA))
+    folder.write(TABLE, _csv(violations, flights, result))
+    title = f"{result.title}: {result.requirement}"
+    save_figures(lambda: {"levels": paint(rare_event_plots(record), title)}, folder.write)
+
+
+def _csv(violations: Violations, flights: Batch, result: RareEvent) -> str:
+    """The violating cases, those with the least margin first."""
+    columns = {
+        "case": violations.number,
+        "replication": violations.replication + 1,
+        "share_of_the_probability": violations.weight,
+        "independent_draw": violations.root,
+        "margin_SI": flights["margin"][violations.number],
+        "decided_at_s": flights["time"][violations.number],
+    }
+    for name, values in flights.items():
+        if name.startswith(DRAWN):
+            each = values[violations.number].reshape(len(violations.number), -1).T
+            names = [name] if len(each) == 1 else [f"{name}_{i + 1}" for i in range(len(each))]
+            columns |= dict(zip(names, each, strict=True))
+    file = io.StringIO()
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(columns)
+    order = np.argsort(np.nan_to_num(columns["margin_SI"], nan=-np.inf))
+    writer.writerows(zip(*(values[order].tolist() for values in columns.values()), strict=True))
+    return file.getvalue()

@@ -1,0 +1,103 @@
+"""The cases that violate a requirement: their weights, where they lie, how many are independent."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from jaxsat.core.declaration.quantities import DISPERSIBLE
+from jaxsat.studies.columns import DRAWN
+from jaxsat.studies.sensitivities import numbers_of
+from jaxsat.studies.splitting import Replications
+from jaxsat.synthesis.rare_events.flights import ROUNDED, Batch
+from jaxsat.synthesis.rare_events.result import Difference
+
+PERCENTS = (1.0, 5.0, 10.0, 25.0, 50.0, 75.0, 90.0, 95.0, 99.0)
+"""Percentiles by which a distribution is told."""
+
+MOST_VALUES = 40
+"""Different values up to which a quantity that counts is told by their shares."""
+
+
+class Violations(NamedTuple):
+    """Each violating case once: its number, weight (1 for all), replication and root."""
+
+    number: Int[np.ndarray, " n"]
+    weight: Float[np.ndarray, " n"]
+    replication: Int[np.ndarray, " n"]
+    root: Int[np.ndarray, " n"]
+
+    @staticmethod
+    def of(found: Replications) -> "Violations":
+        """The violating cases of the last populations, in the order of their numbers."""
+        row, place = np.nonzero(found.last.margin < 0)
+        numbers, first, inverse = np.unique(
+            found.last.number[row, place], return_index=True, return_inverse=True
+        )
+        weight = np.bincount(inverse, found.of_last[found.alive[row]], len(numbers))
+        row, place = row[first], place[first]
+        total = weight.sum() or 1.0
+        return Violations(numbers, weight / total, found.alive[row], found.last.root[row, place])
+
+
+def differences(
+    flights: Batch, draws: Int[np.ndarray, " draws"], violations: Violations
+) -> list[Difference]:
+    """How violating cases differ from independent draws in each quantity, the clearest first;
+    nothing where none violates."""
+    if not len(violations.number):
+        return []
+    found = [
+        _difference(name, unit, values[draws], values[violations.number], violations.weight)
+        for name, unit, values in _quantities(flights)
+    ]
+    return sorted(found, key=lambda one: -one.distance)
+
+
+def _quantities(flights: Batch) -> Iterator[tuple[str, str, np.ndarray]]:
+    """Name, unit and values of each drawn number of all flights."""
+    for column, values in flights.items():
+        if column.startswith(DRAWN):
+            name = column.removeprefix(DRAWN)
+            unit = DISPERSIBLE[name].unit.removesuffix("1")
+            for component, numbers in numbers_of(name, values).items():
+                yield component, unit, numbers
+
+
+def counted(name: str, values: np.ndarray) -> np.ndarray:
+    """The values, rounded where they count."""
+    return np.rint(values) if name.split("[")[0] in ROUNDED else values
+
+
+def _difference(
+    name: str, unit: str, everywhere: np.ndarray, violating: np.ndarray, weight: np.ndarray
+) -> Difference:
+    everywhere, violating = counted(name, everywhere), counted(name, violating)
+    order = np.argsort(violating)
+    violating, weight = violating[order], weight[order]
+    values, counts = np.unique(everywhere, return_counts=True)
+    distance = _distance(np.sort(everywhere), violating, weight)
+    if len(values) <= MOST_VALUES < len(everywhere):
+        shares = [
+            (float(value), float(count / len(everywhere)), float(weight[violating == value].sum()))
+            for value, count in zip(values, counts, strict=True)
+        ]
+        return Difference(name, unit, distance, [], [], shares)
+    places = np.searchsorted(np.cumsum(weight), np.array(PERCENTS) / 100)
+    return Difference(
+        name,
+        unit,
+        distance,
+        np.percentile(everywhere, PERCENTS).tolist(),
+        violating[np.minimum(places, len(violating) - 1)].tolist(),
+        [],
+    )
+
+
+def _distance(everywhere: np.ndarray, violating: np.ndarray, weight: np.ndarray) -> float:
+    """The largest difference of two distribution functions (Kolmogorov), of sorted values."""
+    grid = np.concatenate([everywhere, violating])
+    one = np.searchsorted(everywhere, grid, "right") / len(everywhere)
+    sums = np.concatenate([[0.0], np.cumsum(weight)])
+    return float(np.abs(one - sums[np.searchsorted(violating, grid, "right")]).max())
