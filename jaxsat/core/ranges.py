@@ -73,6 +73,13 @@ ATTITUDE_NOISE = Range(0.0, 10.0)
 TRACKER_NOISE = Range(1e-9, 1.0)
 """Standard deviation of a star tracker, rad; a filter divides by its square."""
 
+FIELD_NOISE = Range(1e-12, 1e-3)
+FIELD_BIAS = Range(-1e-3, 1e-3)
+"""Standard deviation and bias of a magnetometer, T; a filter divides by the square of the first."""
+
+HALF_ANGLE = Range(1e-6, 3.141592653589793)
+"""Half of the angle of a field of view, rad."""
+
 GYRO_BIAS = Range(-1e3, 1e3)
 """Bias of a rate gyro, rad/s."""
 

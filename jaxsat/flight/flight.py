@@ -123,6 +123,11 @@ class FlightController(eqx.Module):
         navigation = loop.navigation
         if navigation is None:
             return FlightController(*parts)
+        for one in navigation.vectors:
+            raise CannotExport(
+                f"{one.name.replace(' ', '_')}: must be left out of what becomes flight code, "
+                f"which takes in attitudes of a star tracker alone, got a {one.name}"
+            )
         return FlightController(*parts, navigation.estimator, navigation.attitude_sigma)
 
     def estimate(self, now: Input, memory: PyTree) -> tuple[Seen, PyTree]:

@@ -253,7 +253,7 @@ def _observation(loop: SampledLoop, number, before: Any, following: Any) -> tupl
     state = State(before.memory.memory, None, modulator_of(loop.plant.effectors, before.effectors))
     measured: Any = Seen(plant_state.attitude, plant_state.omega, wheel_momentum(plant_state))
     if before.navigation is not None:
-        rate, attitude, has_attitude = following.navigation.memory.last_input
+        rate, attitude, has_attitude, _ = following.navigation.memory.last_input
         measured = Measured(rate, attitude.q, has_attitude, wheel_momentum(plant_state))
         state = state._replace(estimator=before.navigation.memory.memory)
     return Input(jnp.asarray(number, jnp.int32), measured), state

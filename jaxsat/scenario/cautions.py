@@ -16,6 +16,7 @@ from jaxsat.scenario.flexibility import flexibility_cautions
 from jaxsat.scenario.holding import nearest_held
 from jaxsat.scenario.layout import believed_axes, is_upside_down, torque_limit
 from jaxsat.scenario.parts.failures import failure_cautions
+from jaxsat.scenario.parts.sensors import sensor_cautions
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.resolution import resolution_cautions
 from jaxsat.scenario.schema import Scenario
@@ -49,6 +50,7 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
         *_end_game_cautions(scenario),
         *_one_torque_cautions(scenario),
         *failure_cautions(scenario),
+        *sensor_cautions(scenario),
         *actuator_cautions(scenario),
         *flexibility_cautions(scenario),
         *resolution_cautions(scenario),

@@ -34,6 +34,7 @@ UNITS: Mapping[str, Mapping[str, Unit]] = {
         "_deg_s_sqrt_Hz": Unit("deg/s/√Hz", DEGREE),
         "_deg_sqrt_h": Unit("deg/√h", DEGREE / 60),
     },
+    "_T": {"_nT": Unit("nT", 1e-9)},
     "_rad_s2_sqrt_Hz": {"_deg_s2_sqrt_Hz": Unit("deg/s²/√Hz", DEGREE)},
 }
 """The endings of keys in SI, and the endings that may stand in place of each."""

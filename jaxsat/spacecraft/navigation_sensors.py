@@ -4,7 +4,7 @@ The attitude of a star tracker comes some time after it was true.
 """
 
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -24,20 +24,32 @@ from jaxsat.core.checks import (
     require_positive,
 )
 from jaxsat.core.errors import ArgumentError
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
+from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 
 
-def _as_three(value: ArrayLike | list | tuple) -> Vector:
+class SensorContext(NamedTuple):
+    """What a scenario tells a sensor besides its own keys: the time (s) from sample to sample of
+    its law, the Earth's magnetic field, and where the Sun is."""
+
+    period: float
+    field: AbstractMagneticField
+    sunlight: Sunlight
+
+
+def as_three(value: ArrayLike | list | tuple) -> Vector:
     """One number for all axes, or one for each."""
     array = as_float(value)
     return as_float([value] * 3) if array.ndim == 0 else array
 
 
-def _require_both(start: object, length: object) -> None:
+def require_both(start: object, length: object) -> None:
+    """Raise `ValueError` for an outage that has a start or a length alone."""
     if (start is None) != (length is None):
         raise ValueError("Arguments `outage_start` and `outage` must be given together.")
 
 
-def _outside_outage(
+def outside_outage(
     sample: IntScalar, period: RealScalar, start: RealScalar | None, length: RealScalar | None
 ) -> BoolScalar | None:
     """Whether a sample is outside an outage of this start and length (s), None for no outage."""
@@ -71,10 +83,10 @@ class Gyro(eqx.Module):
 
     noise_density: RealScalar = eqx.field(converter=as_float, default=0.0)
     bias_walk: RealScalar = eqx.field(converter=as_float, default=0.0)
-    bias: Vector = eqx.field(converter=_as_three, default=0.0)
+    bias: Vector = eqx.field(converter=as_three, default=0.0)
     bias_sigma: RealScalar = eqx.field(converter=as_float, default=0.0)
-    scale_factor: Vector = eqx.field(converter=_as_three, default=0.0)
-    misalignment: Vector = eqx.field(converter=_as_three, default=0.0)
+    scale_factor: Vector = eqx.field(converter=as_three, default=0.0)
+    misalignment: Vector = eqx.field(converter=as_three, default=0.0)
     limit: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
     outage_start: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
     outage: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
@@ -85,13 +97,13 @@ class Gyro(eqx.Module):
         for name in ("bias", "scale_factor", "misalignment"):
             require_finite(name, getattr(self, name))
         require_positive("limit", self.limit)
-        _require_both(self.outage_start, self.outage)
+        require_both(self.outage_start, self.outage)
         if self.outage_start is not None:
             require_positive("outage_start", self.outage_start)
 
     @classmethod
-    def from_table(cls, values: Mapping[str, Any], period: float) -> "Gyro":
-        """The gyro of a checked table `[gyro]` of a scenario, whatever the law's `period` (s)."""
+    def from_table(cls, values: Mapping[str, Any], context: SensorContext) -> "Gyro":
+        """The gyro of a checked table `[gyro]` of a scenario, whatever its `context`."""
         limit = values["limit_rad_s"]
         return cls(
             values["noise_density_rad_s_sqrt_Hz"],
@@ -108,7 +120,7 @@ class Gyro(eqx.Module):
     def is_valid(self, sample: IntScalar, period: RealScalar) -> BoolScalar | None:
         """Whether what is measured at this sample is valid, None where it always is; samples are
         `period` s apart."""
-        return _outside_outage(sample, period, self.outage_start, self.outage)
+        return outside_outage(sample, period, self.outage_start, self.outage)
 
     def rate_variance(self, period: RealScalar) -> RealScalar:
         """Variance of the white noise of one sample, (rad/s)², for samples `period` s apart."""
@@ -175,7 +187,7 @@ class StarTracker(eqx.Module):
         self.rate_limit = as_float(rate_limit)
         self.every, self.latency, self.arrival = as_array(np.asarray(every)), latency, None
         self.outage_start, self.outage = as_optional_float(outage_start), as_optional_float(outage)
-        _require_both(self.outage_start, self.outage)
+        require_both(self.outage_start, self.outage)
         for name in ("across", "along", "rate_limit"):
             require_positive(name, getattr(self, name))
         require_counts(every=every)
@@ -183,9 +195,13 @@ class StarTracker(eqx.Module):
             raise ArgumentError("latency", "must be zero or positive", latency)
 
     @classmethod
-    def from_table(cls, values: Mapping[str, Any], period: float) -> "StarTracker":
-        """The tracker of a checked table `[star_tracker]`; `period` (s) is that of the law."""
-        update, limit = values["update_period_s"], values["rate_limit_rad_s"]
+    def from_table(cls, values: Mapping[str, Any], context: SensorContext) -> "StarTracker":
+        """The tracker of a checked table `[star_tracker]`."""
+        period, update, limit = (
+            context.period,
+            values["update_period_s"],
+            values["rate_limit_rad_s"],
+        )
         return cls(
             values["across_rad"],
             values["along_rad"],
@@ -205,7 +221,7 @@ class StarTracker(eqx.Module):
     def measures(self, sample: IntScalar, period: RealScalar, omega: Vector) -> BoolScalar:
         """Whether there is a measurement at this sample; samples are `period` s apart."""
         has_fix = (sample % self.every == 0) & (jnp.sum(omega**2) <= self.rate_limit**2)
-        works = _outside_outage(sample, period, self.outage_start, self.outage)
+        works = outside_outage(sample, period, self.outage_start, self.outage)
         return has_fix if works is None else has_fix & works
 
     def arriving(self, queue: Queue) -> Queue:

@@ -257,7 +257,7 @@ def _latency_limits(loop: AbstractLoop) -> Limits:
 
 
 def _needs_tracker(loop: AbstractLoop) -> str | None:
-    return None if _tracker_of(loop) is not None else "the loop has no gyro and star tracker"
+    return None if _tracker_of(loop) is not None else "the loop has no star tracker"
 
 
 def _needs_latency(loop: AbstractLoop) -> str | None:

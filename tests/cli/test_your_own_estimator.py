@@ -51,7 +51,7 @@ def own(tmp_path, monkeypatch):
     (tmp_path / "observers.py").write_text(MODULE + MORE, encoding="utf-8")
     path = tmp_path / "own.toml"
     kept = library()["switching"].read_text(encoding="utf-8")
-    path.write_text(f"{kept}\n{SENSORS}\n{TABLES[1]}", encoding="utf-8")
+    path.write_text(f"{kept}\n{SENSORS}\n{TABLES[-1]}", encoding="utf-8")
     yield path
     sys.modules.pop("observers", None)
 

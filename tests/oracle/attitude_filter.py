@@ -28,7 +28,8 @@ class Oracle:
     def run(self, rates, attitudes):
         """Attitude, bias and 9x9 covariance at the last of `rates`.
 
-        `attitudes` are measured ones by sample number.
+        `attitudes` are measured ones by sample number, or lists of what was measured, in which a
+        vector is (in body axes, in inertial axes, deviation).
         """
         state = self.corrected(self.first, attitudes.get(0))
         for number in range(1, len(rates)):
@@ -61,14 +62,35 @@ class Oracle:
     def corrected(self, state, measured):
         if measured is None:
             return state
+        for one in measured if isinstance(measured, list) else [measured]:
+            vector = isinstance(one, tuple)
+            state = self.after_vector(state, *one) if vector else self.after_attitude(state, one)
+        return state
+
+    def after_attitude(self, state, measured):
+        between = (state[0].inv() * measured).as_mrp()  # tan(θ/4) along the axis
+        error = 4 * between / (1 - between @ between)
+        return self.updated(state, error, np.eye(3), self.tracker)
+
+    def after_vector(self, state, measured, reference, deviation):
+        """Of a vector only the least rotation counts that brings it to where it was measured."""
+        expected = state[0].inv().apply(reference)
+        axis = np.cross(measured, expected)
+        sine = np.linalg.norm(axis)
+        angle = np.arctan2(sine, measured @ expected)
+        error = 2 * np.tan(angle / 2) * axis / sine
+        return self.updated(state, error, cross_matrix(expected), deviation**2 * np.eye(3))
+
+    def updated(self, state, error, rows, noise):
+        """The state after a rotation vector of which `rows` were measured with this covariance."""
         attitude, bias, covariance = state
-        observed = np.eye(3, 9)
-        innovation = observed @ covariance @ observed.T + self.tracker
+        observed = np.zeros((3, 9))
+        observed[:, :3] = rows
+        innovation = observed @ covariance @ observed.T + noise
         gain = covariance @ observed.T @ np.linalg.inv(innovation)
         gain[6:] = 0
-        between = (attitude.inv() * measured).as_mrp()  # tan(θ/4) along the axis
-        error = gain @ (4 * between / (1 - between @ between))
+        error = gain @ rows @ error
         left = np.eye(9) - gain @ observed
-        covariance = left @ covariance @ left.T + gain @ self.tracker @ gain.T
+        covariance = left @ covariance @ left.T + gain @ noise @ gain.T
         step = Rotation.from_quat([*error[:3] / 2, 1])
         return attitude * step, bias + error[3:6], covariance

@@ -10,10 +10,12 @@ import pytest
 
 from jaxsat.control.navigation.estimator import RawMeasurements
 from jaxsat.control.navigation.mekf import MultiplicativeFilter
+from jaxsat.flight.flight import CannotExport, FlightController
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
+from jaxsat.scenario.errors import ScenarioWarning
 from scenario.mistakes import SWITCHING, THREE_AXIS, problems_of
 
 GYRO = """
@@ -34,12 +36,18 @@ latency_s = 0.2
 rate_limit_rad_s = 0.1
 """
 BOTH = GYRO + TRACKER
+MAGNETOMETER = "[magnetometer]\nnoise_nT = 100\n"
+SUN_SENSOR = "[sun_sensor]\nnoise_deg = 0.1\nboresight = [1, 0, 0]\nhalf_angle_deg = 60\n"
 
 
 @pytest.mark.parametrize(
     ("text", "key", "message"),
     [
-        (GYRO, "star_tracker", "must be given with [gyro], got nothing"),
+        (
+            GYRO,
+            "star_tracker",
+            "must be given with [gyro], or else [magnetometer]",
+        ),
         (TRACKER, "gyro", "must be given with [star_tracker], got nothing"),
         ("[estimator]\nkind = 'mekf'", "estimator", "must belong to [gyro] and [star_tracker]"),
         (
@@ -81,6 +89,32 @@ BOTH = GYRO + TRACKER
             BOTH.replace("across_rad = 2.4e-5", "across_rad = 0"),
             "star_tracker.across_rad",
             "must be at least 1e-09",
+        ),
+        (MAGNETOMETER + SUN_SENSOR, "gyro", "must be given with [magnetometer], got nothing"),
+        (
+            GYRO + SUN_SENSOR,
+            "magnetometer",
+            "must be given with [sun_sensor], or else [star_tracker]: no Sun sensor",
+        ),
+        (
+            GYRO + MAGNETOMETER + "[estimator]\nkind = 'none'",
+            "estimator.kind",
+            'must be "mekf" without [star_tracker], got "none"',
+        ),
+        (
+            GYRO + MAGNETOMETER + "update_period_s = 0.25",
+            "magnetometer.update_period_s",
+            "must be a multiple of control.period_s = 0.1, got 0.25",
+        ),
+        (
+            BOTH + SUN_SENSOR.replace("[1, 0, 0]", "[0, 0, 0]"),
+            "sun_sensor.boresight",
+            "must be a direction",
+        ),
+        (
+            BOTH + SUN_SENSOR + "outage_s = 3",
+            "sun_sensor.outage_start_s",
+            "must be given with outage_s, got nothing",
         ),
         (
             BOTH + "[sampling]\nattitude_noise_rad = 1e-5",
@@ -130,6 +164,37 @@ def test_the_example_of_the_page_can_be_run(tmp_path):
     run: Any = build(loaded(tmp_path, "\n" + example))
     navigation = run.loop.navigation
     assert (navigation.tracker.every, navigation.tracker.latency) == (5, 2)
+
+
+def test_vectors_are_built_in_the_field_and_under_the_sun_of_the_scenario(tmp_path):
+    text = GYRO + MAGNETOMETER + "bias_nT = [10, 20, 30]\nlatency_s = 0.3\n" + SUN_SENSOR
+    changes = ["disturbance.sun_direction=[0, 0, 2]", "disturbance.eclipses=true"]
+    run: Any = build(loaded(tmp_path, text, changes))
+    navigation = run.loop.navigation
+    assert navigation.tracker is None
+    field, sun = navigation.vectors
+    assert field.noise == pytest.approx(1e-7)
+    np.testing.assert_allclose(field.bias, [1e-8, 2e-8, 3e-8])
+    assert (field.latency, sun.latency, navigation.estimator.latency) == (3, 0, 3)
+    assert np.degrees([sun.noise, sun.half_angle]) == pytest.approx([0.1, 60])
+    np.testing.assert_array_equal(sun.reference.sun, [0, 0, 2])
+    assert sun.reference.eclipses
+    assert float(field.reference.field.orbit.rate) == float(run.loop.plant.orbit.rate)
+
+
+def test_a_magnetometer_alone_needs_time(tmp_path):
+    half_orbit = np.pi / loaded(tmp_path, "").orbit.rate()
+    short, long = (f"simulation.duration_s={round(half_orbit + s)}" for s in (-10, 10))
+    with pytest.warns(ScenarioWarning, match=f"magnetometer: .*half an orbit, {half_orbit:.4g} s"):
+        loaded(tmp_path, GYRO + MAGNETOMETER, [short])
+    loaded(tmp_path, GYRO + MAGNETOMETER, [long])
+    loaded(tmp_path, GYRO + MAGNETOMETER + SUN_SENSOR, [short])
+
+
+def test_what_takes_in_vectors_does_not_become_flight_code(tmp_path):
+    run: Any = build(loaded(tmp_path, BOTH + SUN_SENSOR))
+    with pytest.raises(CannotExport, match="sun_sensor: must be left out of what becomes flight"):
+        FlightController.of(run.loop)
 
 
 def test_without_an_estimator_the_law_is_told_what_is_measured(tmp_path):

@@ -106,8 +106,22 @@ TRACKER = {
 }
 
 
+TIMES = {"update_period_s": 0.1, "latency_s": 0.1, "outage_start_s": 5.0, "outage_s": 2.0}
+TURN = {"misalignment_rad": [1e-3, 2e-3, -1e-3]}
+MAGNETOMETER = {"noise_T": 1e-7, "bias_T": 1e-8, "scale_factor": 1e-3, **TURN, **TIMES}
+SUN_SENSOR = {
+    "noise_rad": 1e-3,
+    "boresight": [1.0, 0.0, 0.0],
+    "half_angle_rad": 3.0,
+    **TURN,
+    **TIMES,
+}
+
+
 def navigation(estimator):
     sensors = {"gyro": GYRO, "star_tracker": TRACKER, "estimator": {"kind": estimator}}
+    if estimator == "mekf":
+        sensors |= {"magnetometer": MAGNETOMETER, "sun_sensor": SUN_SENSOR}
     return scenario_of(LAW, control={"law": LAW, **KEYS[LAW], "period_s": 0.1}, **sensors)
 
 
@@ -359,5 +373,7 @@ def test_the_list_has_every_part_that_a_scenario_can_have():
     assert set(TORQUES) == keys
     assert set(GYRO) == {key.name for key in declared.GYRO.keys}
     assert set(TRACKER) == {key.name for key in declared.STAR_TRACKER.keys}
+    for table, sensor in zip((MAGNETOMETER, SUN_SENSOR), declared.VECTOR_SENSORS, strict=True):
+        assert set(table) == {key.name for key in sensor.keys}
     used = set().union(*(part.scenario().model_fields_set for part in PARTS))
     assert used | IN_OTHER_PLACES | NO_PARTS >= set(Scenario.model_fields)

@@ -5,5 +5,6 @@ from jaxsat.control.navigation.estimator import Estimate as Estimate
 from jaxsat.control.navigation.estimator import EstimatorContext as EstimatorContext
 from jaxsat.control.navigation.estimator import Measurement as Measurement
 from jaxsat.control.navigation.estimator import difference as difference
+from jaxsat.control.navigation.estimator import towards as towards
 from jaxsat.control.navigation.mekf import MultiplicativeFilter as MultiplicativeFilter
 from jaxsat.control.navigation.navigation import Navigation as Navigation

@@ -1,6 +1,7 @@
 """The contract of attitude estimators, and turns of the body as they reckon with them."""
 
 import abc
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -12,6 +13,7 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.trigonometry import cos, sin
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
+from jaxsat.spacecraft.vector_sensors import Observation, VectorSensor
 
 
 def rotation(angle: Vector) -> Quaternion:
@@ -52,15 +54,28 @@ def rotation_vector(q: Quaternion, p: Quaternion) -> Vector:
     return turn[1:] * jnp.where(turns, 2 * jnp.arctan2(size, turn[0]) / size, 2.0)
 
 
+def towards(expected: Vector, measured: Vector) -> Vector:
+    """The small rotation of the body (rad) across a vector that brings it from where it is expected
+    in body axes to where it was measured.
+
+    2 tan(θ/2) in place of the angle θ between both, as of `difference`; held near half a circle.
+    """
+    size = jnp.sqrt(jnp.sum(expected**2) * jnp.sum(measured**2))
+    return 2 * jnp.cross(measured, expected) / jnp.maximum(size + expected @ measured, 0.01 * size)
+
+
 class Measurement(NamedTuple):
     """What arrives at one sample: the measured rate (rad/s) of this instant, and an attitude.
 
-    The attitude is that of the star tracker's latency earlier; where `seen` is false there is none.
+    The attitude is that of the latency of the sensors earlier; where `seen` is false there is none.
+    Without a star tracker both are None. `vectors` are what magnetometer and Sun sensor measured
+    then, in this order, of those that there are.
     """
 
     rate: Vector
-    attitude: Quaternion
-    seen: BoolScalar
+    attitude: Quaternion | None
+    seen: BoolScalar | None
+    vectors: tuple[Observation, ...] = ()
 
 
 class Estimate(NamedTuple):
@@ -81,12 +96,27 @@ class Estimate(NamedTuple):
 
 class EstimatorContext(NamedTuple):
     """What a scenario tells an estimator besides its own keys: the sensors as they are declared,
-    the orbit, and the time (s) from sample to sample."""
+    the orbit, and the time (s) from sample to sample.
+
+    `tracker` is None without a star tracker; `vectors` are those of magnetometer and Sun sensor,
+    in this order, that there are.
+    """
 
     gyro: Gyro
-    tracker: StarTracker
+    tracker: StarTracker | None
     orbit: AbstractOrbit
     period: RealScalar
+    vectors: tuple[VectorSensor, ...] = ()
+
+    @property
+    def latency(self) -> int:
+        """Samples until what all sensors of the attitude measured has arrived."""
+        return latency_of(self.tracker, self.vectors)
+
+
+def latency_of(tracker: StarTracker | None, vectors: Sequence[VectorSensor]) -> int:
+    """The latency of the slowest of these sensors, in samples."""
+    return max(one.latency for one in (tracker, *vectors) if one is not None)
 
 
 class AbstractEstimator(eqx.Module):
@@ -122,6 +152,8 @@ class RawMeasurements(AbstractEstimator):
     def step(
         self, sample: IntScalar, period: RealScalar, measurement: Measurement, memory: Quaternion
     ) -> tuple[Estimate, Quaternion]:
-        """What was measured."""
+        """What was measured; vectors have no part in it."""
+        if measurement.attitude is None or measurement.seen is None:
+            return Estimate(memory, measurement.rate), memory
         q = jnp.where(measurement.seen, measurement.attitude.q, memory.q)
         return Estimate(Quaternion(q), measurement.rate), Quaternion(q)

@@ -14,6 +14,7 @@ from jaxsat.control.navigation.estimator import (
     difference,
     product,
     rotation,
+    towards,
 )
 from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
@@ -40,7 +41,7 @@ class Belief(NamedTuple):
 
 
 class FilterMemory(NamedTuple):
-    """The belief at the sample that the star tracker now tells of, and the rates since (rad/s)."""
+    """The belief at the sample that the sensors now tell of, and the rates since (rad/s)."""
 
     belief: Belief
     rates: Float[Array, "samples 3"]
@@ -53,20 +54,29 @@ class MultiplicativeFilter(AbstractEstimator):
     estimated bias, with the coning term, and by the orbit frame's own motion. Since a rate takes
     part in the turns before and after its sample, its noise is correlated from one turn to the
     next; the filter carries that correlation, so that its covariance is that of its errors. An
-    attitude is taken in as three scalar measurements about the star tracker's axes: nothing is
-    inverted.
+    attitude is taken in as three scalar measurements about the star tracker's axes, and a vector v
+    as those of the rows of [v ×]: nothing is inverted.
 
-    The measurement of a star tracker with latency belongs to an earlier sample. The filter itself
-    stays at that sample and is predicted from there with the rates since, which is exact.
+    Measurements with latency belong to an earlier sample. The filter itself stays at that sample
+    and is predicted from there with the rates since, which is exact.
 
-    `gyro`, `tracker` and `orbit` are what the filter believes of them. A rate at the gyro's limit
-    counts as unknown within that limit, so that the next attitude decides. Scale factor and
-    misalignment of the gyro are not estimated.
+    `gyro`, `tracker` and `orbit` are what the filter believes of them; `vector_noise` are the
+    standard deviations of the sensors of vectors, in their units, and `vector_latency` is their
+    latency in samples. A rate at the gyro's limit counts as unknown within that limit, so that the
+    next measurement decides. Scale factors and misalignments are not estimated, nor is the bias of
+    a magnetometer.
     """
 
     orbit: AbstractOrbit
     gyro: Gyro
-    tracker: StarTracker
+    tracker: StarTracker | None
+    vector_noise: tuple[RealScalar, ...] = ()
+    vector_latency: int = eqx.field(static=True, default=0)
+
+    @property
+    def latency(self) -> int:
+        """Samples until what is measured has arrived."""
+        return max(self.vector_latency, 0 if self.tracker is None else self.tracker.latency)
 
     def init(self, attitude: Quaternion, sigma: RealScalar) -> FilterMemory:
         """A belief without correlations; the bias is believed to be zero.
@@ -77,14 +87,14 @@ class MultiplicativeFilter(AbstractEstimator):
         zero = jnp.zeros_like(identity)
         bias = identity * (self.gyro.bias_sigma**2 + self.gyro.bias**2)[:, None]
         belief = Belief(attitude.q, zero[0], sigma**2 * identity, zero, bias, zero, zero)
-        return FilterMemory(belief, jnp.zeros((self.tracker.latency + 1, 3), zero.dtype))
+        return FilterMemory(belief, jnp.zeros((self.latency + 1, 3), zero.dtype))
 
     def step(
         self, sample: IntScalar, period: RealScalar, measurement: Measurement, memory: FilterMemory
     ) -> tuple[Estimate, FilterMemory]:
         """The estimate with all that has arrived by this sample."""
         rates = jnp.concatenate([memory.rates, measurement.rate[None]])
-        first = sample - self.tracker.latency - 1
+        first = sample - self.latency - 1
 
         def moved(number, belief: Belief) -> Belief:
             """The belief after the turn that begins at sample `first + number`."""
@@ -94,8 +104,8 @@ class MultiplicativeFilter(AbstractEstimator):
 
         belief = apart(_corrected, self, moved(0, memory.belief), measurement)
         now = belief
-        if self.tracker.latency:
-            now = jax.lax.fori_loop(1, self.tracker.latency + 1, moved, belief)
+        if self.latency:
+            now = jax.lax.fori_loop(1, self.latency + 1, moved, belief)
         return self._estimate(now, measurement.rate, period), FilterMemory(belief, rates[1:])
 
     def moved(
@@ -130,15 +140,18 @@ class MultiplicativeFilter(AbstractEstimator):
         )
 
     def corrected(self, belief: Belief, measurement: Measurement) -> Belief:
-        """The belief after the measured attitude, if there is one."""
-        off = difference(Quaternion(belief.q), measurement.attitude)
-        attitude, bias = jnp.zeros_like(belief.b), jnp.zeros_like(belief.b)
-        for axis, sigma in zip(self.tracker.axes, self.tracker.deviations, strict=True):
-            belief, gains, scale = _narrowed(belief, axis, sigma**2, measurement.seen)
-            surprise = scale * (axis @ (off - attitude))
-            attitude, bias = attitude + surprise * gains[0], bias + surprise * gains[1]
-        q = Quaternion(belief.q).turned(attitude).q
-        return belief._replace(q=q, b=belief.b + bias)
+        """The belief after the measured attitude and vectors, of those that there are."""
+        seen_by, attitude, seen = self.tracker, measurement.attitude, measurement.seen
+        if seen_by is not None and attitude is not None and seen is not None:
+            off = difference(Quaternion(belief.q), attitude)
+            variances = tuple(sigma**2 for sigma in seen_by.deviations)
+            belief = _taken_in(belief, off, seen_by.axes, variances, seen)
+        for sigma, one in zip(self.vector_noise, measurement.vectors, strict=True):
+            expected = Quaternion(belief.q).as_dcm().matrix @ one.reference
+            rows = jnp.cross(jnp.eye(3, dtype=expected.dtype), expected[None])  # of [v x]
+            off, variances = towards(expected, one.measured), (sigma**2,) * 3
+            belief = _taken_in(belief, off, rows, variances, one.seen)
+        return belief
 
     def _turned(self, q, turn: Quaternion, half) -> Float[Array, "4"]:
         """The attitude after the body's turn, the orbit frame's own split around it."""
@@ -168,6 +181,26 @@ def _moved(estimator: MultiplicativeFilter, belief: Belief, *arguments: Array) -
 @eqx.filter_jit
 def _corrected(estimator: MultiplicativeFilter, belief: Belief, measurement: Measurement) -> Belief:
     return estimator.corrected(belief, measurement)
+
+
+def _taken_in(
+    belief: Belief,
+    off: Vector,
+    axes: Matrix,
+    variances: tuple[RealScalar, ...],
+    seen: BoolScalar,
+) -> Belief:
+    """The belief after a small rotation (rad) of which the components along `axes` were measured.
+
+    Each with a variance, in (rad times the length of its axis)².
+    """
+    attitude, bias = jnp.zeros_like(belief.b), jnp.zeros_like(belief.b)
+    for axis, variance in zip(axes, variances, strict=True):
+        belief, gains, scale = _narrowed(belief, axis, variance, seen)
+        surprise = scale * (axis @ (off - attitude))
+        attitude, bias = attitude + surprise * gains[0], bias + surprise * gains[1]
+    q = Quaternion(belief.q).turned(attitude).q
+    return belief._replace(q=q, b=belief.b + bias)
 
 
 def _narrowed(

@@ -13,6 +13,7 @@ from jaxsat.control.navigation.estimator import (
     AbstractEstimator,
     Estimate,
     Measurement,
+    latency_of,
     rotation_vector,
 )
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
@@ -22,19 +23,24 @@ from jaxsat.core.noise import fold_in, name_number, sample_noise
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
 from jaxsat.spacecraft.sensors import as_key, in_parameters_of
+from jaxsat.spacecraft.vector_sensors import Observation, VectorSensor
 
 
 class Delivery(NamedTuple):
-    """An attitude of the star tracker (unit quaternion, scalar first), and whether there is one."""
+    """An attitude of the star tracker (unit quaternion, scalar first), and whether there is one.
 
-    attitude: Float[Array, "*latency 4"]
-    seen: Bool[Array, "*latency"]
+    Both are None without a star tracker. `vectors` are what the sensors of vectors measured.
+    """
+
+    attitude: Float[Array, "*latency 4"] | None
+    seen: Bool[Array, "*latency"] | None
+    vectors: tuple[Observation, ...] = ()
 
 
 class NavigationState(NamedTuple):
-    """The gyro's bias (rad/s), what the star tracker has yet to deliver, the estimator's memory.
+    """The gyro's bias (rad/s), what has yet to be delivered, and the estimator's memory.
 
-    Of what is to be delivered the oldest stands first; None is a tracker without latency. `rate` is
+    Of what is to be delivered the oldest stands first; None is sensors without latency. `rate` is
     the last valid measurement of the gyro (rad/s), None where all are valid.
     """
 
@@ -59,20 +65,31 @@ class Told(NamedTuple):
 
 
 class Navigation(eqx.Module):
-    """Gyro, star tracker and estimator between the true state and a sampled law.
+    """Gyro, sensors of the attitude and estimator between the true state and a sampled law.
 
+    What all sensors of the attitude measure at a sample is delivered at once, when that of the
+    slowest has arrived. There is at least one of them: `tracker`, `magnetometer`, `sun_sensor`.
     `attitude_sigma` (rad) is the standard deviation of the first estimate about each axis. All that
     is random is a function of `key` (two 32-bit words) and of the sample's number.
     """
 
     gyro: Gyro
-    tracker: StarTracker
+    tracker: StarTracker | None
     estimator: AbstractEstimator
     attitude_sigma: RealScalar = eqx.field(converter=as_float, default=0.0)
     key: UInt32[Array, "2"] = eqx.field(converter=as_key, default=(0, 0))
+    magnetometer: VectorSensor | None = None
+    sun_sensor: VectorSensor | None = None
 
     def __check_init__(self):
         require_positive("attitude_sigma", self.attitude_sigma, zero_allowed=True)
+        if self.tracker is None and not self.vectors:
+            raise ValueError("Argument `tracker` must be given without magnetometer, Sun sensor.")
+
+    @property
+    def vectors(self) -> tuple[VectorSensor, ...]:
+        """Magnetometer and Sun sensor, of those that there are."""
+        return tuple(one for one in (self.magnetometer, self.sun_sensor) if one is not None)
 
     def init(self, state: PlantState) -> NavigationState:
         """The state before the first sample, when the truth is `state`: bias and estimate drawn."""
@@ -80,9 +97,9 @@ class Navigation(eqx.Module):
         noise = sample_noise(own, jnp.array(0), 6, state.omega.dtype)
         sigma, true = self.attitude_sigma, state.attitude.as_quaternion()
         memory = self.estimator.init(true.turned(sigma * noise[3:]), sigma)
-        count, waiting = self.tracker.latency, None
+        count, waiting = latency_of(self.tracker, self.vectors), None
         if count:
-            waiting = Delivery(jnp.stack([true.q] * count), jnp.zeros(count, bool))
+            waiting = jax.tree.map(lambda part: jnp.stack([part] * count), self._nothing(true))
         rate = None if self.gyro.outage is None else jnp.zeros_like(state.omega)
         return NavigationState(self.gyro.first_bias(noise[:3]), waiting, memory, rate)
 
@@ -99,20 +116,52 @@ class Navigation(eqx.Module):
         valid = self.gyro.is_valid(sample, period)
         if valid is not None and state.rate is not None:
             rate = jnp.where(valid, rate, state.rate)
-        attitude = self.tracker.measured(plant.attitude.as_quaternion(), noise[6:])
-        arriving = Delivery(attitude.q, self.tracker.measures(sample, period, plant.omega))
-        waiting = state.waiting
+        arriving, waiting = self._measured(sample, period, plant, noise[6:]), state.waiting
         if waiting is not None:
             queue = jax.tree.map(
                 lambda old, new: jnp.concatenate([old, new[None]]), waiting, arriving
             )
-            arriving = self.tracker.arriving(queue)
-            waiting = Delivery(*(part[1:] for part in queue))
-        measurement = Measurement(rate, Quaternion(arriving.attitude), arriving.seen)
+            arriving, waiting = self._arriving(queue), jax.tree.map(lambda part: part[1:], queue)
+        q = arriving.attitude
+        attitude = None if q is None else Quaternion(q)
+        measurement = Measurement(rate, attitude, arriving.seen, arriving.vectors)
         estimate, memory = self.estimator.step(sample, period, measurement, state.memory)
         bias = self.gyro.next_bias(state.bias, noise[3:6], period)
         last = None if state.rate is None else rate
         return estimate, NavigationState(bias, waiting, memory, last)
+
+    def example(self) -> Measurement:
+        """A measurement of the shapes of all of this navigation."""
+        attitude = Quaternion(as_float([1.0, 0.0, 0.0, 0.0]))
+        nothing = self._nothing(attitude)
+        told = None if nothing.attitude is None else attitude
+        return Measurement(attitude.q[1:], told, nothing.seen, nothing.vectors)
+
+    def _nothing(self, attitude: Quaternion) -> Delivery:
+        """A delivery that tells nothing, of the shapes of one that does."""
+        unseen, vector = jnp.array(False), jnp.eye(3, dtype=attitude.q.dtype)[0]
+        vectors = tuple(Observation(vector, vector, unseen) for _ in self.vectors)
+        if self.tracker is None:
+            return Delivery(None, None, vectors)
+        return Delivery(attitude.q, unseen, vectors)
+
+    def _measured(
+        self, sample: IntScalar, period: RealScalar, plant: PlantState, noise: Vector
+    ) -> Delivery:
+        """What the sensors of the attitude measure now; `noise` is the star tracker's."""
+        true = plant.attitude.as_quaternion()
+        vectors = tuple(one.observed(sample, period, true, self.key) for one in self.vectors)
+        if self.tracker is None:
+            return Delivery(None, None, vectors)
+        attitude = self.tracker.measured(true, noise)
+        return Delivery(attitude.q, self.tracker.measures(sample, period, plant.omega), vectors)
+
+    def _arriving(self, queue: Delivery) -> Delivery:
+        """What is delivered now of all that was measured lately and now."""
+        oldest = jax.tree.map(lambda part: part[0], queue)
+        if self.tracker is None:
+            return oldest
+        return self.tracker.arriving(queue)._replace(vectors=oldest.vectors)
 
     def told(
         self, sample: IntScalar, period: RealScalar, plant: PlantState, state: NavigationState

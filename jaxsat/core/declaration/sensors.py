@@ -1,11 +1,8 @@
 """`[sampling]`, `[gyro]`, `[star_tracker]`: sensors, as scenarios and studies know them."""
 
-import pkgutil
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
-
 from jaxsat.core.declaration.keys import DispersibleQuantity, PartDeclaration, number
+from jaxsat.core.declaration.sensor import SensorDeclaration
+from jaxsat.core.declaration.vector_sensors import VECTOR_SENSORS
 from jaxsat.core.ranges import (
     ATTITUDE_NOISE,
     FROM_ZERO,
@@ -17,28 +14,6 @@ from jaxsat.core.ranges import (
     SECONDS,
     TRACKER_NOISE,
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class SensorDeclaration(PartDeclaration):
-    """A sensor of a sampled law with a table of its own.
-
-    - `name`: of its table `[name]`.
-    - `meaning`: one line, for the schema.
-    - `place`: the attribute of a sampled loop where it stands.
-    - `maker`: "module:Class.method" of the function that makes it of a checked table and the period
-      of the law (s). Nothing is imported before it is used.
-    """
-
-    name: str
-    meaning: str
-    place: str
-    maker: str
-
-    def made(self, table: Mapping[str, Any], period: float) -> Any:
-        """The sensor of a checked table, for a law with this period (s)."""
-        return pkgutil.resolve_name(self.maker)(table, period)
-
 
 WHITE_NOISE = PartDeclaration(
     "sensors with white noise",
@@ -246,7 +221,10 @@ STAR_TRACKER = SensorDeclaration(
     ),
 )
 
-SENSORS: tuple[SensorDeclaration, ...] = (GYRO, STAR_TRACKER)
+ATTITUDE_SENSORS: tuple[SensorDeclaration, ...] = (STAR_TRACKER, *VECTOR_SENSORS)
+"""Those that tell of the attitude, each now and then."""
+
+SENSORS: tuple[SensorDeclaration, ...] = (GYRO, *ATTITUDE_SENSORS)
 """The sensors with a table of their own, in the order of a scenario."""
 
 SENSED = {"sensors": WHITE_NOISE} | {one.place: one for one in SENSORS}

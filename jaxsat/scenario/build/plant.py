@@ -41,6 +41,7 @@ from jaxsat.spacecraft.environment.orbit import (
     SmallAngleOrbit,
 )
 from jaxsat.spacecraft.environment.orbital_torques import Sunlight
+from jaxsat.spacecraft.navigation_sensors import SensorContext
 from jaxsat.spacecraft.spacecraft import Spacecraft
 
 
@@ -77,9 +78,11 @@ def orbit_of(relation: str, rate: float) -> AbstractOrbit:
     return (ExactOrbit if relation == "exact" else SmallAngleOrbit)(as_float(rate))
 
 
-def sunlight_of(table: OrbitTable, sun_direction: Sequence[float]) -> Sunlight:
+def sunlight_of(
+    table: OrbitTable, sun_direction: Sequence[float], eclipses: bool = False
+) -> Sunlight:
     """Where the Sun of a direction in inertial axes is along the orbit of a table."""
-    return Sunlight(np.asarray(sun_direction, float), place_of(table))
+    return Sunlight(np.asarray(sun_direction, float), place_of(table), eclipses)
 
 
 def place_of(table: OrbitTable) -> AbstractPlace:
@@ -102,6 +105,13 @@ def place_of(table: OrbitTable) -> AbstractPlace:
         table.greenwich(),
     )
     return CircularOrbit(table.rate(), *angles)
+
+
+def sensor_context(scenario: Scenario) -> SensorContext:
+    """What a scenario of a sampled law tells its sensors."""
+    light = scenario.disturbance
+    sunlight = sunlight_of(scenario.orbit, light.sun_direction, light.eclipses)
+    return SensorContext(scenario.control.period_s, field_of(scenario.orbit), sunlight)
 
 
 def field_of(table: OrbitTable) -> AbstractMagneticField:

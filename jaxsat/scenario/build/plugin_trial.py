@@ -98,15 +98,18 @@ def require_torque(
 
 
 def require_estimates(
-    part: Part, location: Location, estimator: AbstractEstimator, period: Float[Array, ""]
+    part: Part,
+    location: Location,
+    estimator: AbstractEstimator,
+    period: Float[Array, ""],
+    measurement: Measurement,
 ) -> None:
     """Raise `BuildError` where an estimator, called once, raises or gives no estimate.
 
     Its memory must be of the same shapes and types after a step.
     """
     zero = jnp.zeros_like(period)
-    upright, rate = Quaternion(jnp.eye(4, dtype=zero.dtype)[0]), jnp.zeros(3, zero.dtype)
-    measurement = Measurement(rate, upright, jnp.array(True))
+    upright = Quaternion(jnp.eye(4, dtype=zero.dtype)[0])
     try:
         memory = eqx.filter_eval_shape(estimator.init, upright, zero)
         outcome = eqx.filter_eval_shape(estimator.step, jnp.array(0), period, measurement, memory)

@@ -1,5 +1,6 @@
 """From a scenario to what a sampled law is told."""
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from jaxsat.control.navigation.navigation import Navigation
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.sensors import SENSORS
 from jaxsat.core.noise import key_of_seed
-from jaxsat.scenario.build.plant import orbit_of, orbit_rate
+from jaxsat.scenario.build.plant import orbit_of, orbit_rate, sensor_context
 from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
 from jaxsat.scenario.parts.sensors import EstimatorTable, OwnEstimatorTable, SamplingTable
 from jaxsat.scenario.plugins import ESTIMATOR, find_part
@@ -49,36 +50,46 @@ def tachometer_noise(scenario: Scenario) -> np.ndarray:
 
 
 def build_navigation(scenario: Scenario) -> Navigation | None:
-    """What stands between the truth and a sampled law, None without `[gyro]`, `[star_tracker]`.
+    """What stands between the truth and a sampled law, None without `[gyro]`.
 
     The estimator knows the sensors as they are declared, and the orbit of the scenario.
     """
-    if scenario.gyro is None or scenario.star_tracker is None:
+    if scenario.gyro is None:
         return None
-    period = scenario.control.period_s
+    context, period = sensor_context(scenario), as_float(scenario.control.period_s)
     sensors = {
-        one.place.removeprefix("navigation."): one.made(dict(table), period)
+        one.place.removeprefix("navigation."): one.made(dict(table), context)
         for one in SENSORS
         if (table := getattr(scenario, one.name)) is not None
     }
+    sensors.setdefault("tracker", None)
     table: Any = scenario.estimator or OwnEstimatorTable()
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
-    gyro, tracker = sensors["gyro"], sensors["tracker"]
-    estimator = _estimator(table, EstimatorContext(gyro, tracker, orbit, as_float(period)))
-    return Navigation(
-        estimator=estimator,
+    navigation = Navigation(
+        estimator=RawMeasurements(),
         attitude_sigma=table.attitude_sigma_rad,
         key=key_of_seed(scenario.simulation.seed),
         **sensors,
     )
+    parts = (navigation.gyro, navigation.tracker, orbit, period, navigation.vectors)
+    estimator = _estimator(table, EstimatorContext(*parts), navigation)
+    return dataclasses.replace(navigation, estimator=estimator)
 
 
-def _estimator(table: EstimatorTable, context: EstimatorContext) -> AbstractEstimator:
+def _estimator(
+    table: EstimatorTable, context: EstimatorContext, navigation: Navigation
+) -> AbstractEstimator:
     if table.kind == "none":
         return RawMeasurements()
     if table.kind == "mekf":
-        return MultiplicativeFilter(context.orbit, context.gyro, context.tracker)
+        return MultiplicativeFilter(
+            context.orbit,
+            context.gyro,
+            context.tracker,
+            tuple(one.noise for one in context.vectors),
+            context.latency,
+        )
     part, location = find_part(ESTIMATOR, table.kind), ("estimator", "kind")
     estimator = made_part(part, location, table, context)
-    require_estimates(part, location, estimator, context.period)
+    require_estimates(part, location, estimator, context.period, navigation.example())
     return estimator

@@ -11,6 +11,7 @@ from jaxsat.control.diagnosis.thruster_filter import ThrusterModel
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.failures import FailureKind, failure_kind
 from jaxsat.core.declaration.sensors import GYRO
+from jaxsat.scenario.build.plant import sensor_context
 from jaxsat.scenario.layout import command_torques, has_invalid_samples, thruster_costs
 from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.failures import FailureTable
@@ -86,9 +87,9 @@ def thruster_context(scenario: Scenario) -> ThrusterContext | None:
 def rate_noise(scenario: Scenario) -> float:
     """Standard deviation (rad/s) of the rates that a sampled law is told, from sample to sample."""
     if scenario.gyro is not None:
-        period = scenario.control.period_s
-        gyro = GYRO.made(dict(scenario.gyro), period)
-        return float(gyro.rate_variance(as_float(period))) ** 0.5
+        context = sensor_context(scenario)
+        gyro = GYRO.made(dict(scenario.gyro), context)
+        return float(gyro.rate_variance(as_float(context.period))) ** 0.5
     return 0.0 if scenario.sampling is None else scenario.sampling.rate_noise_rad_s
 
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal
 
 from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.sensors import SENSORS
 from jaxsat.core.declaration.thrusters import IDEAL_KINDS
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.parts.actuator import names_of, number_of
@@ -176,8 +177,11 @@ def _after_the_end(scenario: Any) -> Iterator[Issue]:
         "failure_time_s": {
             ("failure", number, "at_s"): one.at_s for number, one in enumerate(scenario.failure)
         },
-        "tracker_outage_start_s": _outage(scenario, "star_tracker"),
-        "gyro_outage_start_s": _outage(scenario, "gyro"),
+    } | {
+        f"{key.drawn}_s": _outage(scenario, one.name)
+        for one in SENSORS
+        for key in one.keys
+        if key.name == "outage_start_s"
     }
     end = scenario.simulation.duration_s
     for key, times in begins.items():

@@ -1,24 +1,30 @@
-"""`[sampling]`, or `[gyro]` and `[star_tracker]` with `[estimator]` behind them.
+"""`[sampling]`, or `[gyro]` and sensors of the attitude with `[estimator]` behind them.
 
 They stand between a sampled law and the plant. Of a table that is given, the keys of the table are
 among the values that rules receive; of one that is not, the table itself is, as None.
 """
 
+import math
+from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar
 
 from annotated_types import Ge, Le
 from pydantic import ConfigDict, SerializeAsAny
 
+from jaxsat.core.declaration.disturbances import needs_orbit
 from jaxsat.core.declaration.keys import choice as key_choice
 from jaxsat.core.declaration.keys import number
 from jaxsat.core.declaration.sensors import (
+    ATTITUDE_SENSORS,
     DELAY,
     HOLD_SAMPLES,
     SENSORS,
     WHITE_NOISE,
     SensorDeclaration,
 )
+from jaxsat.core.earth import EARTH_GRAVITY
 from jaxsat.core.ranges import TRACKER_NOISE
+from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.named import PartTable, by_its_kind
 from jaxsat.scenario.plugins import ESTIMATOR, PluginKind
 from jaxsat.scenario.quantities import (
@@ -30,11 +36,11 @@ from jaxsat.scenario.quantities import (
     table_class,
     table_with,
 )
-from jaxsat.scenario.rules import at, is_multiple, rule, rule_over, sampled_laws
+from jaxsat.scenario.rules import Values, at, is_multiple, rule, rule_over, sampled_laws
 from jaxsat.scenario.wording import shown
 
 MAX_PERIODS = 1_000_000
-"""Control periods between two measurements of a star tracker, or for which commands are held."""
+"""Control periods between two measurements of a sensor, or for which commands are held."""
 
 ESTIMATOR_KIND = key_choice(
     "kind",
@@ -103,19 +109,54 @@ MAX_LATENCY = 1000
 """Control periods until a measurement arrives; as many are waiting."""
 
 
-@rule("gyro", "star_tracker.latency_s")
-def _tracker_has_a_gyro(gyro, latency):
-    yield at("gyro", "must be given with [star_tracker], got nothing", True)
+ATTITUDE = tuple(one.name for one in ATTITUDE_SENSORS)
+"""The tables of the sensors of the attitude."""
 
 
-@rule("star_tracker", "gyro.limit_rad_s")
-def _gyro_has_a_tracker(tracker, limit):
-    yield at("star_tracker", "must be given with [gyro], got nothing", True)
+def _given(values: Values) -> list[str]:
+    """Those of `ATTITUDE` that a scenario has."""
+    return [one for one in ATTITUDE if any(key.startswith(f"{one}.") for key in values)]
 
 
-@rule("gyro", "star_tracker", "estimator.kind")
-def _estimator_has_sensors(gyro, tracker, kind):
-    yield at("estimator", f'must belong to [gyro] and [star_tracker], got kind "{kind}" alone')
+@rule_over("gyro")
+def _sensors_of_the_attitude_have_a_gyro(values):
+    for name in _given(values)[:1] if values["gyro"] is None else ():
+        yield at("gyro", f"must be given with [{name}], got nothing", True)
+
+
+@rule_over("gyro.limit_rad_s", *ATTITUDE)
+def _gyro_has_a_sensor_of_the_attitude(values):
+    message = "must be given with [gyro], or else [magnetometer], got none of them"
+    yield at("star_tracker", message, True)
+
+
+@rule("star_tracker", "magnetometer", "sun_sensor.noise_rad")
+def _sun_sensor_has_another_beside_it(tracker, magnetometer, noise):
+    yield at(
+        "magnetometer",
+        "must be given with [sun_sensor], or else [star_tracker]: no Sun sensor measures a turn "
+        "about the direction to the Sun, which is fixed in inertial axes; got none of them",
+        True,
+    )
+
+
+@rule_over("gyro", *ATTITUDE, "estimator.kind")
+def _estimator_has_sensors(values):
+    if values["gyro"] is None:
+        kind = values["estimator.kind"]
+        yield at("estimator", f'must belong to [gyro] and [star_tracker], got kind "{kind}" alone')
+
+
+@rule("star_tracker", "gyro.limit_rad_s", "estimator.kind")
+def _a_law_without_estimator_has_a_tracker(tracker, limit, kind):
+    if kind == "none":
+        yield at("estimator.kind", 'must be "mekf" without [star_tracker], got "none"')
+
+
+@rule("orbit.rate_rad_s", "magnetometer.noise_T")
+def _magnetometer_is_in_orbit(rate, noise):
+    for finding in needs_orbit("magnetometer.noise_T", "[magnetometer]").check(rate, noise):
+        yield at(*finding)
 
 
 @rule_over("gyro.limit_rad_s")
@@ -127,48 +168,43 @@ def _noise_is_that_of_the_gyro(values):
             )
 
 
-@rule("control.period_s", "star_tracker.update_period_s")
-def _updates_fall_on_samples(period, update):
-    if update is not None:
-        yield from _whole_periods("update_period_s", update, period, MAX_PERIODS)
+@rule_over("control.period_s")
+def _measurements_fall_on_samples(values):
+    for name in _given(values):
+        for key, most in (("update_period_s", MAX_PERIODS), ("latency_s", MAX_LATENCY)):
+            value = values.get(f"{name}.{key}")
+            if value:
+                yield from _whole_periods(f"{name}.{key}", value, values["control.period_s"], most)
 
 
-@rule("control.period_s", "star_tracker.latency_s")
-def _arrivals_fall_on_samples(period, latency):
-    if latency > 0:
-        yield from _whole_periods("latency_s", latency, period, MAX_LATENCY)
-
-
-def _whole_periods(name, value, period, most):
+def _whole_periods(key, value, period, most):
     if not is_multiple(value, period):
         message = f"must be a multiple of control.period_s = {shown(period)}, got {shown(value)}"
-        yield at(f"star_tracker.{name}", message)
+        yield at(key, message)
     elif round(value / period) > most:
-        message = f"must be at most {most} times control.period_s, got {shown(value)}"
-        yield at(f"star_tracker.{name}", message)
+        yield at(key, f"must be at most {most} times control.period_s, got {shown(value)}")
 
 
-@rule("star_tracker.outage_start_s", "star_tracker.outage_s")
-def _an_outage_of_the_tracker_has_begin_and_length(start, length):
-    yield from _both("star_tracker", start, length)
-
-
-@rule("gyro.outage_start_s", "gyro.outage_s")
-def _an_outage_of_the_gyro_has_begin_and_length(start, length):
-    yield from _both("gyro", start, length)
-
-
-def _both(table, start, length):
-    if (start is None) != (length is None):
+@rule_over()
+def _an_outage_has_begin_and_length(values):
+    for one in SENSORS:
         names = ("outage_start_s", "outage_s")
-        lacking, other = names if start is None else names[::-1]
-        yield at(f"{table}.{lacking}", f"must be given with {other}, got nothing", True)
+        keys = [f"{one.name}.{name}" for name in names]
+        if all(key in values for key in keys):
+            lacking = [values[key] is None for key in keys]
+            if any(lacking) and not all(lacking):
+                other = names[lacking.index(False)]
+                yield at(
+                    keys[lacking.index(True)], f"must be given with {other}, got nothing", True
+                )
 
 
-@rule("star_tracker.boresight")
-def _boresight_is_a_direction(boresight):
-    if sum(entry * entry for entry in boresight) < 1e-12:
-        yield at("star_tracker.boresight", f"must be a direction, got {shown(boresight)}")
+@rule_over()
+def _boresights_are_directions(values):
+    for one in ATTITUDE:
+        boresight = values.get(f"{one}.boresight")
+        if boresight is not None and sum(entry * entry for entry in boresight) < 1e-12:
+            yield at(f"{one}.boresight", f"must be a direction, got {shown(boresight)}")
 
 
 @rule_over("control.law")
@@ -184,3 +220,18 @@ def _sensors_belong_to_a_sampled_law(values):
 def _delay_within_a_period(period, delay):
     if delay > period:
         yield at("sampling.delay_s", f"must be at most control.period_s, got {shown(delay)}")
+
+
+def sensor_cautions(scenario: Any) -> Iterator[Issue]:
+    """A magnetometer alone, which tells of turns about the field only as that turns."""
+    alone = scenario.magnetometer and not (scenario.sun_sensor or scenario.star_tracker)
+    orbit, duration = scenario.orbit, scenario.simulation.duration_s
+    ellipse = orbit.ellipse()
+    rate = math.sqrt(EARTH_GRAVITY / ellipse[0] ** 3) if ellipse else orbit.rate()
+    if alone and duration * rate < math.pi:
+        message = (
+            "should be given with [sun_sensor] or [star_tracker] in a run shorter than half an "
+            f"orbit, {math.pi / rate:.4g} s: before, the field has hardly turned, and a turn about "
+            f"it is hardly observable, got a run of {shown(duration)} s"
+        )
+        yield Issue(("magnetometer",), message)

@@ -122,6 +122,8 @@ NOISE: Mapping[str, tuple[str, ...]] = {
     "sampling": ("rate_noise_rad_s", "attitude_noise_rad"),
     "gyro": ("noise_density_rad_s_sqrt_Hz", "bias_walk_rad_s2_sqrt_Hz", "bias_sigma_rad_s"),
     "star_tracker": ("across_rad", "along_rad"),
+    "magnetometer": ("noise_T",),
+    "sun_sensor": ("noise_rad",),
 }
 """Keys of sensors' noise, by table."""
 

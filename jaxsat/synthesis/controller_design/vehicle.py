@@ -205,6 +205,7 @@ VECTORS: Mapping[str, Sequence[str]] = {
     ),
     "panel": ("normal", "centre_m"),
     "star_tracker": ("boresight",),
+    "sun_sensor": ("boresight",),
 }
 """Keys that hold a vector in body axes, by table."""
 

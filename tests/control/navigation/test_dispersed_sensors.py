@@ -21,6 +21,8 @@ SENSORS = [
     "gyro={noise_density_rad_s_sqrt_Hz=1e-5, bias_walk_rad_s2_sqrt_Hz=1e-8, outage_start_s=5,"
     "outage_s=1}",
     "star_tracker={across_rad=1e-5, along_rad=1e-4, latency_s=0.3, outage_start_s=4, outage_s=2}",
+    "magnetometer={noise_T=1e-6, update_period_s=0.2, outage_start_s=3, outage_s=1}",
+    "sun_sensor={noise_rad=1e-3, latency_s=0.1, outage_start_s=2, outage_s=1}",
 ]
 PERIOD = 0.1
 REACHES = {
@@ -38,6 +40,16 @@ REACHES = {
     "tracker_rate_limit": lambda one: one.tracker.rate_limit[:, None],
     "tracker_outage_start": lambda one: one.tracker.outage_start[:, None],
     "tracker_outage": lambda one: one.tracker.outage[:, None],
+    "magnetometer_noise": lambda one: one.magnetometer.noise[:, None],
+    "magnetometer_bias": lambda one: one.magnetometer.bias,
+    "magnetometer_scale_factor": lambda one: one.magnetometer.scale_factor,
+    "magnetometer_misalignment": lambda one: one.magnetometer.misalignment,
+    "magnetometer_outage_start": lambda one: one.magnetometer.outage_start[:, None],
+    "magnetometer_outage": lambda one: one.magnetometer.outage[:, None],
+    "sun_sensor_noise": lambda one: one.sun_sensor.noise[:, None],
+    "sun_sensor_misalignment": lambda one: one.sun_sensor.misalignment,
+    "sun_sensor_outage_start": lambda one: one.sun_sensor.outage_start[:, None],
+    "sun_sensor_outage": lambda one: one.sun_sensor.outage[:, None],
 }
 
 
@@ -46,12 +58,14 @@ def loop() -> Any:
 
 
 def test_every_quantity_of_sensors_has_its_test():
-    assert set(REACHES) == {name for name in QUANTITIES if name.startswith(("gyro", "tracker"))}
+    parts = ("gyro", "tracker", "magnetometer", "sun_sensor")
+    assert set(REACHES) == {name for name in QUANTITIES if name.startswith(parts)}
 
 
 def test_they_reach_the_sensors_and_not_what_the_filter_believes():
     nominal = loop()
     drawn: Any = dict.fromkeys(REACHES, Uniform(0.1, 0.3))
+    drawn |= dict.fromkeys(("magnetometer_noise", "magnetometer_bias"), Uniform(1e-4, 3e-4))
     copy = copies_of(nominal, 5, **drawn)
     found = jax.tree.map(np.asarray, copy.loop.navigation)
     for name, read in REACHES.items():
@@ -68,7 +82,7 @@ def test_they_reach_the_sensors_and_not_what_the_filter_believes():
 
 def test_a_measurement_arrives_when_the_latency_of_the_case_is_over():
     tracker = StarTracker(1e-5, 1e-5, latency=3)
-    queue = Delivery(jnp.arange(16.0).reshape(4, 4), jnp.array([True, False, True, False]))
+    queue: Any = Delivery(jnp.arange(16.0).reshape(4, 4), jnp.array([True, False, True, False]))
     assert tracker.arriving(queue).attitude[0] == 0.0  # three samples ago
     sooner = eqx.tree_at(
         lambda one: one.arrival, tracker, jnp.array(1), is_leaf=lambda x: x is None
@@ -102,7 +116,8 @@ def test_an_outage_is_from_its_start_to_its_end():
 def test_engines_agree_on_dispersed_sensors():
     ranges = {"gyro_bias_rad_s": (-1e-3, 1e-3), "tracker_update_period_s": (0.1, 1.0),
               "tracker_latency_s": (0.0, 0.3), "tracker_outage_start_s": (1.0, 5.0),
-              "gyro_outage_start_s": (0.5, 4.0)}  # fmt: skip
+              "gyro_outage_start_s": (0.5, 4.0), "magnetometer_bias_T": (-1e-6, 1e-6),
+              "sun_sensor_noise_rad": (1e-4, 1e-2), "sun_sensor_outage_s": (0.1, 1.0)}  # fmt: skip
     tables = [
         f"dispersion.{key}={{distribution='uniform', low={low}, high={high}}}"
         for key, (low, high) in ranges.items()

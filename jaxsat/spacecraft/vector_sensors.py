@@ -1,0 +1,149 @@
+"""Sensors of a vector whose place in the orbit is known: magnetometer and Sun sensor."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, UInt32
+
+from jaxsat.core.array_types import IntScalar, RealScalar, Vector
+from jaxsat.core.attitude import Quaternion
+from jaxsat.core.checks import (
+    as_array,
+    as_float,
+    as_optional_float,
+    concrete,
+    require_counts,
+    require_directions,
+    require_finite,
+    require_positive,
+)
+from jaxsat.core.errors import ArgumentError
+from jaxsat.core.noise import fold_in, name_number, sample_noise
+from jaxsat.core.trigonometry import cos
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
+from jaxsat.spacecraft.environment.orbital_torques import Sunlight
+from jaxsat.spacecraft.navigation_sensors import (
+    SensorContext,
+    as_three,
+    outside_outage,
+    require_both,
+)
+
+
+class Observation(NamedTuple):
+    """A vector as it was measured in body axes, and as it then was in the reference frame.
+
+    Both have the unit of the sensor. Where `seen` is false nothing was measured.
+    """
+
+    measured: Float[Array, "*latency 3"]
+    reference: Float[Array, "*latency 3"]
+    seen: Bool[Array, "*latency"]
+
+
+class FieldAlongOrbit(eqx.Module):
+    """The Earth's magnetic `field` as what a magnetometer sees."""
+
+    field: AbstractMagneticField
+
+    def __call__(self, t: RealScalar) -> tuple[Vector, RealScalar]:
+        """B in the reference frame at `t` (s), T, and 1: it is everywhere."""
+        field = self.field(t)
+        return field, jnp.ones_like(field[0])
+
+
+class VectorSensor(eqx.Module):
+    """Measures in body axes a vector that is known in the reference frame of the attitude.
+
+    `reference` gives at a time (s) the vector, in the unit of the sensor, and 1 where there is
+    something to see, else 0. What is measured of a vector v in body axes is
+    (1 + s) (v - m × v) + b + n: s is `scale_factor`, the relative error on each axis, m is
+    `misalignment`, a small rotation (rad), b is `bias`, and n is white noise with the standard
+    deviation `noise` on each axis. Of a unit vector only the noise across it tells, which is an
+    angle (Shuster and Oh, J. Guidance and Control 4(1), 1981).
+
+    It measures at every `every`-th sample of a sampled law, from the first on, and needs `latency`
+    samples to tell. It measures nothing where a unit vector is more than `half_angle` (rad) from
+    the `boresight`, None for a field of view that is everything, nor for `outage` (s) from
+    `outage_start` (s) on, None for both is no outage. `name` tells its noise from that of others.
+
+    Raises `ValueError` for noise that is not positive, numbers that are not finite, a boresight
+    without a direction, counts that are none, and an outage without a start or a length.
+    """
+
+    reference: FieldAlongOrbit | Sunlight
+    name: str = eqx.field(static=True)
+    noise: RealScalar = eqx.field(converter=as_float)
+    bias: Vector = eqx.field(converter=as_three, default=0.0)
+    scale_factor: Vector = eqx.field(converter=as_three, default=0.0)
+    misalignment: Vector = eqx.field(converter=as_three, default=0.0)
+    boresight: Vector = eqx.field(converter=as_float, default=(0.0, 0.0, 1.0))
+    half_angle: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
+    every: IntScalar = eqx.field(converter=lambda count: as_array(np.asarray(count)), default=1)
+    latency: int = eqx.field(static=True, default=0)
+    outage_start: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
+    outage: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
+
+    def __check_init__(self):
+        require_positive("noise", self.noise)
+        for name in ("bias", "scale_factor", "misalignment"):
+            require_finite(name, getattr(self, name))
+        require_directions("boresight", self.boresight[:, None])
+        require_both(self.outage_start, self.outage)
+        every = concrete(self.every)
+        require_counts(every=None if every is None else int(every))
+        if self.latency < 0:
+            raise ArgumentError("latency", "must be zero or positive", self.latency)
+
+    def observed(
+        self,
+        sample: IntScalar,
+        period: RealScalar,
+        attitude: Quaternion,
+        key: UInt32[Array, "2"],
+    ) -> Observation:
+        """What is measured at a sample of the run; samples are `period` s apart.
+
+        The noise is a function of the `key` of all sensors, the sensor's name and the sample.
+        """
+        t = jnp.asarray(sample, period.dtype) * period
+        reference, light = self.reference(t)
+        vector = attitude.as_dcm().matrix @ reference
+        own = fold_in(key, jnp.asarray(name_number(self.name), jnp.uint32))
+        noise = self.noise * sample_noise(own, sample, 3, vector.dtype)
+        turned = vector - jnp.cross(self.misalignment, vector)
+        measured = (1 + self.scale_factor) * turned + self.bias + noise
+        seen = (sample % self.every == 0) & (light > 0)
+        if self.half_angle is not None:
+            middle = self.boresight / jnp.sqrt(jnp.sum(self.boresight**2))
+            seen = seen & (middle @ vector >= cos(self.half_angle))
+        works = outside_outage(sample, period, self.outage_start, self.outage)
+        return Observation(measured, reference, seen if works is None else seen & works)
+
+
+def magnetometer(values: Mapping[str, Any], context: SensorContext) -> VectorSensor:
+    """The magnetometer of a checked table `[magnetometer]`, in the field of the scenario."""
+    own = {"bias": values["bias_T"], "scale_factor": values["scale_factor"]}
+    reference, noise = FieldAlongOrbit(context.field), values["noise_T"]
+    return VectorSensor(reference, "magnetometer", noise, **own, **_common(values, context))
+
+
+def sun_sensor(values: Mapping[str, Any], context: SensorContext) -> VectorSensor:
+    """The Sun sensor of a checked table `[sun_sensor]`, under the Sun of the scenario."""
+    own = {"boresight": values["boresight"], "half_angle": values["half_angle_rad"]}
+    common = _common(values, context)
+    return VectorSensor(context.sunlight, "sun sensor", values["noise_rad"], **own, **common)
+
+
+def _common(values: Mapping[str, Any], context: SensorContext) -> dict[str, Any]:
+    update = values["update_period_s"]
+    return {
+        "misalignment": values["misalignment_rad"],
+        "every": 1 if update is None else round(update / context.period),
+        "latency": round(values["latency_s"] / context.period),
+        "outage_start": values["outage_start_s"],
+        "outage": values["outage_s"],
+    }
