@@ -1,7 +1,5 @@
 """Every failure case: which thrusters and wheels may fail, and what is lost."""
 
-import csv
-import io
 import itertools
 import math
 from collections.abc import Sequence
@@ -16,6 +14,7 @@ from jaxsat.controllability.layout import TOLERANCE, Numbers
 from jaxsat.controllability.rods import RodSet, judge_with_rods
 from jaxsat.controllability.wording import both_signs_by, lost_words, rod_torques
 from jaxsat.core.numerals import number_text
+from jaxsat.core.text import csv_text
 
 COLUMNS = (
     "failed",
@@ -171,11 +170,8 @@ def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[s
 
 def failure_csv(cases: Sequence[FailureCase]) -> str:
     """The table as CSV text, full precision."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows([record[name] for name in COLUMNS] for record in failure_records(cases))
-    return text.getvalue()
+    rows = ([record[name] for name in COLUMNS] for record in failure_records(cases))
+    return csv_text([COLUMNS, *rows])
 
 
 def failure_markdown(cases: Sequence[FailureCase]) -> str:

@@ -1,6 +1,11 @@
-"""Text from outside, made harmless where it is shown: terminals, figures, pages, attributes."""
+"""Text from outside, made harmless where it is shown: terminals, figures, pages, attributes; and
+rows as CSV."""
 
+import csv
+import io
 import unicodedata
+from collections.abc import Iterable
+from typing import Any
 
 JOINERS = "\u200c\u200d"
 """Format characters that scripts and emoji need; all others only hide or reorder what is read."""
@@ -29,6 +34,13 @@ def markdown(text: str) -> str:
 def capitalised(text: str) -> str:
     """The text with a capital first letter; the others stay, as those of names must."""
     return text[:1].upper() + text[1:]
+
+
+def csv_text(rows: Iterable[Iterable[Any]]) -> str:
+    """Rows as comma-separated values, with numbers in full precision."""
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def _shown(character: str) -> str:

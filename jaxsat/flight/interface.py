@@ -1,7 +1,5 @@
 """icd.csv and icd.md: every field of the C structures, with type, size, unit, range and rate."""
 
-import csv
-import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,6 +12,7 @@ from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.layout import Field
 from jaxsat.core.declaration.keys import Key, Numeric
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
+from jaxsat.core.text import csv_text
 from jaxsat.flight.flight import UNITS, FlightController, as_type
 from jaxsat.flight.guard import (
     NORM_TOLERANCE,
@@ -189,10 +188,7 @@ def _limits(program: FlightProgram, hold_samples: int) -> Iterator[Row]:
 
 def as_csv(table: Sequence[Row]) -> str:
     """The rows as comma-separated values, with a line of names."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerows([Row._fields, *table])
-    return text.getvalue()
+    return csv_text([Row._fields, *table])
 
 
 def as_markdown(title: str, table: Sequence[Row]) -> str:

@@ -1,11 +1,10 @@
 """What a verification found, as a document of its record, and as tables in CSV."""
 
-import csv
-import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from jaxsat.core.numerals import number_text
+from jaxsat.core.text import csv_text
 from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.studies.statistics import Interval, fraction_text
 
@@ -26,6 +25,10 @@ FAILURE_COLUMNS = (
     "device", "failure", "cases", "left", "detected", "detection_time_s", "isolated", "recovered",
     "settling_time_s", "propellant_kg", "violated", "worst_case", "command",
 )  # fmt: skip
+
+FAILURE_NAMES = ("device", "failure", "cases", "left", "detected", "detection_time", "isolated",
+                 "recovered", "settling_time", "propellant")  # fmt: skip
+"""Of a record's failures: the numbers of a row that the document and the CSV file have alike."""
 
 
 def verification_document(record: Record) -> Document:
@@ -116,9 +119,7 @@ def _severity(one: Record) -> tuple[float, float]:
 
 
 def _failure_cells(one: Record) -> Iterator[Cell]:
-    names = ("device", "failure", "cases", "left", "detected", "detection_time", "isolated",
-             "recovered", "settling_time", "propellant")  # fmt: skip
-    yield from (one[name] for name in names)
+    yield from (one[name] for name in FAILURE_NAMES)
     violations = _violations(one)
     yield Shown(violations or "none", None, not violations)
 
@@ -133,23 +134,13 @@ def matrix_csv(record: Record) -> str:
     """The traceability matrix: a row for each requirement and condition."""
     names = ("requirement", "condition", "verdict", "cases", "met", "margin", "unit", "signal",
              "time", "worst", "command")  # fmt: skip
-    return _csv(MATRIX_COLUMNS, ([one[name] for name in names] for one in record["shown"]))
+    return csv_text([MATRIX_COLUMNS, *([one[name] for name in names] for one in record["shown"])])
 
 
 def failure_csv(record: Record) -> str:
     """The failure table: a row for each device and kind of failure."""
-    names = ("device", "failure", "cases", "left", "detected", "detection_time", "isolated",
-             "recovered", "settling_time", "propellant")  # fmt: skip
     rows = (
-        [*(one[name] for name in names), _violations(one), one["worst"], one["command"]]
+        [*(one[name] for name in FAILURE_NAMES), _violations(one), one["worst"], one["command"]]
         for one in record["failures"]
     )
-    return _csv(FAILURE_COLUMNS, rows)
-
-
-def _csv(columns: Sequence[str], rows: Any) -> str:
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
-    return file.getvalue()
+    return csv_text([FAILURE_COLUMNS, *rows])
