@@ -2,6 +2,7 @@
 
 All processes of a run share what they compile: XLA's programs and jaxsat's kernels are kept in
 one folder that ends with the run, unless `JAX_COMPILATION_CACHE_DIR` names one that outlives it.
+Bytecode is kept beside the sources, as Python does by default.
 """
 
 import atexit
@@ -36,6 +37,13 @@ def _share_compilations() -> None:
         os.environ["JAX_COMPILATION_CACHE_DIR"] = folder
 
 
+def _keep_bytecode() -> None:
+    """Let hundreds of processes read what the first one compiled, whatever the environment says."""
+    sys.dont_write_bytecode = False
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+
+_keep_bytecode()
 compiling.skip_most_optimisations()
 _share_compilations()
 
