@@ -38,6 +38,8 @@ ATTEMPTS = 32
 
 BODY = tuple(name for name, one in DISPERSIBLE.items() if one.stage == "body")
 BELIEF = ("model_inertia",)
+RATES = frozenset({"omega", "rate_error"})
+"""The quantities that change the rate at the start."""
 
 
 class Dispersions(eqx.Module):

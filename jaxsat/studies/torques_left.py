@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxsat.compiler.llvm.mapped import compiled_over_cases
 from jaxsat.controllability.actuators import actuator_set
 from jaxsat.controllability.layout import TOLERANCE
 from jaxsat.controllability.rods import RodSet, judge_with_rods
@@ -58,20 +58,24 @@ LEAST_HOLD = 0.02
 
 
 class _Reaches(NamedTuple):
-    """The reach of a part in every case: see `Reach`."""
+    """The reach of a part in every case: see `Reach`; `most` is `high` before anything fails."""
 
     columns: Float[np.ndarray, "cases 3 n"]
     low: Float[np.ndarray, "cases n"]
     high: Float[np.ndarray, "cases n"]
+    most: Float[np.ndarray, " n"]
 
     @staticmethod
     def of(reach: Reach, cases: int) -> "_Reaches":
-        """The reach of a part that is the same in so many cases, or has an axis of them."""
+        """The reach of a part that is the same in so many cases."""
+        columns, low, high = map(np.asarray, (reach.columns, reach.low, reach.high))
+        each = [np.broadcast_to(part, (cases, *part.shape)) for part in (columns, low, high)]
+        return _Reaches(each[0], each[1], each[2], high)
 
-        def each(x: Array, dims: int) -> np.ndarray:
-            return np.broadcast_to(np.asarray(x), (cases, *x.shape[x.ndim - dims :]))
-
-        return _Reaches(each(reach.columns, 2), each(reach.low, 1), each(reach.high, 1))
+    @property
+    def healthy(self) -> Bool[np.ndarray, "cases n"]:
+        """Which devices do what they are asked, of either sign, and nearly as much as before."""
+        return (self.low < 0) & (self.high > 0) & (self.high >= LEAST_TORQUE * self.most)
 
 
 class _Exchanger(NamedTuple):
@@ -96,7 +100,7 @@ class _Exchanger(NamedTuple):
         if storage is None:
             return None
         size = np.linalg.norm(reach.columns, axis=1, keepdims=True)
-        healthy = _healthy(effector, reach) & (size[:, 0] > 0)
+        healthy = reach.healthy & (size[:, 0] > 0)
         law = sampled_law(loop)
         if law is not None and law.known is not None:
             healthy[:, np.asarray(law.known)] = False
@@ -120,7 +124,7 @@ class _Rods(NamedTuple):
         """The magnetorquers of a loop, by the reach of its effectors in every case."""
         for one, reach in parts:
             if (dipoles := one.dipoles()) is not None:
-                return _Rods(rod_set(loop, dipoles), _healthy(one, reach))
+                return _Rods(rod_set(loop, dipoles), reach.healthy)
         return _Rods(None, np.zeros((len(parts[0][1].low), 0), bool))
 
 
@@ -138,11 +142,8 @@ def torques_left(
     body and effectors at the start.
     """
     parts = list(zip(loop.plant.effectors, _reaches_left(loop, failures), strict=True))
-    none = _Reaches.of(Reach.none(), len(failures["failure_kind"])), Reach.none()
-    levels = [
-        _levels(*none),
-        *(_levels(each, _sound_reach(one)) for one, each in parts if one.even),
-    ]
+    none = _Reaches.of(Reach.none(), len(failures["failure_kind"]))
+    levels = [_levels(none), *(_levels(each) for one, each in parts if one.even)]
     torques, low, high = (np.concatenate(each, axis=-1) for each in zip(*levels, strict=True))
     exchangers = [each for one in parts if (each := _Exchanger.of(loop, *one)) is not None]
     rods = _Rods.of(loop, parts)
@@ -175,26 +176,15 @@ def _reaches_left(loop: AbstractLoop, failures: Mapping[str, np.ndarray]) -> lis
     reaches, before, cases = [], 0, len(failures["failure_kind"])
     last = [one for one in loop.plant.effectors if one.failures is not None][-1:]
     for one in loop.plant.effectors:
-        reach = _sound_reach(one)
-        if one.failures is not None:
+        if one.failures is None:
+            reaches.append(_Reaches.of(_at_rest(one, jnp.zeros(0, bool)), cases))
+        else:
             count = None if one is last[0] else one.failures.count
-            reach = _in_cases(one, before, {name: x[:, :count] for name, x in failures.items()})
+            own = {name: x[:, :count] for name, x in failures.items()}
+            reaches.append(_in_cases(one, before, own))
             failures = {name: x[:, count:] for name, x in failures.items()}
-        reaches.append(_Reaches.of(reach, cases))
         before += one.count
     return reaches
-
-
-def _sound_reach(one: AbstractEffector) -> Reach:
-    """What an effector can do before anything fails."""
-    count = 0 if one.failures is None else one.failures.count
-    return _at_rest(one, jnp.zeros(count, bool))
-
-
-def _healthy(one: AbstractEffector, reach: _Reaches) -> Bool[np.ndarray, "cases n"]:
-    """Which devices do what they are asked, of either sign, and nearly as much as before."""
-    enough = reach.high >= LEAST_TORQUE * np.asarray(_sound_reach(one).high)
-    return (reach.low < 0) & (reach.high > 0) & enough
 
 
 def _at_rest(one: AbstractEffector, hit: Bool[Array, " f"]) -> Reach:
@@ -202,26 +192,34 @@ def _at_rest(one: AbstractEffector, hit: Bool[Array, " f"]) -> Reach:
     return one.reach(zero, PlantState(level, jnp.zeros(3)), one.init(), hit, zero)
 
 
-def _in_cases(one: AbstractEffector, before: int, failures: Mapping[str, np.ndarray]) -> Reach:
+def _in_cases(one: AbstractEffector, before: int, failures: Mapping[str, np.ndarray]) -> _Reaches:
     """The reach of an effector in every case; its devices come after so many others.
 
-    The `failures` count devices over all effectors.
+    The `failures` count devices over all effectors. One more case has none.
     """
     place = failures["failed_part"] - before
     mine = (failures["failure_kind"] != NEVER) & (place >= 0) & (place < one.count)
     kinds = np.where(mine, failures["failure_kind"] - first_code(one.failures.kinds), -1)
 
-    def reach(number, at, kind, amount):
+    def reach(case, _):
+        number, at, kind, amount = case
         events = dataclasses.replace(one.failures, number=number, at=at, kind=kind, amount=amount)
         return _at_rest(eqx.tree_at(lambda x: x.failures, one, events), kind >= 0)
 
     at = np.where(mine, failures["failure_time"], np.inf)
-    numbers = (1.0 * place, at, 1.0 * kinds, np.nan_to_num(failures["failure_amount"]))
-    return jax.vmap(reach)(*map(jnp.asarray, numbers))
+    columns = (1.0 * place, at, 1.0 * kinds, np.nan_to_num(failures["failure_amount"]))
+    none = (-1.0, np.inf, -1.0, 0.0)
+    numbers = tuple(
+        np.concatenate([column, np.full((1, place.shape[1]), fill)])
+        for column, fill in zip(columns, none, strict=True)
+    )
+    found = compiled_over_cases(reach, tuple(column[0] for column in numbers))(numbers)
+    torques, low, high = map(np.asarray, (found.columns, found.low, found.high))
+    return _Reaches(torques[:-1], low[:-1], high[:-1], high[-1])
 
 
 def _levels(
-    reach: _Reaches, sound: Reach
+    reach: _Reaches,
 ) -> tuple[
     Float[np.ndarray, "cases 3 m"], Float[np.ndarray, "cases m"], Float[np.ndarray, "cases m"]
 ]:
@@ -229,8 +227,7 @@ def _levels(
 
     Level 1 is what a thruster can do before anything fails, 1 N m of one without a limit.
     """
-    most = np.asarray(sound.high)
-    full = np.where(np.isfinite(most) & (most > 0), most, 1.0)
+    full = np.where(np.isfinite(reach.most) & (reach.most > 0), reach.most, 1.0)
     low, high = (np.clip(one / full, -1.0, 1.0) for one in (reach.low, reach.high))
     return reach.columns * full, low, high
 

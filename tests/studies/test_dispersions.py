@@ -20,7 +20,7 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft.wheels import Wheels
 from jaxsat.studies.changes import possible_body, possible_inertia
 from jaxsat.studies.designs import Independent
-from jaxsat.studies.dispersions import Dispersed, Dispersions, with_gains
+from jaxsat.studies.dispersions import RATES, Dispersed, Dispersions, with_gains
 from jaxsat.studies.distributions import Normal, RandomAttitude, Uniform
 from jaxsat.studies.quantities import QUANTITIES
 from studies.copies import backstepping, copies_of, sampled
@@ -129,7 +129,9 @@ def test_dispersed_quantities_reach_the_model_beside_one_another(together, name)
 )
 def test_a_dispersed_quantity_reaches_the_model(name):
     distribution = RandomAttitude() if name == "attitude" else Uniform(0.01, 0.06)
-    assert_reached(copies_of(sampled(), 5, **{name: distribution}), name)
+    copy = copies_of(sampled(), 5, **{name: distribution})
+    assert_reached(copy, name)
+    assert np.ptp(copy.start.omega, axis=0).any() == (name in RATES)
 
 
 def test_misalignment_reaches_the_torque_axes():
@@ -164,6 +166,8 @@ def test_a_rate_error_counts_from_the_reference_at_the_dispersed_attitude():
         error = loop.controller.rate_error(state)
         np.testing.assert_allclose(error, copy.drawn["rate_error"][i], atol=1e-14)
         assert 0.5 < jnp.linalg.norm(state.attitude.w) < 1.2
+    assert "rate_error" in RATES
+    assert np.ptp(copy.start.omega, axis=0).any()
 
 
 @pytest.mark.slow

@@ -37,7 +37,7 @@ from jaxsat.simulation.loops import ContinuousLoop
 from jaxsat.simulation.methods import SMOOTH_STEP
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.studies.designs import AbstractDesign, Independent, LatinHypercube, Sobol
-from jaxsat.studies.dispersions import Dispersed, Dispersions, StudyCase
+from jaxsat.studies.dispersions import RATES, Dispersed, Dispersions, StudyCase
 from jaxsat.studies.ensemble import Study
 
 ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
@@ -135,10 +135,16 @@ def pilot_errors(study: Study) -> Errors:
     if not study.program.error_every:
         return None, None
     cases = study.cases(np.arange(min(PILOTS, study.count) if study.has_fixed_size else PILOTS))
-    rates = np.linalg.norm(_start_rates(study.case_factory, cases), axis=1)
-    numbers = np.unique([0, int(np.argmax(rates))])
+    numbers = np.unique([0, _fastest(study.case_factory, cases)])
     error = cast(IntegrationError, study.evaluate(numbers).integration_error)
     return float(np.max(error.rate)), float(np.max(error.attitude))
+
+
+def _fastest(copies: Dispersed, cases: StudyCase) -> int:
+    """The place of the case that starts fastest, the first of all where no rate is dispersed."""
+    if RATES.isdisjoint(copies.dispersions.names):
+        return 0
+    return int(np.argmax(np.linalg.norm(_start_rates(copies, cases), axis=1)))
 
 
 @eqx.filter_jit
