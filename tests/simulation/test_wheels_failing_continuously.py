@@ -172,7 +172,7 @@ def truth(case):
             events.append(event)
         end = min([SECONDS, *[one[0] for one in ahead[:1]]])
         run = solve_ivp(
-            rate, (t, end), y, "DOP853", rtol=1e-12, atol=1e-14, max_step=0.05, events=events
+            rate, (t, end), y, "DOP853", rtol=1e-12, atol=1e-14, max_step=0.2, events=events
         )
         t, y = run.t[-1], run.y[:, -1].copy()
         for k, met in enumerate(run.t_events):

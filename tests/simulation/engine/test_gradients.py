@@ -47,12 +47,6 @@ def error_loop():
     return ErrorCoordinateLoop(*smooth_law()), three_axis_start(PAPER_THREE_AXIS)
 
 
-def continuous_loop():
-    plant, law = smooth_law()
-    loop = ContinuousLoop(plant.with_effectors((actuators(3.0),)), law)
-    return loop, three_axis_start(PAPER_THREE_AXIS)
-
-
 def sampled_loop():
     return switching_loop(CASE), start()
 
@@ -60,7 +54,6 @@ def sampled_loop():
 LOOPS = {
     "damped": damped_loop,
     "error": error_loop,
-    "continuous": continuous_loop,
     "sampled": sampled_loop,
 }
 ENGINES = {
@@ -83,8 +76,8 @@ def program(loop, begin, cost=COST):
 @pytest.mark.parametrize(
     ("kind", "engine", "mode"),
     [
-        ("continuous", "scan", "forward"),
         ("error", "scan", "forward"),
+        ("damped", "scan", "forward"),
         ("damped", "scan", "reverse"),
         ("damped", "adaptive", "forward"),
         ("damped", "diffrax", "forward"),
