@@ -47,7 +47,8 @@ def verify(
     confidence
         Confidence with which that is shown, for all requirements and conditions together.
     cases
-        Most cases of each condition; what is not decided by then stays undecided.
+        Most cases of each condition; what is not decided by then stays undecided. With more of them
+        the same command goes on.
     no_failures
         Leave out failures of actuators besides those of the scenario.
     results.out

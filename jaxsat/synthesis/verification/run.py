@@ -67,7 +67,8 @@ def verify(
     `fraction` of all cases, or by less. The decision is sequential, by `WhenDecided`, and has the
     `confidence` for all requirements and conditions together. With `failures` there is one
     condition more for each kind of actuator, one of which fails. With `out` the studies, the
-    scenarios of all conditions and the results are kept in that folder, and the same call resumes.
+    scenarios of all conditions and the results are kept in that folder, and the same call resumes,
+    also with another number of cases.
 
     Raises `MissingTable` for a scenario without requirements or dispersions, `ArgumentError` for
     numbers that cannot be, `OutputError` for a folder that cannot be used, and `ValueError` for an
@@ -82,7 +83,8 @@ def verify(
     rule = demand.rule(len(conditions) * len(scenario.requirement))
     studies = [_Study.of(one, demand.cases, execution, listener) for one in conditions]
     listener.approve([study_work(one.study) for one in studies])
-    identity = {"scenario": scenario.model_dump(mode="json"), "demand": vars(demand)}
+    shown_with = {"fraction": fraction, "confidence": confidence}  # of any number of cases
+    identity = {"scenario": scenario.model_dump(mode="json"), "demand": shown_with}
     identity |= {"failures": failures, "engine": execution.engine}
     with folder_of_call(out, KIND, identity) as folder:
         listener.progress("nominal run", None)

@@ -129,6 +129,12 @@ def test_the_same_command_resumes_and_another_demand_is_refused(folder, capsys):
     assert run(["verify", scenario, *same]) == 1
     after = json.loads((folder / "verification.json").read_text())
     assert after["shown"] == before["shown"]
+    fewer = [*same[:3], "40", *same[4:]]
+    assert run(["verify", scenario, *fewer]) == 1
+    record = json.loads((folder / "verification.json").read_text())
+    assert {one["cases"] for one in record["shown"] if one["verdict"] == "undecided"} == {40}
+    assert run(["verify", scenario, *same]) == 1
+    assert json.loads((folder / "verification.json").read_text())["shown"] == before["shown"]
     capsys.readouterr()
     assert run(["verify", scenario, "--out", str(folder)]) == 2
     assert "another verification" in capsys.readouterr().err
