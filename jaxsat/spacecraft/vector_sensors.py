@@ -1,4 +1,4 @@
-"""Sensors of a vector whose place in the orbit is known: magnetometer and Sun sensor."""
+"""Sensors of a vector that is known along the orbit: magnetometer, Sun sensor, horizon sensor."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ from jaxsat.core.checks import (
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.noise import fold_in, name_number, sample_noise
 from jaxsat.core.trigonometry import cos
-from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
+from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace
 from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 from jaxsat.spacecraft.navigation_sensors import (
     SensorContext,
@@ -55,6 +55,17 @@ class FieldAlongOrbit(eqx.Module):
         return field, jnp.ones_like(field[0])
 
 
+class Nadir(eqx.Module):
+    """The direction to the Earth's centre from an `orbit`, as what a horizon sensor sees."""
+
+    orbit: AbstractPlace
+
+    def __call__(self, t: RealScalar) -> tuple[Vector, RealScalar]:
+        """Unit vector in the reference frame at `t` (s), and 1: it is everywhere."""
+        up = self.orbit.up(t)
+        return -up, jnp.ones_like(up[0])
+
+
 class VectorSensor(eqx.Module):
     """Measures in body axes a vector that is known in the reference frame of the attitude.
 
@@ -74,7 +85,7 @@ class VectorSensor(eqx.Module):
     without a direction, counts that are none, and an outage without a start or a length.
     """
 
-    reference: FieldAlongOrbit | Sunlight
+    reference: FieldAlongOrbit | Sunlight | Nadir
     name: str = eqx.field(static=True)
     noise: RealScalar = eqx.field(converter=as_float)
     bias: Vector = eqx.field(converter=as_three, default=0.0)
@@ -133,9 +144,19 @@ def magnetometer(values: Mapping[str, Any], context: SensorContext) -> VectorSen
 
 def sun_sensor(values: Mapping[str, Any], context: SensorContext) -> VectorSensor:
     """The Sun sensor of a checked table `[sun_sensor]`, under the Sun of the scenario."""
+    return _of_direction(context.sunlight, "sun sensor", values, context)
+
+
+def horizon_sensor(values: Mapping[str, Any], context: SensorContext) -> VectorSensor:
+    """The horizon sensor of a checked table `[horizon_sensor]`, in the orbit of the scenario."""
+    return _of_direction(Nadir(context.sunlight.orbit), "horizon sensor", values, context)
+
+
+def _of_direction(
+    reference: Sunlight | Nadir, name: str, values: Mapping[str, Any], context: SensorContext
+) -> VectorSensor:
     own = {"boresight": values["boresight"], "half_angle": values["half_angle_rad"]}
-    common = _common(values, context)
-    return VectorSensor(context.sunlight, "sun sensor", values["noise_rad"], **own, **common)
+    return VectorSensor(reference, name, values["noise_rad"], **own, **_common(values, context))
 
 
 def _common(values: Mapping[str, Any], context: SensorContext) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -94,7 +95,7 @@ SUN_SENSOR = "[sun_sensor]\nnoise_deg = 0.1\nboresight = [1, 0, 0]\nhalf_angle_d
         (
             GYRO + SUN_SENSOR,
             "magnetometer",
-            "must be given with [sun_sensor], or else [star_tracker]: no Sun sensor",
+            "or else [horizon_sensor] or [star_tracker]: no Sun sensor measures a turn about",
         ),
         (
             GYRO + MAGNETOMETER + "[estimator]\nkind = 'none'",
@@ -179,6 +180,10 @@ def test_vectors_are_built_in_the_field_and_under_the_sun_of_the_scenario(tmp_pa
     assert np.degrees([sun.noise, sun.half_angle]) == pytest.approx([0.1, 60])
     np.testing.assert_array_equal(sun.reference.sun, [0, 0, 2])
     assert sun.reference.eclipses
+    horizon = SUN_SENSOR.replace("sun_sensor", "horizon_sensor")
+    run = build(loaded(tmp_path, GYRO + SUN_SENSOR + horizon, ["simulation.duration_s=10"]))
+    _, down = run.loop.navigation.vectors
+    np.testing.assert_array_equal(down.reference(jnp.array(3.0))[0], [0, 0, 1])
     assert float(field.reference.field.orbit.rate) == float(run.loop.plant.orbit.rate)
 
 

@@ -121,7 +121,8 @@ SUN_SENSOR = {
 def navigation(estimator):
     sensors = {"gyro": GYRO, "star_tracker": TRACKER, "estimator": {"kind": estimator}}
     if estimator == "mekf":
-        sensors |= {"magnetometer": MAGNETOMETER, "sun_sensor": SUN_SENSOR}
+        directions = {"sun_sensor": SUN_SENSOR, "horizon_sensor": SUN_SENSOR}
+        sensors |= {"magnetometer": MAGNETOMETER, **directions}
     return scenario_of(LAW, control={"law": LAW, **KEYS[LAW], "period_s": 0.1}, **sensors)
 
 
@@ -373,7 +374,8 @@ def test_the_list_has_every_part_that_a_scenario_can_have():
     assert set(TORQUES) == keys
     assert set(GYRO) == {key.name for key in declared.GYRO.keys}
     assert set(TRACKER) == {key.name for key in declared.STAR_TRACKER.keys}
-    for table, sensor in zip((MAGNETOMETER, SUN_SENSOR), declared.VECTOR_SENSORS, strict=True):
+    tables = (MAGNETOMETER, SUN_SENSOR, SUN_SENSOR)
+    for table, sensor in zip(tables, declared.VECTOR_SENSORS, strict=True):
         assert set(table) == {key.name for key in sensor.keys}
     used = set().union(*(part.scenario().model_fields_set for part in PARTS))
     assert used | IN_OTHER_PLACES | NO_PARTS >= set(Scenario.model_fields)

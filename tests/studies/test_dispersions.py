@@ -82,7 +82,7 @@ REACHES = {
 FAILURES = {"failure_time", "failed_thruster", "failed_wheel", "failure_kind", "failure_amount"}
 """Of real actuators: tests/scenario/build/test_thrusters_as_parts.py and test_failing_wheels.py."""
 
-OF_SENSORS = ("gyro", "tracker", "magnetometer", "sun_sensor")
+OF_SENSORS = ("gyro", "tracker", "magnetometer", "sun_sensor", "horizon_sensor")
 SENSORS = {name for name in QUANTITIES if name.startswith(OF_SENSORS)}
 """Of loops with an estimator: tests/control/navigation/test_dispersed_sensors.py."""
 

@@ -21,11 +21,12 @@ SENSORS = [
     "star_tracker={across_rad=1e-5, along_rad=1e-4, latency_s=0.2, outage_start_s=5, outage_s=9}",
     "magnetometer={noise_T=1e-7, outage_start_s=5, outage_s=9}",
     "sun_sensor={noise_rad=1e-3, outage_start_s=5, outage_s=9}",
+    "horizon_sensor={noise_rad=1e-3, outage_start_s=5, outage_s=9}",
 ]
 
 NOMINAL = {"rate_noise": 1e-5, "attitude_noise": 1e-5, "delay": 0.05, "tilt": 0.7}
 NOMINAL |= {"tracker_across": 1e-5, "tracker_along": 1e-5}
-NOMINAL |= {"magnetometer_noise": 1e-7, "sun_sensor_noise": 1e-3}
+NOMINAL |= {"magnetometer_noise": 1e-7, "sun_sensor_noise": 1e-3, "horizon_sensor_noise": 1e-3}
 NOMINAL |= {"gyro_outage_start": 5.0, "tracker_update_period": 0.1, "tracker_rate_limit": 1.0}
 """Numbers that may be drawn; zero for all others."""
 
@@ -88,6 +89,10 @@ BEYOND = {
     "sun_sensor_misalignment": (-1.1, 1.1),
     "sun_sensor_outage_start": (-1.0, 2e8),
     "sun_sensor_outage": (-1.0, 2e8),
+    "horizon_sensor_noise": (0.0, 2.0),
+    "horizon_sensor_misalignment": (-1.1, 1.1),
+    "horizon_sensor_outage_start": (-1.0, 2e8),
+    "horizon_sensor_outage": (-1.0, 2e8),
 }
 """For every quantity a number too low and one too high, in the scenarios of `scenario`."""
 
@@ -138,7 +143,7 @@ def scenario(name):
         return "cubesat-12u", ()
     if name == "rate_error":
         return "benchmark-three-axis", ()
-    if name.startswith(("gyro", "tracker", "magnetometer", "sun_sensor")):
+    if name.startswith(("gyro", "tracker", "magnetometer", "sun_sensor", "horizon_sensor")):
         noise = ("sampling.rate_noise_rad_s=0", "sampling.attitude_noise_rad=0")
         return "switching", (*SENSORS, *noise)
     sampling = ("sampling.delay_s=0.05", "sampling.rate_noise_rad_s=1e-5")

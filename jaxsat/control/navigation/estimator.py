@@ -68,8 +68,8 @@ class Measurement(NamedTuple):
     """What arrives at one sample: the measured rate (rad/s) of this instant, and an attitude.
 
     The attitude is that of the latency of the sensors earlier; where `seen` is false there is none.
-    Without a star tracker both are None. `vectors` are what magnetometer and Sun sensor measured
-    then, in this order, of those that there are.
+    Without a star tracker both are None. `vectors` are what magnetometer, Sun sensor and
+    horizon sensor measured then, in this order, of those that there are.
     """
 
     rate: Vector
@@ -98,8 +98,8 @@ class EstimatorContext(NamedTuple):
     """What a scenario tells an estimator besides its own keys: the sensors as they are declared,
     the orbit, and the time (s) from sample to sample.
 
-    `tracker` is None without a star tracker; `vectors` are those of magnetometer and Sun sensor,
-    in this order, that there are.
+    `tracker` is None without a star tracker; `vectors` are those of magnetometer, Sun sensor
+    and horizon sensor, in this order, that there are.
     """
 
     gyro: Gyro

@@ -68,7 +68,8 @@ class Navigation(eqx.Module):
     """Gyro, sensors of the attitude and estimator between the true state and a sampled law.
 
     What all sensors of the attitude measure at a sample is delivered at once, when that of the
-    slowest has arrived. There is at least one of them: `tracker`, `magnetometer`, `sun_sensor`.
+    slowest has arrived. There is at least one of them: `tracker`, `magnetometer`, `sun_sensor`,
+    `horizon_sensor`.
     `attitude_sigma` (rad) is the standard deviation of the first estimate about each axis. All that
     is random is a function of `key` (two 32-bit words) and of the sample's number.
     """
@@ -80,16 +81,18 @@ class Navigation(eqx.Module):
     key: UInt32[Array, "2"] = eqx.field(converter=as_key, default=(0, 0))
     magnetometer: VectorSensor | None = None
     sun_sensor: VectorSensor | None = None
+    horizon_sensor: VectorSensor | None = None
 
     def __check_init__(self):
         require_positive("attitude_sigma", self.attitude_sigma, zero_allowed=True)
         if self.tracker is None and not self.vectors:
-            raise ValueError("Argument `tracker` must be given without magnetometer, Sun sensor.")
+            raise ValueError("Argument `tracker` must be given without another such sensor.")
 
     @property
     def vectors(self) -> tuple[VectorSensor, ...]:
-        """Magnetometer and Sun sensor, of those that there are."""
-        return tuple(one for one in (self.magnetometer, self.sun_sensor) if one is not None)
+        """Magnetometer, Sun sensor and horizon sensor, of those that there are."""
+        each = (self.magnetometer, self.sun_sensor, self.horizon_sensor)
+        return tuple(one for one in each if one is not None)
 
     def init(self, state: PlantState) -> NavigationState:
         """The state before the first sample, when the truth is `state`: bias and estimate drawn."""

@@ -1,4 +1,4 @@
-"""`[magnetometer]` and `[sun_sensor]`: sensors of a vector whose place in the orbit is known."""
+"""`[magnetometer]`, `[sun_sensor]`, `[horizon_sensor]`: sensors of vectors known in orbit."""
 
 from jaxsat.core.declaration.keys import Key, number
 from jaxsat.core.declaration.sensor import SensorDeclaration
@@ -15,7 +15,7 @@ from jaxsat.core.ranges import (
 
 
 def _common_keys(name: str, noise: Key) -> tuple[Key, ...]:
-    """What both have: noise, misalignment, times of measurements, and an outage."""
+    """What all have: noise, misalignment, times of measurements, and an outage."""
     called = name.replace("_", " ")
     return (
         noise,
@@ -59,6 +59,36 @@ def _common_keys(name: str, noise: Key) -> tuple[Key, ...]:
             within=FROM_ZERO,
             default=None,
             drawn=f"{name}_outage",
+        ),
+    )
+
+
+def _direction_keys(name: str) -> tuple[Key, ...]:
+    """What sensors of a direction have: noise across it, and a field of view."""
+    noise = number(
+        "noise_rad",
+        "Standard deviation of the measured direction about each axis across it",
+        "rad",
+        within=TRACKER_NOISE,
+        drawn=f"{name}_noise",
+    )
+    return (
+        *_common_keys(name, noise),
+        number(
+            "boresight",
+            "Direction of the middle of the field of view in body axes",
+            "1",
+            at_least=-1e6,
+            at_most=1e6,
+            size=3,
+            default=(0.0, 0.0, 1.0),
+        ),
+        number(
+            "half_angle_rad",
+            "Half of the angle of the conical field of view; by default everything is in view",
+            "rad",
+            within=HALF_ANGLE,
+            default=None,
         ),
     )
 
@@ -109,35 +139,17 @@ SUN_SENSOR = SensorDeclaration(
     place="navigation.sun_sensor",
     maker="jaxsat.spacecraft.vector_sensors:sun_sensor",
     summary="Sun sensor",
-    keys=(
-        *_common_keys(
-            "sun_sensor",
-            number(
-                "noise_rad",
-                "Standard deviation of the measured direction about each axis across it",
-                "rad",
-                within=TRACKER_NOISE,
-                drawn="sun_sensor_noise",
-            ),
-        ),
-        number(
-            "boresight",
-            "Direction of the middle of the field of view in body axes",
-            "1",
-            at_least=-1e6,
-            at_most=1e6,
-            size=3,
-            default=(0.0, 0.0, 1.0),
-        ),
-        number(
-            "half_angle_rad",
-            "Half of the angle of the conical field of view; by default everything is in view",
-            "rad",
-            within=HALF_ANGLE,
-            default=None,
-        ),
-    ),
+    keys=_direction_keys("sun_sensor"),
 )
 
-VECTOR_SENSORS: tuple[SensorDeclaration, ...] = (MAGNETOMETER, SUN_SENSOR)
+HORIZON_SENSOR = SensorDeclaration(
+    name="horizon_sensor",
+    meaning="Horizon sensor of a sampled law",
+    place="navigation.horizon_sensor",
+    maker="jaxsat.spacecraft.vector_sensors:horizon_sensor",
+    summary="horizon sensor",
+    keys=_direction_keys("horizon_sensor"),
+)
+
+VECTOR_SENSORS: tuple[SensorDeclaration, ...] = (MAGNETOMETER, SUN_SENSOR, HORIZON_SENSOR)
 """The sensors of a vector, in the order of a scenario."""

@@ -130,12 +130,13 @@ def _gyro_has_a_sensor_of_the_attitude(values):
     yield at("star_tracker", message, True)
 
 
-@rule("star_tracker", "magnetometer", "sun_sensor.noise_rad")
-def _sun_sensor_has_another_beside_it(tracker, magnetometer, noise):
+@rule("star_tracker", "magnetometer", "horizon_sensor", "sun_sensor.noise_rad")
+def _sun_sensor_has_another_beside_it(*others):
     yield at(
         "magnetometer",
-        "must be given with [sun_sensor], or else [star_tracker]: no Sun sensor measures a turn "
-        "about the direction to the Sun, which is fixed in inertial axes; got none of them",
+        "must be given with [sun_sensor], or else [horizon_sensor] or [star_tracker]: no Sun "
+        "sensor measures a turn about the direction to the Sun, which is fixed in inertial axes; "
+        "got none of them",
         True,
     )
 
@@ -153,10 +154,11 @@ def _a_law_without_estimator_has_a_tracker(tracker, limit, kind):
         yield at("estimator.kind", 'must be "mekf" without [star_tracker], got "none"')
 
 
-@rule("orbit.rate_rad_s", "magnetometer.noise_T")
-def _magnetometer_is_in_orbit(rate, noise):
-    for finding in needs_orbit("magnetometer.noise_T", "[magnetometer]").check(rate, noise):
-        yield at(*finding)
+@rule_over("orbit.rate_rad_s")
+def _sensors_are_in_orbit(values):
+    for name in {"magnetometer", "horizon_sensor"}.intersection(_given(values)):
+        in_orbit = needs_orbit(name, f"[{name}]")
+        yield from (at(*one) for one in in_orbit.check(values["orbit.rate_rad_s"], True))
 
 
 @rule_over("gyro.limit_rad_s")
@@ -223,15 +225,16 @@ def _delay_within_a_period(period, delay):
 
 
 def sensor_cautions(scenario: Any) -> Iterator[Issue]:
-    """A magnetometer alone, which tells of turns about the field only as that turns."""
-    alone = scenario.magnetometer and not (scenario.sun_sensor or scenario.star_tracker)
+    """One vector alone, which tells of turns about it only as it turns along the orbit."""
+    given = [name for name in ATTITUDE if getattr(scenario, name) is not None]
+    alone = len(given) == 1 and given != ["star_tracker"]
     orbit, duration = scenario.orbit, scenario.simulation.duration_s
     ellipse = orbit.ellipse()
     rate = math.sqrt(EARTH_GRAVITY / ellipse[0] ** 3) if ellipse else orbit.rate()
     if alone and duration * rate < math.pi:
         message = (
             "should be given with [sun_sensor] or [star_tracker] in a run shorter than half an "
-            f"orbit, {math.pi / rate:.4g} s: before, the field has hardly turned, and a turn about "
-            f"it is hardly observable, got a run of {shown(duration)} s"
+            f"orbit, {math.pi / rate:.4g} s: before, what it measures has hardly turned, and a "
+            f"turn about that is hardly observable, got a run of {shown(duration)} s"
         )
-        yield Issue(("magnetometer",), message)
+        yield Issue((given[0],), message)

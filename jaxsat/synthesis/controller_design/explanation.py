@@ -124,6 +124,7 @@ NOISE: Mapping[str, tuple[str, ...]] = {
     "star_tracker": ("across_rad", "along_rad"),
     "magnetometer": ("noise_T",),
     "sun_sensor": ("noise_rad",),
+    "horizon_sensor": ("noise_rad",),
 }
 """Keys of sensors' noise, by table."""
 

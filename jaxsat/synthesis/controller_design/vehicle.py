@@ -206,6 +206,7 @@ VECTORS: Mapping[str, Sequence[str]] = {
     "panel": ("normal", "centre_m"),
     "star_tracker": ("boresight",),
     "sun_sensor": ("boresight",),
+    "horizon_sensor": ("boresight",),
 }
 """Keys that hold a vector in body axes, by table."""
 

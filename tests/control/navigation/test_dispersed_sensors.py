@@ -23,6 +23,7 @@ SENSORS = [
     "star_tracker={across_rad=1e-5, along_rad=1e-4, latency_s=0.3, outage_start_s=4, outage_s=2}",
     "magnetometer={noise_T=1e-6, update_period_s=0.2, outage_start_s=3, outage_s=1}",
     "sun_sensor={noise_rad=1e-3, latency_s=0.1, outage_start_s=2, outage_s=1}",
+    "horizon_sensor={noise_rad=1e-3, outage_start_s=2, outage_s=1}",
 ]
 PERIOD = 0.1
 REACHES = {
@@ -50,6 +51,10 @@ REACHES = {
     "sun_sensor_misalignment": lambda one: one.sun_sensor.misalignment,
     "sun_sensor_outage_start": lambda one: one.sun_sensor.outage_start[:, None],
     "sun_sensor_outage": lambda one: one.sun_sensor.outage[:, None],
+    "horizon_sensor_noise": lambda one: one.horizon_sensor.noise[:, None],
+    "horizon_sensor_misalignment": lambda one: one.horizon_sensor.misalignment,
+    "horizon_sensor_outage_start": lambda one: one.horizon_sensor.outage_start[:, None],
+    "horizon_sensor_outage": lambda one: one.horizon_sensor.outage[:, None],
 }
 
 
@@ -58,7 +63,7 @@ def loop() -> Any:
 
 
 def test_every_quantity_of_sensors_has_its_test():
-    parts = ("gyro", "tracker", "magnetometer", "sun_sensor")
+    parts = ("gyro", "tracker", "magnetometer", "sun_sensor", "horizon_sensor")
     assert set(REACHES) == {name for name in QUANTITIES if name.startswith(parts)}
 
 

@@ -29,7 +29,7 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.environment.orbit import CircularOrbit, DipoleField, ExactOrbit
 from jaxsat.spacecraft.environment.orbital_torques import Sunlight
-from jaxsat.spacecraft.vector_sensors import FieldAlongOrbit, Observation, VectorSensor
+from jaxsat.spacecraft.vector_sensors import FieldAlongOrbit, Nadir, Observation, VectorSensor
 from oracle import magnetic as earth
 from oracle.attitude_filter import Oracle
 
@@ -73,7 +73,7 @@ def body_of(quaternion):
     return Rotation.from_quat(np.roll(quaternion, -1)).as_matrix().T
 
 
-def test_the_reference_is_the_field_and_the_sun_of_the_orbit():
+def test_the_references_are_field_sun_and_nadir_of_the_orbit():
     """Against the closed forms of the oracle, at an instant of its own."""
     moving, number = motion(PERIOD, 41), 40
     orbit = (ORBIT_RATE, TILT, NODE, ALONG, GREENWICH)
@@ -84,6 +84,11 @@ def test_the_reference_is_the_field_and_the_sun_of_the_orbit():
     sun = earth.earth.orbit_axes(position, velocity) @ SUN
     found = observed(sun_sensor(), number, moving.quaternion[number])
     np.testing.assert_allclose(found.reference, sun, rtol=1e-9)
+    nadir = VectorSensor(Nadir(ORBIT), "horizon sensor", 1e-9)
+    found = observed(nadir, number, moving.quaternion[number])
+    down = earth.earth.orbit_axes(position, velocity) @ position / -np.linalg.norm(position)
+    np.testing.assert_allclose(found.reference, down, atol=1e-9)
+    np.testing.assert_allclose(found.measured, body_of(moving.quaternion[number]) @ down, atol=1e-8)
 
 
 def test_what_is_measured_has_its_errors():
