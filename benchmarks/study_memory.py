@@ -15,8 +15,8 @@ from pathlib import Path
 import jax
 
 from jaxsat.store.tables import open_study
-from jaxsat.studies.ensemble import run_study
 from jaxsat.studies.executors import Threads
+from jaxsat.studies.run import run_study
 from jaxsat.studies.summary import summarise
 
 

@@ -128,10 +128,12 @@ from jaxsat.studies.dispersions import (
 )
 from jaxsat.studies.ensemble import (
     Study as Study,
-    run_study as run_study,
 )
 from jaxsat.studies.executors import (
     ClusterError as ClusterError,
+)
+from jaxsat.studies.run import (
+    run_study as run_study,
 )
 from jaxsat.studies.summary import (
     Summary as Summary,

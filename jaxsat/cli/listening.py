@@ -11,7 +11,7 @@ from jaxsat.cli.terminal import print_stderr, print_warning
 from jaxsat.cli.work import require_approval
 
 if TYPE_CHECKING:
-    from jaxsat.studies.ensemble import StudyProgress
+    from jaxsat.studies.run import StudyProgress
     from jaxsat.synthesis.execution import Execution, Listener
     from jaxsat.synthesis.tuning.descent import DescentProgress
 
@@ -45,7 +45,7 @@ def execution(results: Resumable) -> "Execution":
 
 def show(what: str, progress: Any) -> None:
     """Show what runs and how far a study or the tuner is."""
-    from jaxsat.studies.ensemble import StudyProgress
+    from jaxsat.studies.run import StudyProgress
 
     if isinstance(progress, StudyProgress):
         what = f"{what}: {progress_text(progress)}"

@@ -285,7 +285,7 @@ def _run(
     rule: "StopRule | None",
     elsewhere: bool,
 ) -> int:
-    from jaxsat.studies.ensemble import run_study
+    from jaxsat.studies.run import run_study
 
     return interruptibly(
         lambda: run_study(

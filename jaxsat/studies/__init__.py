@@ -8,15 +8,15 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jaxsat.studies.ensemble import run_study as run_study
     from jaxsat.studies.executors import Threads as Threads
     from jaxsat.studies.recovery_summary import reason_words as reason_words
+    from jaxsat.studies.run import run_study as run_study
     from jaxsat.studies.statistics import StopRule as StopRule
     from jaxsat.studies.statistics import wilson as wilson
     from jaxsat.studies.summary import summarise as summarise
 
 _LATER = {
-    "run_study": "ensemble",
+    "run_study": "run",
     "Threads": "executors",
     "reason_words": "recovery_summary",
     "StopRule": "statistics",

@@ -19,8 +19,9 @@ from jaxsat.store.header import differences
 from jaxsat.store.ledger import study_columns
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.columns import ERRORS
-from jaxsat.studies.ensemble import Study, run_study
+from jaxsat.studies.ensemble import Study
 from jaxsat.studies.executors import AbstractExecutor
+from jaxsat.studies.run import run_study
 from jaxsat.studies.statistics import AbstractStopRule
 from jaxsat.studies.summary import largest_errors
 from jaxsat.studies.work import Work

@@ -1,7 +1,7 @@
 """What is told of the progress of a study."""
 
 from jaxsat.cli.listening import progress_text
-from jaxsat.studies.ensemble import StudyProgress
+from jaxsat.studies.run import StudyProgress
 
 
 def test_progress_never_says_that_no_time_is_left():

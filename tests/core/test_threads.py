@@ -30,7 +30,7 @@ from jaxsat.scenario.optimisers import OptimiserSettings
 from jaxsat.scenario.parts import named
 from jaxsat.simulation.engine.native import kept
 from jaxsat.store.provenance import _processor, _versions
-from jaxsat.studies import designs, ensemble, statistics
+from jaxsat.studies import designs, run, statistics
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting, comparison_scenario
 from jaxsat.synthesis.tuning import descent
 from studies.studies import tumbling
@@ -87,7 +87,7 @@ def analysis():
 
 def chunk_work():
     study = tumbling()
-    return ensemble._ChunkWork(study, study.chunk, study.count, None, {})
+    return run._ChunkWork(study, study.chunk, study.count, None, {})
 
 
 PROPERTIES = [

@@ -16,9 +16,9 @@ from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.store.files import OutputError
 from jaxsat.store.ledger import study_columns
-from jaxsat.studies.ensemble import run_study
 from jaxsat.studies.executors import Serial
 from jaxsat.studies.processes import Processes
+from jaxsat.studies.run import run_study
 from scenario.packages import forget_package, install_package
 
 PARTS = """

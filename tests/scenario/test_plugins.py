@@ -12,9 +12,9 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.store.ledger import study_columns
-from jaxsat.studies.ensemble import run_study
 from jaxsat.studies.executors import Serial
 from jaxsat.studies.processes import Processes
+from jaxsat.studies.run import run_study
 from scenario.own_law import LAW, SCENARIO
 from scenario.packages import PACKAGE, forget_package, install_package
 

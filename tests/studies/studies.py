@@ -20,8 +20,9 @@ from jaxsat.spacecraft.thrusters import Thrusters
 from jaxsat.studies.designs import Independent
 from jaxsat.studies.dispersions import Dispersed, Dispersions
 from jaxsat.studies.distributions import Uniform
-from jaxsat.studies.ensemble import Study, run_study
+from jaxsat.studies.ensemble import Study
 from jaxsat.studies.executors import Serial
+from jaxsat.studies.run import run_study
 
 
 def tumbling_loop():

@@ -14,8 +14,8 @@ from jaxsat.simulation.held_torque import Unmade
 from jaxsat.store.files import OutputError
 from jaxsat.store.tables import open_study, save_case_table
 from jaxsat.studies.columns import COLUMNS
-from jaxsat.studies.ensemble import run_study
 from jaxsat.studies.executors import AbstractExecutor
+from jaxsat.studies.run import run_study
 from jaxsat.studies.summary import summarise
 from studies.studies import tumbling
 

@@ -12,7 +12,8 @@ import pytest
 
 from helpers.tools import needs
 from jaxsat.store.files import OutputError
-from jaxsat.studies.ensemble import _by_column, run_study
+from jaxsat.studies.ensemble import _by_column
+from jaxsat.studies.run import run_study
 from studies.stores import contents, same, without_status
 from studies.studies import tumbling
 
@@ -51,11 +52,11 @@ def test_a_scheduler_gives_the_bits_of_the_serial_run(tmp_path, whole, threads):
 
 
 def test_what_fails_in_a_worker_is_told_here(tmp_path, threads, monkeypatch):
-    from jaxsat.studies import ensemble
+    from jaxsat.studies import run
 
-    here = ensemble.machine()
+    here = run.machine()
     executor = scheduler_at(threads.scheduler_address)
-    monkeypatch.setattr(ensemble, "machine", lambda: {**here, "processor": str(os.urandom(4))})
+    monkeypatch.setattr(run, "machine", lambda: {**here, "processor": str(os.urandom(4))})
     with pytest.raises(OutputError, match=r"worker computes under other conditions \(processor"):
         run_study(tumbling(), tmp_path / "s", executor=executor)
 

@@ -15,8 +15,9 @@ from jaxsat.store.files import OutputError
 from jaxsat.store.tables import open_study
 from jaxsat.studies.designs import LatinHypercube, Sobol
 from jaxsat.studies.distributions import Discrete, Uniform
-from jaxsat.studies.ensemble import _by_column, run_study
+from jaxsat.studies.ensemble import _by_column
 from jaxsat.studies.executors import Serial, Threads
+from jaxsat.studies.run import run_study
 from jaxsat.studies.statistics import StopRule, wilson
 from jaxsat.studies.summary import summarise
 from studies.stores import contents, same, without_status

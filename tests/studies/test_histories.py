@@ -14,7 +14,7 @@ from jaxsat.simulation.engine.reference import ReferenceEngine
 from jaxsat.simulation.engine.scan import ScanEngine
 from jaxsat.store.files import OutputError
 from jaxsat.store.tables import open_study
-from jaxsat.studies.ensemble import run_study
+from jaxsat.studies.run import run_study
 from studies.studies import tumbling
 
 INSTANTS = 8

@@ -11,8 +11,9 @@ import pytest
 from jaxsat.compiler.llvm import threads
 from jaxsat.simulation.engine.fixed import FixedStepper
 from jaxsat.simulation.engine.native import NativeEngine, kernel
-from jaxsat.studies.ensemble import _by_column, run_study
+from jaxsat.studies.ensemble import _by_column
 from jaxsat.studies.executors import Threads
+from jaxsat.studies.run import run_study
 from studies.stores import contents, same, without_status
 from studies.studies import tumbling
 

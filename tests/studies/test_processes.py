@@ -13,8 +13,9 @@ import pytest
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
 from jaxsat.store.tables import open_study
-from jaxsat.studies.ensemble import _by_column, run_study
+from jaxsat.studies.ensemble import _by_column
 from jaxsat.studies.executors import Threads
+from jaxsat.studies.run import run_study
 from studies.stores import contents, same
 from studies.studies import tumbling
 

@@ -13,8 +13,9 @@ from jaxsat.simulation.engine.reference import ReferenceEngine
 from jaxsat.simulation.engine.scan import ScanEngine
 from jaxsat.store import store
 from jaxsat.store.files import OutputError
-from jaxsat.studies.ensemble import Study, _ChunkWork, run_study
+from jaxsat.studies.ensemble import Study
 from jaxsat.studies.executors import AbstractExecutor
+from jaxsat.studies.run import _ChunkWork, run_study
 from studies.studies import tumbling
 
 LAW = """

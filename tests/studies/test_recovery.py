@@ -12,10 +12,10 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.store.tables import open_study, save_case_table
-from jaxsat.studies.ensemble import run_study
 from jaxsat.studies.failure_codes import FAILURES
 from jaxsat.studies.recovery import Recovery
 from jaxsat.studies.recovery_summary import summarise_recovery
+from jaxsat.studies.run import run_study
 from jaxsat.studies.statistics import wilson
 from jaxsat.studies.summary import summarise
 from jaxsat.studies.torques_left import TorquesLeft, torques_left

@@ -17,7 +17,7 @@ from jaxsat.spacecraft.environment.orbit import CircularOrbit
 from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 from jaxsat.store.ledger import study_columns
 from jaxsat.store.tables import open_study
-from jaxsat.studies.ensemble import run_study
+from jaxsat.studies.run import run_study
 from jaxsat.studies.statistics import wilson
 from jaxsat.studies.summary import summarise
 from studies.studies import tumbling

@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 
 from jaxsat.studies import processes as module
-from jaxsat.studies.ensemble import _by_column, run_study
+from jaxsat.studies.ensemble import _by_column
 from jaxsat.studies.executors import ClusterError
 from jaxsat.studies.processes import Processes
+from jaxsat.studies.run import run_study
 from jaxsat.studies.worker import packed
 from studies.stores import contents, same, without_status
 from studies.studies import tumbling
