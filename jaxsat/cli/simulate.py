@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     import xarray as xr
+    from matplotlib.figure import Figure
 
     from jaxsat.scenario import Scenario
     from jaxsat.store.folder import OutputFolder
@@ -96,7 +97,6 @@ def _simulated(
 
 
 def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "xr.Dataset") -> None:
-    from jaxsat.report.figures import trajectory_figures
     from jaxsat.report.saving import save_figures
     from jaxsat.store.netcdf import dataset_bytes
 
@@ -104,7 +104,14 @@ def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "xr.Dataset") 
     record = json.dumps(_record(scenario, dataset), indent=2, ensure_ascii=False)
     folder.write("run.json", record + "\n")
     folder.write("trajectory.nc", dataset_bytes(dataset))
-    save_figures(lambda: trajectory_figures(dataset), folder.write)
+    save_figures(lambda: figures_of(dataset), folder.write)
+
+
+def figures_of(dataset: "xr.Dataset") -> "dict[str, Figure]":
+    """The figures of a trajectory by file name; `save_figures` imports matplotlib before."""
+    from jaxsat.report.figures import trajectory_figures
+
+    return trajectory_figures(dataset)
 
 
 def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:

@@ -63,7 +63,7 @@ def write_one_case(
     quiet: bool,
 ) -> None:
     """Compute one case again, and write a folder like that of `jaxsat simulate`."""
-    from jaxsat.report.figures import trajectory_figures
+    from jaxsat.cli.simulate import figures_of
     from jaxsat.report.saving import save_figures
     from jaxsat.store.folder import OutputFolder
 
@@ -74,7 +74,7 @@ def write_one_case(
             dataset, draws = interruptibly(lambda: replayed(scenario, study, number), brief=True)
             folder.write("scenario.toml", dataset.attrs["scenario"])
             folder.write("trajectory.nc", dataset_bytes(dataset))
-            save_figures(lambda: trajectory_figures(dataset), folder.write)
+            save_figures(lambda: figures_of(dataset), folder.write)
     except ValueError as error:
         raise UserMistake(str(error)) from None
     if not quiet:
