@@ -37,7 +37,7 @@ def doubts_of(
 ) -> list[str]:
     """Sentences on what speaks against the interval; none where nothing is known."""
     if not found.probabilities.any():
-        return list(_of_nothing(levels, reached))
+        return [*_of_nothing(levels, reached), *_of_chains(found.levels, space)]
     return [
         *([] if reached else ["The pilot run did not reach a violation."]),
         *_of_replications(found, violations),
