@@ -13,8 +13,8 @@ from jaxsat.flight.guard import (
     is_quaternion,
     is_rate,
     real_type,
-    step_head,
 )
+from jaxsat.flight.guard_step import step_functions
 from jaxsat.flight.program import FlightProgram
 
 
@@ -29,10 +29,10 @@ def guard_source(
     lines += _unit_quaternion(program)
     for group in groups(program):
         lines += _judge(program, group)
-    lines += _check("is_usable_output", program.structs["output"], "isfinite({})")
-    lines += _check("is_usable_state", program.structs["state"], "!isnan({})")
+    lines += _check(program, "is_usable_output", "output", "isfinite({})")
+    lines += _check(program, "is_usable_state", "state", "!isnan({})")
     lines += _zero_commands(program)
-    lines += _begin(program) + _step(program)
+    lines += _begin(program) + step_functions(program)
     return "\n".join(lines)
 
 
@@ -46,15 +46,15 @@ def default_limits(program: FlightProgram, hold_samples: int) -> list[str]:
     ]
 
 
-def _over(field: Field, statement: Callable[[str], str]) -> list[str]:
-    """A statement for each element of a field of `x`."""
-    variables = "ijkm"[: len(field.shape)]
+def _over(place: str, shape: tuple[int, ...], statement: Callable[[str], str]) -> list[str]:
+    """A statement for each element of a place of this shape."""
+    variables = "ijkm"[: len(shape)]
     lines = [
         f"{'  ' * depth}for (int32_t {variable} = 0; {variable} < {size}; {variable}++) {{"
-        for depth, (variable, size) in enumerate(zip(variables, field.shape, strict=True), 1)
+        for depth, (variable, size) in enumerate(zip(variables, shape, strict=True), 1)
     ]
     depth = len(variables) + 1
-    element = f"x->{field.name}" + "".join(f"[{variable}]" for variable in variables)
+    element = place + "".join(f"[{variable}]" for variable in variables)
     lines.append("  " * depth + statement(element))
     return lines + ["  " * inner + "}" for inner in range(depth - 1, 0, -1)]
 
@@ -63,20 +63,52 @@ def _floats(struct: Struct) -> list[Field]:
     return [field for field in struct.fields if field.dtype.kind == "f"]
 
 
-def _check(name: str, struct: Struct, condition: str) -> list[str]:
+AT_ONCE = 12
+"""Fields that one function checks: so it has a cyclomatic complexity of 13."""
+
+
+def _arrays_usable(fields: Sequence[Field], name: str, real: str, condition: str) -> list[str]:
+    """A function for each shape of array: whether all its numbers fulfil a condition."""
+    lines: list[str] = []
+    for shape in dict.fromkeys(field.shape for field in fields if field.shape):
+        size = "x".join(map(str, shape))
+        dimensions = "".join(f"[{n}]" for n in shape)
+        lines += [f"static bool {name}_{size}(const {real} x{dimensions})", "{"]
+        lines += ["  bool usable = true;", ""]
+        lines += _over("x", shape, lambda x: f"usable = usable && ({condition.format(x)});")
+        lines += ["  return usable;", "}", ""]
+    return lines
+
+
+def _check(program: FlightProgram, name: str, part: str, condition: str) -> list[str]:
     """A function that tells whether all floats of a structure fulfil a condition."""
-    lines = [f"static bool {name}(const {struct.name} *x)", "{", "  bool usable = true;", ""]
-    for field in _floats(struct):
-        lines += _over(field, lambda x: f"usable = usable && ({condition.format(x)});")
-    lines += ["  (void)x;"] * (not _floats(struct))
-    return [*lines, "  return usable;", "}", ""]
+    struct = program.structs[part]
+    fields = _floats(struct)
+    lines = _arrays_usable(fields, f"{name}_array", real_type(program), condition)
+    groups = [fields[i : i + AT_ONCE] for i in range(0, len(fields), AT_ONCE)]
+    calls = [f"{name}_{number}(x)" for number in range(1, len(groups) + 1)]
+    for number, group in enumerate(groups, 1):
+        begin = f"static bool {name}_{number}" if len(groups) > 1 else f"static bool {name}"
+        lines += [f"{begin}(const {struct.name} *x)", "{", "  bool usable = true;", ""]
+        for field in group:
+            size = "x".join(map(str, field.shape))
+            element = f"x->{field.name}"
+            text = f"{name}_array_{size}({element})" if size else f"({condition.format(element)})"
+            lines.append(f"  usable = usable && {text};")
+        lines += ["  return usable;", "}", ""]
+    if len(groups) == 1:
+        return lines
+    lines += [f"static bool {name}(const {struct.name} *x)", "{"]
+    lines += ["  (void)x;"] * (not groups)
+    lines.append(f"  return {' && '.join(calls) or 'true'};")
+    return [*lines, "}", ""]
 
 
 def _zero_commands(program: FlightProgram) -> list[str]:
     lines = ["static void set_zero(controller_output *x)", "{"]
     zero = "0.0f" if program.single else "0.0"
     for field in _floats(program.structs["output"]):
-        lines += _over(field, lambda x: f"{x} = {zero};")
+        lines += _over(f"x->{field.name}", field.shape, lambda x: f"{x} = {zero};")
     return [*lines, "}", ""]
 
 
@@ -107,13 +139,16 @@ def _judge(program: FlightProgram, group: Group) -> list[str]:
         "",
     ]
     for field in group.fields:
+        place = f"x->{field.name}"
         if is_quaternion(field):
-            lines.append(f"  valid = valid && is_unit(x->{field.name}, limits->norm_tolerance);")
-        elif is_rate(field):  # false for what is not a number
-            condition = f"fabs{suffix}({{}}) <= limits->rate_limit"
-            lines += _over(field, lambda x, text=condition: f"valid = valid && ({text.format(x)});")
-        else:
-            lines += _over(field, lambda x: f"valid = valid && (isfinite({x}));")
+            lines.append(f"  valid = valid && is_unit({place}, limits->norm_tolerance);")
+            continue
+        # false for what is not a number
+        rate = f"fabs{suffix}({{}}) <= limits->rate_limit"
+        condition = rate if is_rate(field) else "isfinite({})"
+        lines += _over(
+            place, field.shape, lambda x, text=condition: f"valid = valid && ({text.format(x)});"
+        )
     if "limits" not in "\n".join(lines[3:]):
         lines.append("  (void)limits;")
     return [*lines, "  return valid;", "}", ""]
@@ -124,125 +159,3 @@ def _begin(program: FlightProgram) -> list[str]:
     if program.estimates:
         lines.append("  (void)memcpy(guard->attitude, attitude, sizeof(guard->attitude));")
     return [*lines, "}", ""]
-
-
-def _step(program: FlightProgram) -> list[str]:
-    estimates = program.estimates
-    lines = [
-        *step_head(""),
-        "{",
-        "  controller_input checked = *in;",
-        "  controller_state after = guard->state;",
-        "  const uint32_t passed = (uint32_t)in->sample - (uint32_t)guard->sample;",
-        "  const bool repeated = guard->called && ((passed == 0u) || (passed > 0x7FFFFFFFu));",
-        "  uint32_t status = 0u;",
-        "  bool steps;",
-        "",
-    ]
-    vital = []
-    for group in groups(program):
-        may_be_missing = estimates and group.name == "attitude"
-        seen = "in->seen && " if may_be_missing else ""
-        vital += [] if may_be_missing else [group.bit]
-        lines += [
-            f"  if ({seen}!(valid->{group.name} && is_valid_{group.name}(in, limits))) {{",
-            f"    status |= {group.bit};",
-            "  }",
-        ]
-    lines += [f"  steps = !repeated && ((status & ({' | '.join(vital)})) == 0u);"]
-    lines += _substitutes() if estimates else []
-    return [*lines, *_count(), *_first(estimates), *_controller_step(estimates), *_finish()]
-
-
-def _count() -> list[str]:
-    """The number of the sample against that of the last one."""
-    return [
-        "  if (repeated) {",
-        "    status |= CONTROLLER_STATUS_REPEATED;",
-        "  } else {",
-        "    if (guard->called && (passed > 1u)) {",
-        "      status |= CONTROLLER_STATUS_SKIPPED;",
-        "    }",
-        "    guard->sample = in->sample;",
-        "    guard->called = true;",
-        "  }",
-    ]
-
-
-def _first(estimates: bool) -> list[str]:
-    """The controller begins at the first valid sample."""
-    if not estimates:
-        begin = ["    controller_init(p, &checked, &after);"]
-    else:
-        begin = [
-            "    if (!is_unit(guard->attitude, limits->norm_tolerance) && checked.seen) {",
-            "      (void)memcpy(guard->attitude, checked.attitude, sizeof(guard->attitude));",
-            "    }",
-            "    steps = is_unit(guard->attitude, limits->norm_tolerance);",
-            "    if (steps) {",
-            "      controller_init(p, guard->attitude, &checked, &after);",
-            "    }",
-        ]
-    return ["  if (!guard->begun && steps) {", *begin, "  }"]
-
-
-def _controller_step(estimates: bool) -> list[str]:
-    """The step of the controller, or of its estimator alone."""
-    lines = [
-        "  if (steps) {",
-        "    controller_step(p, &checked, &after, out);",
-        "    steps = is_usable_output(out) && is_usable_state(&after);",
-        "    status |= steps ? 0u : CONTROLLER_STATUS_REJECTED;",
-        "  }",
-    ]
-    if estimates:
-        lines += [
-            "  if (!steps && guard->begun && !repeated) {",
-            "    after = guard->state;",
-            "    controller_coast(p, &checked, &after);",
-            "    if (is_usable_state(&after)) {",
-            "      guard->state = after;",
-            "    }",
-            "  }",
-        ]
-    return lines
-
-
-def _finish() -> list[str]:
-    """State, commands and status after a step, or without one."""
-    return [
-        "  if (steps) {",
-        "    guard->begun = true;",
-        "    guard->state = after;",
-        "    guard->last = *out;",
-        "    guard->missed = 0;",
-        "  } else {",
-        "    guard->without_step++;",
-        "    if (guard->begun && (guard->missed < limits->hold_samples)) {",
-        "      guard->missed++;",
-        "      status |= CONTROLLER_STATUS_HELD;",
-        "    } else {",
-        "      set_zero(&guard->last);",
-        "      status |= CONTROLLER_STATUS_ZERO;",
-        "    }",
-        "    *out = guard->last;",
-        "  }",
-        "  return status;",
-        "}",
-        "",
-    ]
-
-
-def _substitutes() -> list[str]:
-    """What an estimator is told in the place of invalid measurements."""
-    return [
-        "  if ((status & CONTROLLER_STATUS_INVALID_RATE) != 0u) {",
-        "    (void)memcpy(checked.rate, guard->rate, sizeof(guard->rate));",
-        "  } else {",
-        "    (void)memcpy(guard->rate, in->rate, sizeof(guard->rate));",
-        "  }",
-        "  if (!is_valid_attitude(in, limits) || !valid->attitude) {",
-        "    checked.seen = false; /* as in an outage of the star tracker */",
-        "    (void)memcpy(checked.attitude, guard->attitude, sizeof(guard->attitude));",
-        "  }",
-    ]

@@ -7,9 +7,10 @@ import numpy as np
 
 from jaxsat.compiler.c.contexts import Context
 from jaxsat.compiler.c.expressions import literal
-from jaxsat.compiler.c.functions import Unit, python_function
+from jaxsat.compiler.c.functions import Unit
 from jaxsat.compiler.c.naming import Names, comment, identifier
-from jaxsat.compiler.c.tidying import in_lines, wrapped
+from jaxsat.compiler.c.python_functions import python_function
+from jaxsat.compiler.c.tidying import wrapped
 from jaxsat.compiler.ir import Value
 from jaxsat.flight.program import FlightProgram, ProgramStage
 
@@ -201,8 +202,8 @@ def _stage(unit: Unit, stage: ProgramStage) -> str:
         unit.types["seen"] = const + unit.types["seen"].removeprefix("const ")
     unit.prepare(begin, trace)
     name = unit.names.new(stage.name)
-    lines, printed = python_function(unit, name, function, trace, begin)
-    unit.functions.append([*comment(stage.title), *in_lines(lines[0], ""), *lines[1:]])
+    text, names, printed = python_function(unit, stage.title, function, trace, begin)
+    unit.write(text, names, lambda: name)
     return f"{name}({', '.join(printed.pointers)});"
 
 

@@ -1,4 +1,5 @@
-"""Laws and scenarios that the exporter has not seen before: their C agrees to the bit."""
+"""Laws and scenarios that the exporter has not seen before: their C agrees to the bit, and no
+function of it is too large to be reviewed."""
 
 import shutil
 import subprocess
@@ -13,6 +14,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.sampled_loop import SampledLoop
 from tests.flight.folders import write_files
+from tests.flight.sizes import sizes, too_large
 
 PROVENANCE = {"versions": {"jaxsat": "0"}, "platform": "here", "created": "now"}
 
@@ -86,6 +88,8 @@ def _agrees(folder: Path, scenario, compilers, precisions=(False, True)) -> None
     assert isinstance(run.loop, SampledLoop)
     for single in precisions:
         made = export(Request(run.loop, run.start, 400.0, "", "", PROVENANCE, single=single))
+        assert len(sizes(made.files["controller.c"].decode())) > 10
+        assert too_large(made.files) == {}
         place = folder / ("single" if single else "double")
         place.mkdir()
         write_files(place, made.files)

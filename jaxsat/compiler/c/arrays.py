@@ -93,6 +93,23 @@ class Arrays:
                 body.expressions[out.number] = Expression(text)
         return Expression(base)
 
+    def found(
+        self,
+        array: Sequence[ir.Value],
+        shape: tuple[int, ...],
+        base: str,
+        after: list[tuple[str, str]],
+    ) -> None:
+        """Take an array of results from a record; `after` it some are copied elsewhere."""
+        body = self._body
+        body.shapes[base] = shape
+        for index, out in zip(np.ndindex(shape), array, strict=True):
+            place = base + "".join(f"[{i}]" for i in index)
+            text = body.places.get(out.number)
+            if text is not None:
+                after.append((text, place))
+            body.expressions[out.number] = Expression(text or place)
+
     def _gather(self, array: Sequence[ir.Scalar], shape: tuple[int, ...]) -> str:
         """The name of a new array of these elements; equal ones of a block are one."""
         numbers = braced([self._body.operand(x).text for x in array], shape)

@@ -145,7 +145,7 @@ class Body:
                 self.line(line)
 
     def text(self) -> list[str]:
-        """The lines, as short as they can be."""
+        """The lines, as few as they can be, before arrays get initialisers."""
         single = {
             parts[0]: self._kinds[name]
             for name, parts in self._parts.items()

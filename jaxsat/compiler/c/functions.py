@@ -1,19 +1,21 @@
 """Functions of C: those of the programs' Python code, elementary ones, and tables of constants."""
 
 import re
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from jaxsat.compiler.c.contexts import Context, arrays_in, contexts, squeezed
+from jaxsat.compiler.c.contexts import Context, contexts
+from jaxsat.compiler.c.cutting import Text, in_parts, lines_of
 from jaxsat.compiler.c.expressions import Expression, literal
 from jaxsat.compiler.c.helpers import TYPES, count_of, helper, loop_text
-from jaxsat.compiler.c.naming import Names, comment, docstring, identifier, name_of
+from jaxsat.compiler.c.naming import Names, comment, docstring, identifier
 from jaxsat.compiler.c.printer import Printer
-from jaxsat.compiler.c.tidying import braced, dimensions, in_lines
-from jaxsat.compiler.c.unit import POINTERS, AbstractUnit, CallSignature
-from jaxsat.compiler.ir import Function, Memory, Scalar, Value
+from jaxsat.compiler.c.python_functions import python_function
+from jaxsat.compiler.c.tidying import WIDEST, braced, dimensions, in_lines
+from jaxsat.compiler.c.unit import AbstractUnit, CallSignature
+from jaxsat.compiler.ir import Function, Memory
 from jaxsat.compiler.trace import Trace
 
 LIBM = frozenset((
@@ -94,8 +96,9 @@ class Unit(AbstractUnit):
             return word + ("f" if function.results[0].dtype.itemsize == 4 else "")
         if id(function) not in self._printed:
             name = self.names.new(identifier(f"{word}_of" if word in LIBM else word))
+            text, names = _elementary_text(self, function, trace)
+            name = self.write(text, names, lambda: name)
             self._printed[id(function)] = CallSignature(name, (), (), ())
-            self.functions.append(_elementary_text(self, name, function, trace))
             if {one.dtype.kind for one in (*function.params, *function.results)} == {"f"}:
                 self.of_numbers[name] = function
         return self._printed[id(function)].name
@@ -119,6 +122,33 @@ class Unit(AbstractUnit):
                 self._reserved[word] = self.names.new(word)
         for function in functions[::-1]:
             self.python(function, trace)
+
+    def write(self, text: Text, names: Names, new_name: Callable[[], str]) -> str:
+        """Print a function, in parts if it is long, and give its name.
+
+        `names` are those that it uses. One like another is not printed again.
+        """
+        parts = in_parts(text, names)
+        key = "\n".join(
+            line
+            for one in parts.functions
+            for line in (one.head, *one.parameters.values(), *one.lines)
+        )
+        if key not in self._alike:
+            name = self._alike[key] = new_name()
+            words = {
+                word: self.names.new(f"{name}_{'part' if f'_{wish}_' in f'_{name}_' else wish}")
+                for word, wish in parts.wishes.items()
+            }
+            words[""] = name
+            for record in ("arguments", "results"):
+                words[record] = f"{name}_{record}"
+                self.names.identifiers.add(words[record])
+            lines = list(parts.declarations)
+            for one in parts.functions:
+                lines += [*comment(one.about), *lines_of(one), ""]
+            self.functions.append([line for one in lines for line in _named(one, words)][:-1])
+        return self._alike[key]
 
     def _loop(self, function: Function) -> CallSignature:
         """An operation on arrays, printed once for all of one kind."""
@@ -148,16 +178,16 @@ class Unit(AbstractUnit):
         if source.loop:
             return self._loop(function)
         word = _word(function)
-        body, printed = python_function(self, "@", function, trace, self.contexts[id(function)])
-        text = "\n".join(body)
-        name = self._alike.get(text)
-        if name is None:
-            name = self._alike[text] = self._name(identifier(word))
-            about = docstring(source.file, source.name)
-            heading = f"{word}: {about}" if about else word
-            body[0] = body[0].replace(" @(", f" {name}(")
-            self.functions.append([*comment(heading), *in_lines(body[0], ""), *body[1:]])
-        return CallSignature(name, printed.passed, printed.results, printed.pointers)
+        about = docstring(source.file, source.name)
+        heading = f"{word}: {about}" if about else word
+        context = self.contexts[id(function)]
+        text, names, printed = python_function(self, heading, function, trace, context)
+        name = self.write(text, names, lambda: self._name(identifier(word)))
+        arguments, found = (
+            one and replace(one, kind=one.kind.replace("@", f"{name}_"))
+            for one in (printed.arguments, printed.found)
+        )
+        return replace(printed, name=name, arguments=arguments, found=found)
 
 
 def _word(function: Function) -> str:
@@ -166,7 +196,15 @@ def _word(function: Function) -> str:
     return function.source.name.split(".<locals>.")[-1].removesuffix(".__call__")
 
 
-def _elementary_text(unit: Unit, name: str, function: Function, trace: Trace) -> list[str]:
+def _named(line: str, words: dict[str, str]) -> list[str]:
+    """A line with names in the place of what stands for them."""
+    if "@" not in line and len(line) <= WIDEST:
+        return [line]
+    indent = " " * (len(line) - len(line.lstrip()))
+    return in_lines(re.sub(r"@(\w*)", lambda found: words[found[1]], line.strip()), indent)
+
+
+def _elementary_text(unit: Unit, function: Function, trace: Trace) -> tuple[Text, Names]:
     unit.prepare(Context(function), trace)
     names = unit.scope()
     params = {p.number: Expression(names.new("xyzuvw"[i] if i < 6 else f"x_{i}"))
@@ -174,137 +212,15 @@ def _elementary_text(unit: Unit, name: str, function: Function, trace: Trace) ->
     printer = Printer(unit, trace, function, names, params)
     printer.block(function.block)
     body = printer.body
-    parameters = [f"{TYPES[p.dtype]} {params[p.number].text}" for p in function.params]
+    parameters = {
+        params[p.number].text: f"{TYPES[p.dtype]} {params[p.number].text}" for p in function.params
+    }
     if len(function.results) == 1:
         body.line(f"return {body.operand(function.results[0]).text};")
-        head = f"static {TYPES[function.results[0].dtype]} {name}({', '.join(parameters)})"
+        kind = TYPES[function.results[0].dtype]
     else:
         for i, result in enumerate(function.results):
-            parameters.append(f"{TYPES[result.dtype]} *out_{i + 1}")
+            parameters[f"out_{i + 1}"] = f"{TYPES[result.dtype]} *out_{i + 1}"
             body.line(f"*out_{i + 1} = {body.operand(result).text};")
-        head = f"static void {name}({', '.join(parameters)})"
-    return [head, "{", *body.text(), "}"]
-
-
-def python_function(
-    unit: Unit, name: str, function: Function, trace: Trace, context: Context
-) -> tuple[list[str], CallSignature]:
-    """A function's lines, its head in one, and how it is called."""
-    source = function.source
-    shapes = ((), ()) if source is None else (source.params, source.results)
-    names = unit.scope()
-    expressions = {number: Expression(text) for number, text in context.known.items()}
-    places = dict(context.kept)
-    array_shapes = dict(unit.shapes)
-    declarations, passed = _parameters(function, context, names, expressions, array_shapes)
-    results: list[str] = []
-    assignments: list[tuple[str, Scalar]] = []
-    values = []
-    arrays = arrays_in(function.results, shapes[1])
-    fields = context.results or [False] * len(arrays)
-    alone = fields.count(False) == 1
-    for array, shape, is_field in zip(arrays, shapes[1], fields, strict=True):
-        if is_field:
-            results.append("field")
-            continue
-        small = squeezed(shape)
-        if alone and not small:
-            results.append("value")
-            values.append(array[0])
-            continue
-        results.append("pointer")
-        out = names.new(name_of(trace, array[0], "result"))
-        array_shapes[out] = small
-        kind = TYPES[array[0].dtype]
-        declarations.append(f"{kind} {out}{dimensions(small)}" if small else f"{kind} *{out}")
-        for index, x in zip(np.ndindex(small), array, strict=True):
-            place = out + "".join(f"[{i}]" for i in index) if small else f"*{out}"
-            if isinstance(x, Value) and x.number not in places and x.number not in expressions:
-                places[x.number] = place
-            else:
-                assignments.append((place, x))
-    function_name = None if source is None else source.name.split(".<locals>")[0]
-    printer = Printer(
-        unit, trace, function, names, expressions, places, function_name, array_shapes
-    )
-    body = printer.body
-    assignments += context.left
-    body.lines += fills(assignments, places.values())
-    printer.block(function.block)
-    zeroed = {place.split("[")[0] for place in _many_zeros(assignments)}
-    for place, x in assignments:
-        if not (_is_zero(x) and place.split("[")[0] in zeroed):
-            body.line(f"{place} = {body.operand(x).text};")
-    for x in values:
-        body.line(f"return {body.operand(x).text};")
-    lines = body.text()
-    pointers = [one for one in POINTERS if one in unit.types and one in printer.pointers(lines)]
-    params = [unit.types[one] for one in pointers] + declarations
-    kind = TYPES[values[0].dtype] if values else "void"
-    head = f"static {kind} {name}({', '.join(params) or 'void'})"
-    return [head, "{", *lines, "}"], CallSignature(name, passed, results, pointers)
-
-
-FEW = 5
-"""At most so many elements of an array that are zero are set one by one."""
-
-
-def _is_zero(x: Scalar) -> bool:
-    return not isinstance(x, Value) and bool(x == 0) and not (x.dtype.kind == "f" and np.signbit(x))
-
-
-def _many_zeros(assignments: Sequence[tuple[str, Scalar]]) -> dict[str, Scalar]:
-    """The arrays that many zeros are assigned to, and the zero."""
-    places = [(place.split("[")[0], x) for place, x in assignments if "[" in place and _is_zero(x)]
-    count = Counter(place for place, _ in places)
-    return {place: x for place, x in places if count[place] > FEW}
-
-
-def fills(assignments: Sequence[tuple[str, Scalar]], places: Iterable[str]) -> list[str]:
-    """Loops that set arrays to zero of which other elements are computed later."""
-    every = [*(place for place, _ in assignments), *places]
-    lines = []
-    for array, zero in _many_zeros(assignments).items():
-        indices = [
-            [int(i) for i in re.findall(r"\[(\d+)\]", place)]
-            for place in every
-            if place.split("[")[0] == array
-        ]
-        indent, subscript = "  ", ""
-        for letter, size in zip("ijkmn", map(max, zip(*indices, strict=True)), strict=False):
-            lines.append(
-                f"{indent}for (int32_t {letter} = 0; {letter} < {size + 1}; {letter}++) {{"
-            )
-            indent += "  "
-            subscript += f"[{letter}]"
-        lines.append(f"{indent}{array}{subscript} = {literal(zero).text};")
-        lines += ["  " * depth + "}" for depth in range(len(subscript) // 3, 0, -1)]
-    return lines
-
-
-def _parameters(
-    function, context, names, expressions, array_shapes
-) -> tuple[list[str], list[bool]]:
-    """The declarations of array parameters, and which there are.
-
-    Their elements go into `expressions`, their shapes into `array_shapes`.
-    """
-    declarations, passed = [], []
-    if function.source is None:
-        return declarations, passed
-    shapes = function.source.params
-    for array, shape, wish in zip(
-        arrays_in(function.params, shapes), shapes, context.wishes, strict=True
-    ):
-        passed.append(any(x.number not in context.known for x in array))
-        if not passed[-1]:
-            continue
-        name = names.new(wish)
-        small, kind = squeezed(shape), TYPES[array[0].dtype]
-        array_shapes[name] = small
-        declarations.append(
-            f"const {kind} {name}{dimensions(small)}" if small else f"{kind} {name}"
-        )
-        for index, x in zip(np.ndindex(small), array, strict=True):
-            expressions[x.number] = Expression(name + "".join(f"[{i}]" for i in index))
-    return declarations, passed
+        kind = "void"
+    return Text(f"static {kind} @", parameters, body.text()), names

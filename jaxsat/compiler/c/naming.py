@@ -63,6 +63,10 @@ def identifier(*parts: str) -> str:
     return f"x_{text}" if text[0].isdigit() else text
 
 
+_LONGEST = 56
+"""Characters of a name: C tells names apart by 63, and a number may follow."""
+
+
 class Names:
     """Identifiers that are in use in a scope, no two alike; `outer` is the file's scope."""
 
@@ -80,7 +84,9 @@ class Names:
         return means or name in self.identifiers or name in self.inside or beyond
 
     def new(self, wish: str) -> str:
-        """An identifier that is this one, or this one with a number."""
+        """An identifier that is this one, or this one with a number; of a long one the end."""
+        if not self._fields and len(wish) > _LONGEST:
+            wish = wish[-_LONGEST:].split("_", 1)[-1].lstrip("0123456789_")
         if not self._fields and is_reserved(f"{wish}_2"):  # of a family whose names all are
             wish = f"x_{wish}"
         name = wish

@@ -12,7 +12,7 @@ from jaxsat.compiler.c.contexts import arrays_in, squeezed
 from jaxsat.compiler.c.expressions import BOTH, UNARY, Expression, called, infix, operation
 from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.naming import Names
-from jaxsat.compiler.c.unit import POINTERS, AbstractUnit
+from jaxsat.compiler.c.unit import POINTERS, AbstractUnit, Record
 from jaxsat.compiler.lowering import CannotLower
 from jaxsat.compiler.passes.counting import CountedLoop, bound_of
 from jaxsat.compiler.trace import Trace
@@ -96,18 +96,30 @@ class Printer:
         for array, shape, passed in zip(arrays, source.params, printed.passed, strict=True):
             if passed:
                 args.append(self._arrays.argument(array, squeezed(shape)))
+        count = len(args)
+        found = self.body.names.new("found") if printed.found is not None else ""
+        fields = iter(() if printed.found is None else printed.found.fields)
+        if printed.found is not None:
+            self.body.line(f"{printed.found.kind} {found};")
+            args.append(Expression(f"&{found}"))
         returned, after = None, []
         outs = arrays_in(step.outs, source.results)
         for array, shape, way in zip(outs, source.results, printed.results, strict=True):
             if way == "value":
                 returned = array[0]
+            elif way == "pointer" and found:
+                self._arrays.found(array, squeezed(shape), f"{found}.{next(fields)}", after)
             elif way == "pointer":
                 args.append(self._arrays.receiver(array, squeezed(shape), after))
             else:
                 for out in array:
                     self.body.expressions[out.number] = Expression(self.body.places[out.number])
+        if printed.arguments is not None:
+            first = len(printed.pointers)
+            args[first:count] = [self._in_record(printed.arguments, args[first:count])]
         call = called(printed.name, *args)
-        if returned is not None and "field" not in printed.results:
+        is_kept = printed.arguments is None and "field" not in printed.results
+        if returned is not None and is_kept:
             self.body.keep(returned, call)
         elif returned is not None:
             self.body.name(returned, call)
@@ -115,6 +127,14 @@ class Printer:
             self.body.wrapped(f"{call.text};")
         for place, text in after:
             self.body.line(f"{place} = {text};")
+
+    def _in_record(self, record: Record, args: Sequence[Expression]) -> Expression:
+        """The address of a new record of arguments."""
+        name = self.body.names.new("given")
+        fields = zip(record.fields, args, strict=True)
+        texts = [f".{field} = {argument.text}" for field, argument in fields]
+        self.body.wrapped(f"const {record.kind} {name} = {{{', '.join(texts)}}};")
+        return Expression(f"&{name}")
 
     def _switch(self, step: ir.BlockSwitch) -> None:
         body = self.body

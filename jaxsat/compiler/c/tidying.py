@@ -74,7 +74,7 @@ def tidied(lines: list[str], own: str | None, single: Mapping[str, str]) -> list
         text = re.sub(rf"\n *\w+ {name}(\[\d+\])+;(?=\n)", "", f"\n{text}")[1:]
         text = re.sub(rf"(^|\n)( *){part} =", rf"\1\2const {kind} {name} =", text, count=1)
         text = re.sub(rf"(?<![\w>.]){part}", name, text)
-    return with_initialisers(rolled(text.split("\n"))) if text else []
+    return rolled(text.split("\n")) if text else []
 
 
 def _with_few_comments(lines: list[str], own: str | None) -> list[str]:

@@ -1,0 +1,126 @@
+"""Statements of a C function's text as a tree: what is inside of what, and how large it is."""
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from jaxsat.compiler.c.tidying import in_lines
+
+LINE = 100
+"""Characters of a line at most."""
+
+_DECIDES = re.compile(r"\?|&&|\|\||\b(?:if|for|while|case)\b")
+_RECORD = re.compile(r"const \w+ (\w+) = \{\.")
+
+
+@dataclass
+class Statement:
+    """A statement: its text in one line, or one that has `blocks`, each behind one of the `heads`.
+
+    `part` is the number of the function that the statement calls in place of others.
+    """
+
+    text: str = ""
+    heads: list[str] = field(default_factory=list)
+    blocks: list[list["Statement"]] = field(default_factory=list)
+    part: int | None = None
+
+    @property
+    def is_comment(self) -> bool:
+        """Whether it is no statement."""
+        return self.text.startswith("/*")
+
+    @property
+    def leaves(self) -> bool:
+        """Whether it ends the function, or a loop or a case that it is in."""
+        head = self.heads[0] if self.heads else self.text
+        if head.startswith(("for", "switch")):
+            return False
+        if head.startswith(("case", "default", "return", "break")):
+            return True
+        return any(one.leaves for block in self.blocks for one in block)
+
+    def texts(self) -> Iterator[str]:
+        """All texts but those of comments."""
+        if not self.is_comment:
+            yield from self.heads or [self.text]
+        for block in self.blocks:
+            for one in block:
+                yield from one.texts()
+
+    @property
+    def decisions(self) -> int:
+        """What it adds to the cyclomatic complexity of its function."""
+        return sum(len(_DECIDES.findall(text)) for text in self.texts())
+
+    def lines(self, depth: int) -> list[str]:
+        """Its lines, inside so many blocks."""
+        indent = "  " * depth
+        if not self.heads:
+            return _lines(self.text, indent)
+        lines = []
+        for head, block in zip(self.heads, self.blocks, strict=True):
+            lines += _lines(head, indent)
+            lines += [line for one in block for line in one.lines(depth + 1)]
+        return [*lines, f"{indent}}}"]
+
+
+def texts_of(block: Iterable[Statement]) -> Iterator[str]:
+    """The texts of statements."""
+    for one in block:
+        yield from one.texts()
+
+
+def _lines(text: str, indent: str) -> list[str]:
+    if "\n" in text:
+        return [line for one in text.split("\n") for line in _lines(one, indent)]
+    place, sign, value = text.partition(" = ")
+    if len(indent) + len(text) <= LINE or not sign or value.startswith("{") or "(" in place:
+        return in_lines(text, indent)
+    return [f"{indent}{place} =", *in_lines(value, f"{indent}    ")]
+
+
+def statements(lines: Sequence[str]) -> list[Statement]:
+    """The statements of a function's lines."""
+    texts: list[str] = []
+    is_open = False
+    for line in lines:
+        plain = line.strip()
+        if is_open:
+            texts[-1] += f" {plain}"
+        else:
+            texts.append(plain)
+        is_open = not plain.endswith((";", "{", "}", "*/"))
+    found, end = _block(texts, 0)
+    assert end == len(texts)
+    return found
+
+
+def _block(texts: Sequence[str], place: int) -> tuple[list[Statement], int]:
+    """The statements up to the end of a block, and the place of that."""
+    found: list[Statement] = []
+    while place < len(texts) and not texts[place].startswith("}"):
+        if not texts[place].endswith("{"):
+            found.append(Statement(texts[place]))
+            place += 1
+            continue
+        one = Statement()
+        while texts[place] != "}":
+            one.heads.append(texts[place])
+            block, place = _block(texts, place + 1)
+            one.blocks.append(block)
+        found.append(one)
+        place += 1
+    return _with_records(found), place
+
+
+def _with_records(block: list[Statement]) -> list[Statement]:
+    """A record of arguments belongs to the call that it is for."""
+    found: list[Statement] = []
+    for one in block:
+        record = _RECORD.match(found[-1].text) if found else None
+        if record and re.search(rf"&{record[1]}\b", one.text):
+            found[-1] = Statement(f"{found[-1].text}\n{one.text}")
+        else:
+            found.append(one)
+    return found

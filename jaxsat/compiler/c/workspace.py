@@ -1,0 +1,87 @@
+"""Variables of a function of C that several of its parts need: fields of one structure."""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from jaxsat.compiler.c.statements import Statement, texts_of
+
+_DECLARED = re.compile(r"(?:const )?((?!return)\w+) (\w+(?:, \w+)*)((?:\[\d+\])*)")
+
+
+def declared(text: str) -> tuple[str, list[str], str]:
+    """The type, names and dimensions of the variables that a statement declares."""
+    match = _DECLARED.match(text)
+    return (match[1], match[2].split(", "), match[3]) if match else ("", [], "")
+
+
+class Workspace:
+    """The structure that a pointer points to; `kinds` are types and dimensions of its fields."""
+
+    def __init__(
+        self, pointer: str, kinds: Mapping[str, tuple[str, str]], block: Iterable[Statement]
+    ):
+        self._kinds, self._pointer = kinds, pointer
+        self._rows = {
+            name: f"(const {kinds[name][0]} (*)[{kinds[name][1].split('[', 2)[2]})"
+            for text in texts_of(block)
+            if text.startswith("const ")
+            for name in declared(text)[1]
+            if name in kinds and kinds[name][1].count("[") > 1
+        }
+        self._place = re.compile(rf"(?<![\w>.])({'|'.join(kinds)})\b(\[)?")
+
+    def declaration(self, kind: str) -> list[str]:
+        """The lines that define its type."""
+        fields = [f"  {kind} {name}{shape};" for name, (kind, shape) in self._kinds.items()]
+        return ["typedef struct {", *fields, f"}} {kind};", ""]
+
+    def moved(self, block: Iterable[Statement]) -> list[Statement]:
+        """The statements with its variables where they are: not declared, but set."""
+        found: list[Statement] = []
+        for one in block:
+            if one.heads:
+                heads = [self._there(head) for head in one.heads]
+                found.append(Statement("", heads, [self.moved(inner) for inner in one.blocks]))
+            elif one.is_comment:
+                found.append(one)
+            else:
+                texts = _without_declaration(one.text, self._kinds)
+                found += [Statement(self._there(text)) for text in texts]
+        return found
+
+    def _there(self, text: str) -> str:
+        """A text that names the variables where they are.
+
+        No array is constant there: one of rows has to be made so where it is handed over.
+        """
+
+        def place(found: re.Match) -> str:
+            cast = "" if found[2] else self._rows.get(found[1], "")
+            return f"{cast}{self._pointer}->{found[1]}{found[2] or ''}"
+
+        return self._place.sub(place, text)
+
+
+def _without_declaration(text: str, moved: Mapping[str, tuple[str, str]]) -> Sequence[str]:
+    """A statement without the declarations of variables that are elsewhere."""
+    kind, names, dimensions = declared(text)
+    if not any(name in moved for name in names):
+        return [text]
+    if " = " not in text:
+        others = [name for name in names if name not in moved]
+        return [f"{kind} {', '.join(others)}{dimensions};"] if others else []
+    value = text.split(" = ", 1)[1].removesuffix(";")
+    return [f"{place} = {element};" for place, element in _elements(names[0], value)]
+
+
+def _elements(place: str, value: str) -> Iterator[tuple[str, str]]:
+    """What an initialiser sets, element by element."""
+    if not value.startswith("{"):
+        yield place, value
+        return
+    depth, begin, number = 0, 1, 0
+    for end, letter in enumerate(value):
+        depth += (letter in "{(") - (letter in "})")
+        if (letter == "," and depth == 1) or (letter == "}" and depth == 0):
+            yield from _elements(f"{place}[{number}]", value[begin:end].strip())
+            begin, number = end + 1, number + 1
