@@ -47,9 +47,13 @@ def cfs_app(
         "MODES": words_of_modes(program),
         "MEASUREMENT": _members(given),
         "OUTPUT": _members(told),
-        "READ": "\n".join(_copy(_place(item), f"Payload->{item.name}", item) for item in given),
+        "READ": "\n".join(
+            _copy(item.place_in(PLACES), f"Payload->{item.name}", item) for item in given
+        ),
         "WRITE": "\n".join(
-            _copy(f"Payload->{item.name}", _place(item), item) for item in told if item.place[0]
+            _copy(f"Payload->{item.name}", item.place_in(PLACES), item)
+            for item in told
+            if item.place[0]
         ),
         "BEGIN": begin * program.estimates,
         "ATTITUDE": "attitude, " * program.estimates,
@@ -62,11 +66,6 @@ def cfs_app(
         + template(f"cfs/{name}", **values)
         for name in FILES
     }
-
-
-def _place(item: Item) -> str:
-    structure, field = item.place
-    return PLACES[structure] + field
 
 
 def _members(items: Sequence[Item]) -> str:

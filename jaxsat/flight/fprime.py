@@ -124,11 +124,6 @@ def _initialiser(default: np.ndarray) -> str:
     return f"[{', '.join(numbers)}]" if default.ndim else numbers[0]
 
 
-def _place(item: Item) -> str:
-    structure, field = item.place
-    return PLACES[structure] + field
-
-
 def _argument(item: Item) -> str:
     """A parameter of a handler."""
     return f"const {_type(item)}& {item.name}" if item.shape else f"{_type(item)} {item.name}"
@@ -138,13 +133,14 @@ def _passed(item: Item) -> str:
     """What a port is called with."""
     if item.place == ("", "sample"):
         return "this->m_input.sample"
-    return f"fromField<{_type(item)}>({_place(item)})" if item.shape else _place(item)
+    place = item.place_in(PLACES)
+    return f"fromField<{_type(item)}>({place})" if item.shape else place
 
 
 def _take(item: Item, value: str) -> str:
     if item.shape:
-        return f"    toField({value}, {_place(item)});"
-    return f"    {_place(item)} = {value};"
+        return f"    toField({value}, {item.place_in(PLACES)});"
+    return f"    {item.place_in(PLACES)} = {value};"
 
 
 def _read(item: Item) -> str:

@@ -59,7 +59,7 @@ class Parameter:
     def range(self) -> str:
         """The bounds in words."""
         if self.bounds is None:
-            return "any"
+            return "false, true" if self.field.dtype.kind == "b" else "any"
         least, most = self.bounds
         largest = np.finfo(self.field.dtype).max
         if (least, most) == (-largest, largest):

@@ -3,7 +3,7 @@
 The rows of the interface control document tell of it; all else in a wrapper is in templates.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +26,11 @@ class Item:
     size: int
     about: str
     place: tuple[str, str]
+
+    def place_in(self, structures: Mapping[str, str]) -> str:
+        """The place in C, with the texts before the fields of the structures."""
+        structure, field = self.place
+        return structures[structure] + field
 
     @property
     def count(self) -> int:

@@ -47,8 +47,15 @@ def parameters_source(
     lines = [*intro, '#include "controller_parameters.h"', ""]
     lines += ["#include <math.h>", "#include <stddef.h>", "#include <string.h>", ""]
     lines += [f"#define PARAMETERS ({len(of_parameters)})", ""]
+    lines += ["typedef enum { FREE, NUMBER, TRUTH } parameter_kind;", ""]
     lines += ["typedef struct {", "  size_t offset;", "  uint32_t count;", "  uint32_t size;"]
-    lines += ["  bool checked;", f"  {real} least;", f"  {real} most;", "} parameter_row;", ""]
+    lines += [
+        "  parameter_kind kind;",
+        f"  {real} least;",
+        f"  {real} most;",
+        "} parameter_row;",
+        "",
+    ]
     lines += ["static const parameter_row rows[] = {"]
     zero = np.zeros((), np.float32 if program.single else np.float64)[()]
     for number, one in enumerate(of_parameters, 1):
@@ -59,8 +66,9 @@ def parameters_source(
             f"  {{offsetof(controller_parameters, {field.name}), {field.size}u, "
             f"{field.dtype.itemsize}u,"
         )
-        checked = "false" if one.bounds is None else "true"
-        lines.append(f"   {checked}, {literal(least).text}, {literal(most).text}}},")
+        free = "TRUTH" if field.dtype.kind == "b" else "FREE"
+        kind = free if one.bounds is None else "NUMBER"
+        lines.append(f"   {kind}, {literal(least).text}, {literal(most).text}}},")
     if not of_parameters:
-        lines.append("  {0u, 0u, 0u, false, 0, 0},")
+        lines.append("  {0u, 0u, 0u, FREE, 0, 0},")
     return "\n".join([*lines, "};", template("controller_parameters.c", REAL=real)])

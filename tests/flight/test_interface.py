@@ -4,8 +4,11 @@ import csv
 import subprocess
 import zlib
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array, Bool
 
 from helpers.tools import needs
 from jaxsat.core.declaration.keys import number
@@ -88,6 +91,45 @@ def test_the_check_tells_each_bad_parameter_and_the_checksum_is_that_of_zlib(tmp
     unbounded = [one for one in table if one.key is None and one.field.dtype.kind == "f"]
     assert unbounded
     assert all(one.range == "finite" for one in unbounded)
+
+
+class Switchable(Filtered):
+    """A law with a truth value among its parameters."""
+
+    on: Bool[Array, "2"] = eqx.field(default_factory=lambda: jnp.array([True, False]))
+
+    def step(self, t, state, memory):
+        """Commands of an axis that is on."""
+        command, memory = super().step(t, state, memory)
+        return jnp.where(self.on, command, 0.0), memory
+
+
+BYTES = r"""
+#include "controller_parameters.h"
+#include <stdio.h>
+#include <string.h>
+int main(void)
+{
+  for (int byte = 0; byte < 256; byte++) {
+    controller_parameters p = controller_default_parameters;
+    const unsigned char one = (unsigned char)byte;
+    (void)memcpy(&p.law_on[1], &one, 1);
+    printf("%d\n", (int)controller_check_parameters(&p));
+  }
+  return 0;
+}
+"""
+
+
+@needs("gcc")
+def test_a_byte_that_is_no_truth_value_is_refused(tmp_path):
+    loop = loop_of(Switchable(gain=[3.0, 2.0]))
+    program = flight_program(loop, start())
+    table = parameters(program, loop, KEYS)
+    found = _built(tmp_path, program, table, BYTES)("")
+    place = next(i for i, one in enumerate(table, 1) if one.field.path == "law.on")
+    assert table[place - 1].range == "false, true"
+    assert [int(line) for line in found] == [0, 0] + [place] * 254
 
 
 @needs("gcc")

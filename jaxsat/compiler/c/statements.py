@@ -15,7 +15,8 @@ _RECORD = re.compile(r"const \w+ (\w+) = \{\.")
 
 @dataclass
 class Statement:
-    """A statement: its text in one line, or one that has `blocks`, each behind one of the `heads`.
+    """A statement: its text in one line (in two with what must stand before it), or one that has
+    `blocks`, each behind one of the `heads`.
 
     `part` is the number of the function that the statement calls in place of others.
     """
@@ -43,7 +44,7 @@ class Statement:
     def texts(self) -> Iterator[str]:
         """All texts but those of comments."""
         if not self.is_comment:
-            yield from self.heads or [self.text]
+            yield from self.heads or self.text.split("\n")
         for block in self.blocks:
             for one in block:
                 yield from one.texts()

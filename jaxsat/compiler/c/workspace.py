@@ -45,8 +45,15 @@ class Workspace:
             elif one.is_comment:
                 found.append(one)
             else:
-                texts = _without_declaration(one.text, self._kinds)
-                found += [Statement(self._there(text)) for text in texts]
+                texts = [
+                    self._there(text)
+                    for line in one.text.split("\n")
+                    for text in _without_declaration(line, self._kinds)
+                ]
+                is_together = "\n" in one.text
+                found += [
+                    Statement(text) for text in (["\n".join(texts)] if is_together else texts)
+                ]
         return found
 
     def _there(self, text: str) -> str:

@@ -25,6 +25,22 @@ static uint64_t bits_of(const uint8_t *place, uint32_t size)
   return bits;
 }
 
+static bool is_in_range(const parameter_row *row, const uint8_t *place)
+{
+  bool is_right = true;
+
+  if (row->kind == NUMBER) {
+    @REAL@ x;
+    (void)memcpy(&x, place, sizeof(x));
+    is_right = (x >= row->least) && (x <= row->most); /* false for what is not a number */
+  } else if (row->kind == TRUTH) {
+    is_right = *place <= 1u;
+  } else {
+    is_right = true;
+  }
+  return is_right;
+}
+
 int32_t controller_check_parameters(const controller_parameters *p)
 {
   const uint8_t *bytes = (const uint8_t *)p;
@@ -32,10 +48,8 @@ int32_t controller_check_parameters(const controller_parameters *p)
 
   for (int32_t number = 0; (number < PARAMETERS) && (wrong == 0); number++) {
     const parameter_row *row = &rows[number];
-    for (uint32_t i = 0u; row->checked && (i < row->count); i++) {
-      @REAL@ x;
-      (void)memcpy(&x, &bytes[row->offset + (i * row->size)], sizeof(x));
-      if (!((x >= row->least) && (x <= row->most))) { /* true for what is not a number */
+    for (uint32_t i = 0u; i < row->count; i++) {
+      if (!is_in_range(row, &bytes[row->offset + (i * row->size)])) {
         wrong = number + 1;
       }
     }

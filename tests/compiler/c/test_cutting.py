@@ -28,12 +28,12 @@ int main(void)
 
 def _statements(draw: random.Random) -> list[str]:
     """Statements of all kinds that the printer writes, which read what was made before."""
-    lines = []
+    lines = ["  const double rows[2][2] = {{0.5, 0.25}, {given[0], given[1]}};"]
     names = ["given[0]", "given[1]", "given[2]"]
     for number in range(40):
         a, b, c = (draw.choice(names) for _ in range(3))
         x = f"x_{number}"
-        kind = draw.randrange(6)
+        kind = draw.randrange(7)
         if kind == 0:
             lines.append(f"  const double {x} = ({a} > {b}) ? {c} : 0.5;")
             names.append(x)
@@ -60,6 +60,10 @@ def _statements(draw: random.Random) -> list[str]:
             lines += [f"    z_{number} = {x};", "  } else {", f"    {x} = -0.5;"]
             lines += [f"    z_{number} = {b} * 0.5;", "  }"]
             names += [x, f"z_{number}"]
+        elif kind == 5:
+            lines.append(f"  const law_arguments given_{number} = {{.x = {a}, .rows = rows}};")
+            lines.append(f"  const double {x} = law(&given_{number});")
+            names.append(x)
         else:
             lines += [f"  double {x};", f"  split({a}, &{x});"]
             names.append(x)
@@ -71,6 +75,16 @@ HELPERS = """static double trace(const double m[2][2], double x);
 static double trace(const double m[2][2], double x)
 {
   return m[0][0] + m[1][1] * x;
+}
+
+typedef struct {
+  double x;
+  const double (*rows)[2];
+} law_arguments;
+
+static double law(const law_arguments *given)
+{
+  return given->x * given->rows[1][0];
 }
 
 static void split(double x, double *half)
