@@ -62,10 +62,14 @@ def in_parts(function: Text, names: Names) -> Parts:
     room = _ROOM
     while True:
         parts = _Cutter(function, room, space, work).parts()
-        longest = max(len(lines_of(one)) for one in parts.functions)
-        if longest <= LINES - 2 or room < LINES // 3:
+        if all(_is_small(one) for one in parts.functions) or room < LINES // 3:
             return parts
         room -= 4
+
+
+def _is_small(function: Text) -> bool:
+    decisions = sum(one.decisions for one in statements(function.lines))
+    return len(lines_of(function)) <= LINES - 2 and decisions < COMPLEXITY
 
 
 def lines_of(function: Text) -> list[str]:
@@ -113,7 +117,8 @@ class _Cutter:
         remaining: list[Statement] = []
         for begin, end in pairwise(cuts):
             part = list(block[begin:end])
-            alone = len(part) == 1 and not part[0].heads and not part[0].decisions
+            alone = len(part) == 1 and not (part[0].heads or part[0].decisions)
+            alone = alone and " = {" not in part[0].text
             if alone or part[0].leaves:
                 remaining += part
                 continue

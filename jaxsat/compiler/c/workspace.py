@@ -3,7 +3,11 @@
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from jaxsat.compiler.c.statements import Statement, texts_of
+from jaxsat.compiler.c.statements import Statement, statements, texts_of
+from jaxsat.compiler.c.tidying import rolled
+
+_MANY = 24
+"""Elements that are set one by one; those of larger arrays in loops, where that can be."""
 
 _DECLARED = re.compile(r"(?:const )?((?!return)\w+) (\w+(?:, \w+)*)((?:\[\d+\])*)")
 
@@ -50,10 +54,12 @@ class Workspace:
                     for line in one.text.split("\n")
                     for text in _without_declaration(line, self._kinds)
                 ]
-                is_together = "\n" in one.text
-                found += [
-                    Statement(text) for text in (["\n".join(texts)] if is_together else texts)
-                ]
+                if "\n" in one.text:
+                    texts = ["\n".join(texts)]
+                if len(texts) > _MANY:
+                    found += statements(rolled([f"  {text}" for text in texts]))
+                else:
+                    found += [Statement(text) for text in texts]
         return found
 
     def _there(self, text: str) -> str:
