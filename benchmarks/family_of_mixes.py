@@ -13,11 +13,17 @@ import csv
 import math
 import warnings
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Bool, Float
+from matplotlib import rc_context
+from matplotlib.figure import Figure
 
+from jaxsat.report.style import SETTINGS
 from jaxsat.scenario import Scenario, ScenarioWarning
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
@@ -80,8 +86,13 @@ COLUMNS = (
     "recoverable",
     "recovered",
     "reasons",
+    "spun_up",
+    "recoverable_spun_up",
     "false_alarms",
 )
+
+INSTANTS = 101
+"""Over a flight, at which its rate is judged."""
 
 
 def member(number: int, seed: int = SEED) -> tuple[dict[str, object], Scenario]:
@@ -185,19 +196,66 @@ def _low_orbit(
     ]
 
 
+def spins_up(rates: Float[np.ndarray, "cases instants 3"]) -> Bool[np.ndarray, " cases"]:
+    """Whether a body turns faster at the end than at the start, and does not become slower.
+
+    The mean rate (rad/s, relative to the target) of the last tenth of a flight is above that at the
+    start, and no more than a hundredth below that of the tenth before.
+    """
+    sizes = np.linalg.norm(rates, axis=2)
+    tenth = sizes.shape[1] // 10
+    before, last = (one.mean(axis=1) for one in (sizes[:, -2 * tenth : -tenth], sizes[:, -tenth:]))
+    return (last > sizes[:, 0]) & (last > 0.99 * before)
+
+
 def flown(number: int, cases: int, seed: int = SEED) -> dict[str, object]:
     """The row of a spacecraft: how many cases can be recovered, how many were, and why not."""
     row, scenario = member(number, seed)
-    values = build_study(scenario, cases, seed=number + 1).values(np.arange(cases))
+    study = build_study(scenario, cases, seed=number + 1, history=INSTANTS)
+    values = study.values(np.arange(cases))
+    spun_up = spins_up(values["history_relative_rate"])
+    recoverable = values["recovery"] != Recovery.UNRECOVERABLE
     verdicts = Counter(Recovery(int(one)) for one in values["recovery"])
     lost = {one.name.lower(): many for one, many in verdicts.items() if one.value > 1}
     return row | {
         "cases": cases,
-        "recoverable": cases - verdicts[Recovery.UNRECOVERABLE],
+        "recoverable": int(recoverable.sum()),
         "recovered": verdicts[Recovery.RECOVERED],
         "reasons": "; ".join(f"{many} {reason}" for reason, many in lost.items()),
+        "spun_up": int(spun_up.sum()),
+        "recoverable_spun_up": int((spun_up & recoverable).sum()),
         "false_alarms": int(values["false_alarms"].sum()),
     }
+
+
+def mix_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Cases by what is beside wheels: recovered, not recovered, spun up, or not recoverable."""
+    bars: dict[str, np.ndarray] = {}
+    for row in rows:
+        beside = [one for one in ("thrusters", "magnetorquers") if int(row[one])]
+        names = ("cases", "recoverable", "recovered", "recoverable_spun_up")
+        every, recoverable, recovered, spun_up = (int(row[name]) for name in names)
+        lost = recoverable - recovered - spun_up
+        name = "wheels" + "".join(f",\n{one}" for one in beside)
+        cases = np.array([recovered, lost, spun_up, every - recoverable])
+        bars[name] = bars.get(name, 0 * cases) + cases
+    styles = (
+        ("recovered", "#bbbbbb", ""),
+        ("not recovered", "#ffffff", "////"),
+        ("not recovered, spins up", "#000000", ""),
+        ("not recoverable", "#ffffff", "..."),
+    )
+    with rc_context(dict[Any, Any](SETTINGS)):
+        figure = Figure(figsize=(7.0, 2.6), layout="constrained")
+        axis = figure.subplots()
+    parts = np.array(list(bars.values()))
+    for number, (label, color, hatch) in enumerate(styles):
+        left = parts[:, :number].sum(axis=1)
+        style = {"color": color, "edgecolor": "black", "hatch": hatch, "linewidth": 0.6}
+        axis.barh(list(bars), parts[:, number], left=left, label=label, **style)
+    axis.set_xlabel("cases")
+    axis.legend(fontsize=7)
+    return figure
 
 
 def main() -> None:
@@ -207,6 +265,7 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=8)
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--out", type=Path, default=Path("mixes.csv"))
+    parser.add_argument("--figure", type=Path)
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     rows = []
@@ -223,6 +282,8 @@ def main() -> None:
             writer.writeheader()
             writer.writerows(rows)
         print(*(f"{name}={rows[-1][name]}" for name in COLUMNS), flush=True)
+    if given.figure is not None:
+        mix_figure(rows).savefig(given.figure, dpi=150)
     recoverable, recovered = (
         sum(int(row[name]) for row in rows) for name in ("recoverable", "recovered")
     )
