@@ -8,7 +8,7 @@ import ctypes
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import equinox as eqx
 import jax
@@ -22,7 +22,7 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import LibraryError
 from jaxsat.core.once import once
-from jaxsat.flight.flight import FlightController, Measured, Seen
+from jaxsat.flight.flight import CannotExport, FlightController, Measured, Seen
 from jaxsat.flight.harness import ABI
 from jaxsat.flight.program import FlightProgram, flight_program
 from jaxsat.simulation.loops import AbstractLoop
@@ -39,7 +39,8 @@ class Library:
     `identity` is what a store keeps of it: the ABI version, the precision, and SHA-256 digests of
     the C text, of the compiled parameters and of the binary. Any parameters and any plant can be
     flown with it: every call passes the parameters of its cases. Raises `LibraryError` for a file
-    that is no library of this ABI version, or the library of another controller.
+    that is no library of this ABI version, or the library of another controller, and for a loop
+    that has no flight code.
     """
 
     def __init__(self, path: Path, loop: AbstractLoop, start: PlantState):
@@ -67,7 +68,12 @@ class Library:
                 "build it again where sha256sum or shasum is installed"
             )
         self.single = precision == "single"
-        self.program: FlightProgram = flight_program(loop, start, single=self.single)
+        try:
+            self.program: FlightProgram = flight_program(loop, start, single=self.single)
+        except CannotExport as error:
+            raise LibraryError(
+                f"must be left out, the scenario has no flight code: {error}"
+            ) from None
         if program != self.program.hash:
             raise LibraryError(
                 f"must be made of this scenario's controller, whose program is "
@@ -180,8 +186,8 @@ class ExternalEstimator(AbstractEstimator):
         momentum = self.library.program.now.measured.wheel_momentum
         if momentum is not None:  # which passes the estimator by, and `ExternalLaw` is told
             momentum = jnp.zeros(momentum.shape)
-        attitude, rate = measurement.attitude, measurement.rate
-        measured = Measured(rate, attitude.q, measurement.seen, momentum)
+        attitude, rate = cast(Quaternion, measurement.attitude), measurement.rate
+        measured = Measured(rate, attitude.q, cast(Array, measurement.seen), momentum)
         law_input = Seen(attitude, rate, momentum)
         call = _Call(self.library, "estimate")
         law_input, memory = jax.pure_callback(

@@ -149,6 +149,9 @@ _PRAGMAS = [
     "#endif",
     "#if defined(__clang__)",
     "#pragma STDC FP_CONTRACT OFF",
+    "#elif defined(__GNUC__) && (__GNUC__ >= 12)",
+    "/* GCC 12 takes a field's address, which it computes from the one before, as beyond that. */",
+    '#pragma GCC diagnostic ignored "-Wstringop-overflow"',
     "#endif",
     "",
 ]
