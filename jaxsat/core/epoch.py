@@ -13,6 +13,8 @@ _EPOCH = re.compile(
 )
 """One with the 60th second, a leap second, is none that a run can begin in."""
 
+_LEAP_SECOND = re.compile(r"(T\d\d:\d\d):60")
+
 _FIRST_YEAR, _LAST_YEAR = "1678", "2262"
 
 
@@ -23,6 +25,8 @@ IGRF_DATES = np.datetime64("1900-01-01"), np.datetime64("2030-01-01")
 def epoch_of(text: str) -> np.datetime64:
     """The instant of a text, to its last decimal. Raises `ArgumentError` for one that is none."""
     match = _EPOCH.fullmatch(text.strip())
+    if match is None and _EPOCH.fullmatch(_LEAP_SECOND.sub(r"\1:59", text.strip())):
+        raise ArgumentError("epoch", f"must be {EPOCH_FORM}, and no leap second", text)
     if match is None:
         raise ArgumentError("epoch", f"must be {EPOCH_FORM}", text or "nothing")
     try:

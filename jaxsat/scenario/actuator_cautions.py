@@ -18,7 +18,13 @@ from jaxsat.scenario.parts.thrusters import (
     modulation_kind,
     working_torques,
 )
-from jaxsat.scenario.parts.wheels import relieved_by_thrusters, wheel_axes, wheels_make_all
+from jaxsat.scenario.parts.wheels import (
+    directions_of_wheels,
+    left_by_wheels,
+    relieved_by_thrusters,
+    wheel_axes,
+    wheels_make_all,
+)
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import InitialTable
@@ -40,11 +46,28 @@ ROUNDING = 1e-9
 def actuator_cautions(scenario: Scenario) -> Iterator[Issue]:
     """What will never be used, what is too slow or too coarse, and too much momentum."""
     yield from idle_actuators(scenario)
+    yield from _wheels_for_a_part(scenario)
     yield from _momentum_beyond_wheels(scenario)
     yield from _slow_thrust(scenario)
     if not is_plugin(scenario.control.law):  # whose keys may mean something else
         yield from _dead_zone(scenario)
         yield from _slow_samples(scenario)
+
+
+def _wheels_for_a_part(scenario: Scenario) -> Iterator[Issue]:
+    """Wheels that make a part of two torques: with their momentum h a ω × h turns the third axis,
+    which a law that turns it by (J1 - J2) ω1 ω2, or lets it rest, does not know."""
+    law, working = scenario.law.declaration, sum(not one.failed for one in scenario.wheel)
+    if law.torques != 2 or not working:
+        return
+    left = left_by_wheels(scenario.wheel, 2, directions_of_wheels(scenario.wheel, law))
+    if left.any() and np.abs(left - np.eye(2)).max() > ROUNDING:
+        message = (
+            f'should make both torques that the law "{scenario.control.law}" commands, or none: '
+            "their momentum turns a body that rotates about the third axis, which the law does not "
+            f'expect, so that it may not settle ("fault-tolerant" does), got {working}'
+        )
+        yield Issue(("wheel",), message)
 
 
 def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:

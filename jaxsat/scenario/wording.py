@@ -255,7 +255,7 @@ def _elsewhere(root: type[BaseModel], name: str, parents: list[str]) -> str:
         if laws:
             return f" (a key of the law {_quoted_list(laws)})"
     places = [".".join(path) for path in dotted_keys(root) if path[-1] == name and len(path) > 1]
-    return f", did you mean {places[0]}?" if places else ""
+    return f", did you mean {' or '.join(places)}?" if len(places) in (1, 2) else ""
 
 
 @once

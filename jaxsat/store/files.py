@@ -44,7 +44,11 @@ def system_failure(path: str | Path, verb: str, error: OSError, more: str = "") 
 
     It is a failure if the system's error is one of the disk.
     """
-    text = f"{path} cannot be {verb}: {reason(error)}.{more}"
+    why = reason(error)
+    if verb == "written" and error.errno == errno.ENOENT:  # of what is not to be there yet
+        folder = next(one for one in Path(os.path.abspath(path)).parents if one.is_dir())
+        why = f"{folder} takes no new files"
+    text = f"{path} cannot be {verb}: {why}.{more}"
     return OutputError(text, failure=error.errno in FAILURES)
 
 

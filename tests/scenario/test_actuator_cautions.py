@@ -44,6 +44,23 @@ def test_library_scenarios_are_told_nothing_of_actuators():
         assert not told(name)[0]
 
 
+@pytest.mark.parametrize(
+    ("name", "axes", "law"),
+    [
+        ("two-torque-free", "[1,0,0]", "three-slew"),
+        ("free-third-rate", "[0,1,0.2]", "three-axis"),
+        ("paper-rate", "[1,0,0]", "rate"),  # ends at 7 rad/s
+        ("two-torque-free", "[0,0,1]", None),  # never used
+        ("two-torque-free", "[1,0,0],failed=true", None),
+        ("paper-rate", "[1,0,0]},{axis=[1,1,0]", None),  # both torques
+    ],
+)
+def test_wheels_for_a_part_of_two_torques_are_told_of(name, axes, law):
+    texts = [text for text in told(name, f"wheel=[{{axis={axes}}}]")[0] if "both torques" in text]
+    assert len(texts) == (law is not None)
+    assert all(f'both torques that the law "{law}" commands' in text for text in texts)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_wheels_hold_what_a_linear_programme_holds(seed):
     """1 / share is the largest multiple of a momentum that wheels within their limits make."""

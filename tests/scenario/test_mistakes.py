@@ -19,6 +19,9 @@ BROKEN = [
         (1, "titel", "did you mean title?"), (1, "title", "must be given")]),
     ('title = "Test"', 'title = "Test"\nseed = 3', [
         (2, "seed", "did you mean simulation.seed?")]),
+    ('title = "Test"', 'title = "Test"\ntorque_limit_N_m = 3', [
+        (2, "torque_limit_N_m", "did you mean spacecraft.torque_limit_N_m or wheel.torque_limit")]),
+    ('title = "Test"', 'title = "Test"\nname = "x"', [(2, "name", 'got "name"')]),
     ("[spacecraft]", "[spacecraft]\ncolour = 1", [
         (3, "spacecraft.colour", "must be one of the keys of [spacecraft] (inertia_kg_m2,")]),
     ("[449.5, 264.6, 312.5]", "[449.5, 264.6]", [

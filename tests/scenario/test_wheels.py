@@ -72,6 +72,7 @@ def test_a_sampled_law_shares_its_command_among_wheels_and_their_history_is_save
     np.testing.assert_allclose(data["torque"], data["wheel_torque"].values @ axes.T, atol=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:.*should make both torques")
 def test_thrusters_make_what_wheels_leave():
     with pytest.warns(ScenarioWarning, match="never used: 1"):
         mixed = build(load("switching", [f"wheel=[{X}]"])).loop

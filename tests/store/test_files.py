@@ -63,6 +63,14 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch, ste
     assert (tmp_path / "f").read_text() == "old"
 
 
+def test_a_system_without_files_is_not_said_to_lack_the_file(tmp_path):
+    """Of `mkdir /proc/x` Linux says that there is no such file or directory."""
+    absent = FileNotFoundError(2, "No such file or directory")
+    written = str(module.system_failure(tmp_path / "new" / "x", "written", absent))
+    assert written == f"{tmp_path / 'new' / 'x'} cannot be written: {tmp_path} takes no new files."
+    assert str(module.system_failure(tmp_path / "x", "read", absent)).endswith("file or directory.")
+
+
 def test_without_hard_links_nothing_is_replaced_either(tmp_path, monkeypatch):
     def refuse(*_):
         raise OSError(1, "Operation not permitted")
