@@ -22,8 +22,9 @@ def shares_of(dataset: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None
     """The torque on the body (N m, body axes) of the wheels, over time, and of each other kind by
     its name; None where wheels alone, or no wheels, make it.
 
-    That of magnetorquers is of their axes as the scenario has them. Where there are thrusters and
-    gyros, they are one.
+    Of a sampled law it is the mean until the next saved time, so that no pulse is left out. That of
+    magnetorquers is of their axes as the scenario has them, and at the saved times beside others.
+    Where there are thrusters and gyros, they are one.
     """
     tables = scenario_tables(dataset)
     if "wheel_torque" not in dataset or not tables.get(WHEEL):
@@ -32,14 +33,34 @@ def shares_of(dataset: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None
     others = [f"{one.called}s" for one in kinds if one.name != ROD]
     if tables.get("spacecraft", {}).get("thruster_torque_axes"):
         others.insert(0, "thrusters")
-    torques = {"wheels": dataset["wheel_torque"].values @ _axes(tables[WHEEL])}
-    rest = dataset["torque"].values - torques["wheels"]
+    torques = {"wheels": _of_wheels(dataset, tables[WHEEL]) @ _axes(tables[WHEEL])}
+    rest = dataset["torque_mean" if _is_held(dataset) else "torque"].values - torques["wheels"]
     if tables.get(ROD):
         rods = _rods_torque(dataset, tables) if others else rest
         torques["magnetorquers"], rest = rods, rest - rods
     if others:
         torques[" and ".join(others)] = rest
     return torques if len(torques) > 1 else None
+
+
+def _is_held(dataset: xr.Dataset) -> bool:
+    """Whether the torque is that of a sampled law, whose means are saved."""
+    return "torque_mean" in dataset
+
+
+def _of_wheels(dataset: xr.Dataset, tables: list[dict[str, Any]]) -> Float[np.ndarray, "n wheels"]:
+    """Torques of wheels on the body along their axes (N m): of a sampled law means, by
+    ḣ = -c - J_w aᵀω̇, except in the interval in which one seizes, whose jump no motor makes."""
+    torque = dataset["wheel_torque"].values
+    if not _is_held(dataset):
+        return torque
+    rotors = np.array([one.get("rotor_inertia_kg_m2", 0.0) for one in tables])
+    momentum, spans = dataset["wheel_momentum"].values, np.diff(dataset["time"].values)[:, None]
+    turning = momentum + rotors * (dataset["omega"].values @ _axes(tables).T)
+    means = -np.diff(turning, axis=0) / spans
+    seizes = (momentum[1:] == 0) & (np.abs(means) > np.abs(torque[:-1]))
+    means = np.where(seizes, torque[:-1], means)
+    return np.concatenate([means, torque[-1:]])
 
 
 def _axes(tables: list[dict[str, Any]]) -> Float[np.ndarray, "m 3"]:
@@ -62,7 +83,8 @@ def share_plots(dataset: xr.Dataset) -> list[Plot]:
     if shares is None:
         return []
     lines = [Line(time, np.linalg.norm(one, axis=1), name) for name, one in shares.items()]
-    return [Plot("Torque by kind of actuator", "", TIME, Axis("|T|", "N m"), lines)]
+    title = f"{'Mean torque' if _is_held(dataset) else 'Torque'} by kind of actuator"
+    return [Plot(title, "", TIME, Axis("|T|", "N m"), lines)]
 
 
 def momentum_budget(dataset: xr.Dataset) -> str:
@@ -81,15 +103,27 @@ def momentum_budget(dataset: xr.Dataset) -> str:
         dataset = dataset.isel(time=slice(0, int(np.searchsorted(time, end, side="right"))))
     shares, parts = shares_of(dataset), []
     if "disturbance" in dataset:
-        parts.append(("external torques", dataset["disturbance"].values))
-    parts += [(name, torque) for name, torque in (shares or {}).items() if name != "wheels"]
+        parts.append(("external torques", dataset["disturbance"].values, False))
+    others = ((name, torque) for name, torque in (shares or {}).items() if name != "wheels")
+    parts += [(name, torque, _is_held(dataset)) for name, torque in others]
     texts = []
-    for name, torque in parts:
-        impulse = np.trapezoid(_in_inertial(dataset, torque), dataset["time"].values, axis=0)
-        momentum = np.linalg.norm(impulse)
+    for name, torque, held in parts:
+        momentum = np.linalg.norm(_impulse(dataset, torque, held=held))
         if momentum > 0:
             texts.append(f"{number_text(momentum / max(orbits, 1), 3)} N m s by {name}")
     return f"{', '.join(texts)}, {'in an orbit' if orbits else 'in all'}" if texts else ""
+
+
+def _impulse(
+    dataset: xr.Dataset, torque: Float[np.ndarray, "n 3"], *, held: bool
+) -> Float[np.ndarray, "3"]:
+    """∫ torque dt in inertial axes, N m s, by the trapezoidal rule; `held` ones are means until the
+    next time."""
+    before = after = _in_inertial(dataset, torque)
+    if held:
+        after = _in_inertial(dataset, np.concatenate([torque[:1], torque[:-1]]))
+    spans = np.diff(dataset["time"].values)
+    return spans @ (before[:-1] + after[1:]) / 2
 
 
 def _in_inertial(

@@ -65,6 +65,35 @@ def test_momentum_from_outside_is_that_of_whole_orbits_in_inertial_axes():
     assert float(short.split()[0]) == pytest.approx(3e-4 * orbit / 2, rel=5e-3)
 
 
+def test_pulses_between_saved_times_count():
+    """The second wheel, with a rotor of 0.5 kg m², makes sin t; the first seizes at 5.5 s."""
+    time, rotor = np.arange(11.0), 0.5
+    pulses = np.array([0, 0.3, 0, 0, -0.1, 0.2, 0, 0, 0, 0.4, 0])
+    means = np.append(-np.diff(np.cos(time)), np.sin(10.0))
+    rate, zero = 0.01 * time**2, np.zeros(11)
+    momentum = np.stack([np.where(time < 5.5, 2.0, 0.0), np.cos(time) - rotor * rate], 1)
+
+    def of_body(x, z):
+        return (("time", "body_axis"), np.stack([x, zero, z], 1))
+
+    made = np.stack([zero, np.sin(time)], 1)
+    variables = {
+        "quaternion": (("time", "q"), np.tile([1.0, 0.0, 0.0, 0.0], (11, 1))),
+        "omega": of_body(rate, zero),
+        "relative_rate": of_body(rate, zero),
+        "torque": of_body(np.sin(time), zero),
+        "torque_mean": of_body(means, pulses),
+        "wheel_torque": (("time", "wheel"), made),
+        "wheel_momentum": (("time", "wheel"), momentum),
+    }
+    scenario = SCENARIO.replace(f"{ORBIT}", "0.0") + f"rotor_inertia_kg_m2 = {rotor}\n" + JETS
+    dataset = xr.Dataset(variables, {"time": time}, {"scenario": scenario})
+    found = shares_of(dataset)
+    np.testing.assert_allclose(found["wheels"][:, 0], means, atol=1e-14)
+    np.testing.assert_allclose(found["thrusters"], np.outer(pulses, [0, 0, 1]), atol=1e-14)
+    assert momentum_budget(dataset) == "0.8 N m s by thrusters, in all"
+
+
 def test_shares_are_drawn_where_wheels_are_not_alone():
     push = np.array([0.0, 3e-3, 4e-3])
     (plot,) = share_plots(run(1, push=push, outside=0 * push, scenario=SCENARIO + JETS))
