@@ -59,6 +59,7 @@ def flown(band, law, roll, rate, end, period=20.0):
     return np.array(firings)
 
 
+@pytest.mark.slow
 def test_any_thrust_throws_the_error_back_to_where_it_came_from(law):
     """Between two firings it goes from the edge to where it began at rest, and returns."""
     any_width = dataclasses.replace(law.band, least=jnp.zeros(4))

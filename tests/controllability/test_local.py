@@ -33,6 +33,7 @@ def random_layout(seed, count):
     return 0.5 * (inertia + inertia.T), rng.normal(size=(3, count))
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000))
 @settings(max_examples=30, deadline=None)
 def test_two_axes_neutralise_their_bad_brackets(seed):

@@ -222,6 +222,7 @@ def test_ideal_thrusters_under_two_torques_are_clipped_one_by_one():
     np.testing.assert_array_equal(thrusters(jnp.array([0.5, 0.1])), [0.2, 0.1, 0.0])
 
 
+@pytest.mark.slow
 def test_what_is_not_made_is_told_of_every_kind():
     """Command = torque + what is not made; nothing, exactly, within the limits."""
     axes = np.array([[1, -1, -1, 1], [1, 1, -1, -1], [1, 1, 1, 1]]) / np.sqrt(3)

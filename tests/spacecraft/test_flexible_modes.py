@@ -69,6 +69,7 @@ def lagrange():
     return rate
 
 
+@pytest.mark.slow
 def test_body_and_modes_move_by_lagranges_equations():
     found = flown(INERTIA, COUPLINGS, FREQUENCY, DAMPING, OMEGA, ANGLES)
     first = [*OMEGA, *(ANGLES * SIZES), 0.0, 0.0]
@@ -103,6 +104,7 @@ def test_without_damping_energy_and_momentum_stay():
     np.testing.assert_allclose(after[1], before[1], rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_with_the_body_free_a_mode_is_faster_by_the_inertia_that_it_takes():
     """About one axis Ω_free = Ω / √(1 - d²/J), and the body swings against the panel."""
     inertia, size, frequency = 10.0, 2.5, 1.3

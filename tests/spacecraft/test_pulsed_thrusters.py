@@ -149,6 +149,7 @@ def test_pulses_act_at_their_true_instants(modulation, valves):
     np.testing.assert_allclose(used[:-1], (on_time @ flow)[1:], rtol=1e-9, atol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("failure", "valves"), combinations(FAILURES))
 def test_failures_strike_inside_a_period(failure, valves):
     kind, amount = FAILURES[failure]

@@ -244,6 +244,7 @@ def test_what_wheels_cannot_make_is_left_to_thrusters():
 thrust_of = eqx.filter_jit(lambda actuators, command: actuators(command))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.1, 1.0, 3.0])
 def test_actuators_are_their_smooth_piece_where_their_event_functions_say_so(size):
     thrusters = Actuators.of(Thrusters(np.eye(3)), 0.02, torques=3)

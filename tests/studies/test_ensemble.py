@@ -77,6 +77,7 @@ def test_another_study_is_not_mixed_in(tmp_path):
             run_study(tumbling(count=8, **other), tmp_path / "s")
 
 
+@pytest.mark.slow
 def test_a_stop_rule_stops_at_the_first_chunks_that_meet_it(tmp_path, whole):
     rule = StopRule(0.12, least=10)
     settled = np.isfinite(whole["settling_time"])

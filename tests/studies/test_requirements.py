@@ -50,6 +50,7 @@ ENGINES = {
 NAMES = [one if "native" in one else pytest.param(one, marks=pytest.mark.slow) for one in ENGINES]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_margins_are_those_of_the_history(name):
     made = study(ENGINES[name])

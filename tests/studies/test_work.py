@@ -34,6 +34,7 @@ def test_work_of_a_study():
     assert some.memory < 10**7
 
 
+@pytest.mark.slow
 def test_small_chunks_take_whole_blocks(tmp_path):
     """As a store of such chunks does on a disk whose blocks have 4 kB."""
     scenario = load("acceptance-mc", ["simulation.duration_s=5"])

@@ -91,6 +91,7 @@ def test_the_references_are_field_sun_and_nadir_of_the_orbit():
     np.testing.assert_allclose(found.measured, body_of(moving.quaternion[number]) @ down, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_what_is_measured_has_its_errors():
     attitude = motion(PERIOD, 2).quaternion[1]
     exact = observed(magnetometer(1e-12), 0, attitude)
@@ -275,6 +276,7 @@ class Listener(AbstractEstimator):
         return Estimate(seen, measurement.rate), measurement
 
 
+@pytest.mark.slow
 def test_all_that_is_measured_at_a_sample_is_delivered_with_the_slowest():
     """A tracker without latency waits for a magnetometer with three samples of it."""
     slow = magnetometer(latency=3)

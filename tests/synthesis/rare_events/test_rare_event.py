@@ -129,6 +129,7 @@ def test_what_the_page_and_the_terminal_say(folder, tmp_path, capsys):
     capsys.readouterr()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
