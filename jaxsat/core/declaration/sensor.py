@@ -5,7 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from jaxsat.core.declaration.keys import PartDeclaration
+from jaxsat.core.declaration.keys import Key, PartDeclaration, number
+from jaxsat.core.ranges import FROM_ZERO, MISALIGNMENT, SECONDS, Range
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,3 +28,74 @@ class SensorDeclaration(PartDeclaration):
     def made(self, table: Mapping[str, Any], context: Any) -> Any:
         """The sensor of a checked table in a `SensorContext`."""
         return pkgutil.resolve_name(self.maker)(table, context)
+
+
+def misalignment(meaning: str, drawn: str) -> Key:
+    """A small rotation in body axes, which studies draw under the name `drawn`."""
+    return number(
+        "misalignment_rad",
+        meaning,
+        "rad",
+        within=MISALIGNMENT,
+        size=3,
+        default=(0.0, 0.0, 0.0),
+        drawn=drawn,
+    )
+
+
+def boresight(what: str) -> Key:
+    """The direction of `what`."""
+    return number(
+        "boresight",
+        f"Direction of {what} in body axes",
+        at_least=-1e6,
+        at_most=1e6,
+        size=3,
+        default=(0.0, 0.0, 1.0),
+    )
+
+
+def measurement_times(remark: str = "", drawn: str | None = None) -> tuple[Key, Key]:
+    """Period and latency of measurements, which studies draw with `drawn` before their names."""
+    return (
+        number(
+            "update_period_s",
+            "Time between measurements, a whole multiple of control.period_s, which it is by "
+            "default",
+            "s",
+            within=SECONDS,
+            default=None,
+            drawn=drawn and f"{drawn}_update_period",
+        ),
+        number(
+            "latency_s",
+            "Time from a measurement to its arrival, a whole multiple of control.period_s, or "
+            f"zero{remark}",
+            "s",
+            within=FROM_ZERO,
+            default=0.0,
+            drawn=drawn and f"{drawn}_latency",
+        ),
+    )
+
+
+def outage(sensor: str, drawn: str, start: Range = FROM_ZERO) -> tuple[Key, Key]:
+    """Start and length of an outage, which studies draw with `drawn` before their names."""
+    return (
+        number(
+            "outage_start_s",
+            "Time at which an outage begins, in which nothing is measured; by default none",
+            "s",
+            within=start,
+            default=None,
+            drawn=f"{drawn}_outage_start",
+        ),
+        number(
+            "outage_s",
+            f"Length of the outage of the {sensor}",
+            "s",
+            within=FROM_ZERO,
+            default=None,
+            drawn=f"{drawn}_outage",
+        ),
+    )

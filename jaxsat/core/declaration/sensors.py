@@ -1,13 +1,18 @@
 """`[sampling]`, `[gyro]`, `[star_tracker]`: sensors, as scenarios and studies know them."""
 
 from jaxsat.core.declaration.keys import DispersibleQuantity, PartDeclaration, number
-from jaxsat.core.declaration.sensor import SensorDeclaration
+from jaxsat.core.declaration.sensor import (
+    SensorDeclaration,
+    boresight,
+    measurement_times,
+    misalignment,
+    outage,
+)
 from jaxsat.core.declaration.vector_sensors import VECTOR_SENSORS
 from jaxsat.core.ranges import (
     ATTITUDE_NOISE,
     FROM_ZERO,
     GYRO_BIAS,
-    MISALIGNMENT,
     RATE_NOISE,
     RATE_RANGE,
     SCALE_FACTOR,
@@ -99,15 +104,7 @@ GYRO = SensorDeclaration(
             default=0.0,
             drawn="gyro_scale_factor",
         ),
-        number(
-            "misalignment_rad",
-            "Small rotation of the three input axes, in body axes",
-            "rad",
-            within=MISALIGNMENT,
-            size=3,
-            default=(0.0, 0.0, 0.0),
-            drawn="gyro_misalignment",
-        ),
+        misalignment("Small rotation of the three input axes, in body axes", "gyro_misalignment"),
         number(
             "limit_rad_s",
             "Largest rate that an axis can measure; by default unlimited",
@@ -115,22 +112,7 @@ GYRO = SensorDeclaration(
             within=RATE_RANGE,
             default=None,
         ),
-        number(
-            "outage_start_s",
-            "Time at which an outage begins, in which measured rates are invalid; by default none",
-            "s",
-            within=SECONDS,
-            default=None,
-            drawn="gyro_outage_start",
-        ),
-        number(
-            "outage_s",
-            "Length of the outage of the gyros",
-            "s",
-            within=FROM_ZERO,
-            default=None,
-            drawn="gyro_outage",
-        ),
+        *outage("gyros", "gyro", start=SECONDS),
     ),
 )
 
@@ -155,32 +137,8 @@ STAR_TRACKER = SensorDeclaration(
             within=TRACKER_NOISE,
             drawn="tracker_along",
         ),
-        number(
-            "boresight",
-            "Direction of the boresight in body axes",
-            "1",
-            at_least=-1e6,
-            at_most=1e6,
-            size=3,
-            default=(0.0, 0.0, 1.0),
-        ),
-        number(
-            "update_period_s",
-            "Time between measurements, a whole multiple of control.period_s, which it is by "
-            "default",
-            "s",
-            within=SECONDS,
-            default=None,
-            drawn="tracker_update_period",
-        ),
-        number(
-            "latency_s",
-            "Time from a measurement to its arrival, a whole multiple of control.period_s, or zero",
-            "s",
-            within=FROM_ZERO,
-            default=0.0,
-            drawn="tracker_latency",
-        ),
+        boresight("the boresight"),
+        *measurement_times(drawn="tracker"),
         number(
             "rate_limit_rad_s",
             "Largest |ω| at which there are measurements; by default unlimited",
@@ -189,22 +147,7 @@ STAR_TRACKER = SensorDeclaration(
             default=None,
             drawn="tracker_rate_limit",
         ),
-        number(
-            "outage_start_s",
-            "Time at which an outage begins, in which nothing is measured; by default none",
-            "s",
-            within=FROM_ZERO,
-            default=None,
-            drawn="tracker_outage_start",
-        ),
-        number(
-            "outage_s",
-            "Length of the outage of the star tracker",
-            "s",
-            within=FROM_ZERO,
-            default=None,
-            drawn="tracker_outage",
-        ),
+        *outage("star tracker", "tracker"),
     ),
     dispersible=(
         DispersibleQuantity(

@@ -1,65 +1,23 @@
 """`[magnetometer]`, `[sun_sensor]`, `[horizon_sensor]`: sensors of vectors known in orbit."""
 
 from jaxsat.core.declaration.keys import Key, number
-from jaxsat.core.declaration.sensor import SensorDeclaration
-from jaxsat.core.ranges import (
-    FIELD_BIAS,
-    FIELD_NOISE,
-    FROM_ZERO,
-    HALF_ANGLE,
-    MISALIGNMENT,
-    SCALE_FACTOR,
-    SECONDS,
-    TRACKER_NOISE,
+from jaxsat.core.declaration.sensor import (
+    SensorDeclaration,
+    boresight,
+    measurement_times,
+    misalignment,
+    outage,
 )
+from jaxsat.core.ranges import FIELD_BIAS, FIELD_NOISE, HALF_ANGLE, SCALE_FACTOR, TRACKER_NOISE
 
 
 def _common_keys(name: str, noise: Key) -> tuple[Key, ...]:
     """What all have: noise, misalignment, times of measurements, and an outage."""
-    called = name.replace("_", " ")
     return (
         noise,
-        number(
-            "misalignment_rad",
-            "Small rotation of the measured vector, in body axes",
-            "rad",
-            within=MISALIGNMENT,
-            size=3,
-            default=(0.0, 0.0, 0.0),
-            drawn=f"{name}_misalignment",
-        ),
-        number(
-            "update_period_s",
-            "Time between measurements, a whole multiple of control.period_s, which it is by "
-            "default",
-            "s",
-            within=SECONDS,
-            default=None,
-        ),
-        number(
-            "latency_s",
-            "Time from a measurement to its arrival, a whole multiple of control.period_s, or "
-            "zero; measurements of faster sensors wait for the slowest",
-            "s",
-            within=FROM_ZERO,
-            default=0.0,
-        ),
-        number(
-            "outage_start_s",
-            "Time at which an outage begins, in which nothing is measured; by default none",
-            "s",
-            within=FROM_ZERO,
-            default=None,
-            drawn=f"{name}_outage_start",
-        ),
-        number(
-            "outage_s",
-            f"Length of the outage of the {called}",
-            "s",
-            within=FROM_ZERO,
-            default=None,
-            drawn=f"{name}_outage",
-        ),
+        misalignment("Small rotation of the measured vector, in body axes", f"{name}_misalignment"),
+        *measurement_times("; measurements of faster sensors wait for the slowest"),
+        *outage(name.replace("_", " "), name),
     )
 
 
@@ -74,15 +32,7 @@ def _direction_keys(name: str) -> tuple[Key, ...]:
     )
     return (
         *_common_keys(name, noise),
-        number(
-            "boresight",
-            "Direction of the middle of the field of view in body axes",
-            "1",
-            at_least=-1e6,
-            at_most=1e6,
-            size=3,
-            default=(0.0, 0.0, 1.0),
-        ),
+        boresight("the middle of the field of view"),
         number(
             "half_angle_rad",
             "Half of the angle of the conical field of view; by default everything is in view",
