@@ -132,8 +132,8 @@ class RippleFilter(eqx.Module):
 
 
 def _moved(
-    rows: Float[Array, "states *n"], cos: RealScalar, sin: RealScalar, period: RealScalar
-) -> Float[Array, "states *n"]:
+    rows: Float[Array, " states *n"], cos: RealScalar, sin: RealScalar, period: RealScalar
+) -> Float[Array, " states *n"]:
     """The second and third row turned: ripple and quadrature; the fourth moves the first."""
     first, second, third, *steady = rows
     for acceleration in steady:

@@ -82,7 +82,7 @@ class AbstractFailures(eqx.Module):
         """Which of `count` actuators an event strikes."""
         return jnp.arange(count, dtype=self.number.dtype) == jnp.round(self.number[event])
 
-    def last(self, struck: Bool[Array, "f *own"], count: int) -> LastFailure:
+    def last(self, struck: Bool[Array, " f *own"], count: int) -> LastFailure:
         """What each of `count` actuators is under once those events have struck.
 
         Which have may differ from one to the next, as (f, m).

@@ -48,7 +48,7 @@ class Thrusters(eqx.Module):
         """How many thrusters there are."""
         return self.torque_axes.shape[1]
 
-    def torque(self, thrust: Float[Array, "m"]) -> Vector:
+    def torque(self, thrust: Float[Array, " m"]) -> Vector:
         """Equations (3), (4), (7): the body torque, N m, of thrusts given as torques, N m."""
         return self.torque_axes @ thrust
 

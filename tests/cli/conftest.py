@@ -2,11 +2,13 @@
 
 import pytest
 
-from jaxsat.cli import main, progress
+# jaxsat is imported in fixtures: pytest reads this file before types are checked.
 
 
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path, monkeypatch):
+    from jaxsat.cli import progress
+
     monkeypatch.chdir(tmp_path)
     # What is told depends on the machine.
     monkeypatch.setattr(progress, "FIRST_DELAYS_S", (1e9, 1e9))
@@ -15,6 +17,7 @@ def _elsewhere(tmp_path, monkeypatch):
 @pytest.fixture
 def command_line(capsys):
     """Run the command line here; gives exit status, standard output and standard error."""
+    from jaxsat.cli import main
 
     def run(*tokens):
         with pytest.raises(SystemExit) as caught:

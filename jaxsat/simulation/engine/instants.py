@@ -121,7 +121,7 @@ largest of them."""
 
 def excess_at(
     ode: FlatODE, t: Float[Array, ""], flat: Float[Array, " n"]
-) -> Float[Array, "conditions"]:
+) -> Float[Array, " conditions"]:
     """How far outside the tolerances a flat state is at time `t` (s); nothing is differentiated."""
     return _observation_at(ode, t, flat).excess(ode.program.tolerances)
 
@@ -143,7 +143,7 @@ def settled_along_step(
     step: DenseStep,
     until: Float[Array, ""],
     settled: SettlingTracker,
-    at_end: Float[Array, "conditions"],
+    at_end: Float[Array, " conditions"],
     active: Bool[Array, ""],
     excess_of: Callable | None = None,
 ) -> SettlingTracker:
