@@ -9,6 +9,7 @@ import json
 import os
 import re
 import stat
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -231,19 +232,47 @@ def _is_damaged(folder: Path) -> bool:
     return text is not None and EARLIER not in text
 
 
+class UnverifiedWarning(UserWarning):
+    """A file is read that no marker shows to be as jaxsat wrote it."""
+
+
+def unverified(folder: Path) -> str | None:
+    """What to tell of a folder whose files no marker vouches for; None where one does.
+
+    Raises `OutputError` where the marker is damaged or the system will not read it.
+    """
+    return _no_marker(folder) if _sound_marker(folder) is None else None
+
+
+def _no_marker(folder: Path) -> str:
+    return (
+        f"files in {folder} are not verified: it has no {MARKER} of this version, which would show "
+        "that they are as jaxsat wrote them."
+    )
+
+
+def _sound_marker(folder: Path) -> Marker | None:
+    with explained(folder, "read"):
+        marker = Marker.read(folder)
+    if marker is None and _is_damaged(folder):
+        raise OutputError(f"{folder / MARKER} was damaged, or changed, since jaxsat wrote it.")
+    return marker
+
+
 def read_unchanged(path: Path) -> bytes | None:
     """The content of a plain file, None where there is none.
 
-    Raises `OutputError` where the system will not read it, for a file that jaxsat wrote to its
-    folder and that is not there any longer or is not as jaxsat wrote it, and in a folder whose
-    marker is damaged.
+    A file for which no marker vouches is read with an `UnverifiedWarning`. Raises `OutputError`
+    where the system will not read it, for a file that jaxsat wrote to its folder and that is not
+    there any longer or is not as jaxsat wrote it, and in a folder whose marker is damaged.
     """
     data = read_or_explain(Path(os.path.realpath(path)))
-    with explained(path.parent, "read"):
-        marker = Marker.read(path.parent)
-    if marker is None and _is_damaged(path.parent):
-        raise OutputError(f"{path.parent / MARKER} was damaged, or changed, since jaxsat wrote it.")
+    marker = _sound_marker(path.parent)
     if marker is None or path.name not in marker.names:
+        if data is not None:
+            unknown = f"{path} is not verified: jaxsat did not write it to its folder."
+            remark = _no_marker(path.parent) if marker is None else unknown
+            warnings.warn(remark, UnverifiedWarning, stacklevel=1)  # once for all that read it
         return data
     if data is None:
         raise OutputError(f"{path} was removed, or replaced, since jaxsat wrote it.")

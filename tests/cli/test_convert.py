@@ -3,13 +3,15 @@
 import pytest
 
 from helpers.pages import SCENARIO, run_dataset
+from jaxsat.store.folder import OutputFolder
+from jaxsat.store.marker import MARKER
 from jaxsat.store.netcdf import dataset_bytes
 
 
 @pytest.fixture
 def run(tmp_path):
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "trajectory.nc").write_bytes(dataset_bytes(run_dataset()))
+    with OutputFolder(tmp_path / "mine") as folder:
+        folder.write("trajectory.nc", dataset_bytes(run_dataset()))
 
 
 def test_a_run_becomes_a_file_of_its_name(command_line, run, tmp_path):
@@ -42,22 +44,31 @@ def test_mistakes_are_told_and_nothing_is_written(command_line, run, tmp_path, t
     assert [path.name for path in tmp_path.iterdir()] == ["mine"]
 
 
+@pytest.mark.filterwarnings("ignore::jaxsat.store.marker.UnverifiedWarning")
 def test_it_is_written_beside_the_run(command_line, run, tmp_path, monkeypatch):
-    from jaxsat.store.marker import MARKER
-
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
     assert command_line("convert", "../mine", "--to", "csv")[0] == 0
     assert (tmp_path / "mine.csv").exists()
-    assert command_line("convert", "../mine/trajectory.nc", "--to", "csv")[0] == 0
-    assert (tmp_path / "mine" / "trajectory.csv").exists()
-    (tmp_path / "mine" / MARKER).touch()  # a folder of jaxsat's, where a file would be foreign
+    (tmp_path / "lone").mkdir()
+    (tmp_path / "lone" / "trajectory.nc").write_bytes(dataset_bytes(run_dataset()))
+    assert command_line("convert", "../lone/trajectory.nc", "--to", "csv")[0] == 0
+    assert (tmp_path / "lone" / "trajectory.csv").exists()  # in jaxsat's it would be foreign
     status, _, err = command_line("convert", "../mine/trajectory.nc", "--to", "csv")
     assert (status, "mine.csv already exists" in err) == (2, True)
     monkeypatch.chdir(tmp_path / "mine")
     assert "mine.csv already exists" in command_line("convert", ".", "--to", "csv")[2]
 
 
+@pytest.mark.filterwarnings("default::jaxsat.store.marker.UnverifiedWarning")
+def test_a_run_whose_marker_is_gone_is_converted_and_that_is_told(command_line, run, tmp_path):
+    (tmp_path / "mine" / MARKER).unlink()
+    status, _, err = command_line("convert", "mine", "--to", "csv")
+    assert (status, err.count("\n")) == (0, 1)
+    assert err.startswith("warning: files in mine are not verified: it has no .jaxsat")
+
+
+@pytest.mark.filterwarnings("ignore::jaxsat.store.marker.UnverifiedWarning")
 def test_the_epoch_is_that_of_the_scenario_unless_given(command_line, tmp_path):
     scenario = SCENARIO + '\n[orbit]\nrate_rad_s = 0.001\nepoch = "2025-01-02T03:04:05"\n'
     (tmp_path / "mine.nc").write_bytes(dataset_bytes(run_dataset(scenario=scenario)))

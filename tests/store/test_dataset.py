@@ -97,6 +97,7 @@ def test_units_in_attributes(dataset):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jaxsat.store.marker.UnverifiedWarning")
 def test_held_third_rate_is_told_apart(tmp_path):
     held = build(load("paper-three-axis", ["simulation.duration_s=5"])).simulate()
     found = trajectory_dataset(held)
@@ -122,6 +123,7 @@ def test_says_what_made_it(dataset):
     assert dataset.attrs["created"].endswith("+00:00")
 
 
+@pytest.mark.filterwarnings("ignore::jaxsat.store.marker.UnverifiedWarning")
 def test_netcdf_round_trip(run, dataset, tmp_path):
     scenario, _ = run
     save_file(tmp_path / "trajectory.nc", dataset_bytes(dataset))
@@ -140,6 +142,7 @@ def small():
     return xr.Dataset({"x": (("time", "axis"), numbers)}, {"time": np.arange(200.0)})
 
 
+@pytest.mark.filterwarnings("ignore::jaxsat.store.marker.UnverifiedWarning")
 def test_a_damaged_trajectory_is_never_taken_for_a_good_one(tmp_path):
     """In jaxsat's own folder nothing passes; of a file alone the numbers are checked."""
     with OutputFolder(tmp_path / "run") as folder:

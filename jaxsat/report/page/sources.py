@@ -1,14 +1,15 @@
 """Sections of a page from paths: recognises the kind of each result."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from jaxsat.core.once import imported
-from jaxsat.report.document import Document, ReplayScene, Verdict
+from jaxsat.report.document import Document, Lines, ReplayScene, Verdict
 from jaxsat.scenario.plugins import without_imports
 from jaxsat.store.dataset import open_trajectory
 from jaxsat.store.files import OutputError, parse_json
-from jaxsat.store.marker import read_unchanged
+from jaxsat.store.marker import read_unchanged, unverified
 
 MOST_TOGETHER = 6
 """Spacecraft that are replayed side by side."""
@@ -35,7 +36,7 @@ def sections_of(paths: Sequence[Path]) -> list[Document]:
     Raises `OutputError` for what is no result of jaxsat or is damaged.
     """
     with without_imports():
-        sections = [_section(path) for path in paths]
+        sections = [_told_if_unverified(path, _section(path)) for path in paths]
     crafts = [
         craft
         for section in sections
@@ -50,6 +51,15 @@ def sections_of(paths: Sequence[Path]) -> list[Document]:
         Document("Side by side", verdict, [ReplayScene("3-D replay", crafts)], "Replay"),
         *sections,
     ]
+
+
+def _told_if_unverified(path: Path, section: Document) -> Document:
+    """A section that says first where no marker vouches for its files; a store does that itself."""
+    is_store = (path / "zarr.json").is_file()
+    remark = None if is_store else unverified(path if path.is_dir() else path.parent)
+    if remark is None:
+        return section
+    return dataclasses.replace(section, blocks=[Lines("Not verified", [remark]), *section.blocks])
 
 
 def _section(path: Path) -> Document:

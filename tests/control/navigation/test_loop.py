@@ -63,6 +63,7 @@ def test_a_law_is_told_the_estimate_and_the_signals_tell_how_far_off_it_is():
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::jaxsat.store.marker.UnverifiedWarning")
 def test_errors_and_what_is_claimed_of_them_reach_the_file(tmp_path):
     trajectory = built(20).simulate()
     save_file(tmp_path / "run.nc", dataset_bytes(trajectory_dataset(trajectory)))

@@ -5,6 +5,7 @@ import pytest
 from helpers.pages import run_dataset
 from jaxsat.report.page import report_page
 from jaxsat.store.netcdf import dataset_bytes
+from jaxsat.store.resumable import ResumableFolder
 
 
 @pytest.fixture
@@ -12,9 +13,9 @@ def run_file(tmp_path):
     """Write a dataset as a run of its own; gives the path."""
 
     def write(dataset, name="trajectory.nc"):
-        path = tmp_path / name
-        path.write_bytes(dataset_bytes(dataset))
-        return path
+        with ResumableFolder(tmp_path / "run", "run", {}) as folder:
+            folder.write(name, dataset_bytes(dataset))
+            return folder.path / name
 
     return write
 
@@ -22,6 +23,6 @@ def run_file(tmp_path):
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     """The page of the run of `run_dataset`."""
-    path = tmp_path_factory.mktemp("run") / "trajectory.nc"
-    path.write_bytes(dataset_bytes(run_dataset()))
-    return report_page([path])
+    with ResumableFolder(tmp_path_factory.mktemp("run"), "run", {}) as folder:
+        folder.write("trajectory.nc", dataset_bytes(run_dataset()))
+    return report_page([folder.path / "trajectory.nc"])

@@ -14,6 +14,9 @@ from jaxsat.report.reproduction import Claim, ClaimVerdict
 from jaxsat.store.files import OutputError
 from jaxsat.store.netcdf import dataset_bytes
 
+pytestmark = pytest.mark.filterwarnings("ignore::jaxsat.store.marker.UnverifiedWarning")
+"""The files of these tests are of no folder with a marker."""
+
 
 def first_sentence(page):
     return re.search(r'<p class="first">(.*?)</p>', page).group(1)

@@ -223,6 +223,7 @@ def test_several_runs_are_replayed_side_by_side(run_file):
     assert page.count('class="replay"') == 3
 
 
+@pytest.mark.filterwarnings("ignore::jaxsat.store.marker.UnverifiedWarning")
 def test_what_is_no_result_is_refused(tmp_path):
     with pytest.raises(OutputError, match="does not exist"):
         report_page([tmp_path / "nothing"])

@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 
+from helpers.pages import run_dataset
 from jaxsat.report.page import report_page
 from jaxsat.report.page.batches import read_lines, read_record
 from jaxsat.store.chunks import Column
 from jaxsat.store.files import OutputError
-from jaxsat.store.marker import Marker
+from jaxsat.store.folder import OutputFolder
+from jaxsat.store.marker import MARKER, Marker, UnverifiedWarning
+from jaxsat.store.netcdf import dataset_bytes
 from jaxsat.store.store import StudyStore
 
 COLUMNS = {
@@ -37,10 +40,29 @@ def test_a_file_that_was_changed_is_refused(folder):
         read_record(folder / "verdict.json")
 
 
-def test_files_that_jaxsat_did_not_write_are_read(folder):
+def test_files_that_jaxsat_did_not_write_are_read_and_that_is_told(folder):
     (folder / "notes.md").write_text("mine")
-    assert read_lines(folder / "notes.md") == "mine"
+    with pytest.warns(UnverifiedWarning, match=r"notes\.md is not verified: jaxsat did not write"):
+        assert read_lines(folder / "notes.md") == "mine"
     assert read_lines(folder / "nothing.md") == ""
+
+
+def test_files_without_a_marker_are_read_and_that_is_told(folder):
+    assert "uncontrollable" in read_lines(folder / "failures.csv")
+    (folder / MARKER).unlink()
+    with pytest.warns(UnverifiedWarning, match=r"not verified: it has no \.jaxsat"):
+        assert "uncontrollable" in read_lines(folder / "failures.csv")
+
+
+def test_a_page_of_a_run_without_a_marker_says_so(tmp_path):
+    folder = tmp_path / "run"
+    with OutputFolder(folder) as made:
+        made.write("trajectory.nc", dataset_bytes(run_dataset()))
+    assert "Not verified" not in report_page([folder])
+    (folder / MARKER).unlink()
+    with pytest.warns(UnverifiedWarning, match=f"files in {folder} are not verified"):
+        page = report_page([folder])
+    assert "Not verified" in page
 
 
 def test_a_store_is_shown_without_the_module_that_it_names(tmp_path, monkeypatch):
