@@ -1,6 +1,9 @@
 """A loop's state in units in which a number means the same of a small body and of a large one.
 
 Momenta of effectors are as large as the body; all else in a state of jaxsat has no unit of mass.
+Nothing needs a unit of time. The relative tolerance judges fast rates. The error of slow ones, far
+below the absolute tolerance, is judged as what it adds to the attitude in the same step: flights
+whose times differ by factors of 1e-6 and 1e6 agree to 1e-11 in this module's tests.
 """
 
 import dataclasses
