@@ -15,6 +15,7 @@ from jaxtyping import Array, Bool, Float
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.declaration.three_torques import CALM
 from jaxsat.spacecraft.dynamics import PlantState
 
 LEAVE = 2.0
@@ -22,9 +23,6 @@ LEAVE = 2.0
 
 RETURN = 0.01
 """Of the band times the natural frequency: the rate at which an error returns at least."""
-
-CALM = 0.1
-"""The same: the rate below which an error begins to be left alone."""
 
 ALIKE = 0.99
 """Of the most momentum for the propellant: what counts as as much."""

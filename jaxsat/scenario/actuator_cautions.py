@@ -5,19 +5,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from jaxsat.core.allocation import least_propellant, plane_map
 from jaxsat.core.declaration.actuators import STEERED
 from jaxsat.core.declaration.magnetorquers import MAGNETORQUER
 from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import rotation
 from jaxsat.scenario.idle_actuators import idle_actuators
-from jaxsat.scenario.parts.thrusters import (
-    ModulationTable,
-    ThrusterTable,
-    modulation_kind,
-    working_torques,
-)
 from jaxsat.scenario.parts.wheels import (
     directions_of_wheels,
     left_by_wheels,
@@ -25,6 +18,7 @@ from jaxsat.scenario.parts.wheels import (
     wheel_axes,
     wheels_make_all,
 )
+from jaxsat.scenario.pulse_cautions import pulse_cautions
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import InitialTable
@@ -48,9 +42,8 @@ def actuator_cautions(scenario: Scenario) -> Iterator[Issue]:
     yield from idle_actuators(scenario)
     yield from _wheels_for_a_part(scenario)
     yield from _momentum_beyond_wheels(scenario)
-    yield from _slow_thrust(scenario)
+    yield from pulse_cautions(scenario)
     if not is_plugin(scenario.control.law):  # whose keys may mean something else
-        yield from _dead_zone(scenario)
         yield from _slow_samples(scenario)
 
 
@@ -170,62 +163,6 @@ def _largest_load(axes: np.ndarray, limit: np.ndarray, momentum: np.ndarray):
     share = np.where(demand > small, demand / np.maximum(capacity, small), 0.0)
     worst = int(np.argmax(share))
     return float(share[worst]), normals[worst]
-
-
-def _slow_thrust(scenario: Scenario) -> Iterator[Issue]:
-    for number, one in enumerate(scenario.thruster):
-        if 0 < one.min_on_time_s < one.rise_time_s:
-            message = f"should be at least rise_time_s = {shown(one.rise_time_s)}"
-            problem = f"{message}, else its shortest pulse ends before full thrust, got"
-            location = ("thruster", number, "min_on_time_s")
-            yield Issue(location, f"{problem} {shown(one.min_on_time_s)}")
-
-
-def _dead_zone(scenario: Scenario) -> Iterator[Issue]:
-    """Errors of attitude beyond what is to be settled at which no thruster fires."""
-    table = scenario.modulation or ModulationTable()
-    kind = modulation_kind(table, scenario.thruster)
-    frequency = getattr(scenario.control, "natural_frequency_rad_s", None)
-    torques = scenario.law.declaration.torques
-    alone = scenario.thruster and not scenario.wheel
-    if frequency is None or torques != 3 or kind not in ("pwm", "pwpf") or not alone:
-        return
-    working = [one for one in scenario.thruster if not one.failed]
-    angle = _idle_angle(scenario, working, table.on_level / table.gain if kind == "pwpf" else 0.0)
-    tolerance = scenario.settled.turn_rad
-    if angle > tolerance:
-        below = f"below {math.degrees(angle):.3g} degrees" if angle < math.pi else "at any error"
-        message = (
-            "should fire thrusters within the attitude error that counts as settled, "
-            f"{math.degrees(tolerance):.3g} degrees: none fires {below} about one axis "
-            f'("delta-sigma" has no dead zone), got {shown(kind)}'
-        )
-        yield Issue(("modulation", "kind"), message)
-
-
-def _idle_angle(scenario: Scenario, working: list[ThrusterTable], duty: float) -> float:
-    """The largest angle (rad) about a body axis for which a thruster's duty stays too small.
-
-    The torque that the law asks for is J ω² times the angle, up to that of its largest rate.
-    """
-    torque = working_torques(scenario.thruster)
-    bases = least_propellant(torque, np.ones(torque.shape[1]), plane_map(torque, 3, False))
-    period = scenario.control.period_s
-    shortest = np.array(
-        [one.min_on_time_s / period for one in working for _ in range(1 + one.two_sided)]
-    )
-    shortest = np.maximum(shortest, duty)
-    frequency = scenario.control.natural_frequency_rad_s
-    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
-    largest = 0.0
-    for axis in (*np.eye(3), *-np.eye(3)):
-        duty_rates = bases @ (inertia @ axis * frequency**2)  # duties per radian, of each basis
-        duties = duty_rates[np.argmax(duty_rates.min(axis=1))]
-        active = duties > ROUNDING * duties.max()
-        largest = max(largest, float(np.min(shortest[active] / duties[active])))
-    most = getattr(scenario.control, "max_rate_rad_s", None)
-    damping = getattr(scenario.control, "damping", 1.0)
-    return math.inf if most is not None and largest > 2 * damping * most / frequency else largest
 
 
 def _slow_samples(scenario: Scenario) -> Iterator[Issue]:

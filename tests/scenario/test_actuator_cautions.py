@@ -312,3 +312,30 @@ def test_no_thruster_fires_in_the_dead_zone_of_pulse_width():
     messages, fired = flown(None, 0.1 * idle)  # by default what is left is kept
     assert fired
     assert not any("fires" in one for one in messages)
+
+
+def test_pulses_too_coarse_to_settle_are_told():
+    """J 0.3 kg m² and 0.01 N m for t: half the step of the first axis is 0.01 t / 0.6."""
+    for factor in (0.9, 1.1):
+        shortest = factor * 1e-3 * 0.6 / 0.01
+        jets = f"thruster=[{', '.join(JETS)}]".replace("0.02}", f"{shortest}}}")
+        changes = "spacecraft.inertia_kg_m2=[0.3,0.55,0.62]", "control.period_s=0.2", jets
+        texts = [one for one in told("cubesat-12u", *changes)[0] if "not count as settled" in one]
+        assert len(texts) == (factor > 1)
+        assert all("should be at most 0.06 s" in one for one in texts)
+
+
+def test_pulses_too_coarse_for_the_band_about_the_third_axis_are_told():
+    """Four thrusters of 1 N m or less about x, of 960 kg m²: half a step over 0.1 ω is the band."""
+    force = np.cross([-1.5, 0.85, 0.85], np.array([1.0, -0.045, 0.045]))
+    force /= np.linalg.norm([1.0, -0.045, 0.045])
+    least = abs(force[0]) * 0.01 / 960 / 2 / (0.1 * 0.02)
+    message = "fire from edge to edge"
+    for factor in (0.99, 1.01):
+        texts = told("k2", f"control.third_axis_band_rad={factor * least}")[0]
+        assert sum(message in one for one in texts) == (factor < 1)
+    axes = np.eye(3).astype(int).tolist()
+    wheel = ", ".join(f"{{axis={axis}, torque_limit_N_m=0.1}}" for axis in axes)
+    three = told("k2", f"control.third_axis_band_rad={0.5 * least}", f"wheel=[{wheel}]")[0]
+    assert not any(message in one for one in three)
+    assert not any(message in one for one in told("k2")[0])

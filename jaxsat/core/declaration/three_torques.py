@@ -6,6 +6,10 @@ from typing import Any
 from jaxsat.core.declaration.keys import Finding, Rule, number, of_part
 from jaxsat.core.declaration.law import LawDeclaration, control_period
 
+CALM = 0.1
+"""Of the band about the third axis times the natural frequency: the rate below which an error
+begins to be left alone."""
+
 QUATERNION_FEEDBACK = LawDeclaration(
     summary="quaternion feedback with torques about all three axes",
     keys=(
