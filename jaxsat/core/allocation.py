@@ -202,6 +202,16 @@ def least_propellant(
     return np.stack(_optimal_somewhere(optimal))
 
 
+def require_all_ways(torque: Float[np.ndarray, "3 m"]) -> None:
+    """Raise `ValueError`, which names one that cannot be made, unless columns that only push make
+    all torques."""
+    torque = np.asarray(torque, float)
+    if not torque.shape[1]:
+        raise ValueError("all have failed")
+    possible, _ = _bases(torque, np.ones(torque.shape[1]), np.eye(3))
+    _require_all_ways(possible, torque, np.eye(3))
+
+
 def two_sided_torques(torque: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 k"]:
     """The columns, thrusters that push at full thrust (N m), whose opposite the others can make.
 
@@ -261,7 +271,7 @@ def _require_all_ways(possible: np.ndarray, torque: np.ndarray, command_map: np.
                 continue
             missing = (sign * axis / np.sqrt(axis @ axis) + 0.0).round(3).tolist()
             raise ValueError(
-                "The thrusters left must make torques of either sign about the commanded axes, "
+                "Those left must make torques of either sign about the commanded axes, "
                 f"but none of their combinations makes a torque along {missing}."
             )
 

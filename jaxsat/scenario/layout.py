@@ -21,11 +21,14 @@ from jaxsat.core.allocation import (
 from jaxsat.core.declaration.actuators import PASSIVE, STEERED
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.core.ranges import STATE_LIMIT
-from jaxsat.scenario.parts.thrusters import signs, working_torques
+from jaxsat.scenario.parts.thrusters import make_all_alone, signs, working_torques
 from jaxsat.scenario.parts.wheels import (
+    UNBOUNDED,
     directions_of_wheels,
     limit_of_wheels,
+    relieved_by_thrusters,
     some_work,
+    wheel_axes,
     wheels_make_all,
 )
 from jaxsat.scenario.quantities import inertia_matrix
@@ -79,6 +82,8 @@ def torque_limit(scenario: Any) -> float | None:
     torques = declaration.torques
     if limit is not None or not torques:
         return limit
+    if relieved_by_thrusters(scenario) and not make_all_alone(scenario.thruster):
+        return _limit_of_both(scenario)
     limits = []
     if wheels:
         limits.append(limit_of_wheels(wheels, torques, directions_of_wheels(wheels, declaration)))
@@ -87,6 +92,16 @@ def torque_limit(scenario: Any) -> float | None:
         least_propellant(torque, cost, command)  # raises where some command cannot be made
         limits.append(largest_torque(torque, 0.0, 1.0, command))
     return min((one for one in limits if one is not None), default=None)
+
+
+def _limit_of_both(scenario: Any) -> float:
+    """The largest torque (N m) about all three axes that wheels and thrusters make together."""
+    working = tuple(one for one in scenario.wheel if not one.failed)
+    torque, axes = working_torques(scenario.thruster), wheel_axes(working)
+    full = np.sqrt(np.sum(torque**2, axis=0))
+    limits = np.array([one.torque_limit_N_m or UNBOUNDED * full.max() for one in working])
+    columns = np.concatenate([unit_columns(torque), axes], axis=1)
+    return largest_torque(columns, np.r_[0 * full, -limits], np.r_[full, limits], np.eye(3))
 
 
 def command_torques(scenario: Any, torques: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -114,7 +114,8 @@ class WheelsFirst(AbstractDistribution):
     that have failed. `rest` (torques, torques) gives the part of the command that is left to other
     effectors, which is shared as by `Direct`; None where nothing is. With `relief`, of a command of
     three torques under a sampled law, thrusters also make what wheels lack in torque or momentum,
-    and take momentum out of them. `limiting` holds which wheel is at its limit, see `smooth_piece`.
+    and take momentum out of them; `together` if what wheels leave needs their help. `limiting`
+    holds which wheel is at its limit, see `smooth_piece`.
     """
 
     axes: Float[Array, "3 wheels"] = eqx.field(converter=as_float)
@@ -127,6 +128,7 @@ class WheelsFirst(AbstractDistribution):
     )
     limiting: Bool[Array, " wheels"] | None = None
     relief: Relief | None = None
+    together: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         if self.wheel_limit is not None:
@@ -191,6 +193,8 @@ class WheelsFirst(AbstractDistribution):
         low, high = relief.bounds(momentum)
         alone = jnp.all((low <= shares) & (shares <= high)) & jnp.all(unloading == 0)
         rest = jnp.zeros_like(command) if self.rest is None else self.rest @ command
+        if self.together:
+            return relief.allocate(command, unloading, momentum)
         return jax.lax.cond(
             alone,
             lambda: (shares, rest, jnp.zeros_like(command)),

@@ -77,7 +77,7 @@ def test_a_scenario_keeps_its_requirements(tmp_path):
         ({"begin": "2 h"}, "must have windows that begin by simulation.duration_s = 500.0"),
         ({"end": "501 s"}, "must have windows that end by simulation.duration_s = 500.0"),
         ({"begin": "499 s", "end": "end - 2 s"}, "got 499 s to 498 s"),
-        ({"begin": "end - 600 s"}, "got -100 s to 500 s"),
+        ({"begin": "end - 600 s"}, "must have windows within the run, got end - 600 s"),
     ],
 )
 def test_requirements_fit_their_scenario(tmp_path, keys, message):
@@ -85,6 +85,14 @@ def test_requirements_fit_their_scenario(tmp_path, keys, message):
     (problem,) = problems_of(THREE_AXIS + REQUIREMENT.format(**good | keys), tmp_path)
     assert problem.key == "requirement.formula"
     assert message in problem.message
+
+
+def test_windows_do_not_begin_before_a_failure(tmp_path):
+    window = {"begin": "failure - 5 s", "end": "end", "signal": "tilt", "unit": "rad"}
+    failure = '[[failure]]\nof = "thruster 1"\nat_s = 10\nkind = "dead"\n'
+    text = THREE_AXIS + failure + REQUIREMENT.format(**window)
+    (message,) = (one.message for one in problems_of(text, tmp_path) if "requirement" in one.key)
+    assert message == "must have windows at the failure or after it, got failure - 5 s"
 
 
 def test_requirements_have_ids_of_their_own(tmp_path):

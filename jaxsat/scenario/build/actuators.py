@@ -18,7 +18,7 @@ from jaxsat.scenario.build.plugin_trial import made_part, require_events, requir
 from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
 from jaxsat.scenario.layout import ideal_shares, thruster_costs
-from jaxsat.scenario.parts.thrusters import working_torques
+from jaxsat.scenario.parts.thrusters import make_all_alone, working_torques
 from jaxsat.scenario.parts.unloading import UnloadingTable
 from jaxsat.scenario.parts.wheels import (
     directions_of_wheels,
@@ -110,7 +110,8 @@ def _wheels_first(scenario: Scenario) -> WheelsFirst:
         inertia_matrix(scenario.spacecraft.inertia_kg_m2),
         scenario.control.period_s,
     )
-    return dataclasses.replace(distribution, relief=relief)
+    together = not whole and not make_all_alone(scenario.thruster)
+    return dataclasses.replace(distribution, relief=relief, together=together)
 
 
 def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:

@@ -18,6 +18,7 @@ from jaxsat.scenario.parts.failures import FailureTable
 from jaxsat.scenario.parts.thrusters import (
     ModulationTable,
     ThrusterTable,
+    make_all_alone,
     modulation_kind,
     signs,
     working_torques,
@@ -48,7 +49,9 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     late = delay or draws_kinds or any(one.kind == "delayed" for one in scenario.failure)
     law = scenario.law.declaration
     as_commanded = law.commands_actuators
-    behind = relieved_by_thrusters(scenario) and wheels_make_all(scenario.wheel, law)
+    behind = relieved_by_thrusters(scenario) and (
+        wheels_make_all(scenario.wheel, law) or not make_all_alone(scenario.thruster)
+    )
     command = command_torques(scenario, torques or 3)
     return PulsedThrusters(
         thrusters=thrusters,

@@ -83,6 +83,10 @@ def _window_obstacle(part: Temporal, failures: Any, duration: float) -> str:
         return f"must have windows that begin by {limit}, got {begin:g} s"
     if part.end.anchor == "start" and end > duration:
         return f"must have windows that end by {limit}, got {end:g} s"
-    if min(begin, end) < 0 or (not part.after_failure and begin > end):
+    for one, at in ((part.begin, begin), (part.end, end)):
+        if at < 0 and one.anchor != "start":
+            rule = "within the run" if one.anchor == "end" else "at the failure or after it"
+            return f"must have windows {rule}, got {one.anchor} - {-one.offset:g} s"
+    if not part.after_failure and begin > end:
         return f"must have windows that end after they begin, got {begin:g} s to {end:g} s"
     return ""

@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Gt, Le
 
-from jaxsat.core.allocation import least_propellant, plane_map
+from jaxsat.core.allocation import least_propellant, plane_map, require_all_ways, unit_columns
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.thrusters import THRUSTER
 from jaxsat.core.ranges import SECONDS
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import table_of_device
-from jaxsat.scenario.parts.wheels import some_work, wheels_make_all
+from jaxsat.scenario.parts.wheels import both_ways, some_work, takes_both, wheels_make_all
 from jaxsat.scenario.quantities import Number, ScenarioTable, choice, quantity, within
 from jaxsat.scenario.rules import at, rule, rule_over, sampled_laws
 from jaxsat.scenario.wording import shown
@@ -89,6 +89,15 @@ def working_torques(thrusters: tuple[ThrusterTable, ...]) -> np.ndarray:
     """Torques (3, m) at full thrust of what works at the start, both ways of two-sided ones."""
     columns = [sign * one.torque() for one in thrusters if not one.failed for sign in signs(one)]
     return np.array(columns).reshape(-1, 3).T
+
+
+def make_all_alone(thrusters: tuple[ThrusterTable, ...]) -> bool:
+    """Whether those that work make torques of either sign about all three axes by themselves."""
+    try:
+        require_all_ways(working_torques(thrusters))
+    except ValueError:
+        return False
+    return True
 
 
 def signs(thruster: ThrusterTable) -> tuple[float, ...]:
@@ -175,13 +184,20 @@ def _thrusters_make_what_the_law_commands(thrusters, law, wheels):
     if not torques or not thrusters or not _whole(thrusters) or len(thrusters) > MAX_THRUSTERS:
         return
     torque = working_torques(thrusters)
+    together = beside and takes_both(declaration)
     try:
         if not torque.size:
             raise ValueError("all have failed")
-        command_map = plane_map(torque, torques, any_plane)
-        least_propellant(torque, np.ones(torque.shape[1]), command_map)
+        if together:
+            require_all_ways(np.concatenate([unit_columns(torque), both_ways(wheels)], axis=1))
+        else:
+            command_map = plane_map(torque, torques, any_plane)
+            least_propellant(torque, np.ones(torque.shape[1]), command_map)
     except ValueError as error:
-        message = "must leave thrusters that the law can use, got those that cannot be used: "
+        message = (
+            f"must leave thrusters that the law can use{' with the wheels' if together else ''}, "
+            "got those that cannot be used: "
+        )
         yield at("thruster", message + str(error).rstrip("."))
 
 

@@ -108,9 +108,19 @@ def relieved_by_thrusters(scenario: Any) -> bool:
     They do under a law that commands three torques, or each of the actuators; of two torques they
     make only what wheels do not make at all.
     """
-    law, working = scenario.law.declaration, [one for one in scenario.thruster if not one.failed]
-    takes_part = law.torques == 3 or law.commands_actuators
-    return bool(scenario.wheel and working and takes_part)
+    working = [one for one in scenario.thruster if not one.failed]
+    return bool(scenario.wheel and working and takes_both(scenario.law.declaration))
+
+
+def takes_both(declaration: Any) -> bool:
+    """Whether wheels and thrusters together make the torques of a law."""
+    return declaration.torques == 3 or declaration.commands_actuators
+
+
+def both_ways(wheels: Tables) -> np.ndarray:
+    """Unit columns (3, 2 m) of the torques of the working wheels, of both signs."""
+    axes = wheel_axes(tuple(one for one in wheels if not one.failed))
+    return np.concatenate([axes, -axes], axis=1)
 
 
 def directions_of_wheels(wheels: Tables, declaration: Any) -> np.ndarray:

@@ -1,5 +1,8 @@
 """What the analysis calls flyable is built, and what `check` passes is told apart by command."""
 
+import itertools
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import linprog
@@ -59,6 +62,42 @@ def test_a_thruster_beside_wheels_that_make_all_does_not_forbid_a_law(tmp_path):
     tables = (f"{wheel}[1, 0, 0]\n", f"{wheel}[0, 1, 0]\n", jet, MODULATION)
     scenario = load(_file(tmp_path, REST, INERTIA, *tables), caution=print)
     assert torque_limit(scenario) == pytest.approx(0.02)
+
+
+BOTH = REST.replace('"three-slew"', '"quaternion-feedback"\nnatural_frequency_rad_s = 0.1')
+SKEW_JET = (
+    "[[thruster]]\ntorque_axis = [0.3, 0.1, 1]\ntorque_N_m = 0.1\ntwo_sided = true\n" + MODULATION
+)
+
+
+def test_wheels_and_thrusters_fly_axes_that_only_both_make(tmp_path):
+    """The largest torque, and that of one command, by linear programmes of SciPy."""
+    wheel = "[[wheel]]\ntorque_limit_N_m = 0.02\naxis = "
+    tables = (f"{wheel}[1, 0, 0]\n", f"{wheel}[0, 1, 0]\n", SKEW_JET)
+    scenario = load(_file(tmp_path, BOTH, INERTIA, *tables), caution=print)
+    jet = 0.1 * np.array([0.3, 0.1, 1]) / np.sqrt(1.1)
+    columns = np.stack([[1, 0, 0], [0, 1, 0], jet, -jet], axis=1)
+    bounds = [(-0.02, 0.02)] * 2 + [(0, 1)] * 2
+
+    def most(way):
+        equal = np.column_stack([columns, -np.array(way)])
+        found = linprog([0, 0, 0, 0, -1], A_eq=equal, b_eq=np.zeros(3), bounds=[*bounds, (0, None)])
+        return -found.fun
+
+    limit = torque_limit(scenario)
+    assert limit == pytest.approx(min(map(most, itertools.product((1, -1), repeat=3))), rel=1e-6)
+    run = build(scenario)
+    command = 0.9 * limit * np.array([1.0, -1.0, 1.0])
+    effectors = run.loop.plant.effectors
+    zero = jnp.zeros(())
+    shares = run.loop.distribution(zero, run.start, jnp.asarray(command), effectors)
+    uses = dict(zip((one.kind for one in effectors), shares.uses, strict=True))
+    np.testing.assert_allclose(np.cross(uses["thruster"], jet), 0, atol=1e-9)
+    np.testing.assert_allclose(uses["wheel"] @ np.eye(2, 3) + uses["thruster"], command, atol=1e-9)
+    np.testing.assert_allclose(shares.left, 0, atol=1e-9)
+    alone = "thrusters that the law can use with the wheels.* a torque along \\[0.0, 1.0, 0.0\\]"
+    with pytest.raises(ScenarioError, match=alone):
+        load(_file(tmp_path, BOTH, INERTIA, tables[0], SKEW_JET))
 
 
 def test_rows_that_are_no_unit_vectors_are_refused_with_both_readings(tmp_path):
