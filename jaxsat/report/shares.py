@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.numerals import number_text
@@ -23,8 +23,9 @@ def shares_of(dataset: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None
     its name; None where wheels alone, or no wheels, make it.
 
     Of a sampled law it is the mean until the next saved time, so that no pulse is left out. That of
-    magnetorquers is of their axes as the scenario has them, and at the saved times beside others.
-    Where there are thrusters and gyros, they are one.
+    magnetorquers beside thrusters is such a mean until one fires; then, and beside gyros, it is
+    that at the saved time, of their axes as the scenario has them. Where there are thrusters and
+    gyros, they are one.
     """
     tables = scenario_tables(dataset)
     if "wheel_torque" not in dataset or not tables.get(WHEEL):
@@ -36,7 +37,9 @@ def shares_of(dataset: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None
     torques = {"wheels": _of_wheels(dataset, tables[WHEEL]) @ _axes(tables[WHEEL])}
     rest = dataset["torque_mean" if _is_held(dataset) else "torque"].values - torques["wheels"]
     if tables.get(ROD):
-        rods = _rods_torque(dataset, tables) if others else rest
+        rods = rest if not others else _rods_torque(dataset, tables)
+        if others == ["thrusters"]:
+            rods = np.where(_fires(dataset)[:, None], rods, rest)
         torques["magnetorquers"], rest = rods, rest - rods
     if others:
         torques[" and ".join(others)] = rest
@@ -46,6 +49,16 @@ def shares_of(dataset: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None
 def _is_held(dataset: xr.Dataset) -> bool:
     """Whether the torque is that of a sampled law, whose means are saved."""
     return "torque_mean" in dataset
+
+
+def _fires(dataset: xr.Dataset) -> Bool[np.ndarray, " n"]:
+    """Whether a thruster may fire between each saved time and the next: it is on at one of them, or
+    a valve opens, if need be in the interval before, as thrust comes after a delay."""
+    if not _is_held(dataset) or "valve_openings" not in dataset:
+        return np.ones(dataset.sizes["time"], bool)
+    on = (dataset["thrust_level"].values != 0).any(axis=1)
+    opened = np.append(np.diff(dataset["valve_openings"].values, axis=0).any(axis=1), False)
+    return on | np.append(on[1:], False) | opened | np.append(False, opened[:-1])
 
 
 def _of_wheels(dataset: xr.Dataset, tables: list[dict[str, Any]]) -> Float[np.ndarray, "n wheels"]:

@@ -123,3 +123,32 @@ def test_magnetorquers_have_a_share_of_their_own():
     alone = shares_of(run(1, push=push, outside=0 * push, scenario=SCENARIO + rods))
     assert list(alone) == ["wheels", "magnetorquers"]
     np.testing.assert_allclose(np.linalg.norm(alone["magnetorquers"], axis=1), 5e-3, rtol=1e-9)
+
+
+def test_magnetorquers_make_all_of_the_rest_while_no_thruster_fires():
+    """Their mean torque differs from that at the saved times; a valve opens after 3 and 6 s."""
+    time, zero = np.arange(10.0), np.zeros((10, 3))
+    rods = np.outer(np.cos(time), [1e-5, -2e-5, 0.0])
+    pulses = np.outer(np.isin(time, [3.0, 7.0]), [0.0, 0.0, 0.1])  # the second is delayed
+
+    def of_time(axis, values):
+        return (("time", axis), values)
+
+    variables = {
+        "quaternion": of_time("q", np.tile([1.0, 0.0, 0.0, 0.0], (10, 1))),
+        "omega": of_time("body_axis", zero),
+        "relative_rate": of_time("body_axis", zero),
+        "torque": of_time("body_axis", zero),
+        "torque_mean": of_time("body_axis", rods + pulses),
+        "wheel_torque": of_time("wheel", zero[:, :2]),
+        "wheel_momentum": of_time("wheel", zero[:, :2]),
+        "dipole": of_time("magnetorquer", zero[:, :1]),
+        "thrust_level": of_time("thruster", zero[:, :1]),
+        "valve_openings": of_time("thruster", 1.0 * (time > 3)[:, None] + (time > 6)[:, None]),
+    }
+    rod = "[[magnetorquer]]\naxis = [0.0, 0.0, 2.0]\ndipole_limit_A_m2 = 1.0\n"
+    found = shares_of(xr.Dataset(variables, {"time": time}, {"scenario": SCENARIO + JETS + rod}))
+    fires = np.isin(time, [3.0, 4.0, 6.0, 7.0])
+    np.testing.assert_allclose(found["magnetorquers"], np.where(fires[:, None], 0.0, rods))
+    rest = np.where(fires[:, None], rods + pulses, 0.0)
+    np.testing.assert_allclose(found["thrusters"], rest, atol=1e-20)
