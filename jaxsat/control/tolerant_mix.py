@@ -12,6 +12,8 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.reconfiguration import FLAT, LEAST_SPARE, SMALL
 from jaxsat.control.tolerant_actuators import Demand
+from jaxsat.core.array_types import RealScalar
+from jaxsat.core.quotients import root
 from jaxsat.spacecraft.allocation import allocate, allocate_unloading
 from jaxsat.spacecraft.effector import Reach
 
@@ -28,6 +30,22 @@ class MixMemory(NamedTuple):
     def begin() -> "MixMemory":
         """All work, and nothing is full."""
         return MixMemory(jnp.array(True), jnp.array(False), jnp.zeros(3))
+
+
+class Gentleness(NamedTuple):
+    """How much momentum is taken out at once.
+
+    Uses of devices that make torques c (N m) may be wrong by as much as the root of the sum of the
+    squares of `error` c, over what the body bears. At least the part `least` of them is made.
+    """
+
+    error: Float[Array, "3 3"]
+    least: RealScalar
+
+    def part(self, torques: Float[Array, "3 n"]) -> RealScalar:
+        """The part of so many torques that is made."""
+        wrong = root(jnp.sum((self.error @ torques) ** 2))
+        return jnp.minimum(self.least + 1 / jnp.maximum(wrong, 1.0), 1.0)
 
 
 class Mix(NamedTuple):
@@ -86,19 +104,27 @@ class Mix(NamedTuple):
         return self._replace(steady=tuple(one - axis * (axis @ one) for one in self.steady))
 
     def demands(
-        self, torque: Float[Array, "3"], unloading: Float[Array, "3"], three: Bool[Array, ""]
+        self,
+        torque: Float[Array, "3"],
+        unloading: Float[Array, "3"],
+        three: Bool[Array, ""],
+        gentleness: Gentleness | None = None,
     ) -> tuple[list[Demand], Float[Array, "3"]]:
         """What each kind is asked for, of a `torque` about three axes if they make one, and what
         all together do not make of that (N m).
 
-        While one kind settles alone, the others make up for what acts all the time at most.
+        Momentum is taken out as gently as that says. While one kind settles alone, the others make
+        up for what acts all the time at most.
         """
         if len(self.reaches) == 1:
             return [Demand(torque, self.steady[0], three)], jnp.zeros(3)
         kinds = zip(self.reaches, self.stores, strict=True)
         stores = jnp.concatenate([jnp.full(one.low.shape, stores) for one, stores in kinds])
         total = torque + sum(self.steady, jnp.zeros(3))
-        allocated = allocate_unloading(self.reach, total, unloading, stores)
+        reach, part = self.reach, None
+        if gentleness is not None:
+            part = lambda use: gentleness.part(reach.columns * use[None])  # noqa: E731
+        allocated = allocate_unloading(reach, total, unloading, stores, part)
         uses = jnp.split(allocated.use, _ends(self.reaches))
         settled = jnp.stack(self.alone)
         demands = []

@@ -4,13 +4,14 @@ Devices that cost propellant do only what free ones cannot, at the least price (
 free ones share what is left by least squares (`least_squares_within`). Both are exact with bounds.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.core.array_types import BoolScalar, Vector
+from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.smooth import within
 from jaxsat.spacecraft.bounded_least_squares import least_squares_within
 from jaxsat.spacecraft.effector import Reach
@@ -58,12 +59,17 @@ def allocate(reach: Reach, torque: Vector) -> Allocated:
 
 
 def allocate_unloading(
-    reach: Reach, torque: Vector, unloading: Vector, stores: Bool[Array, " n"]
+    reach: Reach,
+    torque: Vector,
+    unloading: Vector,
+    stores: Bool[Array, " n"],
+    part: Callable[[Float[Array, " n"]], RealScalar] | None = None,
 ) -> Allocated:
     """Uses that make a `torque`, of which devices that store no momentum make `unloading` first.
 
     Those that store momentum, as `stores` tells, make up for that torque (N m), which takes it out
-    of them. Each of the two is allocated as by `allocate`.
+    of them. Each of the two is allocated as by `allocate`. Of the uses for `unloading` only a
+    `part` is made, which may depend on them; without it all.
     """
 
     def allocated(use: Float[Array, " n"], unloads: BoolScalar):
@@ -76,7 +82,8 @@ def allocate_unloading(
         )
         asked = jnp.where(unloads, unloading, torque - reach.columns @ use)
         more = allocate(reach._replace(low=low, high=high), asked)
-        return use + more.use, more.unmade
+        made = 1.0 if part is None else jnp.where(unloads, part(more.use), 1.0)
+        return use + made * more.use, more.unmade
 
     def one_more(so_far, unloads):
         left_out = unloads & jnp.all(unloading == 0)

@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 from helpers.thruster_layouts import canted
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.tolerant_actuators import TolerantMode
-from jaxsat.control.tolerant_mix import Mix, MixMemory
+from jaxsat.control.tolerant_mix import Gentleness, Mix, MixMemory
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
@@ -94,6 +94,26 @@ def test_wheels_make_what_they_can_and_thrusters_the_rest():
     thrusters, wheels = demands(FULL * np.ones(4), np.zeros(3), np.array([0.0, 0.0, 0.2 * FULL]))
     np.testing.assert_allclose(thrusters.torque, [0, 0, 0.2 * FULL], atol=1e-9 * FULL)
     np.testing.assert_allclose(wheels.torque, steady - thrusters.torque, atol=1e-9 * FULL)
+
+
+def test_momentum_is_taken_out_as_gently_as_errors_of_thrusts_are_borne():
+    """The part of the thrusts by NumPy, for errors of each that are borne, are not, and must be."""
+    three, zero = jnp.array(True), jnp.zeros(3)
+    unloading = jnp.array([0.1, -0.05, 0.2]) * FULL
+    one = mix(np.ones(8), FULL * np.ones(4))
+
+    @jax.jit
+    def demands(error, least):
+        return one.demands(zero, unloading, three, Gentleness(error, least))[0]
+
+    whole = TORQUE * np.asarray(demands(jnp.zeros((3, 3)), 0.0)[0].use)
+    np.testing.assert_allclose(whole.sum(axis=1), unloading, atol=1e-9 * FULL)
+    error = np.diag([1.0, 2.0, 3.0]) / FULL
+    wrong = np.sqrt(np.sum((error @ whole) ** 2))
+    for size, least, part in ((0.9, 0.0, 1.0), (4.0, 0.0, 0.25), (4.0, 0.5, 0.75), (4.0, 0.9, 1.0)):
+        thrusters, wheels = demands(jnp.asarray(size / wrong * error), least)
+        np.testing.assert_allclose(TORQUE @ thrusters.use, part * unloading, atol=1e-9 * FULL)
+        np.testing.assert_allclose(wheels.torque, -thrusters.torque, atol=1e-9 * FULL)
 
 
 NEVER = 9000
