@@ -74,11 +74,7 @@ def allocate_unloading(
 
     def allocated(use: Float[Array, " n"], unloads: BoolScalar):
         low, high = (
-            jnp.where(unloads & stores, 0.0, bound)
-            for bound in (
-                jnp.maximum(reach.low, reach.low - use),
-                jnp.minimum(reach.high, reach.high - use),
-            )
+            jnp.where(unloads & stores, 0.0, bound) for bound in (reach.low - use, reach.high - use)
         )
         asked = jnp.where(unloads, unloading, torque - reach.columns @ use)
         more = allocate(reach._replace(low=low, high=high), asked)

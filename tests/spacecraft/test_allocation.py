@@ -10,7 +10,7 @@ from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.compiler import Mapped
 from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft.actuators import Actuators
-from jaxsat.spacecraft.allocation import allocate
+from jaxsat.spacecraft.allocation import allocate, allocate_unloading
 from jaxsat.spacecraft.distribution import Direct, WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
@@ -215,6 +215,29 @@ def test_ideal_thrusters_under_three_torques_make_the_greatest_part_in_its_direc
     spare = min(1.0, 0.2 / np.abs(np.linalg.pinv(axes) @ command).max())
     assert most >= spare - 1e-12
     assert (most > spare + 1e-3) == (count == 5)
+
+
+def test_thrusters_that_unload_do_less_where_wheels_lack_torque():
+    """SciPy says how much of a torque is made beside five thrusters' part, within all bounds."""
+    rng = np.random.default_rng(5)
+    both = jax.jit(lambda *x: allocate_unloading(x[0], x[1], x[2], jnp.arange(6) < 1))
+    alone, less = jax.jit(allocate), 0
+    for _ in range(40):
+        columns, price = rng.normal(size=(3, 6)), np.r_[0.0, rng.uniform(1, 2, 5)]
+        low, high = np.r_[-0.1, np.zeros(5)], np.r_[0.1, np.ones(5)]
+        unloading = columns[:, 1:] @ rng.uniform(0, 0.5, 5)
+        torque = columns @ rng.uniform(low, high)
+        none = Reach(*map(jnp.asarray, (columns, low * 0, high * (high > 0.1), price)))
+        first = alone(none, unloading).use
+        given = columns @ first
+        made = given + part(columns, low, high, given, torque - given) * (torque - given)
+        reach = Reach(*map(jnp.asarray, (columns, low, high, price)))
+        found = both(reach, torque, unloading)
+        np.testing.assert_allclose(columns @ found.use, made, atol=1e-6)
+        np.testing.assert_allclose(found.unmade, torque - made, atol=1e-6)
+        assert np.all((found.use >= low - 1e-12) & (found.use <= high + 1e-12))
+        less += np.any(found.use < first - 1e-6)
+    assert less > 5
 
 
 def test_ideal_thrusters_under_two_torques_are_clipped_one_by_one():
