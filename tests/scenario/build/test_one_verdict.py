@@ -13,6 +13,7 @@ from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.layout import torque_limit
+from jaxsat.simulation.sampled_loop import SampledLoop
 
 INERTIA = "[spacecraft]\ninertia_kg_m2 = [1.0, 0.7, 0.5]\n"
 REST = """title = "x"
@@ -85,15 +86,18 @@ def test_wheels_and_thrusters_fly_axes_that_only_both_make(tmp_path):
         return -found.fun
 
     limit = torque_limit(scenario)
+    assert limit is not None
     assert limit == pytest.approx(min(map(most, itertools.product((1, -1), repeat=3))), rel=1e-6)
     run = build(scenario)
     command = 0.9 * limit * np.array([1.0, -1.0, 1.0])
+    assert isinstance(run.loop, SampledLoop)
     effectors = run.loop.plant.effectors
     zero = jnp.zeros(())
     shares = run.loop.distribution(zero, run.start, jnp.asarray(command), effectors)
     uses = dict(zip((one.kind for one in effectors), shares.uses, strict=True))
     np.testing.assert_allclose(np.cross(uses["thruster"], jet), 0, atol=1e-9)
     np.testing.assert_allclose(uses["wheel"] @ np.eye(2, 3) + uses["thruster"], command, atol=1e-9)
+    assert shares.left is not None
     np.testing.assert_allclose(shares.left, 0, atol=1e-9)
     alone = "thrusters that the law can use with the wheels.* a torque along \\[0.0, 1.0, 0.0\\]"
     with pytest.raises(ScenarioError, match=alone):
