@@ -150,6 +150,8 @@ def recovery_by_device(
     """
     columns = {name: columns[name] for name in (*COLUMNS, *OF_DIAGNOSIS) if name in columns}
     kinds, parts = columns["failure_kind"][:, 0], columns["failed_part"][:, 0]
+    first = np.array([names.index(name) for name in names])  # both ways of a part have its name
+    parts = first[parts]
     for part, kind in np.unique(np.column_stack([parts, kinds]), axis=0):
         if kind != NEVER:
             places = np.flatnonzero((parts == part) & (kinds == kind))

@@ -91,7 +91,9 @@ def test_windows_do_not_begin_before_a_failure(tmp_path):
     window = {"begin": "failure - 5 s", "end": "end", "signal": "tilt", "unit": "rad"}
     failure = '[[failure]]\nof = "thruster 1"\nat_s = 10\nkind = "dead"\n'
     text = THREE_AXIS + failure + REQUIREMENT.format(**window)
-    (message,) = (one.message for one in problems_of(text, tmp_path) if one.key == "requirement.formula")
+    (message,) = (
+        one.message for one in problems_of(text, tmp_path) if one.key == "requirement.formula"
+    )
     assert message == "must have windows at the failure or after it, got failure - 5 s"
 
 

@@ -14,7 +14,7 @@ from jaxsat.scenario.build.study import build_study
 from jaxsat.store.tables import open_study, save_case_table
 from jaxsat.studies.failure_codes import FAILURES
 from jaxsat.studies.recovery import Recovery
-from jaxsat.studies.recovery_summary import summarise_recovery
+from jaxsat.studies.recovery_summary import recovery_by_device, summarise_recovery
 from jaxsat.studies.run import run_study
 from jaxsat.studies.statistics import wilson
 from jaxsat.studies.summary import summarise
@@ -70,6 +70,13 @@ def test_fractions_delays_and_reasons_by_kind():
     assert (total.settled, total.recoverable) == (2, 3)
     assert told.false_alarms == 2
     assert told.healthy_time == 10 + 20 + 60 + 100
+
+
+def test_both_ways_of_a_two_sided_thruster_are_one_device():
+    columns = {name: np.array(values) for name, values in BY_HAND.items()}
+    told = recovery_by_device(columns, ("thruster a", "thruster a"))
+    rows = [(device, one.kind, places.tolist()) for device, places, one in told]
+    assert rows == [("thruster a", "dead", [0, 2]), ("thruster a", "stuck at", [1])]
 
 
 def test_every_unrecovered_case_is_explained_in_a_line():

@@ -1,12 +1,12 @@
 """The conditions under which a scenario's requirements are verified by many cases."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from jaxsat.core.declaration.actuator import ActuatorDeclaration
-from jaxsat.core.declaration.actuators import ACTUATORS
+from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
 from jaxsat.core.declaration.failures import FRACTION, AbstractFailureKind
 from jaxsat.core.errors import JaxsatError
 from jaxsat.scenario import Scenario
@@ -43,7 +43,7 @@ def conditions_of(scenario: Scenario, failures: bool) -> tuple[list[Condition], 
     conditions = [Condition(DISPERSED, "dispersed", scenario)]
     obstacles = [] if failures else ["Failures besides those of the scenario were not tried."]
     for actuator in ACTUATORS if failures else ():
-        if not _count(scenario, actuator) or _draws(scenario, actuator):
+        if not _working(scenario, actuator) or _draws(scenario, actuator):
             continue
         try:
             failing = with_one_failure(scenario, actuator)
@@ -66,7 +66,7 @@ def with_one_failure(scenario: Scenario, actuator: ActuatorDeclaration) -> Scena
     """
     data = scenario.model_dump(exclude_none=True, exclude={"tuning"})
     end = LAST * scenario.simulation.duration_s
-    first = names_of(getattr(scenario, actuator.name) or _ideal(scenario))[0]
+    first = _working(scenario, actuator)[0]
     event = {"of": f"{actuator.name} {first}", "at_s": end, "kind": actuator.drawn[0].text}
     data["failure"] = [event]
     own = {k: v for k, v in data["dispersion"].items() if not k.startswith(("failure_", "failed_"))}
@@ -75,8 +75,8 @@ def with_one_failure(scenario: Scenario, actuator: ActuatorDeclaration) -> Scena
     kinds = [int(kind) for kind in _drawable(actuator, loop)]
     number = actuator.failed_quantity.name
     data["dispersion"] = own | {
-        number: _uniform(-0.5, _most(number, loop)),
-        "failure_kind": {"distribution": "discrete", "values": kinds, "weights": [1] * len(kinds)},
+        number: _any_working(scenario, actuator, _most(number, loop)),
+        "failure_kind": _one_of(kinds),
         "failure_amount": _uniform(LEAST_AMOUNT, MOST_AMOUNT),
         "failure_time_s": _uniform(0.0, end),
     }
@@ -95,18 +95,33 @@ def _most(name: str, loop: AbstractLoop) -> float:
     return float(np.max(np.asarray(limits_of(name, False, loop).high)))
 
 
+def _any_working(
+    scenario: Scenario, actuator: ActuatorDeclaration, most: float
+) -> Mapping[str, Any]:
+    """The number, up to `most`, of a device that has not failed before the start.
+
+    Thrusters that have are not numbered.
+    """
+    tables = getattr(scenario, actuator.name) if actuator in EFFECTORS else ()
+    working = [number for number, one in enumerate(tables) if not one.failed]
+    return _uniform(-0.5, most) if len(working) == len(tables) else _one_of(working)
+
+
+def _one_of(values: Sequence[int]) -> Mapping[str, Any]:
+    return {"distribution": "discrete", "values": values, "weights": [1] * len(values)}
+
+
 def _uniform(low: float, high: float) -> Mapping[str, Any]:
     return {"distribution": "uniform", "low": low, "high": high}
 
 
-def _ideal(scenario: Scenario) -> tuple:
-    return scenario.spacecraft.thruster_torque_axes or ()
-
-
-def _count(scenario: Scenario, actuator: ActuatorDeclaration) -> int:
-    """How many devices of a kind the scenario has."""
-    tables = getattr(scenario, actuator.name)
-    return len(tables or (_ideal(scenario) if actuator.name == "thruster" else ()))
+def _working(scenario: Scenario, actuator: ActuatorDeclaration) -> list[str]:
+    """The names of the devices of a kind that work at the start."""
+    tables, body = getattr(scenario, actuator.name), scenario.spacecraft
+    if tables or actuator.name != "thruster":
+        return [name for one, name in zip(tables, names_of(tables), strict=True) if not one.failed]
+    numbers = range(1, 1 + len(body.thruster_torque_axes or ()))
+    return [str(number) for number in numbers if number not in body.failed_thrusters]
 
 
 def _draws(scenario: Scenario, actuator: ActuatorDeclaration) -> bool:

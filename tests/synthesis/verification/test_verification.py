@@ -176,6 +176,16 @@ def test_failures_that_a_scenario_draws_itself_are_not_drawn_twice():
     assert names == ["dispersed"]
 
 
+def test_a_device_that_has_failed_before_the_start_does_not_fail_again(tmp_path):
+    fourth = '[[wheel]]\nname = "skew"\naxis = [1, 1, 1]\ntorque_limit_N_m = 0.05\n'
+    failed = SCENARIO.replace('name = "x"\n', 'name = "x"\nfailed = true\n')
+    (tmp_path / "s.toml").write_text(failed.replace("[orbit]", fourth + "[orbit]"))
+    _, one = conditions_of(load(tmp_path / "s.toml"), True)[0]
+    numbers = one.scenario.dispersion.distributions["failed_wheel"]
+    assert (numbers.values, numbers.weights) == ((1, 2, 3), (1, 1, 1))
+    assert one.scenario.failure[0].of == "wheel 2"
+
+
 @pytest.mark.parametrize("demand", [{"fraction": 1.0}, {"confidence": 0.5}, {"cases": 0}])
 def test_demands_that_cannot_be_are_refused(demand):
     with pytest.raises(ArgumentError, match=next(iter(demand))):
