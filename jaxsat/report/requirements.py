@@ -31,7 +31,7 @@ STUDY_NOTE = (
 )
 
 
-class Judgement(NamedTuple):
+class RunMargin(NamedTuple):
     """A requirement and what a run showed of it.
 
     The `margin`, in `unit`, is negative where the run violates it, infinite where none of its
@@ -52,7 +52,7 @@ class Judgement(NamedTuple):
         return self.margin >= 0
 
 
-def judgements(dataset: xr.Dataset) -> list[Judgement]:
+def judgements(dataset: xr.Dataset) -> list[RunMargin]:
     """Every requirement of the scenario of a run, by the signals at its saved times."""
     scenario = scenario_tables(dataset)
     return [
@@ -61,11 +61,11 @@ def judgements(dataset: xr.Dataset) -> list[Judgement]:
     ]
 
 
-def _judgement(dataset: xr.Dataset, scenario: dict, requirement: RequirementTable) -> Judgement:
+def _judgement(dataset: xr.Dataset, scenario: dict, requirement: RequirementTable) -> RunMargin:
     formula = requirement.parsed
     sentence = requirement.text or requirement.formula
     if missing := raw_signals(formula) - set(dataset.data_vars):
-        return Judgement(requirement.id, sentence, math.nan, "", min(missing), math.nan)
+        return RunMargin(requirement.id, sentence, math.nan, "", min(missing), math.nan)
     signals = {name: np.asarray(dataset[name].values) for name in raw_signals(formula)}
     failures = dataset.attrs.get("drawn_failure_time")
     if failures is None:
@@ -74,7 +74,7 @@ def _judgement(dataset: xr.Dataset, scenario: dict, requirement: RequirementTabl
     light = _light(scenario) if needs_sun else None
     found = saved_margin(formula, dataset["time"].values, signals, np.ravel(failures), light)
     decisive = comparisons(formula)[int(found.comparison)]
-    return Judgement(
+    return RunMargin(
         requirement.id,
         sentence,
         float(found.value) / decisive.size,
@@ -92,7 +92,7 @@ def _light(scenario: dict) -> Sunlight:
     return sunlight_of(orbit, scenario["disturbance"]["sun_direction"])
 
 
-def requirement_table(found: Sequence[Judgement]) -> Table:
+def requirement_table(found: Sequence[RunMargin]) -> Table:
     """Requirements, their margins, whether they are met, and when it was decided."""
     return Table(
         "Requirements",
@@ -122,19 +122,19 @@ def _of_cases(requirement: RequirementTable, found: RequirementSummary | None) -
         return [requirement.id, sentence, "not judged in studies", None, None, None]
     decisive = comparisons(requirement.parsed)[found.comparison]
     margin = found.margin / decisive.size
-    worst = Judgement(requirement.id, sentence, margin, decisive.unit, decisive.signal, found.time)
+    worst = RunMargin(requirement.id, sentence, margin, decisive.unit, decisive.signal, found.time)
     met = Shown(fraction_text(found.met), found.met.value)
     return [requirement.id, sentence, met, _margin(worst), found.worst, _time(worst)]
 
 
-def _margin(one: Judgement) -> Shown | None:
+def _margin(one: RunMargin) -> Shown | None:
     if not math.isfinite(one.margin):
         return None
     text = f"{number_text(one.margin, 4)} {one.unit}".strip()
     return Shown(f"{text} of {one.signal}", one.margin)
 
 
-def _met(one: Judgement) -> Shown:
+def _met(one: RunMargin) -> Shown:
     if math.isnan(one.margin):
         return Shown("not shown", 0, False)
     if math.isinf(one.margin) and one.met:
@@ -142,5 +142,5 @@ def _met(one: Judgement) -> Shown:
     return Shown("yes" if one.met else "no", int(one.met), one.met)
 
 
-def _time(one: Judgement) -> Shown | None:
+def _time(one: RunMargin) -> Shown | None:
     return None if math.isnan(one.time) else Shown(f"{number_text(one.time, 6)} s", one.time)

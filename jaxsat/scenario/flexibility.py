@@ -22,7 +22,7 @@ MOST_HARMONICS = 10
 """Multiples of the sampling rate that pulses are taken to have."""
 
 
-class Oscillation(NamedTuple):
+class StructuralMode(NamedTuple):
     """An oscillation by what it is `of`, its `frequency` with the body free (rad/s), and its key.
 
     `held` (rad/s) is the frequency with the body held.
@@ -34,7 +34,7 @@ class Oscillation(NamedTuple):
     location: Location
 
 
-def oscillations(scenario: Scenario) -> list[Oscillation]:
+def oscillations(scenario: Scenario) -> list[StructuralMode]:
     """The oscillations of all parts with the body free, the slowest first; without damping.
 
     With d² η/dt² + Ω² η = -Dᵀ dω/dt and J dω/dt = -D d²η/dt² they are the eigenvalues of
@@ -50,7 +50,7 @@ def oscillations(scenario: Scenario) -> list[Oscillation]:
     squares, shapes = np.linalg.eigh(held[:, None] * mobility * held)
     names, places = names_of(modes), np.argmax(np.abs(shapes), axis=0)
     return [
-        Oscillation(
+        StructuralMode(
             f"{FLEXIBLE_MODE.called} {names[place]}",
             float(math.sqrt(max(square, 0.0))),
             float(held[place]),
@@ -87,7 +87,7 @@ def flexibility_cautions(scenario: Scenario) -> Iterator[Issue]:
             )
 
 
-def _told(one: Oscillation) -> str:
+def _told(one: StructuralMode) -> str:
     return (
         f"the frequency of {one.of}, {one.frequency:.4g} rad/s with the body free "
         f"({one.held:.4g} rad/s with it held)"

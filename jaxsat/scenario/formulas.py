@@ -18,8 +18,8 @@ from typing import Literal, NoReturn
 from jaxsat.core.declaration.requirements import (
     REQUIRED_SIGNALS,
     UNITS,
-    Comparison,
     Formula,
+    Inequality,
     Instant,
     Junction,
     Negation,
@@ -53,7 +53,7 @@ def parse(text: str) -> Formula:
 
 def _require_times(formula: Formula) -> None:
     """That every comparison is inside one temporal operator."""
-    if isinstance(formula, Comparison):
+    if isinstance(formula, Inequality):
         rule = "must say when with always, eventually, until or within"
         raise ArgumentError("formula", rule, f"{formula.signal} at column {formula.column}")
     if isinstance(formula, Junction):
@@ -197,7 +197,7 @@ class _Parser:
             raise ArgumentError("formula", "must have times of at least 0 s", got)
         return value * size
 
-    def comparison(self) -> Comparison:
+    def comparison(self) -> Inequality:
         """A signal and its threshold."""
         column, name = self.column(), self.peek()
         signal = REQUIRED_SIGNALS.get(name)
@@ -210,7 +210,7 @@ class _Parser:
         if not self.take("<", "<=", ">", ">="):
             self.fail(f"must have <, <=, > or >= after {name}")
         value, unit, size = self.quantity(signal.unit, name)
-        return Comparison(name, below, value * size, unit, size, column, direction)
+        return Inequality(name, below, value * size, unit, size, column, direction)
 
     def direction(self, name: str) -> tuple[float, ...]:
         """Three numbers in round brackets, not all zero."""

@@ -132,7 +132,7 @@ def _overrides(texts: Iterable[str | Override]) -> list[Override | Problem]:
 
 
 @dataclass(frozen=True)
-class _Source:
+class _File:
     """A TOML file that could be read."""
 
     name: str
@@ -144,7 +144,7 @@ class _Source:
 class _Places:
     """The file and the overrides from which the values of a scenario come."""
 
-    source: _Source
+    source: _File
     overrides: Sequence[Override] = field(default=())
     conversion: Conversion | None = None
 
@@ -173,7 +173,7 @@ class _Places:
         return None
 
 
-def _read(name_or_path: str | Path) -> _Source:
+def _read(name_or_path: str | Path) -> _File:
     text_name = str(name_or_path)
     scenarios = library()
     if isinstance(name_or_path, str) and text_name in scenarios:
@@ -210,7 +210,7 @@ def _unknown_name(name: str, names: list[str]) -> Problem:
     return Problem(name, f"no such file, and no scenario of jaxsat{hint}")
 
 
-def _parse(name: str, content: bytes) -> _Source:
+def _parse(name: str, content: bytes) -> _File:
     try:
         text = content.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
@@ -225,7 +225,7 @@ def _parse(name: str, content: bytes) -> _Source:
         raise ScenarioError([Problem(name, str(error), None, error.line)]) from None
     except tomllib.TOMLDecodeError as error:
         raise ScenarioError([_syntax_problem(name, text, str(error))]) from None
-    return _Source(name, data, lines)
+    return _File(name, data, lines)
 
 
 def _syntax_problem(name: str, text: str, message: str) -> Problem:

@@ -38,7 +38,7 @@ class _Line(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Part:
+class _Section:
     """The lines of a device, a body or a section."""
 
     name: str
@@ -106,16 +106,16 @@ def scenario_of_42(text: str, read_beside: Callable[[str], str]) -> Converted:
     return Converted(comments + toml_document(tables), left_out)
 
 
-def _sections(text: str) -> dict[str, _Part]:
+def _sections(text: str) -> dict[str, _Section]:
     """The parts of the file by their headings, each with the headings of its devices in it."""
-    sections = {"42": _Part("the first lines", [])}
+    sections = {"42": _Section("the first lines", [])}
     current = sections["42"]
     if "42: Spacecraft Description File" not in text.partition("\n")[0]:
         raise SpacecraftFileError('must begin with "42: Spacecraft Description File"')
     for number, line in enumerate(text.splitlines()[1:], 2):
         heading = re.fullmatch(r"\*+\s*([^*]*?)\s*\**", line.strip())
         if heading and heading[1]:
-            current = sections[heading[1]] = _Part(heading[1], [])
+            current = sections[heading[1]] = _Section(heading[1], [])
         elif not heading:
             values, _, comment = line.partition("!")
             current.lines.append(_Line(number, values.split(), comment.strip()))
@@ -125,16 +125,16 @@ def _sections(text: str) -> dict[str, _Part]:
     return sections
 
 
-def _devices(sections: dict[str, _Part], name: str) -> list[_Part]:
+def _devices(sections: dict[str, _Section], name: str) -> list[_Section]:
     """The devices of a section; one without any holds a pattern that does not count."""
     section = sections.get(name)
     if section is None:
         return []
     count = int(section.numbers("Number of", 1)[0])
-    devices: list[_Part] = []
+    devices: list[_Section] = []
     for line in section.lines:
         if line.words and line.words[0].startswith("==="):
-            devices.append(_Part(" ".join(line.words[1:-1]), []))
+            devices.append(_Section(" ".join(line.words[1:-1]), []))
         elif devices:
             devices[-1].lines.append(line)
     if len(devices) < count:
@@ -142,7 +142,7 @@ def _devices(sections: dict[str, _Part], name: str) -> list[_Part]:
     return devices[:count]
 
 
-def _inertia(body: _Part, flags: _Part) -> list[float] | list[list[float]]:
+def _inertia(body: _Section, flags: _Section) -> list[float] | list[list[float]]:
     """The inertia about the centre of mass; products have the sign that 42 gives them."""
     inertia = np.diag(body.numbers("Moments of Inertia", 3))
     xy, xz, yz = body.numbers("Products of Inertia", 3)
@@ -155,7 +155,7 @@ def _inertia(body: _Part, flags: _Part) -> list[float] | list[list[float]]:
     return inertia.tolist()
 
 
-def _wheel(wheel: _Part) -> dict[str, Any]:
+def _wheel(wheel: _Section) -> dict[str, Any]:
     torque, momentum = wheel.numbers("Max Torque", 2)
     return {
         "axis": wheel.numbers("(Body, )?Wheel Axis", 3),
@@ -165,14 +165,16 @@ def _wheel(wheel: _Part) -> dict[str, Any]:
     }
 
 
-def _magnetorquer(rod: _Part) -> dict[str, Any]:
+def _magnetorquer(rod: _Section) -> dict[str, Any]:
     return {
         "axis": rod.numbers("MTB Axis", 3),
         "dipole_limit_A_m2": rod.numbers("Saturation", 1)[0],
     }
 
 
-def _thruster(thruster: _Part, nodes: Sequence[list[float]], centre: list[float]) -> dict[str, Any]:
+def _thruster(
+    thruster: _Section, nodes: Sequence[list[float]], centre: list[float]
+) -> dict[str, Any]:
     if thruster.find("Location"):
         position = thruster.numbers("Location", 3)
     else:
@@ -190,7 +192,7 @@ def _thruster(thruster: _Part, nodes: Sequence[list[float]], centre: list[float]
     }
 
 
-def _nodes(body: _Part, read_beside: Callable[[str], str]) -> list[list[float]]:
+def _nodes(body: _Section, read_beside: Callable[[str], str]) -> list[list[float]]:
     """Positions of the nodes of a body; none without a file of them."""
     line = body.find("Node File Name")
     if line is None or line.words == ["NONE"]:
@@ -202,7 +204,7 @@ def _nodes(body: _Part, read_beside: Callable[[str], str]) -> list[list[float]]:
         raise SpacecraftFileError(f"must have numbers in {line.words[0]}") from None
 
 
-def _left_out(sections: dict[str, _Part], body: _Part) -> Iterator[str]:
+def _left_out(sections: dict[str, _Section], body: _Section) -> Iterator[str]:
     """What a scenario has no key for, or what it needs an orbit or a law for."""
     yield f"mass {body.words('Mass$')[0]} kg, which only translation needs"
     yield from _start(sections.get("Initial Attitude"))
@@ -227,7 +229,7 @@ def _left_out(sections: dict[str, _Part], body: _Part) -> Iterator[str]:
             yield f"{len(devices)} of {name}"
 
 
-def _start(start: _Part | None) -> Iterator[str]:
+def _start(start: _Section | None) -> Iterator[str]:
     """The attitude and rate at the start, as keys of `[initial]` where they are those of one."""
     frames = start.find(".*wrt") if start else None
     if start is None or frames is None or not re.fullmatch("[NL][QA][NLFE]", frames.words[0]):

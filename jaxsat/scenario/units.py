@@ -11,7 +11,7 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown, table_at
 
 
-class Unit(NamedTuple):
+class KeyUnit(NamedTuple):
     """A unit that a key may have at its end: what it is called, and its size in the unit of SI."""
 
     called: str
@@ -21,21 +21,21 @@ class Unit(NamedTuple):
 DEGREE = math.pi / 180
 ARCSECOND = DEGREE / 3600
 
-UNITS: Mapping[str, Mapping[str, Unit]] = {
-    "_rad": {"_deg": Unit("deg", DEGREE), "_arcsec": Unit("arcsec", ARCSECOND)},
+UNITS: Mapping[str, Mapping[str, KeyUnit]] = {
+    "_rad": {"_deg": KeyUnit("deg", DEGREE), "_arcsec": KeyUnit("arcsec", ARCSECOND)},
     "_rad_s": {
-        "_deg_s": Unit("deg/s", DEGREE),
-        "_deg_h": Unit("deg/h", ARCSECOND),
-        "_rpm": Unit("rpm", 2 * math.pi / 60),
-        "_Hz": Unit("Hz", 2 * math.pi),
+        "_deg_s": KeyUnit("deg/s", DEGREE),
+        "_deg_h": KeyUnit("deg/h", ARCSECOND),
+        "_rpm": KeyUnit("rpm", 2 * math.pi / 60),
+        "_Hz": KeyUnit("Hz", 2 * math.pi),
     },
-    "_rad_s2": {"_deg_s2": Unit("deg/s²", DEGREE)},
+    "_rad_s2": {"_deg_s2": KeyUnit("deg/s²", DEGREE)},
     "_rad_s_sqrt_Hz": {
-        "_deg_s_sqrt_Hz": Unit("deg/s/√Hz", DEGREE),
-        "_deg_sqrt_h": Unit("deg/√h", DEGREE / 60),
+        "_deg_s_sqrt_Hz": KeyUnit("deg/s/√Hz", DEGREE),
+        "_deg_sqrt_h": KeyUnit("deg/√h", DEGREE / 60),
     },
-    "_T": {"_nT": Unit("nT", 1e-9)},
-    "_rad_s2_sqrt_Hz": {"_deg_s2_sqrt_Hz": Unit("deg/s²/√Hz", DEGREE)},
+    "_T": {"_nT": KeyUnit("nT", 1e-9)},
+    "_rad_s2_sqrt_Hz": {"_deg_s2_sqrt_Hz": KeyUnit("deg/s²/√Hz", DEGREE)},
 }
 """The endings of keys in SI, and the endings that may stand in place of each."""
 
@@ -68,7 +68,7 @@ def other_spellings(key: str) -> Iterator[str]:
     return (one for one in spellings(key) if one != key)
 
 
-def _unit(key: str) -> Unit:
+def _unit(key: str) -> KeyUnit:
     """The unit of a key that is not in SI."""
     ending = _ending(key)
     return UNITS[_SI_OF[ending]][ending]
@@ -171,7 +171,7 @@ def _any_of(family: tuple[str, ...]) -> dict[str, Any]:
     return {"anyOf": _each(family)}
 
 
-def _in_unit(entry: Any, key: str, unit: Unit) -> Any:
+def _in_unit(entry: Any, key: str, unit: KeyUnit) -> Any:
     """The entry of a key in SI, for the same in another unit."""
     if isinstance(entry, list):
         return [_in_unit(one, key, unit) for one in entry]

@@ -32,7 +32,7 @@ class Assessment(eqx.Module):
     constraint_effort: RealScalar | None = None
 
 
-class Observation(NamedTuple):
+class JudgedSignals(NamedTuple):
     """What of the signals settling is judged by; see `Signals`."""
 
     w: Pair
@@ -41,10 +41,10 @@ class Observation(NamedTuple):
     omega: Vector
 
     @staticmethod
-    def of(plant: RigidBody, state: PlantState) -> "Observation":
+    def of(plant: RigidBody, state: PlantState) -> "JudgedSignals":
         """The observation of a plant in a state."""
         wz = state.attitude.as_wz()
-        return Observation(wz.w, wz.z, plant.relative_rate(state), state.omega)
+        return JudgedSignals(wz.w, wz.z, plant.relative_rate(state), state.omega)
 
     def excess(self, tolerances: Tolerances) -> Vector:
         """How far outside the tolerances, see `jaxsat.core.tolerances.excess`."""

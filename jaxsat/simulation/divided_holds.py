@@ -79,7 +79,7 @@ class _Bracket(NamedTuple):
         return jnp.where(self.open, jax.lax.stop_gradient(x) + self.correction, end)
 
 
-class _Search(NamedTuple):
+class _HoldSearch(NamedTuple):
     """How far a hold has come: an instant (s from its begin), all there, and what is searched."""
 
     begin: RealScalar
@@ -124,14 +124,14 @@ def through_located_parts(
         speeds = tuple(one.approach(m, s, c, acceleration) for one, m, s, c in parts)
         return _Judgement(margins, _flat(margins), _flat(speeds), acceleration)
 
-    def begin(elapsed, plant, carry, modes: OfEach) -> _Search:
+    def begin(elapsed, plant, carry, modes: OfEach) -> _HoldSearch:
         modes = body.modes(t + elapsed, plant, body.later(commands, elapsed), modes)
         least = jnp.min(judge(elapsed, plant, modes).flat)
         zero, no = jnp.zeros_like(end), jnp.array(False)
         bracket = _Bracket(elapsed, end, least, least, zero, jnp.array(0), zero, no, no)
-        return _Search(elapsed, plant, carry, modes, jax.lax.stop_gradient(bracket))
+        return _HoldSearch(elapsed, plant, carry, modes, jax.lax.stop_gradient(bracket))
 
-    def part(number, now: _Search) -> _Search:
+    def part(number, now: _HoldSearch) -> _HoldSearch:
         last, bracket = number == rounds - 1, now.bracket
         x = jnp.where(last, end, bracket.next_try(end, tolerance))
         one = hold.part(now.begin, x - now.begin)
@@ -152,7 +152,7 @@ def through_located_parts(
         plant = PlantState(plant.attitude, plant.omega, states)
         return choose(there, begin(x, plant, carry, modes), now._replace(bracket=narrower))
 
-    def one(number, now: _Search) -> _Search:
+    def one(number, now: _HoldSearch) -> _HoldSearch:
         return jax.lax.cond(now.begin < end, lambda x: part(number, x), lambda x: x, now)
 
     zero = jnp.zeros_like(end)

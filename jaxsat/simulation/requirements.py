@@ -21,8 +21,8 @@ from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.requirements import (
-    Comparison,
     Formula,
+    Inequality,
     Junction,
     Negation,
     Temporal,
@@ -105,7 +105,7 @@ def compared(
     return jnp.stack(margins)
 
 
-def _signal(one: Comparison, signals: Mapping[str, ArrayLike], sun: Vector | None) -> RealScalar:
+def _signal(one: Inequality, signals: Mapping[str, ArrayLike], sun: Vector | None) -> RealScalar:
     """The value of the signal that a comparison names."""
     if one.signal in ("pointing_error", "tilt", "sun_angle"):
         q = jnp.asarray(signals["quaternion"])
@@ -231,12 +231,12 @@ def _combined(formula: Formula, of) -> Margin:
 
 
 def _at_instant(
-    formula: Formula, order: tuple[Comparison, ...], margins: Float[Array, " c"], time: RealScalar
+    formula: Formula, order: tuple[Inequality, ...], margins: Float[Array, " c"], time: RealScalar
 ) -> Margin:
     """The margin of a formula without windows at one instant."""
 
     def of(part: Formula) -> Margin:
-        if isinstance(part, Comparison):
+        if isinstance(part, Inequality):
             number = order.index(part)
             return Margin(margins[number], jnp.array(number), time)
         return _combined(part, of)

@@ -120,7 +120,9 @@ class FailureEvents(AbstractFailures):
         both = (kind < min(ONE_WAY)) | (kind > max(ONE_WAY))
         return one | ((self.partner == jnp.round(self.number[event])) & both)
 
-    def condition(self, t: RealScalar, now: RealScalar, torque: Float[Array, "3 m"]) -> "Condition":
+    def condition(
+        self, t: RealScalar, now: RealScalar, torque: Float[Array, "3 m"]
+    ) -> "ThrusterCondition":
         """State of all thrusters `now` seconds after a sample at time `t` (s).
 
         Their torques in order are `torque`. Whether a valve is late, and whether an intermittent
@@ -139,18 +141,20 @@ class FailureEvents(AbstractFailures):
         still = [last.kind == kind for kind in fixed]
         return ~(still[0] | still[1] | still[2] | _paused(last, t))
 
-    def at_work(self, struck: Bool[Array, " f"], torque: Float[Array, "3 m"]) -> "Condition":
+    def at_work(
+        self, struck: Bool[Array, " f"], torque: Float[Array, "3 m"]
+    ) -> "ThrusterCondition":
         """State of all thrusters once those events have struck, in no pause of any."""
         last = self.last(struck, torque.shape[1])
         return self._condition(last, torque, jnp.zeros(torque.shape[1], bool))
 
     def _condition(
         self, last: LastFailure, torque: Float[Array, "3 m"], paused: Bool[Array, " m"]
-    ) -> "Condition":
+    ) -> "ThrusterCondition":
         kind, amount = last.kind, last.amount
         silent = (kind == FailureKind.DEAD) | (kind == FailureKind.STUCK_AT) | paused
         held = (kind == FailureKind.STUCK_AT) | (kind == FailureKind.LEAKING)
-        return Condition(
+        return ThrusterCondition(
             jnp.where(silent, 0.0, jnp.where(kind == FailureKind.DEGRADED, amount, 1.0)),
             jnp.where(kind == FailureKind.STUCK_ON, 1.0, jnp.where(held, amount, 0.0)),
             jnp.where(kind == FailureKind.DELAYED, amount, 0.0),
@@ -183,7 +187,7 @@ def _paused(last: LastFailure, t: RealScalar) -> Bool[Array, " m"]:
     return pauses & (within < last.amount * CYCLE)
 
 
-class Condition(NamedTuple):
+class ThrusterCondition(NamedTuple):
     """State of all thrusters: level = max(gain x commanded, floor), valves `delay` s late."""
 
     gain: Float[Array, " m"]
@@ -192,7 +196,7 @@ class Condition(NamedTuple):
     torque: Float[Array, "3 m"]
 
     @staticmethod
-    def sound(torque: Float[Array, "3 m"]) -> "Condition":
+    def sound(torque: Float[Array, "3 m"]) -> "ThrusterCondition":
         """Nothing has failed."""
         one = jnp.ones(torque.shape[1])
-        return Condition(one, 0 * one, 0 * one, torque)
+        return ThrusterCondition(one, 0 * one, 0 * one, torque)

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.smooth import at_least, within
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, Reach
-from jaxsat.spacecraft.failures import Condition, FailureEvents
+from jaxsat.spacecraft.failures import FailureEvents, ThrusterCondition
 from jaxsat.spacecraft.held_effector import Ahead
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 from jaxsat.spacecraft.modulation import AbstractModulation, Pulses
@@ -236,14 +236,14 @@ class PulsedThrusters(AbstractEffector):
             late = late if more is None else late + more
         return jnp.minimum(late, period)
 
-    def _condition(self, t: RealScalar, now: RealScalar) -> Condition:
+    def _condition(self, t: RealScalar, now: RealScalar) -> ThrusterCondition:
         if self.failures is None:
-            return Condition.sound(self.thrusters.torque)
+            return ThrusterCondition.sound(self.thrusters.torque)
         return self.failures.condition(t, now, self.thrusters.torque)
 
     def reach(self, t, plant, state: None, struck, span) -> Reach:
         """The duty of each, from what leaks to what is left of full thrust."""
-        condition = Condition.sound(self.thrusters.torque)
+        condition = ThrusterCondition.sound(self.thrusters.torque)
         if self.failures is not None:
             condition = self.failures.at_work(struck, self.thrusters.torque)
         high = jnp.maximum(condition.gain, condition.floor)

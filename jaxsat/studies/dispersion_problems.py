@@ -14,10 +14,10 @@ from jaxsat.simulation.loops import AbstractLoop, parts_of
 from jaxsat.spacecraft.dispersible import Limits
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.studies.changes import controller_of, periodic_of
-from jaxsat.studies.distributions import AbstractDistribution, Discrete, RandomAttitude
+from jaxsat.studies.distributions import AbstractProbabilityDistribution, Discrete, RandomAttitude
 from jaxsat.studies.quantities import QUANTITIES
 
-Distributions = Mapping[str, AbstractDistribution]
+Distributions = Mapping[str, AbstractProbabilityDistribution]
 
 
 class DispersionProblem(NamedTuple):
@@ -75,7 +75,7 @@ def limits_of(name: str, frequency_known: bool, loop: AbstractLoop) -> Limits:
 
 
 def _of_the_kind(
-    name: str, distribution: AbstractDistribution, loop: AbstractLoop
+    name: str, distribution: AbstractProbabilityDistribution, loop: AbstractLoop
 ) -> DispersionProblem | None:
     if DISPERSIBLE[name].random_attitude != isinstance(distribution, RandomAttitude):
         kind = type(distribution).__name__
@@ -104,7 +104,7 @@ def _singular(name: str, start: PlantState | None) -> DispersionProblem | None:
 
 
 def _outside(
-    name: str, distribution: AbstractDistribution, limits: Limits, loop: AbstractLoop
+    name: str, distribution: AbstractProbabilityDistribution, limits: Limits, loop: AbstractLoop
 ) -> Iterator[DispersionProblem]:
     size, unit = QUANTITIES[name].size(loop), DISPERSIBLE[name].unit.removesuffix("1")
     low, high = concrete(limits.low), concrete(limits.high)

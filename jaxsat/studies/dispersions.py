@@ -28,7 +28,7 @@ from jaxsat.studies.changes import (
 )
 from jaxsat.studies.designs import open_uniform
 from jaxsat.studies.dispersion_problems import dispersion_problems, limits_of
-from jaxsat.studies.distributions import AbstractDistribution
+from jaxsat.studies.distributions import AbstractProbabilityDistribution
 from jaxsat.studies.quantities import QUANTITIES
 
 Tree = TypeVar("Tree")
@@ -49,7 +49,7 @@ class Dispersions(eqx.Module):
     disturbance frequency.
     """
 
-    distributions: dict[str, AbstractDistribution]
+    distributions: dict[str, AbstractProbabilityDistribution]
     frequency_known: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
@@ -68,7 +68,7 @@ class Dispersions(eqx.Module):
         return tuple(name for name in QUANTITIES if name in self.distributions)
 
     @property
-    def ordered(self) -> dict[str, AbstractDistribution]:
+    def ordered(self) -> dict[str, AbstractProbabilityDistribution]:
         """The distributions in the order in which they are applied."""
         return {name: self.distributions[name] for name in self.names}
 

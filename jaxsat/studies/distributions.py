@@ -21,7 +21,7 @@ MIN_WEIGHT_SUM, MAX_WEIGHT_SUM = 1e-30, 1e30
 """Sums of weights that leave every share a number."""
 
 
-class AbstractDistribution(eqx.Module):
+class AbstractProbabilityDistribution(eqx.Module):
     """A distribution of independent components.
 
     Parameters are one number for all components or one for each.
@@ -51,7 +51,7 @@ class AbstractDistribution(eqx.Module):
         return size
 
 
-class Uniform(AbstractDistribution):
+class Uniform(AbstractProbabilityDistribution):
     """Equally likely everywhere between `low` and `high`."""
 
     low: Float[Array, "*n"] = eqx.field(converter=as_float)
@@ -67,7 +67,7 @@ class Uniform(AbstractDistribution):
         return self.low + (self.high - self.low) * u
 
 
-class Normal(AbstractDistribution):
+class Normal(AbstractProbabilityDistribution):
     """Gaussian with `mean` and standard deviation `sigma`."""
 
     end_names = ("mean",)
@@ -88,7 +88,7 @@ class Normal(AbstractDistribution):
         return False
 
 
-class TruncatedNormal(AbstractDistribution):
+class TruncatedNormal(AbstractProbabilityDistribution):
     """Gaussian with `mean` and `sigma` before truncation, given that it is in [`low`, `high`]."""
 
     mean: Float[Array, "*n"] = eqx.field(converter=as_float)
@@ -128,7 +128,7 @@ class TruncatedNormal(AbstractDistribution):
         return self.mean + self.sigma * jnp.where(mirrored, -x, x)
 
 
-class Discrete(AbstractDistribution):
+class Discrete(AbstractProbabilityDistribution):
     """Each component one of `values`, with probabilities in the proportion of `weights`."""
 
     end_names = ("values",)
@@ -156,7 +156,7 @@ class Discrete(AbstractDistribution):
         return None
 
 
-class RandomAttitude(AbstractDistribution):
+class RandomAttitude(AbstractProbabilityDistribution):
     """A rotation uniform over all rotations, as a unit quaternion, scalar first.
 
     K. Shoemake, Uniform random rotations, Graphics Gems III, 1992.

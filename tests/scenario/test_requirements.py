@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from jaxsat.core.declaration.requirements import Comparison, Instant, Junction, Negation, Temporal
+from jaxsat.core.declaration.requirements import Inequality, Instant, Junction, Negation, Temporal
 from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario import read
 from jaxsat.scenario.dump import dump
@@ -14,8 +14,8 @@ from scenario.mistakes import SWITCHING, THREE_AXIS, problems_of
 
 def test_a_formula_is_a_tree():
     text = "always[5 min, end - 10 s] tilt<1.5deg and not within 2 s of failure rate >= 3 rpm"
-    tilt = Comparison("tilt", True, math.radians(1.5), "deg", math.pi / 180, 27)
-    rate = Comparison("rate", False, 3 * math.pi / 30, "rpm", math.pi / 30, 69)
+    tilt = Inequality("tilt", True, math.radians(1.5), "deg", math.pi / 180, 27)
+    rate = Inequality("rate", False, 3 * math.pi / 30, "rpm", math.pi / 30, 69)
     window = Instant("start", 300.0), Instant("end", -10.0)
     after = Temporal("eventually", rate, Instant("failure"), Instant("failure", 2.0))
     assert parse(text) == Junction((Temporal("always", tilt, *window), Negation(after)), True)

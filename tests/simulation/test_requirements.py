@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jaxsat.core.declaration.requirements import Comparison, Junction, Negation, Temporal
+from jaxsat.core.declaration.requirements import Inequality, Junction, Negation, Temporal
 from jaxsat.scenario.formulas import parse
 from jaxsat.simulation.requirements import compared, saved_margin
 from jaxsat.spacecraft.environment.orbit import CircularOrbit
@@ -30,7 +30,7 @@ FORMULAS = [
 
 def at_each(formula, values):
     """Margins of a formula without windows at all instants."""
-    if isinstance(formula, Comparison):
+    if isinstance(formula, Inequality):
         margin = values[formula.signal] - formula.limit
         return -margin if formula.below else margin
     if isinstance(formula, Negation):

@@ -40,7 +40,7 @@ class Belief(NamedTuple):
     bias_noise: Matrix
 
 
-class FilterMemory(NamedTuple):
+class KalmanMemory(NamedTuple):
     """The belief at the sample that the sensors now tell of, and the rates since (rad/s)."""
 
     belief: Belief
@@ -78,7 +78,7 @@ class MultiplicativeFilter(AbstractEstimator):
         """Samples until what is measured has arrived."""
         return max(self.vector_latency, 0 if self.tracker is None else self.tracker.latency)
 
-    def init(self, attitude: Quaternion, sigma: RealScalar) -> FilterMemory:
+    def init(self, attitude: Quaternion, sigma: RealScalar) -> KalmanMemory:
         """A belief without correlations; the bias is believed to be zero.
 
         Its variance is what the gyro declares: that of the draw, and the square of the rest.
@@ -87,11 +87,11 @@ class MultiplicativeFilter(AbstractEstimator):
         zero = jnp.zeros_like(identity)
         bias = identity * (self.gyro.bias_sigma**2 + self.gyro.bias**2)[:, None]
         belief = Belief(attitude.q, zero[0], sigma**2 * identity, zero, bias, zero, zero)
-        return FilterMemory(belief, jnp.zeros((self.latency + 1, 3), zero.dtype))
+        return KalmanMemory(belief, jnp.zeros((self.latency + 1, 3), zero.dtype))
 
     def step(
-        self, sample: IntScalar, period: RealScalar, measurement: Measurement, memory: FilterMemory
-    ) -> tuple[Estimate, FilterMemory]:
+        self, sample: IntScalar, period: RealScalar, measurement: Measurement, memory: KalmanMemory
+    ) -> tuple[Estimate, KalmanMemory]:
         """The estimate with all that has arrived by this sample."""
         rates = jnp.concatenate([memory.rates, measurement.rate[None]])
         first = sample - self.latency - 1
@@ -106,7 +106,7 @@ class MultiplicativeFilter(AbstractEstimator):
         now = belief
         if self.latency:
             now = jax.lax.fori_loop(1, self.latency + 1, moved, belief)
-        return self._estimate(now, measurement.rate, period), FilterMemory(belief, rates[1:])
+        return self._estimate(now, measurement.rate, period), KalmanMemory(belief, rates[1:])
 
     def moved(
         self, belief: Belief, begin: Vector, end: Vector, length: RealScalar, period: RealScalar

@@ -1,6 +1,6 @@
 """What a requirement says, as plain data: signals, comparisons with thresholds, and when they hold.
 
-A formula is a tree of `Comparison`, `Negation`, `Junction` and `Temporal`. Every comparison stands
+A formula is a tree of `Inequality`, `Negation`, `Junction` and `Temporal`. Every comparison stands
 inside exactly one `Temporal`.
 """
 
@@ -78,7 +78,7 @@ REQUIRED_SIGNALS: Mapping[str, RequiredSignal] = {
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Inequality:
     """That a signal is below its `limit`, or above it (SI); `unit` is that of the text.
 
     `column` is its place in the text, from 1.
@@ -140,7 +140,7 @@ class Temporal:
         return (self.begin, self.end) == (Instant("start"), Instant("end"))
 
 
-Formula = Comparison | Negation | Junction | Temporal
+Formula = Inequality | Negation | Junction | Temporal
 
 
 def parts_of(formula: Formula) -> tuple[Formula, ...]:
@@ -161,6 +161,6 @@ def all_parts(formula: Formula) -> Iterator[Formula]:
         yield from all_parts(part)
 
 
-def comparisons(formula: Formula) -> tuple[Comparison, ...]:
+def comparisons(formula: Formula) -> tuple[Inequality, ...]:
     """All comparisons of a formula, in the order of the text."""
-    return tuple(one for one in all_parts(formula) if isinstance(one, Comparison))
+    return tuple(one for one in all_parts(formula) if isinstance(one, Inequality))

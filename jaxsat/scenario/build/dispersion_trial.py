@@ -14,7 +14,7 @@ from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import refusal_text, shown
 from jaxsat.studies.dispersion_problems import dispersion_problems
-from jaxsat.studies.distributions import AbstractDistribution
+from jaxsat.studies.distributions import AbstractProbabilityDistribution
 
 
 def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue]:
@@ -25,7 +25,7 @@ def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue
     """
     table = scenario.dispersion
     assert table is not None
-    distributions: dict[str, AbstractDistribution] = {}
+    distributions: dict[str, AbstractProbabilityDistribution] = {}
     issues = list(_exclusions(table))
     for name, entry in table.distributions.items():
         try:

@@ -5,7 +5,7 @@ import numpy as np
 from jaxsat.core.checks import as_float
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DistributionTable
 from jaxsat.studies.distributions import (
-    AbstractDistribution,
+    AbstractProbabilityDistribution,
     Discrete,
     Normal,
     RandomAttitude,
@@ -22,7 +22,7 @@ _KINDS = {
 }
 
 
-def distribution_of(table: DistributionTable) -> AbstractDistribution:
+def distribution_of(table: DistributionTable) -> AbstractProbabilityDistribution:
     """The distribution that a table describes; raises `ValueError` where it is none."""
     kind = table.distribution
     parameters = [as_float(np.asarray(getattr(table, name))) for name in PARAMETERS[kind]]

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.core.solvers import AbstractSolver, solver_of
 from jaxsat.core.tolerances import SettlingTracker
-from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gradient
+from jaxsat.simulation.assessment import IntegrationError, JudgedSignals, stop_gradient
 from jaxsat.simulation.engine.details import details_of, effort_rates, with_details
 from jaxsat.simulation.engine.error_estimate import HalvedSteps, Span
 from jaxsat.simulation.engine.failure_record import FailureRecord, initial_record, record_of_history
@@ -127,7 +127,7 @@ def _monitor(program: Program, loop):
 
     def monitor(t, both) -> MonitorSample:
         motion = _motion(loop, t, both[0])
-        observation = Observation.of(loop.plant, motion.plant)
+        observation = JudgedSignals.of(loop.plant, motion.plant)
         excess = (observation.excess(program.tolerances),)
         if program.detailed:
             excess = (*excess, observation.rest_excess(program.tolerances))
@@ -173,7 +173,7 @@ class _SampledRecord(NamedTuple):
 
     def at(self, t, plant: PlantState, program: Program, loop: SampledLoop) -> "_SampledRecord":
         """The record with one more observation of the plant."""
-        observation = Observation.of(loop.plant, plant)
+        observation = JudgedSignals.of(loop.plant, plant)
         since = (self.settled, self.rest)
         settled, rest = judged_at(since, t, observation, program.tolerances)
         return self._replace(settled=settled, rest=rest)

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool
 from jaxsat.core.checks import require_counts
 from jaxsat.core.solvers import NamedSolver, Solver, class_name
 from jaxsat.core.trees import halved, restored
-from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gradient
+from jaxsat.simulation.assessment import IntegrationError, JudgedSignals, stop_gradient
 from jaxsat.simulation.engine.details import details_of, with_details
 from jaxsat.simulation.engine.error_estimate import HalvedSteps, Span
 from jaxsat.simulation.engine.failure_record import initial_record
@@ -246,7 +246,7 @@ def _judge(program: Program, loop: AbstractLoop):
 
     def judge(since: Since, t, both) -> Since:
         state = both[0] if isinstance(loop, SampledLoop) else plant_state(loop, t, both[0])
-        return judged_at(since, t, Observation.of(loop.plant, state), program.tolerances)
+        return judged_at(since, t, JudgedSignals.of(loop.plant, state), program.tolerances)
 
     return judge
 
@@ -303,7 +303,7 @@ def _final_outputs(program: Program, case: Case, progress: Progress, number, ste
     """Outputs after `number` intervals of so many steps each."""
     end = program.time_of(number)
     plant = plant_state(case.loop, end, progress.state)
-    observation = Observation.of(case.loop.plant, plant)
+    observation = JudgedSignals.of(case.loop.plant, plant)
     since = (progress.settled, progress.rest)
     settled, rest = judged_at(since, end, observation, program.tolerances)
     progress = with_peaks(progress, plant.omega, case.loop.plant.stored(plant))._replace(

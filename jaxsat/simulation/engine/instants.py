@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.tolerances import SettlingTracker
-from jaxsat.simulation.assessment import Observation, stop_gradient
+from jaxsat.simulation.assessment import JudgedSignals, stop_gradient
 from jaxsat.simulation.engine.flat_ode import DenseStep, FlatODE
 from jaxsat.simulation.engine.root_finding import Bracket, find_root
 
@@ -133,9 +133,9 @@ def rest_excess_at(
     return _observation_at(ode, t, flat).rest_excess(ode.program.tolerances)
 
 
-def _observation_at(ode: FlatODE, t: Float[Array, ""], flat: Float[Array, " n"]) -> Observation:
+def _observation_at(ode: FlatODE, t: Float[Array, ""], flat: Float[Array, " n"]) -> JudgedSignals:
     ode, t, flat = stop_gradient((ode, t, flat))
-    return Observation.of(ode.loop.plant, ode.loop.plant_state(t, ode.state(t, flat)))
+    return JudgedSignals.of(ode.loop.plant, ode.loop.plant_state(t, ode.state(t, flat)))
 
 
 def settled_along_step(

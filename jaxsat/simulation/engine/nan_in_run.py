@@ -35,7 +35,7 @@ class _DualProgress(NamedTuple):
     rest: PyTree
 
 
-class _Run(NamedTuple):
+class _Case(NamedTuple):
     """A case of a program, and the direction in the gains (both trees) of its derivative."""
 
     stepper: AbstractStepper
@@ -94,7 +94,7 @@ def nan_in_run(
 
     None where it does not, as for one that is infinite.
     """
-    run = _Run(stepper, program, case, gains, direction)
+    run = _Case(stepper, program, case, gains, direction)
     states = [run.begin()]
     origins = nan_origins(run.after, states[0], jnp.array(0))
     cost = _place_of_cost(states[0])
@@ -109,7 +109,7 @@ def nan_in_run(
     return _origin_at_end(run, states)
 
 
-def _origin_at_end(run: _Run, states: list[_DualProgress]) -> NanInRun | None:
+def _origin_at_end(run: _Case, states: list[_DualProgress]) -> NanInRun | None:
     """The origin of a NaN in the cost that is made of the last state."""
     origin = nan_origins(run.cost, states[-1])[1]
     if origin is not None and origin.argument is not None:
@@ -118,7 +118,9 @@ def _origin_at_end(run: _Run, states: list[_DualProgress]) -> NanInRun | None:
     return None if origin is None else NanInRun(origin, end)
 
 
-def _follow_back(run: _Run, states: list[_DualProgress], number: int, leaf: int) -> NanInRun | None:
+def _follow_back(
+    run: _Case, states: list[_DualProgress], number: int, leaf: int
+) -> NanInRun | None:
     """The origin of a leaf's NaN after interval `number`, interval by interval backwards."""
     while number >= 0:
         origin = nan_origins(run.after, states[number], jnp.array(number))[leaf]

@@ -14,7 +14,7 @@ from jaxsat.core.declaration.actuators import SIGNALS
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.tolerances import SettlingTracker, Tolerances
 from jaxsat.core.trigonometry import cos
-from jaxsat.simulation.assessment import IntegrationError, Observation, stop_gradient
+from jaxsat.simulation.assessment import IntegrationError, JudgedSignals, stop_gradient
 from jaxsat.simulation.engine.details import Details
 from jaxsat.simulation.engine.failure_record import FailureRecord
 from jaxsat.simulation.held_torque import HeldTorque, Unmade
@@ -235,7 +235,7 @@ def with_peaks(
 
 
 def judged_at(
-    since: Since, t: Float[Array, ""], observation: Observation, tolerances: Tolerances
+    since: Since, t: Float[Array, ""], observation: JudgedSignals, tolerances: Tolerances
 ) -> Since:
     """Since when the case is settled and at rest, with the end of one more of equal steps.
 

@@ -27,7 +27,7 @@ class Bracket(NamedTuple):
     high_value: Float[Array, ""]
 
 
-class _Search(NamedTuple):
+class _RootSearch(NamedTuple):
     bracket: Bracket
     point: Float[Array, ""]
     move: Float[Array, ""]
@@ -47,10 +47,10 @@ def find_root(
     bracket. A step that is not `active` takes no iteration.
     """
 
-    def unfinished(search: _Search):
+    def unfinished(search: _RootSearch):
         return active & (search.move > CLOSE_ENOUGH) & (search.iterations < ITERATIONS)
 
-    def improve(search: _Search) -> _Search:
+    def improve(search: _RootSearch) -> _RootSearch:
         low, low_value, high, high_value = search.bracket
         on_surface = (low == bracket.low) & (low_value >= -NEXT_TO_NOTHING * high_value)
         halve = on_surface | (low_value >= 0) | (search.iterations % 3 == 2)
@@ -70,10 +70,10 @@ def find_root(
             jnp.where(is_low, keep_high, value),
         )
         move = jnp.abs(point - search.point)
-        return _Search(closer, point, move, is_low, search.iterations + 1)
+        return _RootSearch(closer, point, move, is_low, search.iterations + 1)
 
     none = jnp.zeros_like(bracket.low)
-    first = _Search(bracket, none - 1.0, none + jnp.inf, none > 0, jnp.array(0))
+    first = _RootSearch(bracket, none - 1.0, none + jnp.inf, none > 0, jnp.array(0))
     return jax.lax.while_loop(unfinished, improve, first).point
 
 

@@ -35,7 +35,7 @@ class Step(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Verification:
+class DesignVerification:
     """The chosen controller on cases that no step before has seen.
 
     `columns` are those of its study; `failing` numbers of the cases that do not settle, by which
@@ -92,7 +92,7 @@ class ControllerDesign:
     tuned: Tuned | None = None
     not_tuned: str | None = None
     validation: Step | None = None
-    verification: Verification | None = None
+    verification: DesignVerification | None = None
 
     @property
     def misses_attitude(self) -> str | None:
@@ -222,7 +222,7 @@ class ControllerDesign:
             "loss_after": float(state.best_loss),
         }
 
-    def _verification_data(self, verification: Verification) -> dict[str, Any]:
+    def _verification_data(self, verification: DesignVerification) -> dict[str, Any]:
         limit = verification.limit
         times = [
             {f"{percent:g}": one for percent, one in of_percents.items()}

@@ -22,7 +22,7 @@ from jaxsat.synthesis.controller_design.candidates import (
 from jaxsat.synthesis.controller_design.completion import completed
 from jaxsat.synthesis.controller_design.explanation import MOST_FLOWN, Remedy, remedies, separations
 from jaxsat.synthesis.controller_design.request import DesignSettings
-from jaxsat.synthesis.controller_design.result import ControllerDesign, Step, Verification
+from jaxsat.synthesis.controller_design.result import ControllerDesign, DesignVerification, Step
 from jaxsat.synthesis.controller_design.studies import Columns, Studies, first_answer, row_of
 from jaxsat.synthesis.controller_design.tuning import TUNED, Tuned, tune_candidate, tuning_table
 from jaxsat.synthesis.controller_design.vehicle import (
@@ -221,14 +221,14 @@ class DesignRun:
 
     def _verification(
         self, chosen: Candidate, others: tuple[Candidate, ...], verdict: VehicleVerdict
-    ) -> Verification:
+    ) -> DesignVerification:
         """The chosen controller on unseen cases; where too few settle, why."""
         settings, count = self.settings, self.settings.cases
         seed = settings.seeds.verification
         name = f"verification-{chosen.name}"
         what = f"step 5 of 5, verification of {chosen.name}"
         columns = dict(self.studies.columns(what, name, chosen.scenario, count, seed))
-        verification = Verification(summarise(columns), columns)
+        verification = DesignVerification(summarise(columns), columns)
         if verification.settled.value >= settings.settled:
             return verification
         two = verdict.judgement.laws == "two torques"

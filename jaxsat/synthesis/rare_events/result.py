@@ -11,7 +11,7 @@ LEAST_CASES, LEAST_REPLICATIONS = 100, 3
 
 
 @dataclass(frozen=True)
-class Settings:
+class EstimateSettings:
     """How an estimate is made: `cases` of a population, so many independent `replications`, the
     `least` probability that is looked for, and the `confidence` of the interval.
 
@@ -79,7 +79,7 @@ class RareEvent(NamedTuple):
     title: str
     requirement: str
     sentence: str
-    settings: Settings
+    settings: EstimateSettings
     probability: Interval
     estimates: list[float]
     flights: int

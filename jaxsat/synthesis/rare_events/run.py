@@ -35,7 +35,7 @@ from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
 from jaxsat.synthesis.plain_data import plain_data
 from jaxsat.synthesis.rare_events.doubts import doubts_of
 from jaxsat.synthesis.rare_events.flights import Batch, Flights, listed_flights, space_of
-from jaxsat.synthesis.rare_events.result import LevelRow, RareEvent, Settings
+from jaxsat.synthesis.rare_events.result import EstimateSettings, LevelRow, RareEvent
 from jaxsat.synthesis.rare_events.violations import Violations, differences
 
 KIND = "rare event"
@@ -69,7 +69,7 @@ def rare_event(
     numbers that cannot be or a requirement that studies do not judge, `OutputError` for a folder
     that cannot be used, and `ValueError` for an engine that cannot run the study.
     """
-    settings = Settings(cases, replications, least, confidence)
+    settings = EstimateSettings(cases, replications, least, confidence)
     scenario, study = _refined(scenario, execution, listener)
     table = _chosen(scenario, study, requirement)
     listener.approve([study_work(replace(study, count=_most_flights(settings)))])
@@ -148,7 +148,7 @@ def _chosen(scenario: Scenario, study: Study, name: str | None) -> RequirementTa
     return next(one for one in scenario.requirement if one.id == name)
 
 
-def _most_flights(settings: Settings) -> int:
+def _most_flights(settings: EstimateSettings) -> int:
     """The flights that it takes to get down to the least probability, about."""
     levels = math.ceil(-math.log(settings.least) / math.log(LENGTH))
     population = settings.cases + levels * (settings.cases - settings.cases // LENGTH)
@@ -190,7 +190,7 @@ class _Estimate:
 
     scenario: Scenario
     table: RequirementTable
-    settings: Settings
+    settings: EstimateSettings
     levels: list[Level]
     reached: bool
     found: Replications

@@ -30,7 +30,7 @@ from jaxsat.studies.changes import controller_of
 from jaxsat.studies.dispersions import number_at
 from jaxsat.synthesis.tuning.cost_evaluator import CostEvaluator, TrajectoryCounter
 from jaxsat.synthesis.tuning.forms import in_one_form, refined, throttled, with_control
-from jaxsat.synthesis.tuning.parameters import Parameter, SearchSpace, Values
+from jaxsat.synthesis.tuning.parameters import SearchSpace, TunedParameter, Values
 from jaxsat.synthesis.tuning.plan import (
     AbstractAggregate,
     ConditionalValueAtRisk,
@@ -228,7 +228,9 @@ def _search(scenario: Scenario, table: Mapping[str, BoundsTable]) -> tuple[Searc
                 f"got {bounds.low} to {bounds.high}"
             )
             raise BuildError(at(f"tuning.parameters.{key}", message))
-        parameters.append(Parameter(place, bounds.low, bounds.high, bounds.scale, value.shape, key))
+        parameters.append(
+            TunedParameter(place, bounds.low, bounds.high, bounds.scale, value.shape, key)
+        )
         values.append(value.ravel())
     return SearchSpace(tuple(parameters)), np.concatenate(values)
 

@@ -18,7 +18,7 @@ MAX_LOGIT = 12.0
 
 
 @dataclass(frozen=True)
-class Parameter:
+class TunedParameter:
     """A tuned number, or array of numbers, at a dotted `name` inside the controller.
 
     It is searched in the logarithm of its value, cut off at the bounds ("log"), or in the logit of
@@ -103,7 +103,7 @@ class Parameter:
 class SearchSpace:
     """All parameters side by side, as vectors with one entry for each number."""
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[TunedParameter, ...]
 
     def __post_init__(self):
         names = [parameter.name for parameter in self.parameters]

@@ -13,7 +13,7 @@ ORDER: tuple[VerdictName, ...] = ("violated", "undecided", "not judged", "met")
 
 
 @dataclass(frozen=True)
-class Demand:
+class Criterion:
     """What is to be shown of each requirement: by at least `fraction` of all cases met, with this
     `confidence` for all requirements and conditions together, with at most `cases` of a condition.
 
@@ -36,7 +36,7 @@ class Demand:
         return WhenDecided(self.fraction, decisions, 2 * self.confidence - 1)
 
 
-class Shown(NamedTuple):
+class Demonstration(NamedTuple):
     """What one condition shows of a requirement.
 
     Of `cases` cases `met` have a margin from 0 on; `fraction` is theirs with the interval of the
@@ -92,9 +92,9 @@ class Verification(NamedTuple):
     """
 
     title: str
-    demand: Demand
+    demand: Criterion
     sentences: dict[str, str]
-    shown: list[Shown]
+    shown: list[Demonstration]
     failures: list[FailureRow]
     not_tried: list[str]
 

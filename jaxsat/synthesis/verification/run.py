@@ -30,9 +30,9 @@ from jaxsat.synthesis.execution import Execution, Listener, folder_of_call, run_
 from jaxsat.synthesis.plain_data import plain_data
 from jaxsat.synthesis.verification.conditions import Condition, conditions_of
 from jaxsat.synthesis.verification.result import (
-    Demand,
+    Criterion,
+    Demonstration,
     FailureRow,
-    Shown,
     VerdictName,
     Verification,
 )
@@ -74,7 +74,7 @@ def verify(
     numbers that cannot be, `OutputError` for a folder that cannot be used, and `ValueError` for an
     engine that cannot run the studies.
     """
-    demand = Demand(fraction, confidence, cases)
+    demand = Criterion(fraction, confidence, cases)
     if not scenario.requirement:
         raise MissingTable("[requirement]")
     if scenario.dispersion is None:
@@ -104,14 +104,14 @@ def verify(
 
 def _of_nominal(
     scenario: Scenario, folder: ResumableFolder, tell: Callable[[str], None]
-) -> Iterator[Shown]:
+) -> Iterator[Demonstration]:
     """What the run of the scenario itself shows, with steps as fine as `jaxsat simulate` takes."""
     scenario, dataset = simulated_finely(scenario, tell)
     folder.write(f"{NOMINAL}.toml", dump(scenario))
     command = f"jaxsat simulate {folder.path / f'{NOMINAL}.toml'}"
     for one in judgements(dataset):
         verdict = "not judged" if math.isnan(one.margin) else "met" if one.met else "violated"
-        yield Shown(
+        yield Demonstration(
             one.id, NOMINAL, verdict, 1, int(one.met), None,
             one.margin, one.unit, one.signal, one.time, None, command,
         )  # fmt: skip
@@ -154,7 +154,7 @@ class _Study:
         requirements = self.study.program.requirements
         return () if requirements is None else requirements.names
 
-    def shown(self, columns: Columns, rule: WhenDecided, again: str) -> Iterator[Shown]:
+    def shown(self, columns: Columns, rule: WhenDecided, again: str) -> Iterator[Demonstration]:
         """What the cases show of each requirement."""
         count, condition = len(columns.get("code", ())), self.condition.text
         formulas = {one.id: one.parsed for one in self.scenario.requirement}
@@ -166,13 +166,13 @@ class _Study:
         for name, formula in formulas.items():
             one = summaries.get(name)
             if one is None:
-                yield Shown(
+                yield Demonstration(
                     name, condition, "not judged", 0, 0, None, math.nan, "", "", math.nan, None, ""
                 )
                 continue
             met = round(one.met.value * count)
             decisive = comparisons(formula)[one.comparison]
-            yield Shown(
+            yield Demonstration(
                 name, condition, _verdict(rule, met, count), count, met, rule.interval(met, count),
                 one.margin / decisive.size, decisive.unit, decisive.signal, one.time, one.worst,
                 again.format(one.worst),

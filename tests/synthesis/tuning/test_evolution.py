@@ -6,11 +6,11 @@ import pytest
 from jaxsat.scenario.optimisers import OptimiserSettings
 from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.synthesis.tuning.cost_evaluator import recovery_costs
-from jaxsat.synthesis.tuning.parameters import Parameter, SearchSpace
+from jaxsat.synthesis.tuning.parameters import SearchSpace, TunedParameter
 from jaxsat.synthesis.tuning.strategies import next_population
 
 pytest.importorskip("cma")
-SPACE = SearchSpace((Parameter("a", 0.1, 10.0), Parameter("b", 1.0, 100.0)))
+SPACE = SearchSpace((TunedParameter("a", 0.1, 10.0), TunedParameter("b", 1.0, 100.0)))
 START, BEST = np.log([5.0, 3.0]), np.log([0.5, 20.0])
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from jaxsat.scenario.optimisers import OptimiserSettings
 from jaxsat.synthesis.tuning import baselines
-from jaxsat.synthesis.tuning.parameters import Parameter, SearchSpace
+from jaxsat.synthesis.tuning.parameters import SearchSpace, TunedParameter
 from jaxsat.synthesis.tuning.plan import (
     ConditionalValueAtRisk,
     Mean,
@@ -19,8 +19,8 @@ from jaxsat.synthesis.tuning.plan import (
 
 SPACE = SearchSpace(
     (
-        Parameter("law.k", 1e-3, 300.0),
-        Parameter("pair", 0.5, 2.0, "logit", (2,), "p"),
+        TunedParameter("law.k", 1e-3, 300.0),
+        TunedParameter("pair", 0.5, 2.0, "logit", (2,), "p"),
     )
 )
 VALUES = np.array([[0.01, 0.7, 1.9], [250.0, 1.25, 0.6]])
@@ -58,8 +58,8 @@ def test_no_point_leaves_the_bounds():
 
 def test_values_at_their_bounds_are_told():
     near = {"k": np.array([0.0101, 100.0]), "m": np.array([1.995])}
-    parameters = (Parameter("k", 0.01, 100.0, shape=(2,)), Parameter("m", 1.0, 2.0, "logit"))
-    space = SearchSpace(parameters)
+    pair = TunedParameter("k", 0.01, 100.0, shape=(2,))
+    space = SearchSpace((pair, TunedParameter("m", 1.0, 2.0, "logit")))
     values = space.joined(near, ())
     assert space.at_bounds(values) == {"k[1]": 0.01, "k[2]": 100.0, "m": 2.0}
     assert space.at_bounds(np.array([0.02, 90.0, 1.5])) == {}
@@ -82,7 +82,7 @@ def test_starts_are_log_uniform_where_the_search_is_logarithmic():
 )
 def test_bounds_are_checked(wrong, message):
     with pytest.raises(ValueError, match=message):
-        Parameter("k", **wrong)
+        TunedParameter("k", **wrong)
 
 
 COSTS = np.array([3.0, 100.0, 1.0, 7.0, 5.0, 40.0, 2.0, 9.0])

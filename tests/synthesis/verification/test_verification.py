@@ -15,7 +15,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.store.dataset import open_trajectory
 from jaxsat.studies.statistics import WhenAllDecided, WhenDecided
 from jaxsat.synthesis.verification.conditions import conditions_of
-from jaxsat.synthesis.verification.result import Demand
+from jaxsat.synthesis.verification.result import Criterion
 
 SCENARIO = """
 title = "Two wheels and a third"
@@ -189,13 +189,13 @@ def test_a_device_that_has_failed_before_the_start_does_not_fail_again(tmp_path)
 @pytest.mark.parametrize("demand", [{"fraction": 1.0}, {"confidence": 0.5}, {"cases": 0}])
 def test_demands_that_cannot_be_are_refused(demand):
     with pytest.raises(ArgumentError, match=next(iter(demand))):
-        Demand(**demand)
+        Criterion(**demand)
 
 
 @pytest.mark.parametrize("confidence", [0.8, 0.95])
 def test_a_claim_holds_with_the_demanded_confidence_however_many_cases_are_flown(confidence):
     """2,000 studies of two requirements that are met by just less than what is demanded."""
-    demand = Demand(0.98, confidence, 4000)
+    demand = Criterion(0.98, confidence, 4000)
     rule = demand.rule(2)
     whole = WhenAllDecided(rule)
     generator, wrong = np.random.default_rng(7), 0
