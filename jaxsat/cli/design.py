@@ -1,27 +1,15 @@
 """`jaxsat design`: from a vehicle with failures to a controller verified on it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from jaxsat.cli.computing import interruptibly
-from jaxsat.cli.listening import execution, listener, resumed_later
+from jaxsat.cli.listening import run_into
 from jaxsat.cli.loading import load_vehicle
-from jaxsat.cli.options import (
-    OptionalSeed,
-    Overrides,
-    Resumable,
-    Text,
-    number,
-    option_mistake,
-    whole,
-)
-from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, print_document, print_stderr, print_stdout
-
-if TYPE_CHECKING:
-    from jaxsat.synthesis.controller_design.result import ControllerDesign
+from jaxsat.cli.options import OptionalSeed, Overrides, Resumable, Text, number, whole
+from jaxsat.cli.report import planned_report, present
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, print_stderr
 
 MAX_STEPS, MAX_CASES, MIN_SETTLED = 10_000, 10**6, 1e-6
 
@@ -78,43 +66,29 @@ def design(
     report = planned_report(results, target)
 
     import jaxsat
-
-    try:
-        with resumed_later(target):
-            result = interruptibly(
-                lambda: jaxsat.design(
-                    vehicle,
-                    law=law,
-                    settled=settled,
-                    cases=cases,
-                    steps=steps,
-                    seed=seed,
-                    attitude=attitude,
-                    goal=goal,
-                    out=target,
-                    execution=execution(results),
-                    listener=listener(target, results),
-                )
-            )
-    except ValueError as error:
-        raise option_mistake(error, design.__annotations__) from None
-    status = _print_result(result, target, results.quiet)
-    finish_report(report, quiet=results.quiet)
-    return status
-
-
-def _print_result(result: "ControllerDesign", target: Path, quiet: bool) -> int:
-    """Print the page; the status says whether the required fraction settles."""
     from jaxsat.report.design_document import design_document
     from jaxsat.synthesis.controller_design.run import design_record
 
+    result = run_into(
+        target,
+        results,
+        lambda **into: jaxsat.design(
+            vehicle,
+            law=law,
+            settled=settled,
+            cases=cases,
+            steps=steps,
+            seed=seed,
+            attitude=attitude,
+            goal=goal,
+            **into,
+        ),
+        design.__annotations__,
+    )
     record = design_record(result)
-    if not quiet:
-        print_document(design_document(record))
-        print_stdout("")
-        print_stdout(f"written to {target}")
+    present(design_document(record), target, results, report)
     if result.outcome == "reached":
         return SUCCESS
-    if quiet:
+    if results.quiet:
         print_stderr(record["headline"])
     return FAILED_RUN

@@ -1,11 +1,12 @@
 """What a library function tells while it runs, as progress, remarks and warnings."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from jaxsat.cli.options import Resumable
+from jaxsat.cli.computing import interruptibly
+from jaxsat.cli.options import Resumable, option_mistake
 from jaxsat.cli.progress import show_progress
 from jaxsat.cli.terminal import print_stderr, print_warning
 from jaxsat.cli.work import require_approval
@@ -14,6 +15,27 @@ if TYPE_CHECKING:
     from jaxsat.studies.run import StudyProgress
     from jaxsat.synthesis.execution import Execution, Listener
     from jaxsat.synthesis.tuning.descent import DescentProgress
+
+Result = TypeVar("Result")
+
+
+def run_into(
+    target: Path, results: Resumable, work: Callable[..., Result], options: Container[str] = ()
+) -> Result:
+    """What `work` returns, which gets the folder, how studies are run, and a listener.
+
+    An interruption tells that the results so far are in `target`. A `ValueError` becomes a
+    `UserMistake`, under the option that an argument of one of these names comes from.
+    """
+    try:
+        with resumed_later(target):
+            return interruptibly(
+                lambda: work(
+                    out=target, execution=execution(results), listener=listener(target, results)
+                )
+            )
+    except ValueError as error:
+        raise option_mistake(error, options) from None
 
 
 def listener(target: Path, results: Resumable) -> "Listener":

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from jaxsat.cli.computing import interruptibly, use_double_precision
-from jaxsat.cli.listening import execution, listener, resumed_later
+from jaxsat.cli.listening import execution, listener, run_into
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import (
     MAX_BATCH_SIZE,
@@ -18,9 +18,9 @@ from jaxsat.cli.options import (
     option_mistake,
     whole,
 )
-from jaxsat.cli.report import finish_report, planned_report
+from jaxsat.cli.report import finish_report, planned_report, present
 from jaxsat.cli.study_files import write_one_case
-from jaxsat.cli.terminal import SUCCESS, print_document, print_stdout
+from jaxsat.cli.terminal import SUCCESS
 
 if TYPE_CHECKING:
     from jaxsat.scenario import Scenario
@@ -80,28 +80,21 @@ def rare(
     from jaxsat.report.rare_event_document import rare_event_document
     from jaxsat.synthesis.plain_data import plain_data
 
-    try:
-        with resumed_later(target):
-            result = interruptibly(
-                lambda: jaxsat.rare_event(
-                    chosen,
-                    requirement,
-                    cases=cases,
-                    replications=replications,
-                    least=least,
-                    confidence=confidence,
-                    out=target,
-                    execution=execution(results),
-                    listener=listener(target, results),
-                )
-            )
-    except ValueError as error:
-        raise option_mistake(error, OPTIONS) from None
-    if not results.quiet:
-        print_document(rare_event_document(plain_data(result.as_data())))
-        print_stdout("")
-        print_stdout(f"written to {target}")
-    finish_report(report, quiet=results.quiet)
+    result = run_into(
+        target,
+        results,
+        lambda **into: jaxsat.rare_event(
+            chosen,
+            requirement,
+            cases=cases,
+            replications=replications,
+            least=least,
+            confidence=confidence,
+            **into,
+        ),
+        OPTIONS,
+    )
+    present(rare_event_document(plain_data(result.as_data())), target, results, report)
     return SUCCESS
 
 

@@ -4,12 +4,16 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jaxsat.cli.computing import dask_unseen, interruptibly, use_double_precision
 from jaxsat.cli.options import Output, Results, place
 from jaxsat.cli.places import refuse_nested
 from jaxsat.cli.progress import show_progress
-from jaxsat.cli.terminal import SUCCESS, UserMistake, print_stdout
+from jaxsat.cli.terminal import SUCCESS, UserMistake, print_document, print_stdout
+
+if TYPE_CHECKING:
+    from jaxsat.report.document import Document
 
 REPORT = "report.html"
 """What `--report` writes into a folder of results."""
@@ -106,6 +110,21 @@ def finish_report(plan: PlannedReport | None, *, quiet: bool) -> None:
     plan.write()
     if not quiet:
         print_stdout(f"report written to {plan.file}")
+
+
+def present(
+    document: "Document",
+    target: Path,
+    results: Results,
+    report: PlannedReport | None,
+    already: str = "",
+) -> None:
+    """Print the document of results unless that is not wanted, and write their report."""
+    if not results.quiet:
+        print_document(document)
+        print_stdout("")
+        print_stdout(f"{already}written to {target}")
+    finish_report(report, quiet=results.quiet)
 
 
 def _require_packages() -> None:

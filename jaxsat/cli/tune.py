@@ -6,8 +6,8 @@ from jaxsat.cli.computing import interruptibly, use_double_precision
 from jaxsat.cli.listening import listener, resumed_later
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import BatchSize, Flag, Overrides, Resumable
-from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.terminal import SUCCESS, UserMistake, print_document, print_stdout
+from jaxsat.cli.report import planned_report, present
+from jaxsat.cli.terminal import SUCCESS, UserMistake
 
 
 def tune(
@@ -66,9 +66,6 @@ def tune(
             )
     except ValueError as error:
         raise UserMistake(str(error)) from None
-    if not results.quiet:
-        print_document(outcome.document)
-        print_stdout("")
-        print_stdout(f"{'already ' if outcome.kept is not None else ''}written to {target}")
-    finish_report(report, quiet=results.quiet)
+    already = "" if outcome.kept is None else "already "
+    present(outcome.document, target, results, report, already)
     return SUCCESS

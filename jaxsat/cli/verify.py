@@ -5,19 +5,11 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from jaxsat.cli.computing import interruptibly
-from jaxsat.cli.listening import execution, listener, resumed_later
+from jaxsat.cli.listening import run_into
 from jaxsat.cli.loading import load_scenario
 from jaxsat.cli.options import MAX_CASES, Flag, Overrides, Resumable, number, whole
-from jaxsat.cli.report import finish_report, planned_report
-from jaxsat.cli.terminal import (
-    FAILED_RUN,
-    SUCCESS,
-    UserMistake,
-    print_document,
-    print_stderr,
-    print_stdout,
-)
+from jaxsat.cli.report import planned_report, present
+from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, print_stderr
 
 
 def verify(
@@ -62,28 +54,20 @@ def verify(
     from jaxsat.report.verification_document import verification_document
     from jaxsat.synthesis.plain_data import plain_data
 
-    try:
-        with resumed_later(target):
-            result = interruptibly(
-                lambda: jaxsat.verify(
-                    chosen,
-                    fraction=fraction,
-                    confidence=confidence,
-                    cases=cases,
-                    failures=not no_failures,
-                    out=target,
-                    execution=execution(results),
-                    listener=listener(target, results),
-                )
-            )
-    except ValueError as error:
-        raise UserMistake(str(error)) from None
+    result = run_into(
+        target,
+        results,
+        lambda **into: jaxsat.verify(
+            chosen,
+            fraction=fraction,
+            confidence=confidence,
+            cases=cases,
+            failures=not no_failures,
+            **into,
+        ),
+    )
     document = verification_document(plain_data(result.as_data()))
-    if not results.quiet:
-        print_document(document)
-        print_stdout("")
-        print_stdout(f"written to {target}")
-    finish_report(report, quiet=results.quiet)
+    present(document, target, results, report)
     if result.verified:
         return SUCCESS
     if results.quiet:
