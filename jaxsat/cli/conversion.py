@@ -13,7 +13,7 @@ from jaxsat.core.epoch import epoch_of
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.text import clean
 from jaxsat.scenario.build.plant import place_of
-from jaxsat.scenario.tables import OrbitTable
+from jaxsat.scenario.parts.orbit import OrbitTable
 from jaxsat.store.tables import columns_of
 
 FRAMES = {"inertial": "EME2000", "orbit": "LVLH"}

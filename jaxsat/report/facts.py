@@ -12,7 +12,7 @@ from jaxsat.core.numerals import number_text
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.report.document import Facts
 from jaxsat.scenario.control import known_law
-from jaxsat.scenario.tables import OrbitTable
+from jaxsat.scenario.parts.orbit import OrbitTable
 
 
 def scenario_tables(dataset: xr.Dataset) -> dict[str, Any]:

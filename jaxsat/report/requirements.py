@@ -11,8 +11,8 @@ from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.numerals import number_text
 from jaxsat.report.document import Cell, Shown, Table
 from jaxsat.report.facts import scenario_tables
+from jaxsat.scenario.parts.orbit import OrbitTable
 from jaxsat.scenario.parts.requirements import RequirementTable
-from jaxsat.scenario.tables import OrbitTable
 from jaxsat.simulation.requirements import raw_signals, saved_margin
 from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 from jaxsat.studies.statistics import fraction_text

@@ -12,7 +12,7 @@ from jaxsat.core.numerals import number_text
 from jaxsat.report.facts import scenario_tables
 from jaxsat.report.plot import TIME, Axis, Line, Plot
 from jaxsat.scenario.build.plant import field_of
-from jaxsat.scenario.tables import OrbitTable
+from jaxsat.scenario.parts.orbit import OrbitTable
 from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION
 
 WHEEL, ROD = "wheel", "magnetorquer"

@@ -13,6 +13,7 @@ from jaxsat.scenario.plugins import LAW, PluginError, find_class, installed, req
 from jaxsat.scenario.quantities import (
     Inertia,
     Number,
+    Relation,
     ScenarioTable,
     Switches3,
     choice,
@@ -21,7 +22,6 @@ from jaxsat.scenario.quantities import (
     table_class,
     within,
 )
-from jaxsat.scenario.tables import Relation
 
 
 def law_names() -> tuple[str, ...]:

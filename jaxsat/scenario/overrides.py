@@ -9,7 +9,8 @@ from jaxsat.core.declaration.laws import LAWS
 from jaxsat.scenario.control import known_law, table_of
 from jaxsat.scenario.errors import Problem
 from jaxsat.scenario.limits import MAX_OVERRIDE_LENGTH, Excess, require_modest
-from jaxsat.scenario.tables import ADAPTIVE_STEP_KEYS, ELLIPTIC_KEYS, FIXED_STEP_KEYS
+from jaxsat.scenario.parts.orbit import ELLIPTIC_KEYS
+from jaxsat.scenario.tables import ADAPTIVE_STEP_KEYS, FIXED_STEP_KEYS
 from jaxsat.scenario.units import other_spellings
 from jaxsat.scenario.wording import shown
 

@@ -126,6 +126,9 @@ def _direction(value: tuple) -> tuple:
 
 Direction = Annotated[Vector3, AfterValidator(_direction)]
 Position3 = Annotated[tuple[Annotated[Number, within(LENGTH)], ...], Len(3, 3)]
+Relation = Literal["exact", "small-angle"]
+"""How the rate of the orbit frame enters (11)."""
+
 Time = Annotated[Number, Ge(0), Le(SECONDS.high)]
 
 UNIT_LENGTH_TOLERANCE = 1e-6

@@ -11,13 +11,13 @@ from pydantic_core import InitErrorDetails, PydanticCustomError
 from jaxsat.core.declaration.actuators import PARTS
 from jaxsat.core.declaration.laws import Law
 from jaxsat.scenario import checks as _checks  # noqa: F401  (declares the rules)
-from jaxsat.scenario import orbit_checks as _orbit_checks  # noqa: F401  (likewise)
 from jaxsat.scenario.control import ControlTable
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.disturbances import DisturbanceTable, PanelTable
 from jaxsat.scenario.parts.failures import FailureTable
 from jaxsat.scenario.parts.named import ActuatorsOfAKind
+from jaxsat.scenario.parts.orbit import OrbitTable
 from jaxsat.scenario.parts.registry import TABLES, TYPES
 from jaxsat.scenario.parts.requirements import RequirementTable
 from jaxsat.scenario.parts.sensors import TABLES as SENSORS
@@ -28,7 +28,6 @@ from jaxsat.scenario.quantities import Line, ScenarioTable, Text, choice, table_
 from jaxsat.scenario.rules import broken_rules
 from jaxsat.scenario.tables import (
     InitialTable,
-    OrbitTable,
     SettledTable,
     SimulationTable,
     SpacecraftTable,

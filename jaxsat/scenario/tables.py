@@ -1,6 +1,5 @@
 """The tables of a scenario file apart from `[control]`."""
 
-import datetime
 import math
 from collections.abc import Sequence
 from typing import Annotated, Literal
@@ -8,25 +7,19 @@ from typing import Annotated, Literal
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len, Lt
 from jaxtyping import Float
-from pydantic import AfterValidator, BeforeValidator
 
 from jaxsat.core.allocation import unit_columns
-from jaxsat.core.earth import EARTH_RADIUS, circular_orbit_rate
-from jaxsat.core.epoch import epoch_of, sidereal_angle
 from jaxsat.core.ranges import (
     MAX_FIXED_STEPS,
-    ORBIT_RATE,
     SECONDS,
     SETTLED_RATE,
     SETTLED_TURN,
     TORQUE_LIMIT,
-    TURN,
     Range,
 )
 from jaxsat.scenario.quantities import (
     STAND_IN,
     Inertia,
-    Line,
     Number,
     Position3,
     Positive,
@@ -41,16 +34,12 @@ from jaxsat.scenario.quantities import (
     within,
 )
 
-Relation = Literal["exact", "small-angle"]
 SolverName = Literal["euler", "midpoint", "heun", "ralston", "bosh3", "tsit5", "dopri5", "dopri8"]
 EulerSequence = Literal[
     "xyz", "xzy", "yxz", "yzx", "zxy", "zyx", "xyx", "xzx", "yxy", "yzy", "zxz", "zyz"
 ]
 MRP = Range(-1e6, 1e6)
 Seconds = Annotated[Number, within(SECONDS)]
-
-MAX_ALTITUDE = 1.5e6
-"""km; farther out the Earth does not hold an orbit."""
 
 MAX_SAMPLED_STEPS = 2**26
 """Steps of a run under a sampled law: a week at 0.1 s and four steps a period, and more."""
@@ -97,109 +86,6 @@ def working_axes(
     """A unit column for each thruster left, of one row of direction cosines for each thruster."""
     rows = [row for number, row in enumerate(axes, 1) if number not in failed]
     return unit_columns(np.array(rows, dtype=float).reshape(-1, 3).T)
-
-
-def _known_epoch(text: str) -> str:
-    epoch_of(text)
-    return text
-
-
-def _as_text(value: object) -> object:
-    """A date or a date and time of TOML as text."""
-    if isinstance(value, datetime.date):
-        return value.isoformat().replace("+00:00", "Z")
-    return value
-
-
-Epoch = Annotated[Line, BeforeValidator(_as_text), AfterValidator(_known_epoch)]
-
-
-ELLIPTIC_KEYS = (
-    "perigee_altitude_km",
-    "apogee_altitude_km",
-    "argument_of_perigee_rad",
-    "mean_anomaly_rad",
-    "j2",
-)
-"""Keys of `[orbit]` that say what an elliptic orbit is, the first of which makes it one."""
-
-
-class OrbitTable(ScenarioTable):
-    """`[orbit]`: a circular orbit, by rate or by altitude, or an elliptic one."""
-
-    rate_rad_s: Annotated[Number, within(ORBIT_RATE)] | None = quantity(
-        "Orbital rate ω0", "rad/s", None
-    )
-    altitude_km: Annotated[Number, Gt(0), Le(MAX_ALTITUDE)] | None = quantity(
-        "Altitude above the Earth's equator, for the two-body rate", "km", None
-    )
-    perigee_altitude_km: Annotated[Number, Gt(0), Le(MAX_ALTITUDE)] | None = quantity(
-        "Altitude of the perigee above the Earth's equator: an elliptic orbit, in which attitudes "
-        "are relative to inertial axes; with apogee_altitude_km",
-        "km",
-        None,
-    )
-    apogee_altitude_km: Annotated[Number, Gt(0), Le(MAX_ALTITUDE)] | None = quantity(
-        "Altitude of the apogee", "km", None
-    )
-    argument_of_perigee_rad: Annotated[Number, within(TURN)] | None = quantity(
-        "Argument of perigee at the start; by default 0", "rad", None
-    )
-    mean_anomaly_rad: Annotated[Number, within(TURN)] | None = quantity(
-        "Mean anomaly of the spacecraft at the start; by default 0", "rad", None
-    )
-    j2: bool | None = choice(
-        "Whether node, perigee and mean anomaly move at the secular rates of the Earth's "
-        "oblateness; by default false",
-        None,
-    )
-    inclination_rad: Annotated[Number, within(TURN)] = quantity(
-        "Inclination; this and the angles below matter to magnetic, drag and solar torques, and to "
-        "inertial axes in `jaxsat convert`",
-        "rad",
-        0.0,
-    )
-    ascending_node_rad: Annotated[Number, within(TURN)] = quantity(
-        "Right ascension of the ascending node", "rad", 0.0
-    )
-    argument_of_latitude_rad: Annotated[Number, within(TURN)] = quantity(
-        "Argument of latitude of the spacecraft at the start", "rad", 0.0
-    )
-    sidereal_angle_rad: Annotated[Number, within(TURN)] = quantity(
-        "Right ascension of Greenwich at the start; that of the epoch where there is one",
-        "rad",
-        0.0,
-    )
-    epoch: Epoch | None = choice("UTC at the start, such as 2026-03-20T12:00:00", None)
-    field: Literal["dipole", "igrf"] = choice(
-        'The Earth\'s magnetic field: "dipole", the tilted dipole of 2020, or "igrf", the IGRF-14 '
-        "at the epoch",
-        "dipole",
-    )
-    relation: Relation = choice(
-        'How the orbit frame\'s rate enters (11): "exact", or "small-angle" with C_bo ≈ I',
-        "exact",
-    )
-
-    def rate(self) -> float:
-        """ω0 of the reference frame, rad/s, given or by the altitude; 0 in an elliptic orbit."""
-        if self.rate_rad_s is not None or self.altitude_km is None:
-            return self.rate_rad_s or 0.0
-        return circular_orbit_rate(1000 * self.altitude_km)
-
-    def ellipse(self) -> tuple[float, float] | None:
-        """Semi-major axis (m) and eccentricity of an elliptic orbit; None in a circular one."""
-        if self.perigee_altitude_km is None or self.apogee_altitude_km is None:
-            return None
-        heights = (self.perigee_altitude_km, self.apogee_altitude_km)
-        low, high = (EARTH_RADIUS + 1000 * height for height in heights)
-        return (low + high) / 2, (high - low) / (high + low)
-
-    def greenwich(self) -> float:
-        """The right ascension of Greenwich at the start, rad, given or by the epoch."""
-        if self.epoch is None:
-            return self.sidereal_angle_rad
-        return sidereal_angle(epoch_of(self.epoch))
 
 
 class InitialTable(ScenarioTable):

@@ -17,10 +17,10 @@ from jaxsat.scenario.build.plugin_trial import made_part, require_torque
 from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.disturbances import DisturbanceTable
 from jaxsat.scenario.parts.named import PartTable
+from jaxsat.scenario.parts.orbit import OrbitTable
 from jaxsat.scenario.plugins import DISTURBANCE, find_part
 from jaxsat.scenario.quantities import values_of
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.tables import OrbitTable
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.effector import AbstractEffector, EffectorContext
 from jaxsat.spacecraft.environment.disturbances import (

@@ -12,11 +12,11 @@ from jaxtyping import Array, Float
 
 from jaxsat.core.checks import require_counts
 from jaxsat.core.declaration.actuators import EFFECTORS
+from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.distributions import distribution_of
-from jaxsat.scenario.build.plant import orbit_rate
-from jaxsat.scenario.build.requirements import build_requirements
+from jaxsat.scenario.build.plant import orbit_rate, sunlight_of
 from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.errors import MissingTable
@@ -28,6 +28,7 @@ from jaxsat.simulation.assessment import IntegrationError
 from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
 from jaxsat.simulation.engine.fixed import FixedStepper
 from jaxsat.simulation.engine.interface import AbstractEngine
+from jaxsat.simulation.engine.monitors import state_signals
 from jaxsat.simulation.engine.native import NativeEngine, native_obstacle
 from jaxsat.simulation.engine.program import Program, observations_per_save, program_of
 from jaxsat.simulation.engine.progress import RunningCost
@@ -35,6 +36,7 @@ from jaxsat.simulation.engine.reference import ReferenceEngine
 from jaxsat.simulation.engine.scan import ScanEngine
 from jaxsat.simulation.loops import ContinuousLoop
 from jaxsat.simulation.methods import SMOOTH_STEP
+from jaxsat.simulation.requirements import Requirements, raw_signals
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.studies.designs import AbstractDesign, Independent, LatinHypercube, Sobol
 from jaxsat.studies.dispersions import RATES, Dispersed, Dispersions, StudyCase
@@ -95,7 +97,7 @@ def build_study(
     copies, program = study_program(scenario, run, seed)
     if isinstance(run.loop, SampledLoop) or (engine != "diffrax" and not _adaptive(scenario, run)):
         program = dataclasses.replace(program, error_every=ERROR_EVERY)
-    program = dataclasses.replace(program, requirements=build_requirements(scenario, run))
+    program = dataclasses.replace(program, requirements=_requirements(scenario, run))
     design = _design(scenario.dispersion, seed, count)
     example = StudyCase(np.zeros(1, np.uint32), np.zeros((1, sum(copies.dimensions().values()))))
     chosen_engine, remark = _engine(scenario, run, (program, example), engine, batch_size)
@@ -274,3 +276,21 @@ def _adaptive(scenario: Scenario, run: Run) -> bool:
         return solver.steps == "adaptive" and not isinstance(loop, SampledLoop)
     smooth = isinstance(loop, ContinuousLoop) and loop.is_smooth()
     return not smooth or solver.name in (None, *ADAPTIVE_SOLVERS)
+
+
+def _requirements(scenario: Scenario, run: Run) -> Requirements | None:
+    """The requirements that can be judged by the state of the loop alone; None without any."""
+    if not scenario.requirement:
+        return None
+    shapes = jax.eval_shape(
+        lambda: state_signals(run.loop, run.times[0], run.loop.start(run.start))
+    )
+    chosen = [one for one in scenario.requirement if raw_signals(one.parsed) <= set(shapes)]
+    if not chosen:
+        return None
+    formulas = tuple(one.parsed for one in chosen)
+    names = tuple(one.id for one in chosen)
+    needs_sun = any(one.signal == "sun_angle" for all in formulas for one in comparisons(all))
+    sun = scenario.disturbance.sun_direction
+    light = sunlight_of(scenario.orbit, sun) if needs_sun else None
+    return Requirements(names, formulas, scenario.simulation.duration_s, light)
