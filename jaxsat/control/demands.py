@@ -53,8 +53,8 @@ class MorinSamson(AbstractDemand):
         self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar
     ) -> tuple[RealScalar, RealScalar]:
         """α = -(2 / c)(k3² ẑ + 2ζ k3 s), β = 0, of ẑ what is beyond `rest`."""
-        wanted = self.k3**2 * beyond(turn, self.rest) + 2 * self.damping * self.k3 * rate
-        alpha = -2 * reciprocal(coupling) * wanted
+        correction = self.k3**2 * beyond(turn, self.rest) + 2 * self.damping * self.k3 * rate
+        alpha = -2 * reciprocal(coupling) * correction
         return alpha, jnp.zeros_like(alpha)
 
 

@@ -211,23 +211,23 @@ class ThirdAxisEstimator(eqx.Module):
         belief: ThirdAxisBelief,
     ) -> ThirdAxis:
         zero = jnp.zeros_like(omega[2])
-        known = ThirdRate(omega[2], zero, zero)
+        estimate = ThirdRate(omega[2], zero, zero)
         if self.observer is not None:
-            known = self.observer.believed(ripple)
+            estimate = self.observer.believed(ripple)
         orbit_rate = self._orbit_rate(belief.turn)
         rest = leaned(orbit_rate, lean)
         return ThirdAxis(
-            known.rate - rest[2] - jnp.sum(errors[:2] * (omega - rest)[:2]),
+            estimate.rate - rest[2] - jnp.sum(errors[:2] * (omega - rest)[:2]),
             lean + errors[:2],
             belief.coupling,
             belief.axes,
-            known.rate_ripple,
-            known.turn_ripple,
+            estimate.rate_ripple,
+            estimate.turn_ripple,
             factors + errors[2:8],
             belief.turn,
             orbit_rate,
             rest,
-            belief.drift if known.steady is None else belief.drift + known.steady,
+            belief.drift if estimate.steady is None else belief.drift + estimate.steady,
         )
 
     def _balance(

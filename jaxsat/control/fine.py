@@ -132,9 +132,9 @@ class FineStage(eqx.Module):
             slow_late = Slow(*(jnp.where(alone, 0.0, x) for x in slow_late))
         quiet_request = quiet.request(slow_late, third_late)
         request = choose(late, quiet_request, early.request(slow, third, aim))
-        wanted = request.granted(third.axes)
-        tracking = early.tracking(clock, state, tilt, wanted)
-        return early.torque(state.omega, tracking), tracking.rate, FineMemory(wanted, late, hold)
+        motion = request.granted(third.axes)
+        tracking = early.tracking(clock, state, tilt, motion)
+        return early.torque(state.omega, tracking), tracking.rate, FineMemory(motion, late, hold)
 
 
 class OscillatorySettlingMemory(NamedTuple):
@@ -184,12 +184,12 @@ class OscillatorySettling(AbstractSampledController):
     ) -> tuple[Pair, OscillatorySettlingMemory]:
         """Estimate, then the fine stage, whose clock begins with the law."""
         clock = memory.samples * self.period
-        seen = self.form.seen(state)
+        view = self.form.seen(state)
         third, estimator = self.estimator.update(
-            seen.omega, memory.estimator, self.period, seen.attitude
+            view.omega, memory.estimator, self.period, view.attitude
         )
-        seen = seen.relative_to(third.turn)
-        torque, reference, fine = self.fine.step(clock, seen, third, memory.fine)
+        view = view.relative_to(third.turn)
+        torque, reference, fine = self.fine.step(clock, view, third, memory.fine)
         command = self.form.command(clipped(torque, self.torque_limit))
         return command, OscillatorySettlingMemory(fine, estimator, reference, memory.samples + 1)
 

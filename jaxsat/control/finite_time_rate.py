@@ -132,12 +132,12 @@ class FiniteTimeRate(eqx.Module):
 
     def torque(self, omega: Vector, tracking: Tracking) -> Pair:
         """The torque about x and y that tracks, not yet limited, N m."""
-        wanted = tracking_torque(
+        drive = tracking_torque(
             self.form, omega, tracking.rate, tracking.derivative, self.rate_gain
         )
         overwhelmed = jnp.any(jnp.abs(self.form.gyroscopic_torque(omega)) > self.torque_limit)
         braking = -self.rate_gain * self.form.moments[:2] * omega[:2]
-        return jnp.where(overwhelmed, braking, wanted)
+        return jnp.where(overwhelmed, braking, drive)
 
     def _feasible(self, reference: Pair, slow: RealScalar) -> RealScalar:
         """The share of a reference (rad/s) that thrusters hold against the gyroscopic torque."""

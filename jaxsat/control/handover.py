@@ -207,10 +207,10 @@ class Handover(eqx.Module):
             begun, lasting = self.slack.to_enter(slow), self.slack.to_stay(slow, clock)
         from_held, from_wanted = _farthest(begun, held, deceleration)
         leave = _farthest(lasting, held, deceleration)[1] > self.leave_turn
-        wanted = Slow(slow.rate, slow.turn + held)
+        error = Slow(slow.rate, slow.turn + held)
         if coast is not None:
-            short = jnp.where(coast.drifts, ~coast.lasts(wanted, self.leave_turn, ENOUGH), leave)
-            leave = (jnp.abs(wanted.turn) > self.leave_turn) | (short & coast.judged)
+            short = jnp.where(coast.drifts, ~coast.lasts(error, self.leave_turn, ENOUGH), leave)
+            leave = (jnp.abs(error.turn) > self.leave_turn) | (short & coast.judged)
             if self.leave_held is not None:
                 leave = leave | (~coast.drifts & (jnp.abs(slow.turn) > self.leave_held))
             from_held, from_wanted = _farthest(slow, held, coast.deceleration(deceleration))
@@ -223,7 +223,7 @@ class Handover(eqx.Module):
             & (jnp.abs(excess[1]) < self.enter_rate)
         )
         if coast is not None:
-            enter = enter & coast.lasts(wanted, self.leave_turn, NEAR_AIM, self.aim_slack)
+            enter = enter & coast.lasts(error, self.leave_turn, NEAR_AIM, self.aim_slack)
         leave = leave | (tilt.size > self.leave_tilt)
         return jnp.where(late, ~leave, enter)
 

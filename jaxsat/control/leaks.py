@@ -155,9 +155,9 @@ class Leaks(eqx.Module):
         most = jnp.sum(jnp.abs(about) * limit)
 
         def one(way, best):
-            wanted = most * jnp.where(way % 2 == 0, -1.0, 1.0)
-            wanted = jnp.stack([0 * most, 0 * most, wanted])
-            duty, _ = duties(wanted, jnp.where(self.flat | (way >= 2), limit, 0.0))
+            aim = most * jnp.where(way % 2 == 0, -1.0, 1.0)
+            aim = jnp.stack([0 * most, 0 * most, aim])
+            duty, _ = duties(aim, jnp.where(self.flat | (way >= 2), limit, 0.0))
             push = jnp.abs(jnp.sum(about * duty)) / self.inertia
             torque = self.basis @ duty
             variance = jnp.sum(torque * (covariance @ torque))
@@ -210,6 +210,6 @@ def wanted_push(slow: Slow, drift: RealScalar, push: Pair) -> RealScalar:
     """
     least = jnp.min(push)
     square = USED * least / CONTROLLED_TURN
-    wanted = -square * slow.turn - 2 * jnp.sqrt(square) * slow.rate
-    wanted = jnp.where(least > 0, wanted, 0.0)
-    return jnp.clip(wanted - drift, -push[0], push[1])
+    acceleration = -square * slow.turn - 2 * jnp.sqrt(square) * slow.rate
+    acceleration = jnp.where(least > 0, acceleration, 0.0)
+    return jnp.clip(acceleration - drift, -push[0], push[1])

@@ -46,8 +46,8 @@ class PulseRounding(eqx.Module):
         count = jnp.clip(jnp.floor(duty * period / least * (1 + 1e-12)), 0.0, most)
         pulse = self.effect * (limit * least)[None]
         square = jnp.sum(pulse**2, axis=0)
-        wanted = duty * period - count * least
-        owed = self.effect @ jnp.where(free, 0.0, limit * wanted)
+        remainder = duty * period - count * least
+        owed = self.effect @ jnp.where(free, 0.0, limit * remainder)
         for _ in range(ROUNDS):
             along = jnp.sum(pulse * owed[:, None], axis=0)
             gives = (along > WORTH * square) & (count < most) & (limit > 0) & ~free

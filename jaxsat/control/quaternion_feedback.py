@@ -81,14 +81,14 @@ class QuaternionFeedback(AbstractSampledController):
         inertia = self.model.spacecraft.inertia
         frame = self.model.orbit.frame_rate(state.attitude)
         relative = state.omega - frame
-        wanted = self._wanted_rate(state)
+        reference = self._wanted_rate(state)
         turning = jnp.cross(frame, relative)
-        pull = 2 * self.damping * self.natural_frequency * (relative - wanted)
+        pull = 2 * self.damping * self.natural_frequency * (relative - reference)
         momentum, stored = inertia @ state.omega, wheel_momentum(state)
         if self.wheel_axes is not None and stored is not None:
             momentum = momentum + self.wheel_axes @ stored
         torque = jnp.cross(state.omega, momentum) + inertia @ (turning - pull)
-        return torque, QuaternionFeedbackMemory(wanted)
+        return torque, QuaternionFeedbackMemory(reference)
 
     def _wanted_rate(self, state: PlantState) -> Vector:
         quaternion = state.attitude.as_quaternion().q

@@ -164,9 +164,9 @@ class Reconfiguration(eqx.Module):
         count = jnp.sum(failed)
         last = failed.shape[0] - 1 - jnp.argmax(failed[::-1])
         number = jnp.where(count > 0, self.number[jnp.argmax(failed), last], 0)
-        known = (count <= MOST_FAILED) & (number >= 0)
-        number = jnp.where(known, number, 0)
-        return number, jnp.where(known, self.left[number], -1)
+        in_table = (count <= MOST_FAILED) & (number >= 0)
+        number = jnp.where(in_table, number, 0)
+        return number, jnp.where(in_table, self.left[number], -1)
 
     def needed(self, failed: Bool[Array, " m"]) -> Bool[Array, " m"]:
         """The thrusters without which less than three axes is left, or a set without a table."""
@@ -174,8 +174,8 @@ class Reconfiguration(eqx.Module):
         first = jnp.min(jnp.where(failed, place, failed.shape[0]))
         last = jnp.max(jnp.where(failed, place, -1))
         number = self.number[jnp.minimum(first, place), jnp.maximum(last, place)]
-        known = (jnp.sum(failed) < MOST_FAILED) & (number >= 0)
-        return ~failed & ~(known & (self.left[jnp.maximum(number, 0)] == Left.THREE_AXES))
+        in_table = (jnp.sum(failed) < MOST_FAILED) & (number >= 0)
+        return ~failed & ~(in_table & (self.left[jnp.maximum(number, 0)] == Left.THREE_AXES))
 
     def _spans(self, limit: Float[Array, " m"], steady: Vector, spare: RealScalar) -> BoolScalar:
         """Whether a torque (N m) and that part of the largest about each axis can be made."""
@@ -184,8 +184,8 @@ class Reconfiguration(eqx.Module):
         ways = jnp.concatenate([jnp.eye(3), -jnp.eye(3)])
 
         def also(way, spans):
-            wanted = steady + spare * ways[way] * largest
-            _, missed = self.duties(wanted, limit)
+            demand = steady + spare * ways[way] * largest
+            _, missed = self.duties(demand, limit)
             return spans & (jnp.sum(missed**2) < smallest)
 
         return jax.lax.fori_loop(0, len(ways), also, jnp.array(True))

@@ -113,11 +113,11 @@ class RippleFilter(eqx.Module):
     def correct(self, memory: RippleBelief, omega: Vector) -> RippleBelief:
         """The usual update by one measurement, the sum of mean and ripple."""
         size = omega[0] ** 2 + omega[1] ** 2
-        seen = memory.covariance[0] + memory.covariance[1]
-        variance = seen[0] + seen[1] + self.noise**2 + self.lean_error**2 * size
-        gain = seen * reciprocal(variance)
+        cross = memory.covariance[0] + memory.covariance[1]
+        variance = cross[0] + cross[1] + self.noise**2 + self.lean_error**2 * size
+        gain = cross * reciprocal(variance)
         error = omega[2] - memory.state[0] - memory.state[1]
-        covariance = memory.covariance - gain[:, None] * seen[None, :]
+        covariance = memory.covariance - gain[:, None] * cross[None, :]
         return RippleBelief(memory.state + gain * error, covariance)
 
     def believed(self, memory: RippleBelief) -> ThirdRate:

@@ -230,10 +230,10 @@ class SlewPlanner(eqx.Module):
         reference, slope = self.reference(slewing.to_go, axis_x)
         follows = (reference * rate > 0) & (jnp.abs(rate) > jnp.abs(reference) / 2)
         change = jnp.where(follows, -slope * rate, 0.0)
-        wanted = change + self.rate_gain * (reference - rate)
+        acceleration = change + self.rate_gain * (reference - rate)
         resting = -self.rate_gain * omega[:2]
         driven = jnp.stack([axis_x, ~axis_x])
-        return self.form.torque(omega, jnp.where(driven, wanted, resting))
+        return self.form.torque(omega, jnp.where(driven, acceleration, resting))
 
     def _axis_is_x(self, slewing: Slewing) -> BoolScalar:
         return slewing.along_x ^ (slewing.leg == Leg.SECOND_SLEW)

@@ -96,8 +96,8 @@ class Steered(AbstractDistribution):
             shares = self.rest(t, state, command, others)
             beyond = self.rest.out_of_reach(beyond, others)
         left = None if shares.left is None else shares.left - torque_of(beyond)
-        asked = iter(shares.uses)
-        uses = tuple(steered[kind] if kind in steered else next(asked) for kind in kinds)
+        queue = iter(shares.uses)
+        uses = tuple(steered[kind] if kind in steered else next(queue) for kind in kinds)
         return Shares(uses, left)
 
     def tells_left(self, effectors) -> bool:

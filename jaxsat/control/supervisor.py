@@ -150,20 +150,20 @@ class ThreeSlewSettling(AbstractSampledController):
     ) -> tuple[Pair, SettlingMemory]:
         """As `step`, in a phase that is given; 0 where it is chosen."""
         t = self.clock(memory)
-        seen = self.form.seen(state)
+        view = self.form.seen(state)
         third, estimator = self.estimator.update(
-            seen.omega,
+            view.omega,
             memory.estimator,
             self.period,
-            seen.attitude,
+            view.attitude,
             None if aid is None else aid.thrust,
         )
-        seen = seen.relative_to(third.turn)
-        axes, planner, slewed = self.slew_axes(memory, third), self.planner, seen
+        view = view.relative_to(third.turn)
+        axes, planner, slewed = self.slew_axes(memory, third), self.planner, view
         if axes is not None:
-            planner, slewed = planner.about(axes), seen.turned(axes)
+            planner, slewed = planner.about(axes), view.turned(axes)
         slewing = planner.advance(t, slewed, memory.slewing, self.period)
-        chosen = self._phase(t, memory, seen, third, slewing)
+        chosen = self._phase(t, memory, view, third, slewing)
         phase = jnp.where(prescribed > 0, prescribed, chosen)
         begun = phase != memory.phase
         begins_fine = begun & (phase == Phase.OSCILLATING)
@@ -174,27 +174,27 @@ class ThreeSlewSettling(AbstractSampledController):
         signs = choose(again, self.rate_law.init(state), memory.signs)
         vain = (phase == Phase.STOPPING) & ~begun & (t - memory.since > self.patience)
         signs = signs._replace(most=jnp.where(vain, 0.0, signs.most))  # brakes, and chooses anew
-        fine = choose(begins_fine, self.fine.init(seen.omega), memory.fine)
+        fine = choose(begins_fine, self.fine.init(view.omega), memory.fine)
         since = jnp.where(begun | vain, t, memory.since)
 
-        signs = self.rate_law.signs(third, seen.omega, signs)
-        tracking = self.rate_law.tracking(third, seen.omega, signs)
+        signs = self.rate_law.signs(third, view.omega, signs)
+        tracking = self.rate_law.tracking(third, view.omega, signs)
         own = self.fine.oscillator.largest_amplitude
         largest = jnp.where(lost, jnp.minimum(self.made_amplitude, own), own)
         fine_torque, fine_reference, fine = self.fine.step(
-            t - since, seen, third, fine, aid, largest
+            t - since, view, third, fine, aid, largest
         )
         push = None
         if aid is not None:
             slow = self.fine.oscillator.slow(
-                t - since, tilt_of(seen.attitude), third, fine.oscillation
+                t - since, tilt_of(view.attitude), third, fine.oscillation
             )
             fine_works = phase == Phase.OSCILLATING
             slow = choose(fine_works, slow, Slow(third.rate, jnp.zeros_like(third.rate)))
             push = wanted_push(slow, third.drift + aid.drift, aid.push)
         torque = _by_phase(
             phase,
-            self.rate_law.torque(seen.omega, tracking),
+            self.rate_law.torque(view.omega, tracking),
             _along_xy(axes, planner.torque(slewed.omega, slewing)),
             fine_torque,
         )

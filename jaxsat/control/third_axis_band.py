@@ -110,8 +110,8 @@ class ThirdAxisBand(eqx.Module):
         inwards = -side * rate
         slowest = jnp.maximum(step[best] / 2, RETURN * law.natural_frequency * self.band)
         crossed = before.edge == -side
-        wanted = jnp.where(crossed, slowest, jnp.maximum(slowest, -inwards)) - inwards
-        on_time = wanted / jnp.maximum(push[best], SMALLEST)
+        change = jnp.where(crossed, slowest, jnp.maximum(slowest, -inwards)) - inwards
+        on_time = change / jnp.maximum(push[best], SMALLEST)
         pulse = jnp.where(self.least[best] > 0, self.least[best], 1.0)
         whole = jnp.maximum(jnp.round(on_time / pulse), 1.0) * pulse
         on_time = jnp.where(self.least[best] > 0, whole, on_time)
@@ -120,7 +120,7 @@ class ThirdAxisBand(eqx.Module):
         most = jnp.where(self.least[best] > 0, most, law.period)
         chosen = fires & (jnp.arange(self.least.shape[0]) == best)
         duty = jnp.where(chosen, jnp.minimum(on_time, most) / law.period, 0.0)
-        made = self.thrust @ (limit * duty)
-        left = torque - along * (axis @ torque) + along * (axis @ made) - made
+        pulse_torque = self.thrust @ (limit * duty)
+        left = torque - along * (axis @ torque) + along * (axis @ pulse_torque) - pulse_torque
         edge = jnp.where(coasts, jnp.where(fires, side, before.edge), 0.0)
         return Corrected(duty, jnp.where(coasts, left, torque), BandMemory(coasts, edge))

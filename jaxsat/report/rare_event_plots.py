@@ -39,9 +39,9 @@ def _levels(record: Record) -> Plot:
     rows = [one for one in record["levels"] if one["margin"] is not None]
     margins = np.array([one["margin"] for one in rows])
     fractions = np.array([one["fractions"] for one in rows])
-    found = np.cumprod(fractions, axis=0)
+    probabilities = np.cumprod(fractions, axis=0)
     means = np.array([one["probability"] for one in rows])
-    lines = [Line(margins, _positive(one), faint=True) for one in found.T]
+    lines = [Line(margins, _positive(one), faint=True) for one in probabilities.T]
     lines.append(Line(margins, _positive(means), "mean of all replications", points=True))
     unit = record["unit"]
     return Plot(
@@ -56,8 +56,8 @@ def _levels(record: Record) -> Plot:
 def _decisive(record: Record) -> list[Record]:
     """The quantities in which violating cases surely differ most, of those with percentiles."""
     least = chance_distance(record)
-    told = [one for one in record["differences"] if one["everywhere"] and one["distance"] > least]
-    return told[:SHOWN]
+    rows = [one for one in record["differences"] if one["everywhere"] and one["distance"] > least]
+    return rows[:SHOWN]
 
 
 def _distributions(one: Record) -> Plot:

@@ -72,15 +72,15 @@ def _judgement(dataset: xr.Dataset, scenario: dict, requirement: RequirementTabl
         failures = [float(one["at_s"]) for one in scenario.get("failure", ())]
     needs_sun = any(one.signal == "sun_angle" for one in comparisons(formula))
     light = _light(scenario) if needs_sun else None
-    found = saved_margin(formula, dataset["time"].values, signals, np.ravel(failures), light)
-    decisive = comparisons(formula)[int(found.comparison)]
+    margin = saved_margin(formula, dataset["time"].values, signals, np.ravel(failures), light)
+    decisive = comparisons(formula)[int(margin.comparison)]
     return RunMargin(
         requirement.id,
         sentence,
-        float(found.value) / decisive.size,
+        float(margin.value) / decisive.size,
         decisive.unit,
         decisive.signal,
-        float(found.time),
+        float(margin.time),
     )
 
 
@@ -92,39 +92,39 @@ def _light(scenario: dict) -> Sunlight:
     return sunlight_of(orbit, scenario["disturbance"]["sun_direction"])
 
 
-def requirement_table(found: Sequence[RunMargin]) -> Table:
+def requirement_table(margins: Sequence[RunMargin]) -> Table:
     """Requirements, their margins, whether they are met, and when it was decided."""
     return Table(
         "Requirements",
         ["requirement", "text", "margin", "met", "decided at"],
-        [[one.id, one.text, _margin(one), _met(one), _time(one)] for one in found],
+        [[one.id, one.text, _margin(one), _met(one), _time(one)] for one in margins],
         NOTE,
     )
 
 
 def study_requirements(
-    found: Sequence[RequirementSummary], scenario: Mapping[str, Any]
+    summaries: Sequence[RequirementSummary], scenario: Mapping[str, Any]
 ) -> list[Table]:
     """The fraction of cases that meet each requirement of a scenario, and the worst case.
 
     None where the scenario has no requirements. Those that a study does not judge have no fraction.
     """
     tables = [RequirementTable.model_validate(one) for one in scenario.get("requirement", ())]
-    by_name = {one.name: one for one in found}
+    by_name = {one.name: one for one in summaries}
     rows = [_of_cases(one, by_name.get(one.id)) for one in tables]
     columns = ["requirement", "text", "met", "worst margin", "in case", "decided at"]
     return [Table("Requirements", columns, rows, STUDY_NOTE)] if rows else []
 
 
-def _of_cases(requirement: RequirementTable, found: RequirementSummary | None) -> list[Cell]:
+def _of_cases(requirement: RequirementTable, summary: RequirementSummary | None) -> list[Cell]:
     sentence = requirement.text or requirement.formula
-    if found is None:
+    if summary is None:
         return [requirement.id, sentence, "not judged in studies", None, None, None]
-    decisive = comparisons(requirement.parsed)[found.comparison]
-    margin = found.margin / decisive.size
-    worst = RunMargin(requirement.id, sentence, margin, decisive.unit, decisive.signal, found.time)
-    met = Shown(fraction_text(found.met), found.met.value)
-    return [requirement.id, sentence, met, _margin(worst), found.worst, _time(worst)]
+    decisive = comparisons(requirement.parsed)[summary.comparison]
+    margin = summary.margin / decisive.size
+    row = RunMargin(requirement.id, sentence, margin, decisive.unit, decisive.signal, summary.time)
+    met = Shown(fraction_text(summary.met), summary.met.value)
+    return [requirement.id, sentence, met, _margin(row), summary.worst, _time(row)]
 
 
 def _margin(one: RunMargin) -> Shown | None:

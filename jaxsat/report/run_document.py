@@ -31,11 +31,11 @@ def run_document(dataset: xr.Dataset, name: str = "") -> Document:
     `name` stands for a title where the dataset has none.
     """
     scenario = scenario_tables(dataset)
-    found = judgements(dataset)
+    margins = judgements(dataset)
     dataset = until_end(dataset)
     failures = failures_of(scenario, dataset["time"].values)
     facts = Facts("Result", {**_final_state(dataset), **_actuation(dataset, scenario)})
-    blocks = [facts, requirement_table(found)] if found else [facts]
+    blocks = [facts, requirement_table(margins)] if margins else [facts]
     return Document(_title(dataset, name), run_verdict(dataset, scenario, failures), blocks)
 
 

@@ -62,20 +62,20 @@ def oscillations(scenario: Scenario) -> list[StructuralMode]:
 
 def flexibility_cautions(scenario: Scenario) -> Iterator[Issue]:
     """A law that is fast enough to excite an oscillation, and pulses in step with one."""
-    found = oscillations(scenario)
+    modes = oscillations(scenario)
     bandwidth = getattr(scenario.control, "natural_frequency_rad_s", None)
-    if found and bandwidth is not None and found[0].frequency < SEPARATION * bandwidth:
+    if modes and bandwidth is not None and modes[0].frequency < SEPARATION * bandwidth:
         yield Issue(
             ("control", "natural_frequency_rad_s"),
-            f"should be at most 1/{SEPARATION:g} of {_told(found[0])}, got {bandwidth:.4g}: the "
-            f"oscillation is {found[0].frequency / bandwidth:.3g} times as fast as the law, which "
+            f"should be at most 1/{SEPARATION:g} of {_told(modes[0])}, got {bandwidth:.4g}: the "
+            f"oscillation is {modes[0].frequency / bandwidth:.3g} times as fast as the law, which "
             "does not know of it",
-            (found[0].location,),
+            (modes[0].location,),
         )
     period = getattr(scenario.control, "period_s", None)
     if not scenario.thruster or period is None:
         return
-    for one in found:
+    for one in modes:
         turns = one.frequency * period / (2 * math.pi)
         harmonic = round(turns)
         if 1 <= harmonic <= MOST_HARMONICS and abs(turns / harmonic - 1) < NEAR_HARMONIC:

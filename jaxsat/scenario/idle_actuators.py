@@ -124,9 +124,9 @@ def columns_in_use(
     groups = groups.reshape(-1, size)
     duties = _cancelling(across[:, groups])
     duties *= np.sign(duties.sum(axis=1, keepdims=True))
-    made = np.einsum("igs,gs->ig", torque[:, groups], duties)
+    torques = np.einsum("igs,gs->ig", torque[:, groups], duties)
     edges = np.all(duties >= -BASIS_TOLERANCE, axis=1)
-    edges &= np.abs(made).max(axis=0) > BASIS_TOLERANCE
+    edges &= np.abs(torques).max(axis=0) > BASIS_TOLERANCE
     in_use = np.zeros(torque.shape[1], bool)
     in_use[groups[edges][duties[edges] > BASIS_TOLERANCE]] = True
     return in_use

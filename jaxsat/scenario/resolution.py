@@ -107,9 +107,9 @@ def fastest(scenario: Scenario) -> Fast | None:
     """
     with np.errstate(over="ignore", invalid="ignore"):
         motions = [*_periodic(scenario), *_spin(scenario), *_friction(scenario)]
-        found = oscillations(scenario)
-        more = 1 + np.max(_dispersed_size(scenario, "mode_frequency", len(found)), initial=0.0)
-        motions += [Fast(one.of, more * one.frequency, one.location) for one in found]
+        modes = oscillations(scenario)
+        more = 1 + np.max(_dispersed_size(scenario, "mode_frequency", len(modes)), initial=0.0)
+        motions += [Fast(one.of, more * one.frequency, one.location) for one in modes]
     fast = max((one for one in motions if one.rate > 0), key=lambda one: one.rate, default=None)
     return None if fast is None else fast._replace(rate=min(fast.rate, FASTEST))
 

@@ -76,10 +76,10 @@ def allocate_unloading(
         low, high = (
             jnp.where(unloads & stores, 0.0, bound) for bound in (reach.low - use, reach.high - use)
         )
-        asked = jnp.where(unloads, unloading, torque - reach.columns @ use)
-        more = allocate(reach._replace(low=low, high=high), asked)
-        made = 1.0 if part is None else jnp.where(unloads, part(more.use), 1.0)
-        return use + made * more.use, more.unmade
+        demand = jnp.where(unloads, unloading, torque - reach.columns @ use)
+        more = allocate(reach._replace(low=low, high=high), demand)
+        share = 1.0 if part is None else jnp.where(unloads, part(more.use), 1.0)
+        return use + share * more.use, more.unmade
 
     def one_more(so_far, unloads):
         left_out = unloads & jnp.all(unloading == 0)
@@ -128,9 +128,9 @@ def _priced(
     spread = 1 + GOLDEN * jnp.arange(price.shape[0], dtype=price.dtype) % 1
     each_price = jnp.where(free, FREE_PRICE * spread, price / jnp.where(dearest > 0, dearest, 1.0))
     upper = jnp.concatenate([high, -low])
-    known = jnp.where(jnp.isfinite(upper), upper, 0.0)
-    most = jnp.max(known) + jnp.sum(jnp.abs(torque) + jnp.abs(first))
-    upper = jnp.where(jnp.isfinite(upper), known, jax.lax.stop_gradient(UNBOUNDED * most))
+    finite = jnp.where(jnp.isfinite(upper), upper, 0.0)
+    most = jnp.max(finite) + jnp.sum(jnp.abs(torque) + jnp.abs(first))
+    upper = jnp.where(jnp.isfinite(upper), finite, jax.lax.stop_gradient(UNBOUNDED * most))
     thrust, unmade = least_price(
         jnp.concatenate([units, -units], axis=1),
         upper,

@@ -81,10 +81,10 @@ def least_squares_within(
     is not made. A device without bounds counts as one with the largest limit of the others.
     """
     limit = jnp.maximum(high, -low)
-    known = jnp.where(jnp.isfinite(limit), limit, 0.0)
-    largest = jnp.max(known)
+    finite = jnp.where(jnp.isfinite(limit), limit, 0.0)
+    largest = jnp.max(finite)
     size = jax.lax.stop_gradient(jnp.where(largest > 0, largest, 1.0))
-    strength = jax.lax.stop_gradient(jnp.where(jnp.isfinite(limit), known / size, 1.0))
+    strength = jax.lax.stop_gradient(jnp.where(jnp.isfinite(limit), finite / size, 1.0))
     devices = Bounded(units, low / size, high / size, strength**2)
     torques, unmade = _solved(devices, torque / size, first / size)
     return within(size * torques, low, high), size * unmade
@@ -117,17 +117,17 @@ def _at(devices: Bounded, torque: Vector, first: Vector, held: Held) -> tuple[Of
     free = _free(devices, held)
     low, high = (jnp.where(jnp.isfinite(x), x, 0.0) for x in (devices.low, devices.high))
     bounds = (low, high)
-    made = part_up_to(held.facets[0], devices.units, bounds, 0 * first, first)
-    made = made + part_up_to(held.facets[1], devices.units, bounds, made, torque + first - made)
+    total = part_up_to(held.facets[0], devices.units, bounds, 0 * first, first)
+    total = total + part_up_to(held.facets[1], devices.units, bounds, total, torque + first - total)
     inverse = _inverse(devices, free, _span(devices, free))
 
     def nearer(_, each: OfEach) -> OfEach:
-        lacks = made - devices.units @ each
+        lacks = total - devices.units @ each
         return each + jnp.where(free, devices.weight * ((inverse @ lacks) @ devices.units), 0.0)
 
     at_bounds = jnp.where(held.side > 0, high, jnp.where(held.side < 0, low, 0.0))
     # The second and third time take away what rounding has left.
-    return jax.lax.fori_loop(0, 3, nearer, at_bounds), made
+    return jax.lax.fori_loop(0, 3, nearer, at_bounds), total
 
 
 def _beginning(devices: Bounded, torque: Vector, first: Vector) -> Active:

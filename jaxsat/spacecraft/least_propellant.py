@@ -172,14 +172,14 @@ def least_price(
         jax.lax.stop_gradient(_beginning(upper, torque, first)._replace(goes=runs)),
     )
     bounds = (None, upper)
-    made = part_up_to(last.facets[0], units, bounds, 0 * first, first)
-    made = made + part_up_to(last.facets[1], units, bounds, made, torque + first - made)
+    total = part_up_to(last.facets[0], units, bounds, 0 * first, first)
+    total = total + part_up_to(last.facets[1], units, bounds, total, torque + first - total)
     full = jnp.where(last.side < 0, upper, 0.0)
-    rest = made - jnp.sum(units * full[None], axis=1)
+    rest = total - jnp.sum(units * full[None], axis=1)
     thrust = jnp.sum(inverse_of_columns(last.columns) * rest[None], axis=1)
     used = jnp.arange(count)[:, None] == last.members[None]
     thrust = full + jnp.sum(jnp.where(used, thrust[None], 0.0), axis=1)
-    return thrust, torque + first - made
+    return thrust, torque + first - total
 
 
 def _zero(x: Array) -> float:

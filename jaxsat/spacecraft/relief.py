@@ -68,8 +68,8 @@ class Relief(eqx.Module):
         beyond = each - jnp.clip(each, -dead_band, dead_band)
         rate = REACTION * self.torque_limit / ((1 - FULL) * self.momentum_limit)
         most = REACTION * self.torque_limit
-        wanted = jnp.clip(jnp.minimum(rate, FASTEST / self.period) * beyond, -most, most)
-        return -(self.axes @ wanted)
+        demand = jnp.clip(jnp.minimum(rate, FASTEST / self.period) * beyond, -most, most)
+        return -(self.axes @ demand)
 
     def allocate(
         self, torque: Vector, unloading: Vector, momentum: OfEach

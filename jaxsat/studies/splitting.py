@@ -157,7 +157,7 @@ class Splitting:
         population = self._draws(replications * self._cases)
         draws, rows = population.number, population.split(replications)
         fractions = np.zeros((replications, len(levels) + 1))
-        alive, found = np.arange(replications), []
+        alive, outcomes = np.arange(replications), []
         for place, level in enumerate(levels):
             below = rows.margin <= level.margin
             fractions[alive, place] = below.mean(axis=1)
@@ -167,11 +167,11 @@ class Splitting:
                 break
             chosen = np.stack([self._chosen(row) for row in below])
             begins = rows.at((np.arange(len(alive))[:, None], chosen)).joined()
-            population, told = self._chains(begins, level.margin, level.size, adapt=False)
-            found.append(told)
+            population, outcome = self._chains(begins, level.margin, level.size, adapt=False)
+            outcomes.append(outcome)
             rows = _by_replication(population, len(alive))
         fractions[alive, -1] = (rows.margin < 0).mean(axis=1)
-        return Replications(fractions, rows, alive, found, draws)
+        return Replications(fractions, rows, alive, outcomes, draws)
 
     def _draws(self, count: int) -> Population:
         """Independent cases."""

@@ -124,10 +124,10 @@ def summarise_requirements(
     margins, by, at = (np.asarray(dataset[name])[numbers] for name in REQUIREMENTS)
     of_store = getattr(dataset["requirement_margin"], "labels", None)
     names = dataset[REQUIREMENT] if of_store is None else of_store(REQUIREMENT)
-    found = []
+    summaries = []
     for column, name in enumerate(np.asarray(names)):
         worst = int(np.argmin(np.nan_to_num(margins[:, column], nan=-np.inf)))
-        found.append(
+        summaries.append(
             RequirementSummary(
                 str(name),
                 wilson(int((margins[:, column] >= 0).sum()), len(numbers)),
@@ -137,7 +137,7 @@ def summarise_requirements(
                 float(at[worst, column]),
             )
         )
-    return tuple(found)
+    return tuple(summaries)
 
 
 def _of_all(values: np.ndarray, total: bool) -> np.ndarray:

@@ -213,8 +213,8 @@ def _in_cases(one: AbstractEffector, before: int, failures: Mapping[str, np.ndar
         np.concatenate([column, np.full((1, place.shape[1]), fill)])
         for column, fill in zip(columns, none, strict=True)
     )
-    found = compiled_over_cases(reach, tuple(column[0] for column in numbers))(numbers)
-    torques, low, high = map(np.asarray, (found.columns, found.low, found.high))
+    reaches = compiled_over_cases(reach, tuple(column[0] for column in numbers))(numbers)
+    torques, low, high = map(np.asarray, (reaches.columns, reaches.low, reaches.high))
     return _Reaches(torques[:-1], low[:-1], high[:-1], high[-1])
 
 

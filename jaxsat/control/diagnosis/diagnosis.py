@@ -283,14 +283,14 @@ class Diagnosis(eqx.Module):
         squares = jnp.sum(signatures**2, axis=1)
         size = jnp.sqrt(squares)
         sigma = jnp.broadcast_to(jnp.sqrt(residual.variance), size.shape)
-        seen = size > LEAST_SIGNAL * sigma
+        is_visible = size > LEAST_SIGNAL * sigma
         along = jnp.sum(signatures * residual.innovation[None], axis=1)
-        score = along / (jnp.where(seen, size, 1.0) * sigma)
+        score = along / (jnp.where(is_visible, size, 1.0) * sigma)
         gain = score - self.reference
         of_flow = (jnp.arange(1 + len(signs)) > 0)[:, None]
         failed, many = memory.condition.failed, memory.returns >= MOST_RETURNS
         untested = failed[None] & (of_flow | many[None])
-        tested = seen & ~untested
+        tested = is_visible & ~untested
         if weak_losses:
             ratio = (along[:1] - squares[:1] / 2) / (2 * self.reference * sigma[:1] ** 2)
             gain = jnp.concatenate([gain, ratio])

@@ -251,8 +251,8 @@ class ThrusterFilter(AbstractResidualFilter):
     def believed(self, condition: ActuatorCondition, period: RealScalar) -> Vector:
         """What stands out of the noise of the estimated torque that acts besides, N m."""
         rate = self.model.spacecraft.inverse_inertia @ condition.torque * period
-        known = jnp.sqrt(condition.samples + FIRST_SAMPLES)
-        sigma = STEADY_GAIN * jnp.sqrt(STEADY_VARIANCE) * self.rate_noise / known
+        root_samples = jnp.sqrt(condition.samples + FIRST_SAMPLES)
+        sigma = STEADY_GAIN * jnp.sqrt(STEADY_VARIANCE) * self.rate_noise / root_samples
         squares = jnp.sum((rate / sigma) ** 2)
         some = squares > 0  # the square root has no derivative at zero
         sigmas = jnp.where(some, jnp.sqrt(jnp.where(some, squares, 1.0)), 0.0)
@@ -267,5 +267,5 @@ class ThrusterFilter(AbstractResidualFilter):
     def test_command(self, period: RealScalar, sigma: Float[Array, "1"]) -> Float[Array, " m"]:
         """Duties of pulses that stand out of errors of a rate (rad/s)."""
         effect = self.model.spacecraft.inverse_inertia @ self.thrusters.torque
-        seen = TEST_SIGMAS * sigma / jnp.sqrt(jnp.sum(effect**2, axis=0))
-        return jnp.minimum(jnp.maximum(seen, self.thrusters.min_on_time) / period, 1.0)
+        on_time = TEST_SIGMAS * sigma / jnp.sqrt(jnp.sum(effect**2, axis=0))
+        return jnp.minimum(jnp.maximum(on_time, self.thrusters.min_on_time) / period, 1.0)

@@ -241,9 +241,9 @@ class WheelFilter(AbstractResidualFilter):
         friction = jnp.clip(friction, LEAST_PART, MOST_FRICTION)
         weak = ~condition.failed & (condition.part < 1) & quiet
         less = wrong * loss / (loss**2 + residual.variance / ROUGH**2)
-        made = condition.part * (1 - less)
+        estimate = condition.part * (1 - less)
         return condition._replace(
-            part=jnp.where(weak, jnp.clip(made, LEAST_PART, 1 - LEAST_PART), condition.part),
+            part=jnp.where(weak, jnp.clip(estimate, LEAST_PART, 1 - LEAST_PART), condition.part),
             flow=jnp.where(braked, friction, condition.flow),
         )
 

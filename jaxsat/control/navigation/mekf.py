@@ -141,11 +141,11 @@ class MultiplicativeFilter(AbstractEstimator):
 
     def corrected(self, belief: Belief, measurement: Measurement) -> Belief:
         """The belief after the measured attitude and vectors, of those that there are."""
-        seen_by, attitude, seen = self.tracker, measurement.attitude, measurement.seen
-        if seen_by is not None and attitude is not None and seen is not None:
+        tracker, attitude, valid = self.tracker, measurement.attitude, measurement.seen
+        if tracker is not None and attitude is not None and valid is not None:
             off = difference(Quaternion(belief.q), attitude)
-            variances = tuple(sigma**2 for sigma in seen_by.deviations)
-            belief = _taken_in(belief, off, seen_by.axes, variances, seen)
+            variances = tuple(sigma**2 for sigma in tracker.deviations)
+            belief = _taken_in(belief, off, tracker.axes, variances, valid)
         for sigma, one in zip(self.vector_noise, measurement.vectors, strict=True):
             expected = Quaternion(belief.q).as_dcm().matrix @ one.reference
             rows = jnp.cross(jnp.eye(3, dtype=expected.dtype), expected[None])  # of [v x]

@@ -137,8 +137,8 @@ class Navigation(eqx.Module):
         """A measurement of the shapes of all of this navigation."""
         attitude = Quaternion(as_float([1.0, 0.0, 0.0, 0.0]))
         nothing = self._nothing(attitude)
-        told = None if nothing.attitude is None else attitude
-        return Measurement(attitude.q[1:], told, nothing.seen, nothing.vectors)
+        attitude_or_none = None if nothing.attitude is None else attitude
+        return Measurement(attitude.q[1:], attitude_or_none, nothing.seen, nothing.vectors)
 
     def _nothing(self, attitude: Quaternion) -> Delivery:
         """A delivery that tells nothing, of the shapes of one that does."""

@@ -110,8 +110,8 @@ def undriven_balance(scenario: Scenario) -> Balance | None:
         return None
     normal = np.where(np.abs(directions[:, 2]) < NOTHING, 0.0, directions[:, 2])
     normal = normal * np.sign(normal[np.argmax(np.abs(normal))])
-    found = balance_about(scenario, normal)
-    return None if found is None else found._replace(drivers="wheel" if wheels else "actuator")
+    balance = balance_about(scenario, normal)
+    return None if balance is None else balance._replace(drivers="wheel" if wheels else "actuator")
 
 
 def balance_about(scenario: Scenario, normal: Float[np.ndarray, "3"]) -> Balance | None:
@@ -141,9 +141,9 @@ def balance_about(scenario: Scenario, normal: Float[np.ndarray, "3"]) -> Balance
         ahead, behind = (float(missing(one.as_rotvec())) for one in about)
         slope = (ahead - behind) / (2 * SLIGHT)
         stiffness = slope if abs(slope) > SLIGHT * NOTHING * scale else 0.0
-    wanted = -float(missing(np.zeros(3)))
+    hold_torque = -float(missing(np.zeros(3)))
     return Balance(
-        _plain(normal), wanted, None if turn is None else _plain(turn), stiffness, moment
+        _plain(normal), hold_torque, None if turn is None else _plain(turn), stiffness, moment
     )
 
 

@@ -127,8 +127,8 @@ class ControllerDesign:
         judgement = self.verdict.judgement
         if judgement.laws != "two torques" or self.original.wheel or not self.candidates:
             return ()
-        told = lost_holds(self.candidates[0].scenario)
-        return (told,) if told else ()
+        sentence = lost_holds(self.candidates[0].scenario)
+        return (sentence,) if sentence else ()
 
     @property
     def scenario(self) -> Scenario | None:

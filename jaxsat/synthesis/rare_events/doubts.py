@@ -28,7 +28,7 @@ MOST_ENDED = 0.01
 
 
 def doubts_of(
-    found: Replications,
+    replications: Replications,
     levels: list[Level],
     reached: bool,
     space: Space,
@@ -36,13 +36,13 @@ def doubts_of(
     violations: Violations,
 ) -> list[str]:
     """Sentences on what speaks against the interval; none where nothing is known."""
-    if not found.probabilities.any():
-        return [*_of_nothing(levels, reached), *_of_chains(found.levels, space)]
+    if not replications.probabilities.any():
+        return [*_of_nothing(levels, reached), *_of_chains(replications.levels, space)]
     return [
         *([] if reached else ["The pilot run did not reach a violation."]),
-        *_of_replications(found, violations),
-        *_of_chains(found.levels, space),
-        *_of_values(found, flights, violations),
+        *_of_replications(replications, violations),
+        *_of_chains(replications.levels, space),
+        *_of_values(replications, flights, violations),
         *_of_endings(flights, violations),
     ]
 
@@ -55,9 +55,9 @@ def _of_nothing(levels: list[Level], reached: bool) -> Iterator[str]:
         yield "Margins do not tell how near cases are to a violation: too few have a finite one."
 
 
-def _of_replications(found: Replications, violations: Violations) -> Iterator[str]:
+def _of_replications(replications: Replications, violations: Violations) -> Iterator[str]:
     """Whether the replications agree, and how many independent draws they stand on."""
-    estimates = found.probabilities
+    estimates = replications.probabilities
     share = estimates.max() / estimates.sum()
     if share > LARGEST_SHARE:
         yield (
@@ -93,7 +93,7 @@ def _of_chains(levels: list[Level], space: Space) -> Iterator[str]:
         )
 
 
-def _of_values(found: Replications, flights: Batch, violations: Violations) -> Iterator[str]:
+def _of_values(replications: Replications, flights: Batch, violations: Violations) -> Iterator[str]:
     """Whether values of quantities that count are found by few replications alone."""
     for column, values in flights.items():
         name = column.removeprefix(DRAWN)
@@ -105,11 +105,11 @@ def _of_values(found: Replications, flights: Batch, violations: Violations) -> I
                 here = component == value
                 share = violations.weight[here].sum()
                 count = len(np.unique(violations.replication[here]))
-                if share > COMMON and count < SELDOM * len(found.probabilities):
+                if share > COMMON and count < SELDOM * len(replications.probabilities):
                     yield (
                         f"{name} = {value:g} has {share:.0%} of the probability, but {count} of "
-                        f"{len(found.probabilities)} replications alone found it; estimate it by "
-                        "itself."
+                        f"{len(replications.probabilities)} replications alone found it; estimate "
+                        "it by itself."
                     )
 
 

@@ -250,10 +250,10 @@ class _Estimate:
         size = _unit(self.table)[1]
         fractions = self.found.fractions
         probabilities = np.cumprod(fractions, axis=1).mean(axis=0)
-        told = {one.margin: one for one in self.found.levels}
+        by_margin = {one.margin: one for one in self.found.levels}
         margins = [*(one.margin for one in self.levels), 0.0]
         for place, margin in enumerate(margins):
-            level = told.get(margin) if place < len(self.levels) else None
+            level = by_margin.get(margin) if place < len(self.levels) else None
             moved, redrawn = (math.nan,) * 2 if level is None else (level.moved, level.redrawn)
             yield LevelRow(
                 margin / size,

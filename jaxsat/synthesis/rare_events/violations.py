@@ -29,16 +29,16 @@ class Violations(NamedTuple):
     root: Int[np.ndarray, " n"]
 
     @staticmethod
-    def of(found: Replications) -> "Violations":
+    def of(runs: Replications) -> "Violations":
         """The violating cases of the last populations, in the order of their numbers."""
-        row, place = np.nonzero(found.last.margin < 0)
+        row, place = np.nonzero(runs.last.margin < 0)
         numbers, first, inverse = np.unique(
-            found.last.number[row, place], return_index=True, return_inverse=True
+            runs.last.number[row, place], return_index=True, return_inverse=True
         )
-        weight = np.bincount(inverse, found.of_last[found.alive[row]], len(numbers))
+        weight = np.bincount(inverse, runs.of_last[runs.alive[row]], len(numbers))
         row, place = row[first], place[first]
         total = weight.sum() or 1.0
-        return Violations(numbers, weight / total, found.alive[row], found.last.root[row, place])
+        return Violations(numbers, weight / total, runs.alive[row], runs.last.root[row, place])
 
 
 def differences(
@@ -48,11 +48,11 @@ def differences(
     nothing where none violates."""
     if not len(violations.number):
         return []
-    found = [
+    rows = [
         _difference(name, unit, values[draws], values[violations.number], violations.weight)
         for name, unit, values in _quantities(flights)
     ]
-    return sorted(found, key=lambda one: -one.distance)
+    return sorted(rows, key=lambda one: -one.distance)
 
 
 def _quantities(flights: Batch) -> Iterator[tuple[str, str, np.ndarray]]:

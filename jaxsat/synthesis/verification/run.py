@@ -161,8 +161,8 @@ class _Study:
         summaries = {}
         if columns:
             labelled = {**columns, REQUIREMENT: np.array(self.names)}
-            found = summarise_requirements(labelled, np.arange(count))
-            summaries = {one.name: one for one in found}
+            results = summarise_requirements(labelled, np.arange(count))
+            summaries = {one.name: one for one in results}
         for name, formula in formulas.items():
             one = summaries.get(name)
             if one is None:
