@@ -48,9 +48,9 @@ def fixed_text(value: SupportsFloat, places: int) -> str:
     return text.removeprefix("-") if float(text) == 0 else text
 
 
-def vector_text(values: Iterable[SupportsFloat], digits: int = 4, *, scale: float = 0.0) -> str:
+def vector_text(values: Iterable[SupportsFloat], *, scale: float = 0.0) -> str:
     """Numbers in parentheses; zero where one is rounding of the largest, or of `scale`."""
     numbers = [float(value) for value in values]
     largest = max((abs(one) for one in numbers if math.isfinite(one)), default=0.0)
     largest = max(largest, scale)
-    return f"({', '.join(number_text(one, digits, scale=largest) for one in numbers)})"
+    return f"({', '.join(number_text(one, scale=largest) for one in numbers)})"

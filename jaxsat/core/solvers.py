@@ -12,18 +12,9 @@ if TYPE_CHECKING:
 else:
     AbstractSolver = Any
 
-SOLVERS = {
-    "euler": "Euler",
-    "midpoint": "Midpoint",
-    "heun": "Heun",
-    "ralston": "Ralston",
-    "bosh3": "Bosh3",
-    "tsit5": "Tsit5",
-    "dopri5": "Dopri5",
-    "dopri8": "Dopri8",
-}
+_NAMES = ("euler", "midpoint", "heun", "ralston", "bosh3", "tsit5", "dopri5", "dopri8")
+SOLVERS = {name: name.capitalize() for name in _NAMES}
 """Classes of diffrax, all explicit Runge-Kutta methods, by their names in scenarios."""
-
 
 HIGH_ORDER = ("tsit5", "dopri5", "dopri8")
 """Solvers that suit tight tolerances; they have a dense output of their own."""

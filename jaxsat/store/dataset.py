@@ -224,10 +224,10 @@ def pointing(quaternion: np.ndarray) -> dict[str, xr.Variable]:
 _within = jax.jit(within)
 
 
-def is_within(dataset: xr.Dataset, tolerances: Tolerances | None = None) -> np.ndarray:
-    """Whether attitude and relative rate are within the tolerances, at each of the saved times."""
+def is_within(dataset: xr.Dataset) -> np.ndarray:
+    """Whether attitude and relative rate are within the usual tolerances, at each saved time."""
     w, z, rate = (jax.numpy.asarray(dataset[name].values) for name in ("w", "z", "relative_rate"))
-    return np.asarray(_within(w, z, rate, Tolerances() if tolerances is None else tolerances))
+    return np.asarray(_within(w, z, rate, Tolerances()))
 
 
 def time_to_settle(dataset: xr.Dataset) -> float:

@@ -60,7 +60,7 @@ class Uniform(AbstractProbabilityDistribution):
     def __check_init__(self):
         for name in ("low", "high"):
             require_finite(name, getattr(self, name))
-        _require_order("low", self.low, "high", self.high)
+        _require_order(self.low, self.high)
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
         """The values low + (high - low) u."""
@@ -100,7 +100,7 @@ class TruncatedNormal(AbstractProbabilityDistribution):
         for name in ("mean", "sigma", "low", "high"):
             require_finite(name, getattr(self, name))
         require_positive("sigma", self.sigma)
-        _require_order("low", self.low, "high", self.high)
+        _require_order(self.low, self.high)
         self._require_width()
 
     def _require_width(self) -> None:
@@ -194,9 +194,9 @@ def _components(*parameters: Float[Array | np.ndarray, "..."]) -> int | None:
     return shapes.pop()[0] if shapes else None
 
 
-def _require_order(low_name, low, high_name, high) -> None:
+def _require_order(low, high) -> None:
     _components(low, high)
     below, above = concrete(low), concrete(high)
     if below is not None and above is not None and not np.all(below <= above):
         bounds = f"{below.tolist()} and {above.tolist()}"
-        raise ArgumentError(low_name, f"must not exceed `{high_name}`", bounds)
+        raise ArgumentError("low", "must not exceed `high`", bounds)

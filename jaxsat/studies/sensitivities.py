@@ -75,11 +75,11 @@ class Sensitivities:
                 cases = order[result.fine[order]]
                 evidence.append(_evidence(label, column[cases], result.place[cases], result))
 
-    def ranked(self, level: float = LEVEL) -> list[list[Sensitivity]]:
+    def ranked(self) -> list[list[Sensitivity]]:
         """All numbers for every result, the largest index first, unknown ones last."""
         return [
             sorted(
-                (entry.sensitivity((1 - level) / len(evidence)) for entry in evidence),
+                (entry.sensitivity((1 - LEVEL) / len(evidence)) for entry in evidence),
                 key=lambda entry: -np.nan_to_num(entry.first_order.value, nan=-2.0),
             )
             for evidence in self._evidence

@@ -151,29 +151,29 @@ class WhenAllDecided(AbstractStopRule):
         return all(self.each.met(int(one), count) for one in successes)
 
 
-def percentile(values: np.ndarray, percent: float, level: float = LEVEL) -> Interval:
+def percentile(values: np.ndarray, percent: float) -> Interval:
     """A percentile with the interval between two order statistics; values may be infinite, not NaN.
 
     How many of so many draws lie below the percentile is binomial, whatever their distribution, so
-    the interval covers it with a probability of at least `level`, half of the rest on either side.
+    the interval covers it with a probability of at least 0.95, half of the rest on either side.
     An end that no order statistic is sure enough for is infinite: nothing is known beyond the
     largest value seen. H. A. David, H. N. Nagaraja, Order Statistics, 3rd edition, 2003, 7.1.
     """
     values = np.sort(np.asarray(values, dtype=float))
     if not len(values) or np.isnan(values).any():
         raise ValueError("Argument `values` must hold at least one value and no NaN.")
-    below, above = _order_statistics(len(values), percent, level)
+    below, above = _order_statistics(len(values), percent)
     low = float(values[below - 1]) if below else -np.inf
     high = float(values[above]) if above < len(values) else np.inf
     return Interval(_of_sorted(values, percent), low, high)
 
 
 @latest(256)
-def _order_statistics(count: int, percent: float, level: float) -> tuple[int, int]:
+def _order_statistics(count: int, percent: float) -> tuple[int, int]:
     """How many order statistics are surely below a percentile, and from which on one is above."""
     from scipy import special  # takes its time, and a study that is computed has no use for it
 
-    tail = (1 - level) / 2
+    tail = (1 - LEVEL) / 2
 
     def at_most(number: int) -> float:
         """The probability that at most so many values lie below the percentile."""

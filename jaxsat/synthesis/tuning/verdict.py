@@ -146,7 +146,7 @@ def evaluate_gains(
     return [_evaluation(plan, entry) for entry in columns]
 
 
-def mean_interval(values: np.ndarray, level: float = LEVEL) -> Interval:
+def mean_interval(values: np.ndarray) -> Interval:
     """A mean with its interval; NaN where there are no values.
 
     The t statistic with its skewness transformed away: P. Hall, J. R. Stat. Soc. B 54, 1992. Of 25,
@@ -169,7 +169,7 @@ def mean_interval(values: np.ndarray, level: float = LEVEL) -> Interval:
             return x
         return float((np.cbrt(1 + 3 * skewness * (x - skewness)) - 1) / skewness)
 
-    quantile = NormalDist().inv_cdf((1 + level) / 2)
+    quantile = NormalDist().inv_cdf((1 + LEVEL) / 2)
     low, high = (mean - size / root * untransformed(end) for end in (quantile, -quantile))
     return Interval(mean, low, high)
 
