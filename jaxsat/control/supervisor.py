@@ -226,7 +226,7 @@ class ThreeSlewSettling(AbstractSampledController):
         return jnp.where(holding, Phase.HOLDING, memory.phase)
 
     def slew_axes(self, memory: SettlingMemory, third: ThirdAxis) -> Pair | None:
-        """Those of slews under way, or of slews that would begin now.
+        """Axes of the slews under way, or of slews that would begin now.
 
         Once a fine stage has been lost these are believed to be the axes of the reduced inertia:
         about others a rate p changes s by b p², which is much where c is small.

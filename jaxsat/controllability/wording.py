@@ -53,21 +53,13 @@ def rank_verdict(decision: RankDecision, count: int) -> str:
     return f"Not controllable: rank 0 of 6, {reason}."
 
 
-def _words(direction: Float[np.ndarray, "3"]) -> str:
-    direction = direction * np.sign(direction[np.argmax(np.abs(direction))])
-    k = int(np.argmax(direction))
-    if direction[k] > 1.0 - 1e-9:
-        return "xyz"[k]
-    return "(" + ", ".join(fixed_text(entry, 2) for entry in direction) + ")"
-
-
 def _rank_lost(decision: RankDecision, directions: int) -> str:
     if decision.rank == 0:
         return "all control"
     if decision.rank == 2:
-        return f"all but rotation about {_words(decision.reached[:, 0])}"
+        return f"all but rotation about {_axis(decision.reached[:, 0])}"
     if decision.rank == 5:
-        return f"angular acceleration along torque {_words(decision.missing[:, 0])}"
+        return f"angular acceleration along torque {_axis(decision.missing[:, 0])}"
     if directions == 3:
         return "nothing"
     if directions == 2:

@@ -121,7 +121,7 @@ class SettlingTracker(NamedTuple):
     def observe_after_entry(
         self, entry: RealScalar, time: RealScalar, excess: Float[Array, " n"]
     ) -> "SettlingTracker":
-        """The same, where the conditions began to hold, if they did, at `entry` (s)."""
+        """As `observe`, where the conditions began to hold, if they did, at `entry` (s)."""
         start = jnp.where(jnp.isinf(self.start), entry, self.start)
         return SettlingTracker(jnp.where(jnp.all(excess < 0), start, jnp.inf), time, excess)
 

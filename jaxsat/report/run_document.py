@@ -1,7 +1,7 @@
 """What a run did, as a document of its dataset."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -85,8 +85,8 @@ def _final_state(dataset: xr.Dataset) -> dict[str, str]:
     z = float(final["z"])
     turn, lean = number_text(z), number_text(tilt, 3)
     return {
-        "attitude at the end": f"w = {_numbers(final['w'])}, z = {turn} rad, tilt {lean}°",
-        "rates at the end": f"ω = {_numbers(final['omega'])} rad/s",
+        "attitude at the end": f"w = {vector_text(final['w'])}, z = {turn} rad, tilt {lean}°",
+        "rates at the end": f"ω = {vector_text(final['omega'])} rad/s",
     }
 
 
@@ -96,7 +96,9 @@ def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, st
     has_range = "torque_max" in dataset
     torques = ("torque_min", "torque_max") if has_range else ("torque",)
     peak = np.nanmax(np.abs(np.concatenate([dataset[one].values for one in torques])), axis=0)
-    rows = {"torque": f"at most {_numbers(peak)} N m{'' if has_range else ' at the saved times'}"}
+    rows = {
+        "torque": f"at most {vector_text(peak)} N m{'' if has_range else ' at the saved times'}"
+    }
     if "torque_unmade" in dataset:
         unmade = np.linalg.norm(dataset["torque_unmade"].values, axis=1)
         lacking = unmade > UNMADE * np.max(peak, initial=0.0)
@@ -112,12 +114,14 @@ def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, st
                 )
     if "effort" in dataset:
         by = "all actuators" if has_effectors(dataset) else "the thrusters"
-        rows["effort"] = f"{_numbers(dataset['effort'])} N m s by {by}"
+        rows["effort"] = f"{vector_text(dataset['effort'])} N m s by {by}"
     if budget := momentum_budget(dataset):
         rows["momentum given"] = budget
     if "wheel_momentum" in dataset:
         moved = np.sum(np.abs(np.diff(dataset["wheel_momentum"].values, axis=0)), axis=0)
-        rows["momentum moved"] = f"{_numbers(moved)} N m s by each wheel, taken up and given back"
+        rows["momentum moved"] = (
+            f"{vector_text(moved)} N m s by each wheel, taken up and given back"
+        )
     for part in PARTS:
         for signal in part.signals:
             if signal.peak and signal.name in dataset:
@@ -127,7 +131,7 @@ def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, st
     if "thrust_level" in dataset:
         spans = np.diff(dataset["time"].values)
         open_for = spans @ dataset["thrust_level"].values[:-1]
-        rows["thrusters"] = f"at full thrust for {_numbers(open_for)} s"
+        rows["thrusters"] = f"at full thrust for {vector_text(open_for)} s"
     if "propellant" in dataset and (propellant := float(dataset["propellant"].max())) > 0:
         rows["propellant"] = f"{number_text(propellant, 3)} kg"
     if "constraint_effort" in dataset:
@@ -146,14 +150,10 @@ def _peaks(history: xr.DataArray, units: str, limits: Sequence[float | None]) ->
     """The largest size of each device, its part of the limit where all have one, and for which
     part of the saved times any is at that."""
     sizes = np.abs(history.values)
-    text = f"at most {_numbers(np.nanmax(sizes, axis=0))} {shown_unit(units)}"
+    text = f"at most {vector_text(np.nanmax(sizes, axis=0))} {shown_unit(units)}"
     if len(limits) != sizes.shape[1] or not all(limits):
         return text
     parts = sizes / np.array(limits, float)
     text += f", {number_text(100 * np.nanmax(parts), 3)} % of a limit"
     full = np.mean(np.any(parts >= AT_LIMIT, axis=1))
     return f"{text}, at one for {number_text(100 * full, 3)} % of the saved times" if full else text
-
-
-def _numbers(values: Iterable[Any]) -> str:
-    return vector_text(values)

@@ -64,7 +64,7 @@ def _ending(key: str) -> str:
 
 
 def other_spellings(key: str) -> Iterator[str]:
-    """The same key in its other units."""
+    """A key as it is spelt in its other units."""
     return (one for one in spellings(key) if one != key)
 
 

@@ -52,7 +52,7 @@ class Margin(NamedTuple):
         return Margin(jnp.full_like(like, value), jnp.array(0), jnp.full_like(like, jnp.nan))
 
     def negated(self) -> "Margin":
-        """That of the negation."""
+        """The margin of the negation."""
         return self._replace(value=-self.value)
 
     def least(self, other: "Margin") -> "Margin":

@@ -166,7 +166,7 @@ class RigidBody(eqx.Module):
         return body, tuple(command for _, command in pairs)
 
     def with_effectors(self, effectors: tuple[AbstractEffector, ...]) -> "RigidBody":
-        """The same body with these in place of its effectors."""
+        """This body with other effectors."""
         if len(effectors) != len(self.effectors):
             return dataclasses.replace(self, effectors=effectors)
         return eqx.tree_at(lambda x: x.effectors, self, effectors) if effectors else self

@@ -77,7 +77,7 @@ class Reach(NamedTuple):
 
     @staticmethod
     def none() -> "Reach":
-        """That of nothing."""
+        """The reach of an effector that can do nothing."""
         return Reach(jnp.zeros((3, 0)), jnp.zeros(0), jnp.zeros(0))
 
 
@@ -275,7 +275,7 @@ class AbstractEffector(AbstractHeldEffector):
         return self
 
     def without_corners(self) -> "AbstractEffector":
-        """The same without failures in flight, and without what needs a command that is held."""
+        """This effector without failures in flight, and without what needs a held command."""
         if self.failures is None:
             return self
         return eqx.tree_at(lambda one: one.failures, self, None)

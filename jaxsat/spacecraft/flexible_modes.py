@@ -93,7 +93,7 @@ class FlexibleModes(AbstractEffector):
 
     @property
     def command_size(self) -> int:
-        """None commands them."""
+        """No numbers: flexible modes take no command."""
         return 0
 
     def init(self) -> ModeStates:
@@ -105,7 +105,7 @@ class FlexibleModes(AbstractEffector):
         return self.axes @ (self.coupling**2 * state.rate)
 
     def storage(self) -> Storage | None:
-        """None: what they store swings to and fro."""
+        """None, as the momentum of flexible modes swings to and fro."""
         return None
 
     def free_inertia(self) -> Matrix:
@@ -113,7 +113,7 @@ class FlexibleModes(AbstractEffector):
         return -(self.axes * (self.coupling**2)[None]) @ self.axes.T
 
     def driven(self, state, command, struck) -> "tuple[FlexibleModes, Float[Array, '0']]":
-        """They do not fail."""
+        """The modes and their command as they are: flexible modes do not fail."""
         return self, command
 
     def piece(self, mode: tuple, command: Array) -> tuple:
@@ -131,7 +131,7 @@ class FlexibleModes(AbstractEffector):
         return Effect(torque, self.free_inertia())
 
     def torque(self, piece: tuple, t, plant, state: ModeStates, acceleration):
-        """None: no actuator makes it."""
+        """No torque: that of flexible modes is made by no actuator."""
         return jnp.zeros(3)
 
     def derivative(self, piece: tuple, plant, state: ModeStates, acceleration) -> ModeStates:

@@ -183,7 +183,7 @@ class PulsedThrusters(AbstractEffector):
         return dict(zip(("valve_on", "valve_off", "level"), pulses, strict=True)), memory
 
     def modulator(self, memory: ThrusterMemory) -> PyTree:
-        """That of its modulation."""
+        """The memory of the modulation alone."""
         return memory.modulation
 
     def plan(self, t, use, memory, period, delay) -> PulsePlan:

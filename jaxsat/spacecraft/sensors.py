@@ -60,7 +60,7 @@ class Sensors(eqx.Module):
         return turned, omega + self.rate_noise * noise[:3]
 
     def drawn(self, first: IntScalar, count: int, dtype: DTypeLike) -> "DrawnSensors":
-        """The same for `count` samples from number `first` on, with all their noise drawn now."""
+        """These sensors for `count` samples from number `first` on, with all their noise."""
         noise = jax.vmap(lambda sample: self.noise(sample, dtype))(first + jnp.arange(count))
         return DrawnSensors(self, noise, first)
 

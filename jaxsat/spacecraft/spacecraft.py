@@ -99,5 +99,5 @@ class PlantState(eqx.Module):
         return next((one for one in self.of_each if isinstance(one, kind)), None)
 
     def normalised(self) -> "PlantState":
-        """The same with attitude parameters that obey their constraint to rounding."""
+        """This state with attitude parameters that obey their constraint to rounding."""
         return dataclasses.replace(self, attitude=self.attitude.normalised())

@@ -152,7 +152,7 @@ class Discrete(AbstractProbabilityDistribution):
         return self.values[jnp.sum(u[:, None] >= bounds[None, :], axis=1)]
 
     def components(self) -> int | None:
-        """None: any number of components will do."""
+        """None, as a discrete distribution suits any number of components."""
         return None
 
 

@@ -80,7 +80,7 @@ def erf_inv(x: Double) -> Double:
 
 
 def near_erf_inv(x: Double) -> tuple[Double, Truth]:
-    """The same in fewer steps; and where it is wrong: in a thousandth of (-1, 1), and outside."""
+    """`erf_inv` in fewer steps; and where it is wrong: in a thousandth of (-1, 1), and outside."""
     one_less_square = (1.0 - x) * (1.0 + x)
     factor = _in_the_middle(-near_log(one_less_square))
     return x * factor, ~(one_less_square > _TAIL_BEGINS)

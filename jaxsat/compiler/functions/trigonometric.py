@@ -141,7 +141,7 @@ def atan2(y: Double, x: Double) -> Double:
 
 
 def near_atan2(y: Double, x: Double) -> tuple[Double, Truth]:
-    """The same in fewer steps; and where it is wrong: at the origin and at numbers far from one."""
+    """`atan2` in fewer steps; and where it is wrong: at the origin and at numbers far from one."""
     rise, run = lax.abs(y), lax.abs(x)
     steep = rise > run
     small, large = select(steep, run, rise), select(steep, rise, run)

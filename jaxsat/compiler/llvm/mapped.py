@@ -75,7 +75,7 @@ class Mapped:
         return jax.tree.unflatten(structure, outputs)
 
     def interpreted(self, cases: PyTree, shared: PyTree = None) -> PyTree:
-        """The same by the interpreter, all cases as lanes of one vector."""
+        """What a call returns, by the interpreter: all cases as lanes of one vector."""
         inputs, count = self._taken(cases, shared)
         args = []
         for location in self.entry_point.inputs:

@@ -61,7 +61,7 @@ class EllipticOrbit(AbstractPlace):
         return self.sidereal_angle
 
     def secular_rates(self) -> tuple[RealScalar, RealScalar, RealScalar]:
-        """Those of node, argument of perigee and mean anomaly, rad/s."""
+        """Secular rates of node, argument of perigee and mean anomaly, rad/s."""
         axis, inclination = self.semi_major_axis, self.inclination
         motion = jnp.sqrt(EARTH_GRAVITY / axis) / axis
         square = 1 - self.eccentricity**2
