@@ -203,7 +203,7 @@ def _paint(figure: Figure, panel: Axes, plot: Plot) -> None:
     inches = ScaledTranslation(-LABEL_AT, 0, figure.dpi_scale_trans)
     panel.yaxis.set_label_coords(0, 0.5, panel.transAxes + inches)
     if plot.strips is not None:
-        _paint_strips(figure, panel, plot, plot.strips)
+        _paint_strips(figure, panel, plot.strips)
     if plot.sentence:
         panel.set_title(_sentences(plot), fontsize=8, loc="left", parse_math=False, y=1.0)
 
@@ -262,7 +262,7 @@ def _paint_line(panel: Axes, line: Line, number: int, log: bool, shade: float) -
     panel.plot(x, y[samples], label=escape_mathematics(line.label), **look)
 
 
-def _paint_strips(figure: Figure, panel: Axes, plot: Plot, strips: Strips) -> None:
+def _paint_strips(figure: Figure, panel: Axes, strips: Strips) -> None:
     """A strip in shades of grey for each component; a bar tells what the shades mean.
 
     Each shade is of the largest value of a time that is wide enough to be seen. Both are images,

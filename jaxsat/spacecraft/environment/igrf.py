@@ -108,7 +108,7 @@ def igrf_field(
     none = 0 * cosines[..., :1]
     lower_cosines = xp.concatenate([none, cosines[..., :-1]], axis=-1)
     lower_sines = xp.concatenate([none, sines[..., :-1]], axis=-1)
-    rows = _functions(xp, u[..., None])
+    rows = _functions(u[..., None])
     m, ratio, total = np.arange(ORDERS), REFERENCE_RADIUS / r, 0 * position
     along = 0 * r
     for n in range(1, ORDERS):
@@ -138,7 +138,7 @@ def _powers(xp: Any, s: Any, t: Any) -> tuple[Any, Any]:
     return xp.stack(cosines, axis=-1), xp.stack(sines, axis=-1)
 
 
-def _functions(xp: Any, u: Any) -> list[Any]:
+def _functions(u: Any) -> list[Any]:
     """H_n^m(u) of every order m along the last axis, for degrees n from 0 on."""
     rows = [RECURSION[2, 0] + 0 * u]
     for n in range(1, ORDERS):

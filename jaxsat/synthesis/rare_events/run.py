@@ -1,7 +1,5 @@
 """An estimate in one call: the pilot run, the replications, and what they say."""
 
-import csv
-import io
 import json
 import math
 from collections.abc import Iterator
@@ -14,6 +12,7 @@ import numpy as np
 from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.package_files import text_of
+from jaxsat.core.text import csv_text
 from jaxsat.report.rare_event_plots import rare_event_plots
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.study import PILOTS, refined_study
@@ -280,12 +279,12 @@ def _write(
     record = plain_data({"command": command_line(), **result.as_data(), **provenance()})
     folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
     folder.write(SCHEMA, text_of("jaxsat.synthesis.rare_events", SCHEMA))
-    folder.write(TABLE, _csv(violations, flights, result))
+    folder.write(TABLE, _csv(violations, flights))
     title = f"{result.title}: {result.requirement}"
     save_figures(lambda: {"levels": paint(rare_event_plots(record), title)}, folder.write)
 
 
-def _csv(violations: Violations, flights: Batch, result: RareEvent) -> str:
+def _csv(violations: Violations, flights: Batch) -> str:
     """The violating cases, those with the least margin first."""
     columns = {
         "case": violations.number,
@@ -300,9 +299,6 @@ def _csv(violations: Violations, flights: Batch, result: RareEvent) -> str:
             each = values[violations.number].reshape(len(violations.number), -1).T
             names = [name] if len(each) == 1 else [f"{name}_{i + 1}" for i in range(len(each))]
             columns |= dict(zip(names, each, strict=True))
-    file = io.StringIO()
-    writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(columns)
     order = np.argsort(np.nan_to_num(columns["margin_SI"], nan=-np.inf))
-    writer.writerows(zip(*(values[order].tolist() for values in columns.values()), strict=True))
-    return file.getvalue()
+    rows = zip(*(values[order].tolist() for values in columns.values()), strict=True)
+    return csv_text([columns, *rows])
