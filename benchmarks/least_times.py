@@ -23,9 +23,6 @@ import numpy as np
 
 from jaxsat.control.planning.planner import Plan, Planner, PlanStatus
 from jaxsat.scenario.build.run import build, build_tolerances
-from jaxsat.synthesis.bounds.manoeuvre import End, manoeuvre_of
-from jaxsat.synthesis.bounds.search import best_of_starts, solution_of
-from jaxsat.synthesis.bounds.transcription import BoundObjective
 from jaxsat.synthesis.comparison.acceptance import (
     LIMITS,
     ComparisonSetting,
@@ -34,6 +31,9 @@ from jaxsat.synthesis.comparison.acceptance import (
     comparison_study,
 )
 from jaxsat.synthesis.comparison.front import arrives
+from jaxsat.synthesis.optima.manoeuvre import End, manoeuvre_of
+from jaxsat.synthesis.optima.search import best_of_starts, solution_of
+from jaxsat.synthesis.optima.transcription import BoundObjective
 from planner import compiled, in_parts
 
 GUESSES = 48

@@ -25,10 +25,10 @@ from jaxsat.core.process import processors
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.synthesis.bounds.manoeuvre import manoeuvre_of
-from jaxsat.synthesis.bounds.search import best_of_starts
-from jaxsat.synthesis.bounds.transcription import BoundObjective
 from jaxsat.synthesis.comparison.front import arrives
+from jaxsat.synthesis.optima.manoeuvre import manoeuvre_of
+from jaxsat.synthesis.optima.search import best_of_starts
+from jaxsat.synthesis.optima.transcription import BoundObjective
 
 
 def starts(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:

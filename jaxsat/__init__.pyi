@@ -20,10 +20,10 @@ from jaxsat.core.attitude import (
     WZ as WZ,
     Quaternion as Quaternion,
 )
-from jaxsat.synthesis.bounds.run import (
+from jaxsat.synthesis.optima.run import (
     bound as bound,
 )
-from jaxsat.synthesis.bounds.search import (
+from jaxsat.synthesis.optima.search import (
     Bound as Bound,
 )
 from jaxsat.synthesis.comparison.acceptance import (

@@ -14,8 +14,8 @@ from jaxsat.cli.terminal import FAILED_RUN, SUCCESS, UserMistake, print_document
 
 if TYPE_CHECKING:
     from jaxsat.scenario import Scenario
-    from jaxsat.synthesis.bounds.run import UnsuitableScenario
-    from jaxsat.synthesis.bounds.search import Bound
+    from jaxsat.synthesis.optima.run import UnsuitableScenario
+    from jaxsat.synthesis.optima.search import Bound
 
 Longest = Annotated[float | None, Parameter(converter=number(0.01, 1e9))]
 Objective = Literal["time", "effort"]
@@ -78,7 +78,7 @@ def bound(
         print_stderr(f"none of {starts} starts found a solution in {limit:g} s; give more starts")
         return FAILED_RUN
     from jaxsat.report.front import bound_document
-    from jaxsat.synthesis.bounds.run import end_text, tolerances_at
+    from jaxsat.synthesis.optima.run import end_text, tolerances_at
 
     meaning = end_text(tolerances_at(chosen, end), target == "attitude")
     record = {"target": target, "end": end, "end_meaning": meaning, **best.as_data()}
@@ -92,7 +92,7 @@ def bound(
 def _best(scenario: "Scenario", objective: Objective, **keys: Any) -> "Bound | None":
     """The bound that the library finds; its errors become mistakes and failures."""
     import jaxsat
-    from jaxsat.synthesis.bounds.run import UnsuitableScenario
+    from jaxsat.synthesis.optima.run import UnsuitableScenario
 
     try:
         return interruptibly(

@@ -87,7 +87,7 @@ def _export(scenario: "Scenario", *, single: bool, libm: bool) -> "Export":
     from jaxsat.flight.files import Request, export
     from jaxsat.scenario import dump
     from jaxsat.scenario.build.run import build
-    from jaxsat.scenario.layout import hold_samples_of
+    from jaxsat.scenario.derived import hold_samples_of
     from jaxsat.store.provenance import provenance
 
     run = build(scenario)

@@ -80,7 +80,7 @@ def front(
     from jaxsat.report.front import front_document, write_front
     from jaxsat.store.folder import OutputFolder
     from jaxsat.store.provenance import command_line, provenance
-    from jaxsat.synthesis.bounds.run import end_data, tolerances_at
+    from jaxsat.synthesis.optima.run import end_data, tolerances_at
 
     out = output.out or Path("jaxsat-front")
 
@@ -103,8 +103,8 @@ def front(
 
 
 def _require_suitable(scenario: "Scenario", laws: Sequence[str]) -> None:
-    from jaxsat.synthesis.bounds.run import UnsuitableScenario, require_ideal_thrusters
     from jaxsat.synthesis.comparison.in_scenario import scenario_under
+    from jaxsat.synthesis.optima.run import UnsuitableScenario, require_ideal_thrusters
 
     try:
         require_ideal_thrusters(scenario, "a front")

@@ -134,7 +134,7 @@ def refusals(scenario: "Scenario") -> Iterator[str]:
         yield f"not for compare, montecarlo and tune: {MissingTable('dispersion')}"
     elif scenario.tuning is None:
         yield f"not for tune: {MissingTable('tuning')}"
-    from jaxsat.synthesis.bounds.run import required_manoeuvre
+    from jaxsat.synthesis.optima.run import required_manoeuvre
 
     trials: dict[str, Callable[[], object]] = {
         "bound and front": lambda: required_manoeuvre(scenario),

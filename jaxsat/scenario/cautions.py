@@ -10,11 +10,11 @@ from jaxsat.core.declaration.tuned_gains import MORIN_SAMSON, TWO_CHANNEL, Scali
 from jaxsat.core.inertia import torque_axis_frame
 from jaxsat.core.ranges import SETTLED_W
 from jaxsat.scenario.actuator_cautions import actuator_cautions
+from jaxsat.scenario.derived import believed_axes, is_upside_down, torque_limit
 from jaxsat.scenario.domain import believed_normal_form, domain_cautions
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.flexibility import flexibility_cautions
 from jaxsat.scenario.holding import nearest_held
-from jaxsat.scenario.layout import believed_axes, is_upside_down, torque_limit
 from jaxsat.scenario.parts.failures import failure_cautions
 from jaxsat.scenario.parts.sensors import sensor_cautions
 from jaxsat.scenario.quantities import inertia_matrix

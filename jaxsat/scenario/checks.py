@@ -9,14 +9,14 @@ import math
 from jaxsat.core.allocation import allocation_matrix, torque_directions
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.ranges import STATE_LIMIT
-from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.layout import (
+from jaxsat.scenario.derived import (
     ERROR_COORDINATE_KEYS,
     error_coordinate_obstacle,
     is_upside_down,
     torque_jumps,
     uses_error_coordinates,
 )
+from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.wheels import limit_of_wheels
 from jaxsat.scenario.rules import STEPS, at, is_multiple, key_of_fixed_steps, rule, rule_over
 from jaxsat.scenario.tables import ADAPTIVE_STEP_KEYS, FIXED_STEP_KEYS, working_axes

@@ -10,8 +10,8 @@ from jaxsat.core.allocation import torque_directions, usable_share
 from jaxsat.core.declaration.domain import NUMBERS
 from jaxsat.core.inertia import normal_axes
 from jaxsat.core.ranges import SETTLED_RATE
+from jaxsat.scenario.derived import believed_axes, torque_limit
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.layout import believed_axes, torque_limit
 from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.scenario.schema import Scenario
 

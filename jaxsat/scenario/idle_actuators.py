@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxsat.core.allocation import BASIS_TOLERANCE, least_squares_map
+from jaxsat.scenario.derived import command_torques, ideal_shares
 from jaxsat.scenario.errors import Issue, Location
-from jaxsat.scenario.layout import command_torques, ideal_shares
 from jaxsat.scenario.parts.actuator import names_of
 from jaxsat.scenario.parts.thrusters import signs
 from jaxsat.scenario.parts.wheels import (

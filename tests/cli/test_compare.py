@@ -27,7 +27,7 @@ def jaxsat(command_line):
 def test_table_record_and_figure_and_going_on(jaxsat, tmp_path, monkeypatch):
     """Bounds without the planner's starts, which those of `jaxsat bound` have."""
     pytest.importorskip("casadi")
-    monkeypatch.setattr("jaxsat.synthesis.bounds.run.plans_of", lambda *given: [])
+    monkeypatch.setattr("jaxsat.synthesis.optima.run.plans_of", lambda *given: [])
     command = [*QUICK, "--bounds", "2", "--out", "c"]
     status, out, err = jaxsat(*command)
     assert status == 0, err

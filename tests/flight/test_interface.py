@@ -21,7 +21,7 @@ from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import header, source
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.scenario.layout import hold_samples_of
+from jaxsat.scenario.derived import hold_samples_of
 from tests.flight.laws import Filtered, loop_of, start
 
 KEYS = (number("gain", "Gains", "N m s", above=0, at_most=50, size=2, tunable=True),)

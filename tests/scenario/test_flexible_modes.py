@@ -16,7 +16,7 @@ from jaxsat.simulation.loops import parts_of
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.flexible_modes import FlexibleModes, ModeStates
-from jaxsat.synthesis.bounds.run import UnsuitableScenario, require_ideal_thrusters
+from jaxsat.synthesis.optima.run import UnsuitableScenario, require_ideal_thrusters
 from simulation.engine.examples import agreed
 
 INERTIA = np.array([[50.0, 2.0, -1.0], [2.0, 60.0, 3.0], [-1.0, 3.0, 40.0]])

@@ -12,7 +12,7 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioError, ScenarioWarning, dump
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build, build_uncontrolled
-from jaxsat.scenario.layout import believed_axes, torque_limit
+from jaxsat.scenario.derived import believed_axes, torque_limit
 from jaxsat.scenario.overrides import apply_overrides, parse_override
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation.loops import ContinuousLoop

@@ -17,7 +17,7 @@ from jaxsat.scenario.build.plant import field_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_events, require_torque
 from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
-from jaxsat.scenario.layout import ideal_shares, thruster_costs
+from jaxsat.scenario.derived import ideal_shares, thruster_costs
 from jaxsat.scenario.parts.thrusters import make_all_alone, working_torques
 from jaxsat.scenario.parts.unloading import UnloadingTable
 from jaxsat.scenario.parts.wheels import (

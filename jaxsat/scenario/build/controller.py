@@ -13,8 +13,8 @@ from jaxsat.scenario.build.plant import orbit_of, orbit_rate, periodic_torque
 from jaxsat.scenario.build.plugin_trial import broken
 from jaxsat.scenario.build.thrusters import rate_noise, thruster_context
 from jaxsat.scenario.control import ModelTable, is_plugin
+from jaxsat.scenario.derived import believed_axes, torque_limit
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.layout import believed_axes, torque_limit
 from jaxsat.scenario.parts.wheels import free_inertia, left_by_wheels, rotors, wheel_axes
 from jaxsat.scenario.quantities import values_of
 from jaxsat.scenario.schema import Scenario

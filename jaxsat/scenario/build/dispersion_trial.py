@@ -7,9 +7,9 @@ from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario.build.distributions import distribution_of
 from jaxsat.scenario.build.errors import at_key
 from jaxsat.scenario.build.run import Run
+from jaxsat.scenario.derived import is_upside_down
 from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.layout import is_upside_down
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import refusal_text, shown

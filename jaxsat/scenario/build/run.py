@@ -26,8 +26,8 @@ from jaxsat.scenario.build.plant import build_effectors, build_plant
 from jaxsat.scenario.build.plugin_trial import require_runs
 from jaxsat.scenario.build.sensors import build_navigation, build_sampling, build_tachometers
 from jaxsat.scenario.control import is_plugin
+from jaxsat.scenario.derived import has_invalid_samples, hold_samples_of, uses_error_coordinates
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.layout import has_invalid_samples, hold_samples_of, uses_error_coordinates
 from jaxsat.scenario.resolution import substeps_of
 from jaxsat.scenario.schema import Scenario, flattened
 from jaxsat.scenario.tables import MAX_SAMPLED_STEPS, SolverTable

@@ -12,7 +12,7 @@ from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.failures import FailureKind, failure_kind
 from jaxsat.core.declaration.sensors import GYRO
 from jaxsat.scenario.build.plant import sensor_context
-from jaxsat.scenario.layout import command_torques, has_invalid_samples, thruster_costs
+from jaxsat.scenario.derived import command_torques, has_invalid_samples, thruster_costs
 from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.failures import FailureTable
 from jaxsat.scenario.parts.thrusters import (

@@ -16,9 +16,9 @@ from jaxsat.scenario.build.run import Run, build, build_tolerances, build_uncont
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of
-from jaxsat.synthesis.bounds.search import propagate, quickest_plans, solution_of
 from jaxsat.synthesis.comparison.in_scenario import scenario_under
+from jaxsat.synthesis.optima.manoeuvre import End, Manoeuvre, manoeuvre_of
+from jaxsat.synthesis.optima.search import propagate, quickest_plans, solution_of
 from jaxsat.synthesis.plain_data import plain_data
 
 STRETCHES = (1.005, 1.01, 1.02, 1.05, 1.1, 1.2, 1.35, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)

@@ -17,12 +17,12 @@ from jaxsat.core.package_files import text_of
 from jaxsat.scenario.build.run import build
 from jaxsat.store.files import parse_json
 from jaxsat.store.resumable import ResumableFolder
-from jaxsat.synthesis.bounds.manoeuvre import End, manoeuvre_of
-from jaxsat.synthesis.bounds.run import end_data, search_bound, tolerances_at
-from jaxsat.synthesis.bounds.transcription import BoundObjective
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting, comparison_scenario, horizon
 from jaxsat.synthesis.comparison.verdict import ComparisonRow
 from jaxsat.synthesis.execution import Listener
+from jaxsat.synthesis.optima.manoeuvre import End, manoeuvre_of
+from jaxsat.synthesis.optima.run import end_data, search_bound, tolerances_at
+from jaxsat.synthesis.optima.transcription import BoundObjective
 
 STORED = "least_times.json"
 

@@ -18,7 +18,6 @@ from jaxsat.store.resumable import ResumableFolder
 from jaxsat.store.tables import case_table, open_study
 from jaxsat.studies.ensemble import Study
 from jaxsat.studies.work import Work
-from jaxsat.synthesis.bounds.manoeuvre import End
 from jaxsat.synthesis.comparison.acceptance import (
     LAWS,
     PERIOD,
@@ -36,6 +35,7 @@ from jaxsat.synthesis.comparison.verdict import (
     comparison_row,
 )
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call, run_columns
+from jaxsat.synthesis.optima.manoeuvre import End
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxsat.core.allocation import torque_directions
 from jaxsat.scenario import Scenario
-from jaxsat.scenario.layout import believed_axes
+from jaxsat.scenario.derived import believed_axes
 from jaxsat.scenario.parts.wheels import rotors
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.studies.ensemble import DRAWN

@@ -10,10 +10,10 @@ from jaxsat.core.allocation import torque_directions
 from jaxsat.core.ranges import SETTLED_W
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.plant import orbit_rate
+from jaxsat.scenario.derived import believed_axes
 from jaxsat.scenario.dispersion_tables import DistributionTable
 from jaxsat.scenario.domain import dimensionless_numbers
 from jaxsat.scenario.holding import RestDrift, rest_drift
-from jaxsat.scenario.layout import believed_axes
 from jaxsat.scenario.quantities import inertia_matrix
 
 STEP = 1e-3

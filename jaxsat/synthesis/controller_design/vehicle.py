@@ -24,8 +24,8 @@ from jaxsat.scenario.build.balance import undriven_balance
 from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.cautions import HELD_TURN
+from jaxsat.scenario.derived import believed_axes, torque_limit
 from jaxsat.scenario.holding import nearest_held
-from jaxsat.scenario.layout import believed_axes, torque_limit
 from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.scenario.quantities import inertia_matrix
 

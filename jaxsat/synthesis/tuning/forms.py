@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, cast
 
-from jaxsat.scenario.layout import uses_error_coordinates
+from jaxsat.scenario.derived import uses_error_coordinates
 from jaxsat.scenario.parts.thrusters import ModulationTable
 from jaxsat.scenario.resolution import substeps_of
 from jaxsat.scenario.schema import Scenario, flattened

@@ -8,9 +8,9 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
 from jaxsat.spacecraft.spacecraft import Spacecraft
-from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
-from jaxsat.synthesis.bounds.search import propagate
-from jaxsat.synthesis.bounds.transcription import Solution
+from jaxsat.synthesis.optima.manoeuvre import Manoeuvre
+from jaxsat.synthesis.optima.search import propagate
+from jaxsat.synthesis.optima.transcription import Solution
 
 PAPER = np.diag([449.5, 264.6, 312.5])
 XY = np.eye(3)[:, :2]

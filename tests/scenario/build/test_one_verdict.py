@@ -12,7 +12,7 @@ from jaxsat.core.allocation import least_propellant, plane_map, pushed_direction
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.scenario.layout import torque_limit
+from jaxsat.scenario.derived import torque_limit
 from jaxsat.simulation.sampled_loop import SampledLoop
 
 INERTIA = "[spacecraft]\ninertia_kg_m2 = [1.0, 0.7, 0.5]\n"

@@ -10,8 +10,8 @@ from jaxsat.control.oscillatory import Slow
 from jaxsat.core.allocation import torque_directions
 from jaxsat.core.inertia import normal_axes
 from jaxsat.scenario.build.run import build_loop
+from jaxsat.scenario.derived import believed_axes
 from jaxsat.scenario.holding import missing_torque
-from jaxsat.scenario.layout import believed_axes
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.studies.changes import controller_of
 from jaxsat.studies.dispersions import number_at

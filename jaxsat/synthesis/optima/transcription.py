@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
+from jaxsat.synthesis.optima.manoeuvre import Manoeuvre
 
 SHORTEST = 1e-3
 """Of `Manoeuvre.time_unit`; no manoeuvre is taken to last less."""

@@ -20,9 +20,9 @@ from jaxsat.simulation.engine.single import simulate
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance
-from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre, manoeuvre_of
-from jaxsat.synthesis.bounds.search import EndError, best_of_starts, plans_of, propagate
-from jaxsat.synthesis.bounds.transcription import BoundObjective, BoundTranscription, Solution
+from jaxsat.synthesis.optima.manoeuvre import Manoeuvre, manoeuvre_of
+from jaxsat.synthesis.optima.search import EndError, best_of_starts, plans_of, propagate
+from jaxsat.synthesis.optima.transcription import BoundObjective, BoundTranscription, Solution
 
 pytest.importorskip("casadi")
 

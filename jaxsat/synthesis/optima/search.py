@@ -18,8 +18,8 @@ from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.wheels import Wheels
-from jaxsat.synthesis.bounds.manoeuvre import Manoeuvre
-from jaxsat.synthesis.bounds.transcription import BoundObjective, BoundTranscription, Solution
+from jaxsat.synthesis.optima.manoeuvre import Manoeuvre
+from jaxsat.synthesis.optima.transcription import BoundObjective, BoundTranscription, Solution
 
 TOLERANCE = 1e-11
 

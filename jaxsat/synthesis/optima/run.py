@@ -11,9 +11,9 @@ from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build_tolerances, build_uncontrolled
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.synthesis.bounds.manoeuvre import End, Manoeuvre, manoeuvre_of
-from jaxsat.synthesis.bounds.search import Bound, best_of_starts, plans_of
-from jaxsat.synthesis.bounds.transcription import SHORTEST, BoundObjective
+from jaxsat.synthesis.optima.manoeuvre import End, Manoeuvre, manoeuvre_of
+from jaxsat.synthesis.optima.search import Bound, best_of_starts, plans_of
+from jaxsat.synthesis.optima.transcription import SHORTEST, BoundObjective
 
 Report = Callable[[str], None]
 """Called with what runs and how far it is."""
