@@ -14,7 +14,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-import jaxsat.core.noise as noise
+from jaxsat.core import noise
 from jaxsat.core.allocation import torque_directions, usable_share
 from jaxsat.core.declaration.settling import TUNED_LIMITS, TUNED_MOMENTS
 from jaxsat.core.inertia import normal_axes

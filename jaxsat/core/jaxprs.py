@@ -11,7 +11,7 @@ from typing import Any
 import jax
 from jaxtyping import PyTree
 
-import jaxsat.core.jax_internals as jax_internals
+from jaxsat.core import jax_internals
 from jaxsat.core.jax_internals import CALL, ClosedJaxpr, DropVar, Expanded, OpenJaxpr, Place
 
 

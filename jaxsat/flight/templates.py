@@ -1,6 +1,6 @@
 """Files that are nearly the same for every controller, and what is built of them."""
 
-import jaxsat.core.package_files as package_files
+from jaxsat.core import package_files
 
 BUILT = frozenset(f"build/{name}" for name in (
     "controller.o", "controller_guard.o", "controller_parameters.o",

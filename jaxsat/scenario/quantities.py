@@ -18,7 +18,7 @@ from pydantic import (
 )
 from pydantic.types import Strict
 
-import jaxsat.core.declaration as declaration
+from jaxsat.core import declaration
 from jaxsat.core.declaration import LARGEST, Choice, Key, Numeric
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.inertia import require_known_inertia

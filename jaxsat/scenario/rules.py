@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import jaxsat.core.declaration as declaration
+from jaxsat.core import declaration
 from jaxsat.core.declaration.laws import LAWS, Law
 from jaxsat.core.errors import foreign_exceptions
 from jaxsat.scenario.control import is_plugin, known_law

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-import jaxsat.core.noise as noise
+from jaxsat.core import noise
 from jaxsat.core.once import latest
 
 MAX_CASE_SIZE = 2**32 - 1

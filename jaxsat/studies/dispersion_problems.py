@@ -6,8 +6,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-import jaxsat.core.ranges as ranges
 from jaxsat.control.three_axis import InternalModel
+from jaxsat.core import ranges
 from jaxsat.core.checks import concrete
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.simulation.loops import AbstractLoop, parts_of

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree, UInt32
 
-import jaxsat.core.noise as noise
+from jaxsat.core import noise
 from jaxsat.core.array_types import BoolScalar
 from jaxsat.core.checks import as_array
 from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE

@@ -9,12 +9,11 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-import jaxsat.core.ranges as ranges
 from jaxsat.control.controller import AbstractBacksteppingLaw
+from jaxsat.core import ranges
 from jaxsat.core.array_types import Matrix
 from jaxsat.core.attitude import DCM, WZ, AbstractAttitude, Quaternion
 from jaxsat.core.checks import as_float, numpy_if_known
-from jaxsat.core.ranges import STATE_LIMIT, Range
 from jaxsat.simulation.loops import AbstractLoop, parts_of
 from jaxsat.spacecraft.dispersible import Limits
 from jaxsat.spacecraft.environment.disturbances import ConstantTorque, SumOfDisturbances
@@ -37,7 +36,7 @@ from jaxsat.studies.changes import (
     with_controller,
 )
 
-STATE = Range(-STATE_LIMIT, STATE_LIMIT)
+STATE = ranges.Range(-ranges.STATE_LIMIT, ranges.STATE_LIMIT)
 """Rates (rad/s) and angles (rad) with which a run goes on."""
 
 _INERTIA = attrgetter("plant.spacecraft.inertia")
@@ -124,7 +123,7 @@ def _with_attitude(perturbed: PerturbedLoop, attitude: AbstractAttitude) -> Pert
     return perturbed._replace(start=dataclasses.replace(perturbed.start, attitude=same))
 
 
-def _of_tilt(change: Callable[[WZ, Values], WZ], values: Range) -> Quantity:
+def _of_tilt(change: Callable[[WZ, Values], WZ], values: ranges.Range) -> Quantity:
     """A quantity that changes the initial (w, z) parameters."""
 
     def apply(perturbed: PerturbedLoop, drawn: Values) -> PerturbedLoop:
@@ -157,8 +156,8 @@ def _with_omega(perturbed: PerturbedLoop, omega: Values) -> PerturbedLoop:
 
 def _omega_limits(loop: AbstractLoop) -> Limits:
     """A held third rate begins at zero, and stays there."""
-    third = 0.0 if loop.plant.third_rate_held else STATE_LIMIT
-    largest = np.array([STATE_LIMIT, STATE_LIMIT, third])
+    third = 0.0 if loop.plant.third_rate_held else ranges.STATE_LIMIT
+    largest = np.array([ranges.STATE_LIMIT, ranges.STATE_LIMIT, third])
     return Limits(as_float(-largest), as_float(largest))
 
 
@@ -199,10 +198,10 @@ MODEL_QUANTITIES: Mapping[str, Quantity] = {
     ),
     "attitude": Quantity(
         lambda perturbed, q: _with_attitude(perturbed, Quaternion(q)),
-        between(Range(-1.0, 1.0)),
+        between(ranges.Range(-1.0, 1.0)),
         fixed(4),
     ),
-    "tilt": _of_tilt(_resized, Range(0.0, STATE_LIMIT)),
+    "tilt": _of_tilt(_resized, ranges.Range(0.0, ranges.STATE_LIMIT)),
     "tilt_direction": _of_tilt(_redirected, ranges.ANGLE),
     "turn": _of_tilt(lambda wz, turn: WZ(wz.w, turn[0]), STATE),
     "attitude_error": Quantity(_turned, between(ranges.ROTATION), fixed(3)),

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-import jaxsat.core.ranges as ranges
+from jaxsat.core import ranges
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
 from jaxsat.core.declaration.disturbances import DISTURBANCES
