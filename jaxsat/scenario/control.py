@@ -78,24 +78,16 @@ def _require_true(law: Law) -> None:
     from jaxsat.control.controller import AbstractBacksteppingLaw
     from jaxsat.control.sampled import AbstractSampledController
 
-    is_sampled = issubclass(law.controller, AbstractSampledController)
-    if is_sampled and not law.declaration.sampled:
-        raise PluginError(
-            LAW, f"must name a sampled law that declares the key period_s, got {law.name} without"
-        )
-    if law.declaration.sampled and not is_sampled:
-        raise PluginError(
-            LAW,
-            "must name a law that declares the key period_s only if it is a subclass of "
-            f"AbstractSampledController, got {law.name} with it",
-        )
-    tracks = issubclass(law.controller, AbstractBacksteppingLaw)
-    if law.declaration.tracks_rates and not tracks:
-        raise PluginError(
-            LAW,
-            "must name a law that declares tracks_rates only if it is a subclass of "
-            f"AbstractBacksteppingLaw, got {law.name} with it",
-        )
+    if issubclass(law.controller, AbstractSampledController) and not law.declaration.sampled:
+        rule = "must name a sampled law that declares the key period_s"
+        raise PluginError(LAW, f"{rule}, got {law.name} without")
+    for declares, what, parent in (
+        (law.declaration.sampled, "the key period_s", AbstractSampledController),
+        (law.declaration.tracks_rates, "tracks_rates", AbstractBacksteppingLaw),
+    ):
+        if declares and not issubclass(law.controller, parent):
+            rule = f"must name a law that declares {what} only if it is a subclass of"
+            raise PluginError(LAW, f"{rule} {parent.__name__}, got {law.name} with it")
 
 
 class ModelTable(ScenarioTable):

@@ -203,10 +203,15 @@ def _gains_are_those_of_the_law(values):
 
 @rule_over("control.law", "tuning.steps")
 def _bounds_hold_the_gain(values):
+    law = values["control.law"]
     for name, (low, high) in _tuned_bounds(values).items():
         key = f"tuning.parameters.{name}"
         gain = values.get(f"control.{name}")
-        issues = list(_outside_its_range(values["control.law"], name, low, high))
+        issues = [
+            issue
+            for end, value in (("low", low), ("high", high))
+            for issue in _refused(law, name, f"parameters.{name}.{end}", value)
+        ]
         if low >= high:
             yield at(f"{key}.high", f"must be above low = {shown(low)}, got {shown(high)}")
         elif issues:
@@ -224,14 +229,12 @@ def _bounds_hold_the_gain(values):
                 )
 
 
-def _outside_its_range(law, name, low, high):
-    """Bounds that the key itself would not take."""
+def _refused(law, name, place, value):
+    """That a key of the law would not take the value that stands at a place of `[tuning]`."""
     table = table_of(law)
-    if name in table.model_fields:
-        for end, value in (("low", low), ("high", high)):
-            message = refusal(table, name, value)
-            if message is not None:
-                yield at(f"tuning.parameters.{name}.{end}", message)
+    message = refusal(table, name, value) if name in table.model_fields else None
+    if message is not None:
+        yield at(f"tuning.{place}", message)
 
 
 @rule_over("control.law", "tuning.steps")
@@ -256,9 +259,8 @@ def _widths_are_those_of_the_law(values):
     yield from _foreign(values, "smoothing", law.declaration.widths)
     for name in law.declaration.widths:
         width = values.get(f"tuning.smoothing.{name}")
-        message = None if width is None else refusal(table_of(law), name, width)
-        if message is not None:
-            yield at(f"tuning.smoothing.{name}", message)
+        if width is not None:
+            yield from _refused(law, name, f"smoothing.{name}", width)
 
 
 @rule_over("control.law", "tuning.steps")
@@ -303,20 +305,13 @@ def _optimiser_is_one_of_optax(name):
 
 @rule("tuning.optimiser", "control.law")
 def _some_laws_have_no_derivatives(name, law):
-    declaration = law.declaration
-    if name == "cma-es":
-        return
-    if declaration.searched:
-        yield at(
-            "tuning.optimiser",
-            f'must be "cma-es" under the law "{law}", which searches in flight, got {shown(name)}',
-        )
-    if declaration.commands_actuators:
-        yield at(
-            "tuning.optimiser",
-            f'must be "cma-es" under the law "{law}", whose alarms and pulses have no derivatives, '
-            f"got {shown(name)}",
-        )
+    for applies, why in (
+        (law.declaration.searched, "which searches in flight"),
+        (law.declaration.commands_actuators, "whose alarms and pulses have no derivatives"),
+    ):
+        if applies and name != "cma-es":
+            message = f'must be "cma-es" under the law "{law}", {why}, got {shown(name)}'
+            yield at("tuning.optimiser", message)
 
 
 @rule("tuning.optimiser", "tuning.cost.recovery")
