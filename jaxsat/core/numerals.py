@@ -1,10 +1,12 @@
 """Numbers as a person reads them: with the digits that are asked for, and no sign of zero."""
 
-import contextlib
 import contextvars
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from typing import SupportsFloat
+
+from jaxsat.core.once import holding
 
 MOST_DIGITS = 17
 """A double has no more significant digits."""
@@ -17,14 +19,9 @@ NOTHING = "-"
 _LEAST = contextvars.ContextVar("digits", default=0)
 
 
-@contextlib.contextmanager
-def at_least_digits(count: int | None) -> Iterator[None]:
+def at_least_digits(count: int | None) -> AbstractContextManager[None]:
     """Show so many significant digits where fewer are usual; None changes nothing."""
-    before = _LEAST.set(count or 0)
-    try:
-        yield
-    finally:
-        _LEAST.reset(before)
+    return holding(_LEAST, count or 0)
 
 
 def number_text(value: SupportsFloat, digits: int = 4, *, scale: float = 0.0) -> str:

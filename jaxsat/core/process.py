@@ -7,9 +7,11 @@ import os
 import sys
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from pathlib import Path
+
+from jaxsat.core.once import holding
 
 QUOTA = Path("/sys/fs/cgroup/cpu.max")
 """Where Linux tells the quota of a container: microseconds of computing in a period, or max."""
@@ -34,16 +36,11 @@ def all_processors() -> int:
     return min(bound, _quota() or bound)
 
 
-@contextmanager
-def share_of(count: int) -> Iterator[None]:
+def share_of(count: int) -> AbstractContextManager[None]:
     """What is called inside may use `count` processors: others have been given the rest."""
     if count < 1:
         raise ValueError(f"Argument `count` must be at least 1, but got {count}.")
-    token = _share.set(count)
-    try:
-        yield
-    finally:
-        _share.reset(token)
+    return holding(_share, count)
 
 
 def _quota() -> int | None:

@@ -23,7 +23,7 @@ from typing import Any
 
 from jaxsat.core.declaration import LawDeclaration, PartDeclaration
 from jaxsat.core.errors import JaxsatError, foreign_exceptions
-from jaxsat.core.once import once
+from jaxsat.core.once import holding, once
 
 _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 
@@ -194,17 +194,12 @@ _IMPORTS: ContextVar[bool] = ContextVar("_IMPORTS", default=True)
 """Whether modules that are named may be imported."""
 
 
-@contextlib.contextmanager
-def without_imports() -> Iterator[None]:
+def without_imports() -> contextlib.AbstractContextManager[None]:
     """Inside, no module is imported for its name's sake: what names parts is only looked at.
 
     Parts of modules that are imported already can be used.
     """
-    token = _IMPORTS.set(False)
-    try:
-        yield
-    finally:
-        _IMPORTS.reset(token)
+    return holding(_IMPORTS, False)
 
 
 _FAILED: ContextVar[dict[str, BaseException] | None] = ContextVar("_FAILED", default=None)
@@ -214,11 +209,8 @@ _FAILED: ContextVar[dict[str, BaseException] | None] = ContextVar("_FAILED", def
 @contextlib.contextmanager
 def failing_once() -> Iterator[None]:
     """Inside, a module whose import fails is not imported again: it would do its work twice."""
-    token = _FAILED.set({})
-    try:
+    with holding(_FAILED, {}):  # a new one each time that what this decorates is called
         yield
-    finally:
-        _FAILED.reset(token)
 
 
 def _import(module: str) -> ModuleType:

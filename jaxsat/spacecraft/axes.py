@@ -10,16 +10,16 @@ from jaxsat.core.checks import as_array, as_float, concrete, numpy_if_known, req
 from jaxsat.core.errors import ArgumentError
 
 
-def unit_axes(axes: Array) -> Float[Array, "3 n"]:
+def unit_axes(axes: Array, name: str = "axes") -> Float[Array, "3 n"]:
     """Columns of shape (3, n) scaled to unit length; raises `ValueError` for a zero one."""
     if axes.ndim != 2 or axes.shape[0] != 3:
-        raise ValueError(f"Argument `axes` must have shape (3, n), got {tuple(axes.shape)}.")
-    require_finite("axes", axes)
+        raise ArgumentError(name, "must have shape (3, n)", tuple(axes.shape))
+    require_finite(name, axes)
     concrete_axes = concrete(axes)
     if concrete_axes is None:
         return axes / jnp.sqrt(jnp.sum(axes**2, axis=0, keepdims=True))
     if not np.all(np.any(concrete_axes != 0, axis=0)):
-        raise ArgumentError("axes", "must have no zero column", concrete_axes.tolist())
+        raise ArgumentError(name, "must have no zero column", concrete_axes.tolist())
     return as_array(unit_columns(concrete_axes))
 
 

@@ -7,17 +7,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from jaxsat.core.allocation import NORMALISER_FLOOR, unit_columns
+from jaxsat.core.allocation import NORMALISER_FLOOR
 from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.checks import (
-    as_array,
     as_float,
     as_optional_float,
     concrete,
     require_finite,
     require_positive,
 )
-from jaxsat.spacecraft.axes import turned_axes
+from jaxsat.spacecraft.axes import turned_axes, unit_axes
 
 
 class Thrusters(eqx.Module):
@@ -31,17 +30,7 @@ class Thrusters(eqx.Module):
     torque_axes: Float[Array, "3 m"]
 
     def __init__(self, torque_axes: ArrayLike | list):
-        axes = as_float(torque_axes)
-        if axes.ndim != 2 or axes.shape[0] != 3:
-            raise ValueError(
-                f"Argument `torque_axes` must have shape (3, m), but got {tuple(axes.shape)}."
-            )
-        require_finite("torque_axes", axes)
-        concrete_axes = concrete(axes)
-        if concrete_axes is None:
-            self.torque_axes = axes / jnp.sqrt(jnp.sum(axes**2, axis=0, keepdims=True))
-            return
-        self.torque_axes = as_array(unit_columns(concrete_axes))
+        self.torque_axes = unit_axes(as_float(torque_axes), "torque_axes")
 
     @property
     def count(self) -> int:
