@@ -16,6 +16,7 @@ from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.fault_tolerant import FaultTolerant
 from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.leaks import Leaks
+from jaxsat.control.momentum_fit import MomentumFit
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.planned import PlannedSettling, planned_settling
 from jaxsat.control.presets import (
@@ -126,6 +127,10 @@ LEAST_NOISE = 1e-3
 """Of what the strongest thruster, or a motor at full torque, changes in a period: of what is told
 without noise."""
 
+MOMENTUM_NOISE, MOMENTUM_WALK = 2e-4, 0.02
+"""Of a total momentum that is read, as a rate over the natural frequency; and how much of that
+torques from outside change in a second."""
+
 DIGITS = 9
 """Of planes and limits that count as the same."""
 
@@ -231,9 +236,18 @@ def _tolerant_wheels(
     return TolerantWheels(
         filter=WheelFilter(wheels, as_array(noise)),
         two_wheels=TwoWheels(law.model),
+        fit=_momentum_fit(values, law),
         known=as_array(np.asarray(context.failed)),
         delay=context.delay,
     )
+
+
+def _momentum_fit(values: Mapping[str, Any], law: LawContext) -> MomentumFit:
+    """Momentum hardly changes where wheels alone act in inertial axes, else at any time."""
+    noise = MOMENTUM_NOISE * values["natural_frequency_rad_s"]
+    inertial = not np.any(np.asarray(law.model.orbit.rate))
+    alone = inertial and law.thrusters is None and law.magnetic is None
+    return MomentumFit(law.model.spacecraft, noise, noise * (MOMENTUM_WALK if alone else 1e3))
 
 
 def _settling(

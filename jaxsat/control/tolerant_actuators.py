@@ -33,6 +33,7 @@ class TolerantMode(enum.IntEnum):
     DAMPING = 7
     TWO_WHEELS = 8
     RODS = 9
+    NEAREST = 10
 
 
 class TolerantMemory(NamedTuple):

@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxsat.control.diagnosis.diagnosis import MOST_RETURNS, DiagnosisMemory
 from jaxsat.control.diagnosis.residual import Reading, momentum_with_rotors
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
+from jaxsat.control.momentum_fit import MomentumFit, MomentumMemory
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.tolerant_actuators import (
@@ -20,8 +21,10 @@ from jaxsat.control.tolerant_actuators import (
     TolerantMode,
 )
 from jaxsat.control.two_wheels import TwoWheels
+from jaxsat.control.undriven_momentum import nearest_held
 from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
 from jaxsat.core.array_types import RealScalar
+from jaxsat.core.attitude import DCM, Quaternion
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
@@ -46,11 +49,15 @@ TURNING, SLOWLY = 2e-3, 0.5
 """Times the natural frequency: with two wheels, the rate that momentum about the axis without a
 wheel leaves, above which no attitude is asked for; and below which part of that one is again."""
 
-SMOOTHING = 1.0
-"""Times the natural frequency: how fast the estimate of that rate follows at rest."""
+MOST_MOMENTUM = 1.0
+"""Times the largest rate of a slew, or a fifth of the natural frequency if that is less: momentum
+as a rate beyond which rates are damped. Coning two wheels turn the body no faster than that."""
 
-INERTIA_ERROR = 0.1
-"""Of the momentum of a body: how well the law knows it."""
+KNOWN = 0.1
+"""Of that rate: how well momentum is known at rest."""
+
+NEAR = 0.02
+"""rad; an attitude nearer than this to the target counts as the target."""
 
 SMALLEST = 1e-30
 """Keeps a quotient of two zeros finite."""
@@ -59,14 +66,17 @@ SMALLEST = 1e-30
 class WheelLawMemory(NamedTuple):
     """The last `command` (N m) of each wheel, and the rate that two wheels would leave.
 
-    `sign` is that of the next test pulse. `turning` (rad/s) is the rate about the axis without a
-    wheel that two wheels would leave, and `rests` tells whether that counts as none.
+    `sign` is that of the next test pulse, `fit` what is known of the total momentum. `held` is the
+    attitude, relative to the target, that two wheels go to, if they `can` hold one; `near` tells
+    whether that is the target.
     """
 
     command: OfEach
     sign: RealScalar
-    turning: RealScalar
-    rests: Bool[Array, ""]
+    fit: MomentumMemory
+    held: Quaternion
+    near: Bool[Array, ""]
+    can: Bool[Array, ""]
 
 
 class TolerantWheels(AbstractTolerantActuators):
@@ -79,6 +89,7 @@ class TolerantWheels(AbstractTolerantActuators):
 
     filter: WheelFilter
     two_wheels: TwoWheels
+    fit: MomentumFit
     known: Bool[Array, " m"]
     delay: RealScalar = eqx.field(converter=as_float)
 
@@ -114,7 +125,8 @@ class TolerantWheels(AbstractTolerantActuators):
         )
         zero = jnp.zeros_like(momentum)
         ability = self.allocation.find(condition, momentum)
-        own = WheelLawMemory(zero, zero[0] + 1, zero[0], zero[0] == 0)
+        true, target = zero[0] == 0, Quaternion(jnp.eye(4)[0])
+        own = WheelLawMemory(zero, zero[0] + 1, self.fit.init(), target, true, true)
         return TolerantMemory(diagnosis, ability, zero, zero[0], own)
 
     def needed(self, memory: TolerantMemory) -> Bool[Array, " m"]:
@@ -193,7 +205,7 @@ class TolerantWheels(AbstractTolerantActuators):
         by_two, _ = self.alone(now)
         by_two = by_two & ~demand.three
         plane = (wheeled.left == Left.PLANE) & ~demand.three
-        torque = jnp.where(plane, self._by_two(sample, wheeled), demand.torque)
+        torque = jnp.where(plane, self._by_two(sample, wheeled, now.own), demand.torque)
         unloading = UNLOADING * law.natural_frequency
         shared = self.allocation.shared(wheeled, torque)
         if demand.use is not None:
@@ -227,38 +239,44 @@ class TolerantWheels(AbstractTolerantActuators):
         body = sample.law.model.spacecraft.inertia @ sample.state.omega
         return body + self.filter.wheels.axes @ working
 
-    def _by_two(self, sample: Sample, wheeled: Wheeled) -> Float[Array, "3"]:
+    def _by_two(self, sample: Sample, wheeled: Wheeled, own: WheelLawMemory) -> Float[Array, "3"]:
         """The torque (N m) of two wheels, with the gyroscopic one."""
         state, law = sample.state, sample.law
-        momentum = law.model.spacecraft.inertia @ state.omega + self.stored(sample.reading)
-        torque = self.two_wheels.torque(state, wheeled.normal, law.natural_frequency, law.max_rate)
+        inertia = self.fit.inertia(own.fit)
+        momentum = inertia @ state.omega + self.stored(sample.reading)
+        torque = self.two_wheels.torque(
+            state, wheeled.normal, inertia, law.natural_frequency, law.max_rate, own.held
+        )
         return torque + jnp.cross(state.omega, momentum)
 
     def _turning(self, sample: Sample, wheeled: Wheeled, before: TolerantMemory) -> WheelLawMemory:
-        """The rate (rad/s) about the axis without a wheel that momentum would leave at the target
-        attitude, and whether it is slow enough to settle there.
+        """Where momentum lets two wheels rest.
 
         With the total momentum H in the target's axes, n·Jω = n·(H - A h) of the wheels not in use.
-        Jω is known to within the uncertainty of the inertia: H is learnt while the body is slow.
         """
         state, law, momentum = sample.state, sample.law, self._momenta(sample.reading)
         model, axes, own = law.model, self.filter.wheels.axes, before.own
         normal, inertia = wheeled.normal, model.spacecraft.inertia
-        total = inertia @ state.omega + axes @ momentum
         into_body = state.attitude.as_dcm().matrix
-        coasting = axes @ jnp.where(wheeled.working, 0.0, momentum)
+        total = into_body.T @ (inertia @ state.omega + axes @ momentum)
+        changed = jnp.any(wheeled.working != before.ability.working)
+        fit = self.fit.update(own.fit, into_body, state.omega, total, changed)
         unit = model.spacecraft.momentum_unit
         size = unit * jnp.sqrt(jnp.sum((inertia @ normal / unit) ** 2) + SMALLEST)
-        now = normal @ (into_body.T @ total - coasting) / size
+        known, error = self.fit.known(fit)
+        # what the rate of the target needs
+        excess = (known - inertia @ model.orbit.frame_rate(DCM(jnp.eye(3)))) / size
+        coasting = axes @ jnp.where(wheeled.working, 0.0, momentum) / size
         limit = TURNING * law.natural_frequency
-        spin = jnp.sqrt(jnp.sum((inertia @ state.omega) ** 2)) / size
-        certain = 1 / (1 + (INERTIA_ERROR * spin / limit) ** 4)
-        follows = jnp.minimum(SMOOTHING * law.natural_frequency * law.period, 1.0)
-        changed = jnp.any(wheeled.working != before.ability.working)
-        follows = jnp.where(changed, 1.0, certain * follows)
-        turning = own.turning + follows * (now - own.turning)
-        limit = limit * jnp.where(own.rests & ~changed, 1.0, SLOWLY)
-        return own._replace(turning=turning, rests=jnp.abs(turning) < limit)
+        held = nearest_held(excess, coasting, normal, 2 * error / size + KNOWN * limit)
+        most = MOST_MOMENTUM * jnp.minimum(law.max_rate, 0.2 * law.natural_frequency)
+        inertial = model.orbit.rate == 0
+        fits = held.exists & (jnp.sum(excess**2) < most**2) & inertial
+        limit = limit * jnp.where(own.can & ~changed, 1.0, SLOWLY)
+        rests = jnp.abs(normal @ (excess - coasting)) < limit
+        attitude = jnp.where(fits, held.attitude.q, jnp.eye(4)[0])
+        near = ~fits | (held.angle < NEAR)
+        return own._replace(fit=fit, held=Quaternion(attitude), near=near, can=rests | fits)
 
     def damping(self, sample: Sample, memory: TolerantMemory) -> OfEach:
         """Each wheel against the rate about its own axis (N m)."""
@@ -269,9 +287,10 @@ class TolerantWheels(AbstractTolerantActuators):
         return jnp.clip(-pull * inertia * (axes.T @ sample.state.omega), -usable, usable)
 
     def alone(self, memory: TolerantMemory) -> tuple[Bool[Array, ""], Int[Array, ""]]:
-        """By two wheels, where they leave no rate."""
-        rests = (memory.ability.left == Left.PLANE) & memory.own.rests
-        return rests, jnp.array(int(TolerantMode.TWO_WHEELS))
+        """By two wheels, where there is an attitude at which they leave no rate."""
+        can = (memory.ability.left == Left.PLANE) & memory.own.can
+        mode = jnp.where(memory.own.near, TolerantMode.TWO_WHEELS, TolerantMode.NEAREST)
+        return can, mode
 
     def _pulses(self, sample: Sample, memory: TolerantMemory) -> tuple[OfEach, RealScalar]:
         """Test torques (N m), of either sign in turn, and the time since the last one (s).

@@ -8,12 +8,14 @@ perpendicular to n: both wheels make them.
 As in (40) one part of the reference pulls the tilt w and the other, perpendicular to it, steers the
 turn z. But the tilt is pulled to a size ρ that shrinks with |z|, instead of to zero: the turn made
 is the area around which w goes, and a tilt that is gone before the turn cannot steer it any more.
+Momentum about n that is left makes a third rate: the turn steered is that much more.
 """
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from jaxsat.control.undriven_momentum import relative_to
 from jaxsat.core.array_types import Matrix, Pair, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.quotients import share_within
@@ -36,17 +38,16 @@ SMALLEST = 1e-30
 
 
 class TwoWheels(eqx.Module):
-    """Attitude by two wheels, without momentum about their common normal.
+    """Attitude by two wheels, with little momentum about their common normal.
 
     `model` is the plant as the law believes it.
     """
 
     model: RigidBody
 
-    def frame(self, normal: Vector) -> Matrix:
+    def frame(self, normal: Vector, inertia: Matrix) -> Matrix:
         """Rows e1, e2, e3 in body axes, where no wheel turns about the unit vector `normal`."""
-        spacecraft = self.model.spacecraft
-        along = spacecraft.inertia @ normal / spacecraft.momentum_unit
+        along = inertia @ normal / self.model.spacecraft.momentum_unit
         third = along / jnp.sqrt(jnp.sum(along**2) + SMALLEST)
         across = jnp.eye(3)[jnp.argmin(jnp.abs(third))]
         first = jnp.cross(across, third)
@@ -54,20 +55,27 @@ class TwoWheels(eqx.Module):
         return jnp.stack([first, jnp.cross(third, first), third])
 
     def torque(
-        self, state: PlantState, normal: Vector, natural_frequency: RealScalar, max_rate: RealScalar
+        self,
+        state: PlantState,
+        normal: Vector,
+        inertia: Matrix,
+        natural_frequency: RealScalar,
+        max_rate: RealScalar,
+        held: Quaternion,
     ) -> Vector:
-        """The torque on the body (N m), but for gyroscopic ones.
+        """The torque on the body (N m) of an `inertia` (kg m²), but for gyroscopic ones.
 
         `natural_frequency` (rad/s) sets all gains, rates asked for are at most `max_rate` (rad/s).
+        The attitude to go to is `held`, relative to the target.
         """
-        frame, inertia = self.frame(normal), self.model.spacecraft.inertia
+        frame = self.frame(normal, inertia)
         orbit = frame @ self.model.orbit.frame_rate(state.attitude)
-        quaternion = state.attitude.as_quaternion().q
+        quaternion = relative_to(state.attitude.as_quaternion(), held).q
         attitude = Quaternion(jnp.concatenate([quaternion[:1], frame @ quaternion[1:]]))
         relative = frame @ state.omega - orbit
 
         def wanted(attitude):
-            rate = natural_frequency * reference(attitude)
+            rate = natural_frequency * reference(attitude, relative[2] / natural_frequency)
             size = jnp.sqrt(jnp.sum(rate**2) + SMALLEST)
             return rate * share_within(max_rate, size)
 
@@ -76,10 +84,12 @@ class TwoWheels(eqx.Module):
         return inertia @ (frame[:2].T @ (change - pull))
 
 
-def reference(attitude: Quaternion) -> Pair:
-    """The rates about the first two axes to turn with, over the natural frequency."""
+def reference(attitude: Quaternion, third: RealScalar) -> Pair:
+    """The rates about the first two axes to turn with where the `third` is given, all over the
+    natural frequency."""
     wz = attitude.as_wz()
-    w, turn = wz.w, jnp.abs(wz.z)
+    z = wz.z + third / TURN_GAIN
+    w, turn = wz.w, jnp.abs(z)
     square = jnp.sum(w**2)
     beyond = jnp.maximum(turn - NO_TURN, 0.0)
     size = jnp.sqrt(AREA) * beyond / jnp.sqrt(beyond + NO_TURN)  # ρ
@@ -87,5 +97,5 @@ def reference(attitude: Quaternion) -> Pair:
     directed = w + jnp.stack([NO_TILT * size, 0.0 * size])  # so that there is one
     direction = directed / jnp.sqrt(jnp.sum(directed**2) + NO_TILT**2)
     pull = TILT_GAIN * (size * direction - w)
-    steer = 2 * TURN_GAIN * wz.z / (square + size**2 + NO_TILT**2)
+    steer = 2 * TURN_GAIN * z / (square + size**2 + NO_TILT**2)
     return pull + steer * jnp.stack([w[1], -w[0]])

@@ -43,7 +43,7 @@ from jaxsat.report.saving import save_figures
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.actuator_set import all_actuators, all_rods, judge_scenario
 from jaxsat.scenario.build.actuators import magnetic_context
-from jaxsat.scenario.build.balance import undriven_balance
+from jaxsat.scenario.build.balance import held_with_momentum, undriven_balance
 from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
 from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.spacecraft.gimbals import ControlMomentGyros
@@ -145,6 +145,8 @@ def controllability_study(
     lines = controllability_lines(judgement, analysis, torque=torque, stopped=stopped)
     balance, gyros = undriven_balance(scenario), _gyro_cluster(scenario)
     lines += [] if balance is None else [" ".join(balance.lines())]
+    held = held_with_momentum(scenario, judgement)
+    lines += [] if held is None else [held]
     lines += [*_magnetic_lines(scenario), *([] if gyros is None else gyros.lines())]
     if len(cases[0].working) > MAX_ACTUATORS:
         lines.append(f"More than {MAX_ACTUATORS} actuators: only single and double failures")

@@ -77,16 +77,10 @@ class Study:
     @once_property
     def failures(self) -> FailureRecovery | None:
         """What tells of failures in flight; None where there are none."""
-        program, copies, dwell = self.program, self.case_factory, self.program.tolerances.dwell
-        attitude = bool(np.isfinite(np.asarray(program.tolerances.w)))
+        program, copies = self.program, self.case_factory
         duration = float(np.asarray(program.interval)) * program.intervals  # nothing to compile
         return FailureRecovery.of(
-            copies.loop,
-            copies.start,
-            duration,
-            attitude=attitude,
-            dwell=None if dwell is None else float(np.asarray(dwell)),
-            names=self.names,
+            copies.loop, copies.start, duration, program.tolerances, self.names
         )
 
     @property

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from jaxsat.core.declaration.failures import ONE_WAY
-from jaxsat.core.tolerances import SETTLED_BEFORE
+from jaxsat.core.tolerances import SETTLED_BEFORE, Tolerances
 from jaxsat.simulation.engine.failure_record import initial_record
 from jaxsat.simulation.loops import AbstractLoop, failures_of
 from jaxsat.simulation.trajectory import Outcome
@@ -27,6 +27,7 @@ from jaxsat.studies.failure_codes import (
     first_code,
     words,
 )
+from jaxsat.studies.momentum_left import Held
 from jaxsat.studies.torques_left import UNRECOVERABLE, TorquesLeft, torques_left
 
 STUCK = [1 + kind for kind in ONE_WAY]
@@ -66,18 +67,16 @@ class Recovery(enum.IntEnum):
 class FailureRecovery:
     """Tells of cases with failures in flight what struck, what that left, and what came of it.
 
-    `attitude` tells whether cases settle in attitude, or in rate alone, and `dwell` for how long
-    (s) one is settled at the end at least. `names` are those of all
-    thrusters, a two-sided one twice, and wheels; `momentum` (N m s) is that of body and wheels at
-    the start. `outputs` has the shapes of what the loop records of its failures, by column.
+    A case is settled within the `tolerances`, of the rate alone where those of the attitude are
+    infinite. `names` are those of all thrusters, a two-sided one twice, and wheels. `outputs` has
+    the shapes of what the loop records of its failures, by column.
     """
 
     loop: AbstractLoop
+    start: PlantState
     duration: float
-    attitude: bool
-    dwell: float
+    tolerances: Tolerances
     names: tuple[str, ...]
-    momentum: Float[np.ndarray, "3"]
     outputs: Mapping[str, tuple[int, ...]]
 
     @staticmethod
@@ -85,26 +84,31 @@ class FailureRecovery:
         loop: AbstractLoop,
         start: PlantState,
         duration: float,
-        *,
-        attitude: bool = True,
-        dwell: float | None = None,
+        tolerances: Tolerances,
         names: tuple[str, ...] = (),
     ) -> "FailureRecovery | None":
         """The recovery of a loop and its start; None where nothing fails in flight.
 
-        `attitude` tells whether cases settle in attitude, or in rate alone, and `dwell` for how
-        long (s) one is settled at the end at least, by default a tenth of the duration. Without a
-        name for each thruster, wheel and magnetorquer they have numbers.
+        Without a name for each thruster, wheel and magnetorquer they have numbers.
         """
         if not failures_of(loop):
             return None
         counts = _counts(loop)
         if len(names) != sum(counts.values()):
             names = tuple(f"{kind} {one + 1}" for kind in counts for one in range(counts[kind]))
-        momentum = np.asarray(loop.plant.total_momentum(start))
         outputs = {name: one.shape for name, one in _output_shapes(loop, start).items()}
-        dwell = (1 - SETTLED_BEFORE) * duration if dwell is None else dwell
-        return FailureRecovery(loop, duration, attitude, dwell, names, momentum, outputs)
+        return FailureRecovery(loop, start, duration, tolerances, names, outputs)
+
+    @property
+    def _attitude(self) -> bool:
+        """Whether cases settle in attitude, or in rate alone."""
+        return bool(np.isfinite(np.asarray(self.tolerances.w)))
+
+    @property
+    def _dwell(self) -> float:
+        """For how long (s) a settled case is settled at the end at least."""
+        dwell = self.tolerances.dwell
+        return (1 - SETTLED_BEFORE) * self.duration if dwell is None else float(np.asarray(dwell))
 
     @property
     def _events(self) -> list[AbstractFailures]:
@@ -152,8 +156,13 @@ class FailureRecovery:
         self, columns: Mapping[str, np.ndarray], draws: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
         """Columns of failures and recovery, by the other columns of cases and their draws."""
-        failures = self._failures(draws, len(columns["code"]))
-        remaining = torques_left(self.loop, self.momentum, failures, draws.get("torque_gain"))
+        cases = len(columns["code"])
+        failures = self._failures(draws, cases)
+        momentum, asked = np.asarray(self.loop.plant.total_momentum(self.start)), None
+        if self._attitude:
+            asked = Held(self.loop, self.start, self.duration, self.tolerances, draws)
+        gain = draws.get("torque_gain")
+        remaining = torques_left(self.loop, momentum, failures, gain, asked)
         codes = {
             "torques_left": remaining,
             "recovery": self._recovery({**columns, **failures}, remaining),
@@ -193,8 +202,8 @@ class FailureRecovery:
         self, columns: Mapping[str, np.ndarray], remaining: np.ndarray
     ) -> Int[np.ndarray, " cases"]:
         """The `Recovery` of every case."""
-        wrong = UNRECOVERABLE if self.attitude else (TorquesLeft.UNOPPOSED_TORQUE,)
-        had_settled = columns["longest_stay"] >= self.dwell if "longest_stay" in columns else False
+        wrong = UNRECOVERABLE if self._attitude else (TorquesLeft.UNOPPOSED_TORQUE,)
+        had_settled = columns["longest_stay"] >= self._dwell if "longest_stay" in columns else False
         reasons = {
             Recovery.RECOVERED: np.isfinite(columns["settling_time"]),
             Recovery.UNRECOVERABLE: np.isin(remaining, wrong),

@@ -46,6 +46,7 @@ _LEFT = {
     TorquesLeft.NOT_DECIDED: "controllability of the remaining actuators is not decided",
     TorquesLeft.UNHELD_MOMENTUM: "the others cannot hold the momentum of a runaway wheel",
     TorquesLeft.MAGNETIC: "magnetorquers control all axes over an orbit",
+    TorquesLeft.UNHELD_ATTITUDE: "two wheels cannot hold the target against torque and momentum",
 }
 
 

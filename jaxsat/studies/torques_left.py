@@ -20,6 +20,7 @@ from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import AbstractEffector, Reach, Storage
 from jaxsat.studies.failure_codes import NEVER, first_code
+from jaxsat.studies.momentum_left import Held
 from jaxsat.studies.rods_left import law_uses_rods, rod_set, sampled_law, wheels_hold_turned
 
 SAME_TORQUE = 1e-9
@@ -38,6 +39,7 @@ class TorquesLeft(enum.IntEnum):
     NOT_DECIDED = 6
     UNHELD_MOMENTUM = 7
     MAGNETIC = 8
+    UNHELD_ATTITUDE = 9
 
 
 _LEFT = {
@@ -48,7 +50,11 @@ _LEFT = {
 }
 """By the verdict of a judgement, where no law of three torques can be flown."""
 
-UNRECOVERABLE = (*(TorquesLeft(code) for code in range(2, 6)), TorquesLeft.UNHELD_MOMENTUM)
+UNRECOVERABLE = (
+    *(TorquesLeft(code) for code in range(2, 6)),
+    TorquesLeft.UNHELD_MOMENTUM,
+    TorquesLeft.UNHELD_ATTITUDE,
+)
 
 LEAST_TORQUE = 0.1
 """Of what a wheel or gyro can do before anything fails: one that can do less counts as lost."""
@@ -133,13 +139,15 @@ def torques_left(
     momentum: Float[np.ndarray, "3"],
     failures: Mapping[str, np.ndarray],
     gain: Float[np.ndarray, "cases m"] | None = None,
+    asked: Held | None = None,
 ) -> Int[np.ndarray, " cases"]:
     """The `TorquesLeft` of every case with its `failures`, by column; cases alike are judged once.
 
     Where failed thrusters make a constant torque, it counts how strong each thruster of a case is:
     relative to the nominal one by 1 + `gain`. Otherwise the torques of the nominal loop decide:
     dispersed ones that are not quite parallel are no more of them. `momentum` (N m s) is that of
-    body and effectors at the start.
+    body and effectors at the start. Where two wheels alone are left, what is `asked` of each case
+    and its own momentum decide whether they hold the target.
     """
     parts = list(zip(loop.plant.effectors, _reaches_left(loop, failures), strict=True))
     none = _Reaches.of(Reach.none(), len(failures["failure_kind"]))
@@ -147,7 +155,7 @@ def torques_left(
     torques, low, high = (np.concatenate(each, axis=-1) for each in zip(*levels, strict=True))
     exchangers = [each for one in parts if (each := _Exchanger.of(loop, *one)) is not None]
     rods = _Rods.of(loop, parts)
-    codes_by_key: dict[bytes, int] = {}
+    codes_by_key: dict[bytes, tuple[int, np.ndarray | None]] = {}
     codes = np.zeros(len(low), int)
     for case in range(len(low)):
         steady = bool(np.any((low[case] > 0) | (high[case] < 0)))
@@ -162,10 +170,22 @@ def torques_left(
         key = b"".join(part.tobytes() for part in (*one, *parts, rods.healthy[case]))
         if key not in codes_by_key:
             held = all(_holds_momentum(loop, each) for each in here)
-            code = _judge(loop, momentum, *one, here, rods.rods, left)
-            codes_by_key[key] = code if held else int(TorquesLeft.UNHELD_MOMENTUM)
-        codes[case] = codes_by_key[key]
+            found = _judge(loop, momentum, *one, here, rods.rods, left)
+            codes_by_key[key] = found if held else (int(TorquesLeft.UNHELD_MOMENTUM), None)
+        code, normal = codes_by_key[key]
+        if normal is not None and asked is not None:
+            struck = failures["failure_kind"][case] != NEVER
+            last = failures["failure_time"][case][struck].max(initial=0.0)
+            code = _by_two_wheels(asked, case, normal, last)
+        codes[case] = code
     return codes
+
+
+def _by_two_wheels(asked: Held, case: int, normal: np.ndarray, last: float) -> int:
+    """What two wheels with this `normal` leave after the `last` failure (s)."""
+    if asked.holds(case, normal, last):
+        return TorquesLeft.TWO_TORQUES
+    return TorquesLeft.SOME_ATTITUDES if asked.free else TorquesLeft.UNHELD_ATTITUDE
 
 
 def _reaches_left(loop: AbstractLoop, failures: Mapping[str, np.ndarray]) -> list[_Reaches]:
@@ -271,7 +291,8 @@ def _judge(
     here: list[_Exchanger],
     rods: RodSet | None,
     left: list[int],
-) -> int:
+) -> tuple[int, np.ndarray | None]:
+    """The code, and the normal of two wheels where they alone are left."""
     inertia = np.asarray(loop.plant.spacecraft.inertia)
     axes = np.concatenate(
         [np.zeros((3, 0)), *(one.columns[:, one.healthy] for one in here)], axis=1
@@ -280,15 +301,20 @@ def _judge(
     actuators = actuator_set(torques, wheel_axes=axes, momentum=momentum, rotors=rotors)
     judgement = judge_ranges(inertia, actuators, low, high)
     if judgement is not None and judgement.laws == "three torques":
-        return TorquesLeft.THREE_AXES
+        return TorquesLeft.THREE_AXES, None
     if any(one.columns_change and one.dipoles() is None for one in loop.plant.effectors):
-        return TorquesLeft.NOT_DECIDED
+        return TorquesLeft.NOT_DECIDED, None
     if judgement is None:
-        return TorquesLeft.UNOPPOSED_TORQUE
+        return TorquesLeft.UNOPPOSED_TORQUE, None
     if rods is not None:
         judgement = judge_with_rods(judgement, rods, left, TOLERANCE)
     if judgement.without_rods is not None and not law_uses_rods(loop, axes):
         judgement = judgement.without_rods
     if judgement.orbit is not None and judgement.verdict == "controllable":
-        return TorquesLeft.MAGNETIC if _turns_runaways(loop, here) else TorquesLeft.UNHELD_MOMENTUM
-    return _LEFT.get(judgement.verdict, TorquesLeft.NOT_DECIDED)
+        held = _turns_runaways(loop, here)
+        return TorquesLeft.MAGNETIC if held else TorquesLeft.UNHELD_MOMENTUM, None
+    wheels, thrusters = judgement.level_set, np.any(judgement.actuators.torques)
+    normal = None
+    if wheels is not None and wheels.axes == 2 and wheels.rests and not thrusters:
+        normal = wheels.missing[:, 0]
+    return _LEFT.get(judgement.verdict, TorquesLeft.NOT_DECIDED), normal

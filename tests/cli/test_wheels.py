@@ -18,10 +18,12 @@ def test_two_wheels_are_judged_by_the_momentum_there_is(command_line):
     assert status == 0
     assert "rank 5 of 5" in out
     assert "n·Jω stays zero" in out
-    status, out, _ = command_line(
-        "controllability", "two-wheel-telescope", "--set", "initial.omega_rad_s=[0.01, 0, 0.01]"
-    )
+    changes = ["initial.omega_rad_s=[0.01, 0, 0.01]", "initial.quaternion=[1.0, 0, 0, 0]"]
+    changes.append("spacecraft.inertia_kg_m2=[400.0, 400.0, 400.0]")
+    sets = [part for change in changes for part in ("--set", change)]
+    status, out, _ = command_line("controllability", "two-wheel-telescope", *sets)
     assert (status, "Some attitudes" in out) == (0, True)
+    assert "nearest to the target 45° from it" in " ".join(out.split())
 
 
 @pytest.mark.slow

@@ -19,6 +19,11 @@ def law():
     return TwoWheels(RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0)))
 
 
+def told(made, state, normal, max_rate):
+    inertia, held = jnp.asarray(INERTIA), Quaternion(jnp.eye(4)[0])
+    return made(state, jnp.asarray(normal), inertia, jnp.array(OMEGA), jnp.array(max_rate), held)
+
+
 def normals(count):
     found = np.random.default_rng(4).normal(size=(count, 3))
     return found / np.linalg.norm(found, axis=1)[:, None]
@@ -28,12 +33,12 @@ def test_the_torque_is_one_that_both_wheels_make_whatever_body_and_axes():
     made = jax.jit(lambda *told: law().torque(*told))
     rng = np.random.default_rng(5)
     for normal in normals(10):
-        frame = np.asarray(law().frame(jnp.asarray(normal)))
+        frame = np.asarray(law().frame(jnp.asarray(normal), jnp.asarray(INERTIA)))
         np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-14)
         q = rng.normal(size=4)
         omega = frame[:2].T @ (1e-3 * rng.normal(size=2))  # n·Jω = 0
         state = PlantState(Quaternion(q / np.linalg.norm(q)), omega)
-        torque = np.asarray(made(state, jnp.asarray(normal), jnp.array(OMEGA), jnp.array(0.006)))
+        torque = np.asarray(told(made, state, normal, 0.006))
         assert np.abs(torque).max() > 1e-4
         assert abs(normal @ torque) < 1e-12 * np.abs(torque).max() + 1e-15
 
@@ -46,7 +51,7 @@ def test_rates_that_follow_the_reference_bring_tilt_and_turn_to_zero(start):
 
     def rate(q):
         attitude = Quaternion(q)
-        wanted = OMEGA * reference(attitude)
+        wanted = OMEGA * reference(attitude, jnp.array(0.0))
         return attitude.rate(jnp.append(wanted, 0.0)).q
 
     def step(q, _):
@@ -70,23 +75,23 @@ def test_rates_that_follow_the_reference_bring_tilt_and_turn_to_zero(start):
 def test_the_reference_turns_the_way_that_takes_the_turn_out():
     for w, z in (((0.2, 0.1), 0.5), ((-0.1, 0.3), -0.7)):
         attitude = WZ(np.array(w), z)
-        wanted = reference(attitude.as_quaternion())
+        wanted = reference(attitude.as_quaternion(), jnp.array(0.0))
         turn = attitude.rate(jnp.append(wanted, 0.0)).z
         assert float(turn) * z < 0
 
 
 def test_the_feed_forward_is_the_derivative_of_the_reference():
     made, normal = law(), normals(1)[0]
-    frame = np.asarray(made.frame(jnp.asarray(normal)))
+    frame = np.asarray(made.frame(jnp.asarray(normal), jnp.asarray(INERTIA)))
     attitude = WZ(np.array([0.3, -0.2]), 0.8).as_quaternion()
     rates = np.array([2e-3, -1e-3])
     # in body axes the same rotation has its vector turned by the frame
     q = np.asarray(attitude.q)
     state = PlantState(Quaternion(np.append(q[0], frame.T @ q[1:])), frame[:2].T @ rates)
-    torque = np.asarray(made.torque(state, jnp.asarray(normal), jnp.array(OMEGA), jnp.array(1.0)))
-    step = 1e-4
+    torque = np.asarray(told(made.torque, state, normal, 1.0))
+    step, zero = 1e-4, jnp.array(0.0)
     slope = np.asarray(attitude.rate(jnp.append(rates, 0.0)).q)
-    ends = [np.asarray(reference(Quaternion(q + sign * step * slope))) for sign in (1, -1)]
+    ends = [np.asarray(reference(Quaternion(q + sign * step * slope), zero)) for sign in (1, -1)]
     change = OMEGA * (ends[0] - ends[1]) / (2 * step)
-    pull = 3 * OMEGA * (rates - OMEGA * np.asarray(reference(attitude)))
+    pull = 3 * OMEGA * (rates - OMEGA * np.asarray(reference(attitude, zero)))
     np.testing.assert_allclose(torque, INERTIA @ (frame[:2].T @ (change - pull)), rtol=1e-6)

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
+from jaxsat.core.tolerances import Tolerances
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.studies.failure_codes import DIAGNOSED, FAILURES, HYPOTHESES
+from jaxsat.studies.momentum_left import SLOW, Held
 from jaxsat.studies.torques_left import TorquesLeft, torques_left
 
 
@@ -77,3 +80,71 @@ def test_every_failure_of_a_wheel_has_the_verdict_that_is_right_for_it():
             verdict = DIAGNOSED[HYPOTHESES[code]]
             assert name.removeprefix("wheel ").split()[0] == verdict.split()[0]
     assert HYPOTHESES[FAILURES.index("dead")] == 1 + DiagnosedKind.DEAD
+
+
+NORMAL = np.cross([-1.0, 0.0, 1.0], [0.0, -1.0, 1.0]) / np.sqrt(3)
+"""Of the wheels C and D of `wheels-fail`."""
+
+
+def asked(changes, tolerances=None, duration=1200.0, **draws):
+    run = build(load("wheels-fail", changes))
+    return Held(run.loop, run.start, duration, tolerances or Tolerances(), draws)
+
+
+def test_the_target_is_held_where_an_attitude_within_the_tolerances_lets_momentum_be_across():
+    """n·C H = 0 for a rotation by the angle of H to the plane across n, about n × H."""
+    across = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
+    axis = np.cross(NORMAL, across)
+    most = min(2 * np.arctan(0.05) / np.hypot(*axis[:2]), 0.05 / abs(axis[2]))
+    angle = most * np.array([0.99, 1.1, 0.5, -0.99, -1.1])
+    momentum = np.cos(angle)[:, None] * across + np.sin(angle)[:, None] * NORMAL
+    start = np.array([1.0, 0.0, 0.0, 0.0])
+    found = asked(
+        [f"initial.quaternion={start.tolist()}", "spacecraft.inertia_kg_m2=[400.0,400.0,400.0]"],
+        omega=20.0 * momentum / 400,
+    )
+    assert found.free
+    held = [found.holds(case, NORMAL, 300.0) for case in range(len(angle))]
+    assert held == [True, False, True, True, False]
+
+
+@pytest.mark.parametrize(("part", "expected"), [(0.9, True), (1.1, False)])
+def test_little_momentum_is_no_obstacle(part, expected):
+    """It turns the body by a part of the tolerance in the 120 s asked; along n nothing helps."""
+    most = SLOW * min(2 * np.arctan(0.05) / np.hypot(*NORMAL[:2]), 0.05 * np.sqrt(3))
+    found = asked(
+        ["initial.quaternion=[1.0,0.0,0.0,0.0]", "spacecraft.inertia_kg_m2=[400.0,400.0,400.0]"],
+        omega=(part * most / 115 * NORMAL)[None],
+    )
+    assert found.holds(0, NORMAL, 300.0) == expected
+
+
+def test_momentum_changes_in_orbit_as_scipy_integrates_it():
+    """In inertial axes: the body turns with the orbit, under gravity gradient, about its target."""
+    inertia = np.array([[420.0, 30.0, -20.0], [30.0, 380.0, 25.0], [-20.0, 25.0, 250.0]])
+    changes = [
+        f"spacecraft.inertia_kg_m2={inertia.tolist()}",
+        "orbit={altitude_km=500}",
+        "disturbance={gravity_gradient=true}",
+    ]
+    none = Tolerances(1e-9, 1e-9, 1e-3)  # no attitude but the target
+    found = asked(changes, none, omega=np.array([[1e-3, -2e-3, 5e-4]]))
+    rate = float(found.loop.plant.orbit.rate)
+
+    def frame(t):  # rows are the axes of the orbit frame, inertial at t = 0
+        angle = -rate * t
+        c, s = np.cos(angle), np.sin(angle)
+        return np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+
+    def torque(t, _):
+        nadir = np.array([0.0, 0.0, 1.0])
+        return frame(t).T @ (3 * rate**2 * np.cross(nadir, inertia @ nadir))
+
+    times, path = found.path(0, NORMAL, 300.0)
+    start = found.start.attitude.as_dcm().matrix
+    begun = np.asarray(start).T @ (inertia @ [1e-3, -2e-3, 5e-4])
+    told = solve_ivp(torque, (300, 1200), begun, t_eval=times, rtol=1e-10, atol=1e-13).y.T
+    expected = [
+        frame(t) @ one - inertia @ [0, -rate, 0] for t, one in zip(times, told, strict=True)
+    ]
+    np.testing.assert_allclose(path, expected, atol=1e-5 * np.abs(path).max())

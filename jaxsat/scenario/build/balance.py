@@ -12,13 +12,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.control.undriven_momentum import nearest_held
 from jaxsat.controllability.cone import ROUNDING
+from jaxsat.controllability.judgement import Judgement
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.attitude import DCM
+from jaxsat.core.checks import as_float
 from jaxsat.core.earth import EARTH_GRAVITY
 from jaxsat.core.numerals import number_text
 from jaxsat.scenario.build.actuator_set import all_actuators
 from jaxsat.scenario.build.plant import build_plant, orbit_rate, place_of
+from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.holding import missing_torque, nearest_balance, rotation
 from jaxsat.scenario.parts.wheels import wheel_axes
 from jaxsat.scenario.schema import Scenario
@@ -87,6 +91,28 @@ class Balance(NamedTuple):
             f"{place}: an unstable balance, from which errors about the axis grow e-fold in "
             f"{time} s.",
         ]
+
+
+def held_with_momentum(scenario: Scenario, judgement: Judgement) -> str | None:
+    """A sentence on the attitude nearest to the target at which two wheels rest with the momentum
+    of the start; None where other things decide, or in a frame that turns."""
+    wheels, actuators = judgement.level_set, judgement.actuators
+    if wheels is None or wheels.axes != 2 or not wheels.rests or not wheels.momentum:
+        return None
+    if orbit_rate(scenario) != 0 or np.any(actuators.torques):
+        return None
+    into_body = np.asarray(build_start(scenario).attitude.as_dcm().matrix)
+    momentum, normal = into_body.T @ actuators.momentum, wheels.missing[:, 0]
+    held = nearest_held(
+        as_float(momentum), as_float(actuators.coasting), as_float(normal), as_float(0.0)
+    )
+    vector = 2 * np.asarray(held.attitude.q)[1:] / np.sinc(float(held.angle) / (2 * np.pi))
+    turn = ", ".join(number_text(part, 3, scale=1.0) for part in vector)
+    away = number_text(np.degrees(float(held.angle)), 3)
+    return (
+        f"With the momentum of the start, two wheels rest nearest to the target {away}° from it, "
+        f"at the rotation vector ({turn}) rad, body axes."
+    )
 
 
 def undriven_balance(scenario: Scenario) -> Balance | None:

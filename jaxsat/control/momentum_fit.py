@@ -1,0 +1,118 @@
+"""The momentum of body and wheels that nothing from outside changes, learnt with the inertia.
+
+With the inertia J that a law believes, E its error and the wheels' momentum A h the total one is
+H = Cᵀ ((J + E) ω + A h) in the axes of the target, C the attitude. It is the same at all times, so
+Cᵀ (J ω + A h) = H - Cᵀ E ω is linear in three numbers of H and six of E: recursive least squares.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from jaxsat.control.inertia_fit import BASIS, BELIEVED, MOMENT_ERROR, PLACES, PRODUCT_ERROR
+from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
+from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.trees import Symmetric
+from jaxsat.spacecraft.spacecraft import Spacecraft
+
+UNKNOWN = 0.1
+"""rad/s: standard deviation of what H is at first, over the mean moment."""
+
+SAMPLES = 10
+"""Control periods from one update to the next."""
+
+
+class MomentumMemory(NamedTuple):
+    """E and H (rad/s), over the mean moment, their covariance, and samples since the update."""
+
+    estimate: Float[Array, "9"]
+    covariance: Symmetric
+    samples: IntScalar
+
+
+class MomentumFit(eqx.Module):
+    """Recursive least squares for the total momentum and the errors of the inertia.
+
+    The standard deviation of a total momentum that is read is `noise`; in each update momentum has
+    changed by `walk` from outside. Both are rates (rad/s): the momentum over the mean moment.
+    """
+
+    spacecraft: Spacecraft
+    noise: RealScalar = eqx.field(converter=as_float)
+    walk: RealScalar = eqx.field(converter=as_float)
+
+    def __check_init__(self):
+        require_positive("noise", self.noise)
+        require_positive("walk", self.walk)
+
+    def init(self) -> MomentumMemory:
+        """The memory of a fit that knows no momentum yet."""
+        prior = jnp.concatenate([self._prior(), jnp.full(3, UNKNOWN)])
+        return MomentumMemory(jnp.zeros(9), Symmetric(jnp.diag(prior**2)), jnp.array(SAMPLES))
+
+    def _prior(self) -> Float[Array, "6"]:
+        """Standard deviations of E over the mean moment."""
+        diagonal = jnp.diagonal(self.spacecraft.inertia) / self.spacecraft.momentum_unit
+        products = [jnp.sqrt(diagonal[row] * diagonal[column]) for row, column in PLACES[3:]]
+        return jnp.concatenate([MOMENT_ERROR * diagonal, PRODUCT_ERROR * jnp.stack(products)])
+
+    def known(self, memory: MomentumMemory) -> tuple[Vector, RealScalar]:
+        """H and its standard deviation, N m s."""
+        unit = self.spacecraft.momentum_unit
+        variance = jnp.sum(jnp.diagonal(memory.covariance.matrix)[6:])
+        return unit * memory.estimate[6:], unit * jnp.sqrt(jnp.maximum(variance, 0.0))
+
+    def inertia(self, memory: MomentumMemory) -> Matrix:
+        """J + E, kg m²; E as far as three standard deviations of its prior."""
+        prior = BELIEVED * self._prior()
+        errors = jnp.clip(memory.estimate[:6], -prior, prior)
+        error = jnp.sum(errors[:, None, None] * jnp.asarray(BASIS, errors.dtype), axis=0)
+        return self.spacecraft.inertia + self.spacecraft.momentum_unit * error
+
+    def update(
+        self,
+        memory: MomentumMemory,
+        into_body: Matrix,
+        omega: Vector,
+        total: Vector,
+        again: Bool[Array, ""],
+    ) -> MomentumMemory:
+        """One sample more: the attitude, ω (rad/s) and the `total` momentum Cᵀ(Jω + A h) (N m s)
+        as believed. `again` tells that H is new: something has failed."""
+        due = (memory.samples + 1 >= SAMPLES) | again
+
+        def corrected() -> MomentumMemory:
+            return self._corrected(memory, into_body, omega, total, again)
+
+        waited = memory._replace(samples=memory.samples + 1)
+        return jax.lax.cond(due, corrected, lambda: waited)
+
+    def _corrected(
+        self,
+        memory: MomentumMemory,
+        into_body: Matrix,
+        omega: Vector,
+        total: Vector,
+        again: Bool[Array, ""],
+    ) -> MomentumMemory:
+        """The three equations, one at a time."""
+        estimate, covariance = memory.estimate, memory.covariance.matrix
+        fresh = jnp.where(again, UNKNOWN, self.walk)
+        grown = jnp.concatenate([jnp.zeros(6), jnp.ones(3)]) * fresh
+        covariance = covariance + jnp.diag(grown**2)
+        basis = jnp.asarray(BASIS, estimate.dtype)
+        turned = -(
+            jnp.sum(basis * omega[None, None, :], axis=-1) @ into_body
+        )  # of -Cᵀ E ω, a row each of E
+        rows = jnp.concatenate([turned, jnp.eye(3)])
+        read = total / self.spacecraft.momentum_unit
+        for number in range(3):
+            row = rows[:, number]
+            projected = jnp.sum(covariance * row[None, :], axis=1)
+            gain = projected / (self.noise**2 + jnp.sum(row * projected))
+            estimate = estimate + gain * (read[number] - jnp.sum(row * estimate))
+            covariance = covariance - gain[:, None] * projected[None, :]
+        return MomentumMemory(estimate, Symmetric(covariance), jnp.zeros_like(memory.samples))
