@@ -29,6 +29,7 @@ from jaxsat.core.declaration.requirements import (
     all_parts,
     comparisons,
 )
+from jaxsat.core.quotients import angle_of, length
 from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 
 AXES = ("rate_x", "rate_y", "rate_z")
@@ -110,27 +111,23 @@ def _signal(one: Inequality, signals: Mapping[str, ArrayLike], sun: Vector | Non
     if one.signal in ("pointing_error", "tilt", "sun_angle"):
         q = jnp.asarray(signals["quaternion"])
         if one.signal == "pointing_error":
-            return 2 * jnp.arctan2(_size(q[1:]), jnp.abs(q[0]))
+            return 2 * angle_of(length(q[1:]), jnp.abs(q[0]))
         if one.signal == "tilt":
-            return 2 * jnp.arctan2(_size(q[1:3]), _size(q[::3]))
+            return 2 * angle_of(length(q[1:3]), length(q[::3]))
         assert sun is not None
         direction, light = jnp.asarray(one.direction), Quaternion(q).as_dcm().matrix @ sun
-        return jnp.arctan2(_size(jnp.cross(direction, light)), direction @ light)
+        return angle_of(length(jnp.cross(direction, light)), direction @ light)
     if one.signal in AXES:
         return jnp.asarray(signals["omega"])[AXES.index(one.signal)]
     value = jnp.asarray(signals["omega" if one.signal == "rate" else one.signal])
     if one.signal in SIZES:
-        return _size(value)
+        return length(value)
     return jnp.max(jnp.abs(value)) if value.ndim else value
 
 
 def raw_signals(formula: Formula) -> set[str]:
     """The names of the signals of a run that `compared` reads."""
     return {_RAW.get(one.signal, one.signal) for one in comparisons(formula)}
-
-
-def _size(vector: Float[Array, " n"]) -> RealScalar:
-    return jnp.sqrt(jnp.sum(vector**2))
 
 
 def initial_monitor(

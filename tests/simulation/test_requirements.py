@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from helpers.derivatives import Derivatives
+from helpers.every_law import PLACES
+from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.requirements import Inequality, Junction, Negation, Temporal
 from jaxsat.scenario.formulas import parse
 from jaxsat.simulation.requirements import compared, saved_margin
@@ -119,3 +122,26 @@ def test_signals_are_those_of_other_libraries():
     cosine = body @ [1, 2, 2] / 3 / np.linalg.norm(body)
     wanted = [turn.magnitude(), np.arccos(third), np.arccos(cosine), 13.0, 0.7]
     np.testing.assert_allclose(found, wanted, rtol=1e-12)
+
+
+ANGLES = parse(
+    "always (pointing_error < 0 rad and tilt < 0 rad and sun_angle(1, 2, 2) < 0 rad and "
+    "rate < 0 rad/s)"
+)
+
+
+def margins_beside(x, quaternion):
+    turned = quaternion + Quaternion(quaternion).rate(x[:3]).q
+    signals = {"quaternion": Quaternion(turned).normalised().q, "omega": x[3:]}
+    return compared(ANGLES, signals, jax.numpy.array([0.6, 0.0, 0.8]))
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_derivatives_of_margins_are_finite_and_equal_to_differences(place):
+    """Angles and sizes have a corner at the target and half a turn from it."""
+    derivatives = Derivatives(margins_beside, ["φ", "θ", "ψ", "ω1", "ω2", "ω3"])
+    quaternion = np.array(PLACES[place])
+    assert derivatives.at(np.zeros(6), quaternion).wrong == []
+    moving = derivatives.at([0.1, -0.2, 0.05, 0.1, -0.3, 0.2], quaternion)
+    assert moving.wrong == []
+    assert moving.compared == set(derivatives.names)
