@@ -53,7 +53,7 @@ MOST_MOMENTUM = 1.0
 """Times the largest rate of a slew, or a fifth of the natural frequency if that is less: momentum
 as a rate beyond which rates are damped. Coning two wheels turn the body no faster than that."""
 
-KNOWN = 0.1
+KNOWN = 0.5
 """Of that rate: how well momentum is known at rest."""
 
 NEAR = 0.02
