@@ -12,9 +12,11 @@ The name of an entry is a hash of all that tracing and lowering depend on:
 - every setting of JAX, as it is in force, and its backend.
 - LLVM and the processor, as for machine code.
 
-What none of this tells is code that another program has changed in memory. Entries are therefore
-used only where the environment variable JAXSAT_KEPT_KERNELS is 1. The command line sets it for
-itself, as it runs nobody's code but that of parts that a scenario names. Entries lie and are
+What none of this tells is code that a program has changed in memory. With each entry are therefore
+the hashes of jaxsat's modules as they were in memory when it was made (`loaded_code`): it is used
+where those that are imported by now have the same. The command line runs nobody's code but that of
+parts that a scenario names, which have no entries. It has entries of its own, and trusts them.
+The environment variable JAXSAT_KEPT_KERNELS is 1 there; with 0 nothing is kept. Entries lie and are
 protected as those of `cache`.
 """
 
@@ -36,7 +38,8 @@ from jaxtyping import PyTree
 import jaxsat
 from jaxsat.compiler.llvm import cache, target
 from jaxsat.compiler.llvm.arguments import Arguments
-from jaxsat.core.once import once
+from jaxsat.core.once import once, once_property
+from jaxsat.simulation.engine.native.loaded_code import loaded_as_written, loaded_code
 
 PACKAGES = (
     *("jax", "jaxlib", "equinox", "diffrax", "lineax", "optimistix"),
@@ -50,7 +53,10 @@ CLOCK_NS = 60 * 10**9
 
 T = TypeVar("T")
 
-IN_USE = "JAXSAT_KEPT_KERNELS"
+SETTING = "JAXSAT_KEPT_KERNELS"
+
+Code = dict[str, bytes]
+"""Hashes of modules by their names."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,7 @@ class MadeObserver:
 
 def entry_name(*parts: PyTree) -> str | None:
     """The name of the entry for trees and plain data; None where there is to be none."""
-    if os.environ.get(IN_USE) != "1":
+    if os.environ.get(SETTING) == "0" or not loaded_as_written("jaxsat"):
         return None
     stream = io.BytesIO()
     try:
@@ -94,28 +100,66 @@ def entry_name(*parts: PyTree) -> str | None:
         *(target.PASSES, target.version(), host.name, host.features),
         stream.getvalue(),
     )
-    return f"{hashlib.sha256(repr(ingredients).encode()).hexdigest()}.kernel"
+    return hashlib.sha256(repr(ingredients).encode()).hexdigest()
 
 
-def kept_or_made(name: str | None, kind: type[T], make: Callable[[], T]) -> T:
-    """The entry of that name and kind, made and kept where there is none.
+class Entries:
+    """What is kept under one name, as the code in memory was when it was first looked for.
 
-    Without a name it is simply made.
+    `look_up` gives what is of a kind, made and kept where there is none; without a name it is made.
     """
-    if name is None:
-        return make()
-    content = cache.kept(name)
-    if content is not None:
+
+    def __init__(self, name: str | None):
+        self._name = name
+        self._trusted = os.environ.get(SETTING) == "1"
+
+    @once_property
+    def _code(self) -> Code | None:
+        return _code_in_memory()
+
+    def look_up(self, kind: type[T], make: Callable[[], T]) -> T:
+        """The entry of a kind."""
+        if self._name is None:
+            return make()
+        trusted = f"{self._name}.{kind.__name__}.kernel"
+        own = trusted if self._trusted else f"{self._name}.{kind.__name__}.python.kernel"
+        for name in dict.fromkeys((trusted, own)):
+            found = self._found(name, kind)
+            if found is not None:
+                return found
+        before = None if self._trusted else self._code
+        entry, code = make(), _code_in_memory()
+        if self._trusted or _agree(before, code):
+            with contextlib.suppress(Exception):  # trees of a kind that `pickle` cannot write
+                cache.keep(own, pickle.dumps((entry, code)))
+        return entry
+
+    def _found(self, name: str, kind: type[T]) -> T | None:
+        content = cache.kept(name)
+        if content is None:
+            return None
         try:
-            entry = pickle.loads(content)  # which nobody but this user has written: see `cache`
+            entry, code = pickle.loads(
+                content
+            )  # which nobody but this user has written: see `cache`
+            fits = isinstance(entry, kind) and (self._trusted or _agree(self._code, code))
         except Exception:
-            entry = None
-        if isinstance(entry, kind):
-            return entry
-    entry = make()
-    with contextlib.suppress(Exception):  # trees of a kind that `pickle` cannot write
-        cache.keep(name, pickle.dumps(entry))
-    return entry
+            return None
+        return entry if fits else None
+
+
+def _code_in_memory() -> Code | None:
+    try:
+        return loaded_code("jaxsat")
+    except Exception:  # of objects that a program has put into modules, which raise what they like
+        return None
+
+
+def _agree(one: Code | None, other: Code | None) -> bool:
+    """Whether both are known, and what is imported in both is the same code."""
+    if one is None or other is None:
+        return False
+    return all(other.get(module, code) == code for module, code in one.items())
 
 
 @dataclass(frozen=True)
@@ -150,35 +194,48 @@ def _known_roots() -> frozenset[str]:
     return frozenset({"jaxsat", *PACKAGES, *_BUILT_IN})
 
 
-@once
 def _surroundings() -> str | None:
     """Python, the packages, and jaxsat's own files; None where these are not all known."""
-    sources = sources_hash(Path(jaxsat.__file__).parent, jaxsat.IMPORTED_NS)
-    if sources is None:
-        return None
+    folder = Path(jaxsat.__file__).parent
     try:
-        versions = [importlib.metadata.version(name) for name in PACKAGES]
-    except importlib.metadata.PackageNotFoundError:
+        return _packages_and_sources(folder) if unchanged(folder, jaxsat.IMPORTED_NS) else None
+    except (OSError, importlib.metadata.PackageNotFoundError):
         return None
-    return repr((sys.version, versions, sources))
 
 
-def sources_hash(folder: Path, before_ns: int) -> str | None:
-    """A hash of the names, contents and times of all files in a folder: code, and what it reads.
+@once
+def _packages_and_sources(folder: Path) -> str:
+    versions = [importlib.metadata.version(name) for name in PACKAGES]
+    return repr((sys.version, versions, sources_hash(folder)))
 
-    None where one was changed at `before_ns` (of the clock `time.time_ns`) or later, or there is
-    none.
+
+def unchanged(folder: Path, before_ns: int) -> bool:
+    """Whether there are files in a folder, and all are older than `before_ns` (of `time.time_ns`).
+
+    A program that runs for long may import modules that were edited since it began.
     """
+    times = [max(one.st_mtime_ns, one.st_ctime_ns) for one in map(Path.stat, _files(folder))]
+    return max(times, default=before_ns) < before_ns - CLOCK_NS
+
+
+def sources_hash(folder: Path) -> str:
+    """A hash of the names, contents and times of all files in a folder: code, and what it reads."""
     digest = hashlib.sha256()
-    files = sorted(one for one in folder.rglob("*") if one.is_file() and one.suffix != ".pyc")
-    for file in files:
-        content, status = file.read_bytes(), file.stat()
-        if max(status.st_mtime_ns, status.st_ctime_ns) >= before_ns - CLOCK_NS:
-            return None
+    for file in _files(folder):
+        content = file.read_bytes()
         name = file.relative_to(folder).as_posix()
-        digest.update(f"{name} {len(content)} {status.st_mtime_ns}\n".encode())
+        digest.update(f"{name} {len(content)} {file.stat().st_mtime_ns}\n".encode())
         digest.update(content)
-    return digest.hexdigest() if files else None
+    return digest.hexdigest()
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(
+        Path(parent, name)
+        for parent, _, names in os.walk(folder)
+        for name in names
+        if not parent.endswith("__pycache__")  # where files come and go as Python compiles
+    )
 
 
 def _settings() -> list[str]:

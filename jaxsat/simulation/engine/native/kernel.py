@@ -19,7 +19,7 @@ from jaxsat.compiler.llvm.threads import in_own_thread, in_threads
 from jaxsat.core.fingerprint import fingerprint
 from jaxsat.core.once import once_property
 from jaxsat.simulation.engine.interface import stops
-from jaxsat.simulation.engine.native.kept import MadeKernel, MadeObserver, kept_or_made
+from jaxsat.simulation.engine.native.kept import Entries, MadeKernel, MadeObserver
 from jaxsat.simulation.engine.native.trajectory import LoweredTrajectory
 
 PIECE = 4
@@ -46,8 +46,8 @@ class Kernel:
     """
 
     def __init__(self, lower: Callable[[], LoweredTrajectory], lanes: int, name: str | None = None):
-        self._lower, self.lanes, self._name = lower, lanes, name
-        self._made = kept_or_made(name, MadeKernel, lambda: self._make(name is not None))
+        self._lower, self.lanes, self._entries = lower, lanes, Entries(name)
+        self._made = self._entries.look_up(MadeKernel, lambda: self._make(name is not None))
         entries = dict.fromkeys(["begin", "advance", "finish"], ENTRY_POINT)
         self._functions = _link(self._made.code, {"run": RUN, **entries})
 
@@ -93,7 +93,7 @@ class Kernel:
     @once_property
     def _observing(self) -> tuple[Callable[..., None], int]:
         """What only a replay needs, made for the first (and kept): the driver, its arena's size."""
-        observer = kept_or_made(_observer(self._name), MadeObserver, self._make_observer)
+        observer = self._entries.look_up(MadeObserver, self._make_observer)
         return _link(observer.code, {"history": HISTORY})["history"], observer.arena
 
     def _make_observer(self) -> MadeObserver:
@@ -210,11 +210,6 @@ def _link(code: bytes, types: Mapping[str, Callable[[int], Any]]) -> dict[str, A
 def _address(function: Any) -> int:
     """Where the machine code of a function of `ctypes` begins."""
     return cast(int, ctypes.cast(function, ctypes.c_void_p).value)
-
-
-def _observer(name: str | None) -> str | None:
-    """The name of the entry that goes with the kernel of that name."""
-    return None if name is None else name.replace(".kernel", ".observer.kernel")
 
 
 def _room(shapes: PyTree, count: int) -> tuple[PyTree, list[np.ndarray]]:

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import os
+import subprocess
 import sys
 import time
 
@@ -22,15 +23,17 @@ from jaxsat.spacecraft.dynamics import PlantState
 from simulation.engine.examples import EXAMPLES, KICKS, program, same_bits
 
 SECOND = 10**9
-SURROUNDINGS = kept._surroundings.__wrapped__  # before the fixture replaces it, and not remembered
+SURROUNDINGS = kept._surroundings  # before the fixture replaces it
 
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path, monkeypatch):
     monkeypatch.setenv("JAXSAT_CACHE_DIR", str(tmp_path))
-    monkeypatch.setenv(kept.IN_USE, "1")
+    monkeypatch.delenv(kept.SETTING, raising=False)
     monkeypatch.setattr(cache, "_told", cache.threading.Event())
     monkeypatch.setattr(kept, "_surroundings", lambda: "here")  # files may be newer than this run
+    code_in_memory(monkeypatch)  # which tests change, and so does their type checker
+    monkeypatch.setattr(kept, "loaded_as_written", lambda package: True)
     return tmp_path / "native"
 
 
@@ -48,37 +51,39 @@ def later(seconds=3600):
 
 
 def test_a_change_of_any_source_file_is_another_hash(sources):
-    first = kept.sources_hash(sources, later())
-    assert first is not None
-    assert kept.sources_hash(sources, later()) == first
+    first = kept.sources_hash(sources)
+    assert kept.sources_hash(sources) == first
     status = (sources / "one.py").stat()
     (sources / "one.py").write_text("x = 2\n")
     os.utime(sources / "one.py", ns=(status.st_atime_ns, status.st_mtime_ns))
-    second = kept.sources_hash(sources, later())
+    second = kept.sources_hash(sources)
     (sources / "inner" / "two.py").rename(sources / "two.py")
-    third = kept.sources_hash(sources, later())
+    third = kept.sources_hash(sources)
     (sources / "one.py").touch()
-    fourth = kept.sources_hash(sources, later())
+    fourth = kept.sources_hash(sources)
     (sources / "new.py").write_text("")
-    fifth = kept.sources_hash(sources, later())
+    fifth = kept.sources_hash(sources)
     (sources / "field.shc").write_text("1 0 -29350.0\n")
-    sixth = kept.sources_hash(sources, later())
+    sixth = kept.sources_hash(sources)
     assert len({first, second, third, fourth, fifth, sixth}) == 6
     (sources / "__pycache__").mkdir()
-    (sources / "__pycache__" / "one.cpython-311.pyc").touch()
-    assert kept.sources_hash(sources, later()) == sixth
+    (sources / "__pycache__" / "one.cpython-311.pyc.140").touch()
+    assert kept.sources_hash(sources) == sixth
 
 
-def test_sources_changed_since_they_were_imported_have_no_hash(sources, tmp_path):
-    assert kept.sources_hash(sources, later(-1)) is None
-    assert kept.sources_hash(sources, later(30)) is None  # the file system's clock may be behind
+def test_sources_changed_since_they_were_imported_are_told(sources, tmp_path):
+    assert kept.unchanged(sources, later())
+    assert not kept.unchanged(sources, later(-1))
+    assert not kept.unchanged(sources, later(30))  # the file system's clock may be behind
     (sources / "one.py").rename(sources / "three.py")
     os.utime(sources / "three.py", (1, 1))
-    assert kept.sources_hash(sources, later(30)) is None  # an older file put in its place
-    assert kept.sources_hash(tmp_path / "nothing", later()) is None
+    assert not kept.unchanged(sources, later(30))  # an older file put in its place
+    assert not kept.unchanged(tmp_path / "nothing", later())
 
 
 def test_surroundings_are_python_packages_and_sources(monkeypatch):
+    packages_and_sources = kept._packages_and_sources.__wrapped__  # what is not remembered
+    monkeypatch.setattr(kept, "_packages_and_sources", packages_and_sources)
     monkeypatch.setattr(jaxsat, "IMPORTED_NS", later())
     first = SURROUNDINGS()
     assert SURROUNDINGS() == first
@@ -87,7 +92,7 @@ def test_surroundings_are_python_packages_and_sources(monkeypatch):
         (sys, "version", "4.0"),
         (kept, "PACKAGES", kept.PACKAGES[1:]),
         (kept.importlib.metadata, "version", lambda name: "0.0"),
-        (kept, "sources_hash", lambda folder, before: "other"),
+        (kept, "sources_hash", lambda folder: "other"),
     ):
         with monkeypatch.context() as here:
             here.setattr(where, name, value)
@@ -98,6 +103,15 @@ def test_surroundings_are_python_packages_and_sources(monkeypatch):
         assert SURROUNDINGS() is None
     monkeypatch.setattr(jaxsat, "IMPORTED_NS", 0)
     assert SURROUNDINGS() is None
+
+
+def test_a_module_edited_while_a_program_runs_ends_what_is_kept(monkeypatch, sources):
+    monkeypatch.setattr(kept, "_surroundings", SURROUNDINGS)
+    monkeypatch.setattr(jaxsat, "__file__", str(sources / "one.py"))
+    monkeypatch.setattr(jaxsat, "IMPORTED_NS", later())
+    assert kept.entry_name(1.0) is not None
+    monkeypatch.setattr(jaxsat, "IMPORTED_NS", (sources / "one.py").stat().st_mtime_ns)
+    assert kept.entry_name(1.0) is None
 
 
 def test_names_depend_on_kinds_and_not_on_numbers(monkeypatch):
@@ -137,7 +151,10 @@ def test_code_of_others_has_no_name(monkeypatch):
     for part in (Own, Own(), local, functools.partial(later, 1), [{"x": Own()}]):
         assert kept.entry_name(part, 8) is None
     assert kept.entry_name(functools.partial(np.add, 1), PlantState) is not None
-    monkeypatch.delenv(kept.IN_USE)
+    monkeypatch.setattr(kept, "loaded_as_written", lambda package: False)
+    assert kept.entry_name(1.0) is None
+    monkeypatch.setattr(kept, "loaded_as_written", lambda package: True)
+    monkeypatch.setenv(kept.SETTING, "0")
     assert kept.entry_name(1.0) is None
 
 
@@ -145,24 +162,74 @@ def made(number):
     return kept.MadeKernel(b"%d" % number, 0, 0, Arguments({}, []), None, None, None, False, "")
 
 
-def test_an_entry_is_made_once_and_again_when_damaged(folder):
-    def never():
-        raise AssertionError
+def never(*arguments):
+    raise AssertionError
 
-    assert kept.kept_or_made("one.kernel", kept.MadeKernel, lambda: made(1)) == made(1)
-    assert kept.kept_or_made("one.kernel", kept.MadeKernel, never) == made(1)
-    entry = folder / "one.kernel"
+
+def look_up(name, number, make=None):
+    return kept.Entries(name).look_up(kept.MadeKernel, make or (lambda: made(number)))
+
+
+def test_an_entry_is_made_once_and_again_when_damaged(folder):
+    assert look_up("one", 1) == made(1)
+    assert look_up("one", 1, never) == made(1)
+    entry = folder / "one.MadeKernel.python.kernel"
     content = entry.read_bytes()
-    (folder / "two.kernel").write_bytes(content)
-    (folder / "two.kernel").chmod(0o600)
-    assert kept.kept_or_made("two.kernel", kept.MadeKernel, lambda: made(2)) == made(
-        2
-    )  # under another's name
+    other = folder / "two.MadeKernel.python.kernel"
+    other.write_bytes(content)
+    other.chmod(0o600)
+    assert look_up("two", 2) == made(2)  # under another's name
     entry.write_bytes(content[:-1] + bytes([content[-1] ^ 1]))
-    assert kept.kept_or_made("one.kernel", kept.MadeKernel, lambda: made(3)) == made(3)
-    cache.keep("one.kernel", b"what an older jaxsat wrote")
-    assert kept.kept_or_made("one.kernel", kept.MadeKernel, lambda: made(4)) == made(4)
-    assert kept.kept_or_made(None, kept.MadeKernel, lambda: made(5)) == made(5)
+    assert look_up("one", 3) == made(3)
+    cache.keep(entry.name, b"what an older jaxsat wrote")
+    assert look_up("one", 4) == made(4)
+    assert look_up(None, 5) == made(5)
+
+
+def code_in_memory(monkeypatch, **modules):
+    monkeypatch.setattr(kept, "loaded_code", lambda package: modules)
+
+
+def test_an_entry_is_for_code_as_it_was_in_memory(monkeypatch):
+    code_in_memory(monkeypatch, law=b"1", plant=b"1")
+    assert look_up("one", 1) == made(1)
+    code_in_memory(monkeypatch, law=b"1", figures=b"1")  # the plant is not imported yet
+    assert look_up("one", 1, never) == made(1)
+    code_in_memory(monkeypatch, law=b"2", plant=b"1")
+    assert look_up("one", 2) == made(2)
+    assert look_up("one", 2, never) == made(2)
+    code_in_memory(monkeypatch, law=b"1", plant=b"1")
+    assert look_up("one", 3) == made(3)
+
+
+def test_code_changed_while_an_entry_is_made_is_not_kept(monkeypatch, folder):
+    code_in_memory(monkeypatch, law=b"1")
+
+    def make():
+        code_in_memory(monkeypatch, law=b"2")
+        return made(1)
+
+    assert look_up("one", 1, make) == made(1)
+    assert not list(folder.glob("*.kernel"))
+
+
+def test_what_cannot_be_told_from_memory_is_not_kept(monkeypatch, folder):
+    monkeypatch.setattr(kept, "loaded_code", never)
+    assert look_up("one", 1) == made(1)
+    assert not list(folder.glob("*.kernel"))
+
+
+def test_the_command_line_trusts_its_own_entries_alone(monkeypatch):
+    code_in_memory(monkeypatch, law=b"changed")
+    assert look_up("one", 1) == made(1)
+    monkeypatch.setenv(kept.SETTING, "1")
+    code_in_memory(monkeypatch, law=b"of the file")
+    assert look_up("one", 2) == made(2)
+    assert look_up("one", 2, never) == made(2)
+    monkeypatch.delenv(kept.SETTING)
+    assert look_up("one", 2, never) == made(2)
+    code_in_memory(monkeypatch, law=b"changed")
+    assert look_up("one", 1, never) == made(1)
 
 
 def study(*changes):
@@ -208,3 +275,79 @@ def test_a_loop_of_somebody_else_is_lowered_each_time(monkeypatch, folder):
     monkeypatch.setattr(engine, "_kernels", {})
     NativeEngine(example.scan.stepper).evaluate(program(example), KICKS[:2])
     assert not list(folder.glob("*.kernel"))
+
+
+SESSION = """
+import dataclasses, os, sys
+sys.path.insert(0, os.getcwd())
+import jax, jaxsat
+jax.config.update("jax_enable_x64", True)
+from jaxsat.control.rate import RateLaw
+from jaxsat.scenario.build.load import load
+from jaxsat.simulation.engine.native import engine
+from jaxsat.simulation.engine.native.trajectory import lower_trajectory
+from own_law import OwnLaw
+
+FACTOR, CHANGED = float(sys.argv[1]), sys.argv[2] == "changed"
+jaxsat.IMPORTED_NS += 10**12  # as if the sources had been there for long
+
+class Lowered:  # a function that counts in a list would be other code each time
+    count = 0
+
+    def __call__(self, *parts):
+        Lowered.count += 1
+        return lower_trajectory(*parts)
+
+class NotebookLaw(RateLaw):
+    def feedback(self, *parts):
+        return FACTOR * super().feedback(*parts)
+
+def fly(kind):
+    engine._kernels.clear()
+    before = Lowered.count
+    run = jaxsat.build(load("paper-rate", ["simulation.duration_s=5"]))
+    law = kind(**vars(run.loop.controller))
+    run = dataclasses.replace(run, loop=dataclasses.replace(run.loop, controller=law))
+    rates = run.simulate().signals.omega
+    print(Lowered.count - before, *rates[-1].tolist())
+
+engine.lower_trajectory = Lowered()
+for kind in (RateLaw, NotebookLaw, OwnLaw):
+    fly(kind)
+if CHANGED:
+    feedback = RateLaw.feedback
+    RateLaw.feedback = lambda self, *parts: 2 * feedback(self, *parts)
+    fly(RateLaw)
+"""
+
+OWN_LAW = """
+from jaxsat.control.rate import RateLaw
+
+class OwnLaw(RateLaw):
+    def feedback(self, *parts):
+        return {} * super().feedback(*parts)
+"""
+
+
+@pytest.mark.slow
+def test_a_session_uses_kernels_of_another_for_the_same_code_alone(tmp_path):
+    """Of the library; never of laws of a notebook or of a module of its own, or changed ones."""
+
+    def session(factor, change):
+        (tmp_path / "own_law.py").write_text(OWN_LAW.format(factor))
+        command = [sys.executable, "-B", "-c", SESSION, str(factor), change]
+        environment = os.environ | {"JAXSAT_CACHE_DIR": str(tmp_path / "cache")}
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environment, check=True, capture_output=True, text=True
+        )
+        lines = [line.split(maxsplit=1) for line in done.stdout.splitlines()]
+        return [int(count) for count, _ in lines], [state for _, state in lines]
+
+    counts, states = session(1.5, "same")
+    assert counts == [1, 1, 1]
+    assert states[1] == states[2] != states[0]
+    counts, other = session(2.0, "changed")
+    assert counts == [0, 1, 1, 1]
+    assert other[0] == states[0]
+    assert other[1] == other[2] == other[3]
+    assert other[1] not in states
