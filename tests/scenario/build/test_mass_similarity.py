@@ -41,6 +41,7 @@ def unit_of(field):
     return extra.get("unit") if isinstance(extra, dict) else None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
@@ -65,6 +66,7 @@ def test_a_flight_of_each_law_is_the_same_at_any_mass(name):
         require_the_same(build(scaled(scenario, factor)).simulate(), first, factor)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rotor", ["", "rotor_inertia_kg_m2=0.1, "])
 def test_steps_of_both_integrators_are_the_same_at_any_mass(rotor):
     """Until a wheel is at its momentum limit; diffrax chooses its first step by itself."""

@@ -35,7 +35,15 @@ def test_units_make_the_keys_of_quantities():
     """As README, library and files of users have them."""
     found = {one.unit: one.key.removeprefix(name) for name, one in DISPERSIBLE.items()}
     densities = {"rad/s/√Hz": "_rad_s_sqrt_Hz", "rad/s²/√Hz": "_rad_s2_sqrt_Hz"}
-    plain = {"1": "", "rad": "_rad", "rad/s": "_rad_s", "N m": "_N_m", "N m s": "_N_m_s", "s": "_s"}
+    plain = {
+        "1": "",
+        "rad": "_rad",
+        "rad/s": "_rad_s",
+        "N m": "_N_m",
+        "N m s": "_N_m_s",
+        "s": "_s",
+        "T": "_T",
+    }
     assert found == plain | densities
 
 
@@ -96,6 +104,7 @@ def test_sampling_and_design_reach_the_study():
     assert other.identity()["scenario"]["sampling"]["delay_s"] == 0.05
 
 
+@pytest.mark.slow
 def test_an_accelerator_is_used_on_request_and_in_large_batches(monkeypatch):
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
     scenario = load("benchmark-three-axis")
