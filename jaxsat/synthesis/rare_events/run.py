@@ -12,7 +12,6 @@ import numpy as np
 from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.package_files import text_of
-from jaxsat.core.text import csv_text
 from jaxsat.report.rare_event_plots import rare_event_plots
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.study import PILOTS, refined_study
@@ -24,7 +23,6 @@ from jaxsat.store.header import differences as where_other
 from jaxsat.store.marker import Marker
 from jaxsat.store.provenance import command_line, machine, provenance
 from jaxsat.store.resumable import ResumableFolder
-from jaxsat.studies.columns import DRAWN
 from jaxsat.studies.designs import Listed
 from jaxsat.studies.ensemble import Study
 from jaxsat.studies.splitting import LENGTH, Level, Replications, Splitting, interval_of
@@ -279,26 +277,6 @@ def _write(
     record = plain_data({"command": command_line(), **result.as_data(), **provenance()})
     folder.write(RECORD, json.dumps(record, indent=1, ensure_ascii=False) + "\n")
     folder.write(SCHEMA, text_of("jaxsat.synthesis.rare_events", SCHEMA))
-    folder.write(TABLE, _csv(violations, flights))
+    folder.write(TABLE, violations.table(flights))
     title = f"{result.title}: {result.requirement}"
     save_figures(lambda: {"levels": paint(rare_event_plots(record), title)}, folder.write)
-
-
-def _csv(violations: Violations, flights: Batch) -> str:
-    """The violating cases, those with the least margin first."""
-    columns = {
-        "case": violations.number,
-        "replication": violations.replication + 1,
-        "share_of_the_probability": violations.weight,
-        "independent_draw": violations.root,
-        "margin_SI": flights["margin"][violations.number],
-        "decided_at_s": flights["time"][violations.number],
-    }
-    for name, values in flights.items():
-        if name.startswith(DRAWN):
-            each = values[violations.number].reshape(len(violations.number), -1).T
-            names = [name] if len(each) == 1 else [f"{name}_{i + 1}" for i in range(len(each))]
-            columns |= dict(zip(names, each, strict=True))
-    order = np.argsort(np.nan_to_num(columns["margin_SI"], nan=-np.inf))
-    rows = zip(*(values[order].tolist() for values in columns.values()), strict=True)
-    return csv_text([columns, *rows])

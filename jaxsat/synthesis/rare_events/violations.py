@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jaxsat.core.declaration.quantities import DISPERSIBLE
+from jaxsat.core.text import csv_text
 from jaxsat.studies.columns import DRAWN
 from jaxsat.studies.sensitivities import numbers_of
 from jaxsat.studies.splitting import Replications
@@ -39,6 +40,25 @@ class Violations(NamedTuple):
         row, place = row[first], place[first]
         total = weight.sum() or 1.0
         return Violations(numbers, weight / total, runs.alive[row], runs.last.root[row, place])
+
+    def table(self, flights: Batch) -> str:
+        """The violating cases of all `flights` as CSV, those with the least margin first."""
+        columns = {
+            "case": self.number,
+            "replication": self.replication + 1,
+            "share_of_the_probability": self.weight,
+            "independent_draw": self.root,
+            "margin_SI": flights["margin"][self.number],
+            "decided_at_s": flights["time"][self.number],
+        }
+        for name, values in flights.items():
+            if name.startswith(DRAWN):
+                each = values.reshape(len(values), -1)[self.number].T
+                names = [name] if len(each) == 1 else [f"{name}_{i + 1}" for i in range(len(each))]
+                columns |= dict(zip(names, each, strict=True))
+        order = np.argsort(np.nan_to_num(columns["margin_SI"], nan=-np.inf))
+        rows = zip(*(values[order].tolist() for values in columns.values()), strict=True)
+        return csv_text([columns, *rows])
 
 
 def differences(

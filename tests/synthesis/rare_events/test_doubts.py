@@ -66,3 +66,13 @@ def test_noise_that_decides_alone_is_found_out():
     flights = {"code": np.zeros(found.last.number.max() + 1, int)}
     told = doubts_of(found, levels, True, NOISY, flights, Violations.of(found))
     assert any("A new draw of sensor noise was accepted" in one for one in told)
+
+
+@pytest.mark.parametrize("numbers", [NUMBERS[:0], NUMBERS[[7, 3]]])
+def test_the_table_of_violating_cases_has_a_row_for_each_also_where_there_is_none(numbers):
+    ones = np.ones(len(numbers), int)
+    flights = {"margin": -NUMBERS / 10, "time": WHEEL, "drawn_omega": np.ones((COUNT, 3))}
+    rows = Violations(numbers, ones / 2, 0 * ones, numbers).table(flights).splitlines()
+    assert rows[0].endswith("margin_SI,decided_at_s,drawn_omega_1,drawn_omega_2,drawn_omega_3")
+    expected = [str(n) for n in sorted(numbers, reverse=True)]
+    assert [row.split(",")[0] for row in rows[1:]] == expected
