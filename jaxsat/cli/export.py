@@ -67,8 +67,8 @@ def export(
         raise UserMistake(f"{scenario}: {error}") from None
     except CannotLower as error:
         raise UserMistake(f"{scenario}: cannot be flight code: {error}") from None
-    if code.unsearched:
-        print_warning(f"no test calls were searched for that run other branches: {code.unsearched}")
+    for caution in code.cautions:
+        print_warning(caution)
     if not output.quiet:
         print_stdout(f"controller       {code.lines} lines of C, program {code.program.hash[:12]}")
         print_stdout(f"test vectors     {len(code.vectors.given)} samples")

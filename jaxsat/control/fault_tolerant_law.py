@@ -285,8 +285,15 @@ def _settling(
 
 
 def _stacked(trees: Iterable[Tree]) -> Tree:
-    """One tree, with a leading axis, of many alike."""
-    return jax.tree.map(lambda *leaves: as_array(np.stack(leaves)), *trees)
+    """One tree, with a leading axis, of many alike; an array that each has several times stays one
+    array, so that flight code has it once."""
+    arrays: dict[tuple[int, ...], Any] = {}
+
+    def one(*leaves: Any) -> Any:
+        key = tuple(map(id, leaves))
+        return arrays[key] if key in arrays else arrays.setdefault(key, as_array(np.stack(leaves)))
+
+    return jax.tree.map(one, *trees)
 
 
 def _plane_axes(

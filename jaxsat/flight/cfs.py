@@ -26,6 +26,9 @@ FILES = (
     "controller_tbl.c",
 )
 
+TABLE_LIMIT = 16384
+"""Default of CFE_PLATFORM_TBL_MAX_SNGL_TABLE_SIZE, bytes."""
+
 PLACES = {"input": "Input->", "valid": "Valid->", "output": "Output."}
 
 
@@ -57,6 +60,7 @@ def cfs_app(
         ),
         "BEGIN": begin * program.estimates,
         "ATTITUDE": "attitude, " * program.estimates,
+        "TABLE_BYTES": table_bytes(program),
         "PARAMETERS": "\n".join(default_parameters(program)),
         "LIMITS": "\n".join(default_limits(program, hold_samples)),
     }
@@ -66,6 +70,28 @@ def cfs_app(
         + template(f"cfs/{name}", **values)
         for name in FILES
     }
+
+
+def table_bytes(program: FlightProgram) -> int:
+    """The size of the parameter table in bytes, where each number is aligned to its own size."""
+    fields = program.structs["parameters"].fields
+    parameters = [(field.name, field.dtype, field.shape) for field in fields]
+    real = np.float32 if program.single else np.float64
+    limits = [("hold_samples", np.int32), ("rate_limit", real), ("norm_tolerance", real)]
+    members = (np.dtype(one, align=True) for one in (parameters, limits))
+    table = [(f"member{n}", one) for n, one in enumerate(members)]
+    return np.dtype([*table, ("Checksum", np.uint32)], align=True).itemsize
+
+
+def table_cautions(program: FlightProgram) -> tuple[str, ...]:
+    """What the mission must set for a parameter table that is larger than cFE's default."""
+    size = table_bytes(program)
+    if size <= TABLE_LIMIT:
+        return ()
+    return (
+        f"cFS's parameter table has {size} bytes: set CFE_PLATFORM_TBL_MAX_SNGL_TABLE_SIZE, by "
+        f"default {TABLE_LIMIT}, to at least that in your mission",
+    )
 
 
 def _members(items: Sequence[Item]) -> str:

@@ -13,7 +13,7 @@ from jaxsat.core.declaration.keys import Key
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.flight import interface
 from jaxsat.flight.calls import drawn_calls, expected_of_calls
-from jaxsat.flight.cfs import cfs_app
+from jaxsat.flight.cfs import cfs_app, table_cautions
 from jaxsat.flight.fprime import fprime_component
 from jaxsat.flight.function_calls import function_calls
 from jaxsat.flight.guard import guard_header
@@ -64,7 +64,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Export:
-    """The files, and what is known of them; `unsearched` is why no calls were searched for."""
+    """The files, and what is known of them; `cautions` tell what a user must know of them."""
 
     program: FlightProgram
     files: Mapping[str, bytes]
@@ -72,7 +72,7 @@ class Export:
     calls: Vectors
     measured: Mapping[str, ProcessorUse]
     lines: int
-    unsearched: str
+    cautions: tuple[str, ...]
 
 
 def export(request: Request) -> Export:
@@ -135,7 +135,11 @@ def export(request: Request) -> Export:
     wrappers = cfs_app(program, rows, intro, request.hold_samples)
     wrappers |= fprime_component(program, rows, table, intro, request.hold_samples)
     files |= {name: text.encode() for name, text in wrappers.items()}
-    return Export(program, files, samples, calls, processor_uses, lines, unsearched)
+    cautions = table_cautions(program)
+    if unsearched:
+        words = f"no test calls were searched for that run other branches: {unsearched}"
+        cautions = (words, *cautions)
+    return Export(program, files, samples, calls, processor_uses, lines, cautions)
 
 
 def _intro(request: Request, program: FlightProgram) -> list[str]:

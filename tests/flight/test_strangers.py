@@ -9,6 +9,7 @@ import pytest
 
 from helpers.tools import needs
 from jaxsat.flight import vectors
+from jaxsat.flight.cfs import table_cautions
 from jaxsat.flight.files import Request, export
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -90,6 +91,7 @@ def _agrees(folder: Path, scenario, compilers, precisions=(False, True)) -> None
         made = export(Request(run.loop, run.start, 400.0, "", "", PROVENANCE, single=single))
         assert len(sizes(made.files["controller.c"].decode())) > 10
         assert too_large(made.files) == {}
+        assert table_cautions(made.program) == ()  # cFS's parameter table has a default size
         place = folder / ("single" if single else "double")
         place.mkdir()
         write_files(place, made.files)

@@ -12,7 +12,7 @@ import pytest
 from helpers.tools import needs
 from jaxsat.core.declaration.keys import number
 from jaxsat.flight import vectors
-from jaxsat.flight.cfs import CFS, cfs_app
+from jaxsat.flight.cfs import CFS, cfs_app, table_bytes, table_cautions
 from jaxsat.flight.fprime import FPRIME, fprime_component
 from jaxsat.flight.guard import guard_header, status_bits
 from jaxsat.flight.guard_source import guard_source
@@ -57,6 +57,7 @@ def _driver(kind, program, gain, rate) -> str:
         "TOLD": "\n".join(back),
         "VALID": f".{rate} = ((samples - 1) % 5) != 4, .attitude = true",
         "GAIN": gain,
+        "TABLE_BYTES": str(table_bytes(program)),
         "REAL": "float" if program.single else "double",
     }
     text = (STUBS / kind).read_text()
@@ -170,6 +171,16 @@ def test_the_app_of_cfs_steps_at_each_wake_up_with_the_bits_of_the_controller(
         "event 9 3 CONTROLLER: pipe cannot be read, RC = 0xFFFFFFFF",
         "exit 3",
     ]
+
+
+def test_a_table_that_is_larger_than_the_default_of_cfs_is_told(monkeypatch):
+    program = _made(_filtered)[0]
+    size = table_bytes(program)
+    monkeypatch.setattr("jaxsat.flight.cfs.TABLE_LIMIT", size)
+    assert table_cautions(program) == ()
+    monkeypatch.setattr("jaxsat.flight.cfs.TABLE_LIMIT", size - 1)
+    (words,) = table_cautions(program)
+    assert f"{size} bytes: set CFE_PLATFORM_TBL_MAX_SNGL_TABLE_SIZE" in words
 
 
 @needs("g++")

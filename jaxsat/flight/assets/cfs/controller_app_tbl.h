@@ -6,7 +6,8 @@
 
 #define CONTROLLER_APP_TABLE_NAME "Parameters" /* CONTROLLER.Parameters for cFE's commands */
 
-/* The parameter table. Its size must not exceed CFE_PLATFORM_TBL_MAX_SNGL_TABLE_SIZE. */
+/* The parameter table, @TABLE_BYTES@ bytes where each number is aligned to its own size. It must not
+   exceed CFE_PLATFORM_TBL_MAX_SNGL_TABLE_SIZE, by default 16384 bytes. */
 typedef struct {
   controller_parameters Parameters;
   controller_guard_parameters Limits;

@@ -14,6 +14,9 @@
 
 extern CONTROLLER_APP_Table_t ControllerTable;
 
+/* The size that the header tells: else this is no array. */
+typedef char told_size[(sizeof(CONTROLLER_APP_Table_t) == @TABLE_BYTES@u) ? 1 : -1];
+
 typedef struct {
   CFE_SB_MsgId_Atom_t id;
   uint8 code;

@@ -1,6 +1,8 @@
 # Stands for the ports and types of F´ 4 that a component with commands, events, telemetry and
 # parameters needs: types alone, without what they have.
 
+type FwSizeStoreType = U16 @< of strings, for FPP 3.4 and later
+
 module Fw {
 
   type CmdArgBuffer
