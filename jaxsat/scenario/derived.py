@@ -55,7 +55,13 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
 
 def has_invalid_samples(scenario: Any) -> bool:
     """Whether a checked scenario may have samples at which its law makes no step."""
-    return scenario.gyro is not None and scenario.gyro.outage_start_s is not None
+    gyro_fails = scenario.gyro is not None and scenario.gyro.outage_start_s is not None
+    return gyro_fails or has_invalid_momenta(scenario)
+
+
+def has_invalid_momenta(scenario: Any) -> bool:
+    """Whether the tachometer of a wheel of a checked scenario has an outage."""
+    return any(one.tachometer_outage_start_s is not None for one in scenario.wheel)
 
 
 def hold_samples_of(scenario: Any) -> int:

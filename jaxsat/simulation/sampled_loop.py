@@ -65,7 +65,7 @@ class SampledLoop(AbstractLoop):
     `delay` (s, at most one period) is the time the controller takes to compute: for so long after
     each sample effectors continue from what they did; None is a loop without. `tachometers` tell
     the momenta of wheels; None for those that are exact. A `guard` says what is done at samples at
-    which a gyro has an outage.
+    which a gyro or a tachometer has an outage.
     """
 
     plant: RigidBody
@@ -80,8 +80,12 @@ class SampledLoop(AbstractLoop):
 
     def __check_init__(self):
         require_counts(substeps=self.substeps)
-        if self.guard is None and self.navigation and self.navigation.gyro.outage is not None:
-            raise ValueError("Argument `guard` must be given with a gyro that has an outage.")
+        gyro = None if self.navigation is None else self.navigation.gyro
+        for name, one in (("gyro", gyro), ("tachometer", self.tachometers)):
+            if self.guard is None and one is not None and one.outage is not None:
+                raise ValueError(
+                    f"Argument `guard` must be given with a {name} that has an outage."
+                )
         if self.sensors is not None and self.navigation is not None:
             raise ValueError("Arguments `sensors` and `navigation` must not both be given.")
         if self.delay is None:
@@ -124,7 +128,11 @@ class SampledLoop(AbstractLoop):
         if self.tachometers is None:
             return measurement
         momenta = self.tachometers(number, measurement.state.of_each)
-        return measurement._replace(state=dataclasses.replace(measurement.state, effectors=momenta))
+        told = measurement._replace(state=dataclasses.replace(measurement.state, effectors=momenta))
+        valid = self.tachometers.is_valid(number, self.controller.period)
+        if valid is None:
+            return told
+        return told._replace(valid=valid if told.valid is None else valid & told.valid)
 
     def _with_exact_momenta(self, number: IntScalar, state: SampledState) -> Told:
         """What the controller is told, with the momenta of wheels as they are."""

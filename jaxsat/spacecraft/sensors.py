@@ -9,9 +9,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree, UInt32
 from numpy.typing import DTypeLike
 
-from jaxsat.core.array_types import IntScalar, RealScalar, Vector
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.noise import fold_in, name_number, sample_noise
 from jaxsat.spacecraft.wheels import WheelMomenta
 
@@ -103,14 +103,31 @@ class Tachometers(eqx.Module):
     """White Gaussian noise on the momentum that each wheel's tachometer tells, at each sample.
 
     `noise` (N m s) is the standard deviation for each wheel. It is a function of `key` (two 32-bit
-    words, which other sensors may share) and of the sample's number.
+    words, which other sensors may share) and of the sample's number. What the tachometer of a wheel
+    tells is invalid for `outage` (s) from `outage_start` (s) on; an infinite start is none, and
+    None for both is none for any wheel. Raises `ArgumentError` for what is negative.
     """
 
     noise: Float[Array, " wheels"] = eqx.field(converter=as_float)
     key: UInt32[Array, "2"] = eqx.field(converter=as_key, default=(0, 0))
+    outage_start: Float[Array, " wheels"] | None = eqx.field(
+        converter=as_optional_float, default=None
+    )
+    outage: Float[Array, " wheels"] | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
         require_positive("noise", self.noise, zero_allowed=True)
+        if (self.outage_start is None) != (self.outage is None):
+            raise ValueError("Arguments `outage_start` and `outage` must be given together.")
+        if self.outage is not None:
+            require_positive("outage", self.outage, zero_allowed=True)
+
+    def is_valid(self, sample: IntScalar, period: RealScalar) -> BoolScalar | None:
+        """Whether all momenta of a sample are valid, None if they always are; `period` is in s."""
+        if self.outage_start is None or self.outage is None:
+            return None
+        since = sample * period - self.outage_start
+        return jnp.all((since < 0) | (since >= self.outage))
 
     def __call__(self, sample: IntScalar, effectors: PyTree) -> PyTree:
         """States of effectors with the momenta of wheels as they are measured, N m s."""

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from jaxtyping import Array, Float
 
+from helpers.every_law import library
 from helpers.tools import needs
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
+from jaxsat.core.declaration.laws import LAWS as ALL_LAWS
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -222,6 +224,14 @@ LAWS = [
 ]
 """Every law of the library: scenario, changes, duration (s), largest final error (deg); one law
 damps rates alone."""
+
+
+def test_each_law_that_can_become_flight_code_is_among_these():
+    """`planned` is refused for its size, what steers rods for `magnetic` has no flight code, and
+    the other laws of the library run in continuous time."""
+    flown = {library(name)["control"]["law"] for name, *_ in LAWS}
+    sampled = {name for name, law in ALL_LAWS.items() if law.declaration.sampled}
+    assert flown == sampled - {"planned", "magnetic"}
 
 
 @needs("gcc")

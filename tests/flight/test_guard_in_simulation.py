@@ -86,6 +86,80 @@ def test_simulation_and_flight_code_agree_to_the_bit_in_outages(tmp_path, name):
     assert kinds.count(bits["ZERO"]) == gap - HELD
 
 
+WHEELS = """
+title = "Wheels"
+
+[spacecraft]
+inertia_kg_m2 = [42.0, 38.0, 25.0]
+
+[orbit]
+rate_rad_s = 0.0
+
+[initial]
+quaternion = [0.8, 0.6, 0.0, 0.0]
+omega_rad_s = [0.003, 0.001, -0.002]
+
+[control]
+law = "quaternion-feedback"
+natural_frequency_rad_s = 0.3
+damping = 0.7
+period_s = 0.1
+
+[sampling]
+hold_samples = 7
+
+[simulation]
+duration_s = 10
+"""
+
+WHEEL = """
+[[wheel]]
+axis = {axis}
+torque_limit_N_m = 0.4
+tachometer_noise_N_m_s = 1e-3
+"""
+
+
+@needs("gcc")
+@pytest.mark.slow
+def test_the_law_makes_no_step_in_an_outage_of_a_tachometer(tmp_path):
+    """To the bit, with the estimator at work: a gap of one wheel's tachometer alone, and one in
+    which the gyro's begins."""
+    tables = [WHEEL.format(axis=axis) for axis in np.eye(3).tolist()]
+    tables[1] += "tachometer_outage_start_s = 0.5\ntachometer_outage_s = 1.0\n"
+    tables[2] += "tachometer_outage_start_s = 2.5\ntachometer_outage_s = 1.0\n"
+    gyro, tracker = OUTAGES[0].replace("outage_start_s=1.9", "outage_start_s=3"), OUTAGES[1]
+    place = tmp_path / "wheels.toml"
+    place.write_text(WHEELS + "".join(tables))
+    run: Any = build(load(place, [gyro, tracker]))
+    states, observed = _flown(run, 60)
+    guarded = Guarded(tmp_path, run.loop, run.start)
+    rate, momentum, bits = *map(guarded.places, ("rate", "wheel_momentum")), guarded.bits
+    guarded.begin(0, HELD, attitude=states[0].navigation.memory.last_input.attitude.q[0])
+    told = []
+    for number, (now, _) in enumerate(observed):
+        row, flagged = _row(now), frozenset[str]()
+        if 5 <= number < 15:
+            row[momentum[1]] = np.nan
+        elif 25 <= number < 35:
+            flagged = frozenset(["wheel_momentum"])
+        if 30 <= number < 50:
+            row[rate] = np.inf
+        status, commands, state = guarded.step(0, row, flagged)
+        told.append(status)
+        if number + 1 < len(observed):
+            np.testing.assert_array_equal(state[:-1], _row(observed[number + 1][1]))
+        asked = np.asarray(states[number + 1].guard.last.uses[0])[0]
+        np.testing.assert_array_equal(commands[_places(guarded, "wheel_torque")], asked)
+    gaps = np.array(told)
+    without_momentum = (gaps & bits["INVALID_WHEEL_MOMENTUM"]) != 0
+    assert np.flatnonzero(without_momentum).tolist() == [*range(5, 15), *range(25, 35)]
+    held = np.flatnonzero(gaps & bits["HELD"])
+    assert held.tolist() == [*range(5, 12), *range(25, 32)]
+    zero = np.flatnonzero(gaps & bits["ZERO"])
+    assert zero.tolist() == [*range(12, 15), *range(32, 50)]
+
+
 def _asked(state) -> dict[str, np.ndarray]:
     """The torque of the last period, or its pulses, by the names of commands."""
     (use,), (memory,) = state.guard.last.uses, state.effectors

@@ -37,6 +37,32 @@ def test_negative_noise_is_refused():
         Tachometers(np.array([-1.0]))
 
 
+def test_momenta_are_invalid_while_any_tachometer_has_an_outage():
+    tachometers = Tachometers(np.zeros(3), outage_start=[3.0, np.inf, 5.0], outage=[1.0, 0.0, 2.0])
+    valid = [bool(tachometers.is_valid(jnp.array(k), jnp.array(0.5))) for k in range(20)]
+    invalid = [6, 7, *range(10, 14)]  # from 3 s to 4 s and from 5 s to 7 s, ends excluded
+    assert [k for k in range(20) if not valid[k]] == invalid
+    assert Tachometers(np.zeros(3)).is_valid(jnp.array(7), jnp.array(0.5)) is None
+    with pytest.raises(ValueError, match="together"):
+        Tachometers(np.zeros(3), outage=np.ones(3))
+    with pytest.raises(ValueError, match="outage"):
+        Tachometers(np.zeros(3), outage_start=np.ones(3), outage=-np.ones(3))
+
+
+def test_an_outage_of_a_tachometer_has_begin_and_length_and_needs_a_sampled_law():
+    outage = "tachometer_outage_start_s=5,tachometer_outage_s=2"
+    with_outage = [CHANGES[0].replace("tachometer_noise_N_m_s=0.1", outage), CHANGES[1]]
+    assert build(load("wheels-fail", with_outage)).loop.guard is not None
+    without_end = [with_outage[0].replace(",tachometer_outage_s=2", ""), CHANGES[1]]
+    with pytest.raises(ScenarioError, match=r"tachometer_outage_s.*must be given with"):
+        load("wheels-fail", without_end)
+    with pytest.raises(ScenarioError, match=r"tachometer_outage_start_s.*not sampled"):
+        load("two-wheel-telescope", with_outage[:1])
+    late = [with_outage[0].replace("start_s=5", "start_s=1e5"), CHANGES[1]]
+    with pytest.warns(match=r"wheel.*\.tachometer_outage_start_s.*never strikes"):
+        load("wheels-fail", late)
+
+
 @pytest.mark.parametrize("name", ["wheels-fail", "failures-telescope"])
 def test_the_law_is_told_noisy_momenta_behind_either_kind_of_sensors(name):
     changes = [*CHANGES, *(OF_THREE if name == "failures-telescope" else [])]

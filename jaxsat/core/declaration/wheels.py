@@ -3,7 +3,16 @@
 from jaxsat.core.declaration.actuator import ActuatorDeclaration, Signal
 from jaxsat.core.declaration.failures import FRACTION, AbstractFailureKind
 from jaxsat.core.declaration.keys import DispersibleQuantity, direction, number
-from jaxsat.core.ranges import FRICTION, MOMENT, TORQUE, TORQUE_LIMIT, WHEEL_MOMENTUM, WHEEL_NOISE
+from jaxsat.core.ranges import (
+    FRICTION,
+    FROM_ZERO,
+    MOMENT,
+    SECONDS,
+    TORQUE,
+    TORQUE_LIMIT,
+    WHEEL_MOMENTUM,
+    WHEEL_NOISE,
+)
 
 FACTOR = number(
     "factor", "Factor on its viscous and Coulomb friction", within=FRICTION, default=None
@@ -87,6 +96,21 @@ WHEEL = ActuatorDeclaration(
             "N m s",
             within=WHEEL_NOISE,
             default=0.0,
+        ),
+        number(
+            "tachometer_outage_start_s",
+            "Time at which an outage of its tachometer begins, in which the momentum that a "
+            "sampled law receives is invalid; by default none",
+            "s",
+            within=SECONDS,
+            default=None,
+        ),
+        number(
+            "tachometer_outage_s",
+            "Length of the outage of its tachometer",
+            "s",
+            within=FROM_ZERO,
+            default=None,
         ),
     ),
     failed="Whether its motor has failed before the start, and the law knows it; it coasts",

@@ -14,6 +14,7 @@ from jaxsat.core.declaration.sensors import SENSORS
 from jaxsat.core.noise import key_of_seed
 from jaxsat.scenario.build.plant import orbit_of, orbit_rate, sensor_context
 from jaxsat.scenario.build.plugin_trial import made_part, require_estimates
+from jaxsat.scenario.derived import has_invalid_momenta
 from jaxsat.scenario.parts.sensors import EstimatorTable, OwnEstimatorTable, SamplingTable
 from jaxsat.scenario.plugins import ESTIMATOR, find_part
 from jaxsat.scenario.schema import Scenario
@@ -39,9 +40,17 @@ def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""]
 
 
 def build_tachometers(scenario: Scenario) -> Tachometers | None:
-    """The tachometers of a sampled law; None where all are exact."""
-    noise = tachometer_noise(scenario)
-    return Tachometers(noise, key_of_seed(scenario.simulation.seed)) if noise.any() else None
+    """The tachometers of a sampled law; None where all are exact and without an outage."""
+    noise, key = tachometer_noise(scenario), key_of_seed(scenario.simulation.seed)
+    outages = [
+        (one.tachometer_outage_start_s, one.tachometer_outage_s)
+        if one.tachometer_outage_start_s is not None
+        else (np.inf, 0.0)
+        for one in scenario.wheel
+    ]
+    if has_invalid_momenta(scenario):
+        return Tachometers(noise, key, *np.transpose(outages))
+    return Tachometers(noise, key) if noise.any() else None
 
 
 def tachometer_noise(scenario: Scenario) -> np.ndarray:

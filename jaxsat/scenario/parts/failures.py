@@ -183,6 +183,11 @@ def _after_the_end(scenario: Any) -> Iterator[Issue]:
         for key in one.keys
         if key.name == "outage_start_s"
     }
+    begins["tachometer_outage_start_s"] = {
+        ("wheel", number, "tachometer_outage_start_s"): one.tachometer_outage_start_s
+        for number, one in enumerate(scenario.wheel)
+        if one.tachometer_outage_start_s is not None
+    }
     end = scenario.simulation.duration_s
     for key, times in begins.items():
         distribution = _drawn(scenario, key)

@@ -275,6 +275,21 @@ def _tachometers_belong_to_a_sampled_law(wheels, law):
             message = f'must be 0 under the law "{law}", which is not sampled'
             got = shown(one.tachometer_noise_N_m_s)
             yield Issue(("wheel", number, "tachometer_noise_N_m_s"), f"{message}, got {got}")
+        if one.tachometer_outage_start_s is not None and not law.declaration.sampled:
+            message = f'must be left out under the law "{law}", which is not sampled'
+            got = shown(one.tachometer_outage_start_s)
+            yield Issue(("wheel", number, "tachometer_outage_start_s"), f"{message}, got {got}")
+
+
+@rule("wheel")
+def _an_outage_of_a_tachometer_has_begin_and_length(wheels):
+    names = ("tachometer_outage_start_s", "tachometer_outage_s")
+    for number, one in enumerate(wheels):
+        lacking = [name for name in names if getattr(one, name) is None]
+        if len(lacking) == 1:
+            (other,) = set(names) - set(lacking)
+            message = f"must be given with {other}, got nothing"
+            yield Issue(("wheel", number, lacking[0]), message, (), True)
 
 
 @rule_over("wheel", "control.law", *STEPS)
