@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxsat.control.diagnosis.diagnosis import MOST_RETURNS, DiagnosisMemory
+from jaxsat.control.diagnosis.diagnosis import MOST_RETURNS, WEAK, DiagnosisMemory
 from jaxsat.control.diagnosis.residual import Reading, momentum_with_rotors
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
 from jaxsat.control.momentum_fit import MomentumFit, MomentumMemory
@@ -296,12 +296,15 @@ class TolerantWheels(AbstractTolerantActuators):
         """Test torques (N m), of either sign in turn, and the time since the last one (s).
 
         During an alarm they are of the wheels that explain the residuals; otherwise, now and then,
-        of those that may work again, and of those that are braked and may not turn any more.
+        of those that may work again, and of those that are braked and may not turn any more. Those
+        of a wheel that has failed stand out if it makes a `WEAK` part of them.
         """
         diagnosis = memory.diagnosis
         due, probe = self.probing(sample, memory)
         braked = ~diagnosis.condition.failed & (diagnosis.condition.flow > 0)
         now_and_then = diagnosis.may_return | braked
         tested = (now_and_then & due) | (diagnosis.rival & diagnosis.alarmed)
-        test = memory.own.sign * diagnosis.test_command(self.filter, sample.law.period)
+        test = diagnosis.test_command(self.filter, sample.law.period)
+        weak = self.filter.test_command(sample.law.period, self.filter.noise / WEAK)
+        test = memory.own.sign * jnp.where(diagnosis.condition.failed, weak, test)
         return jnp.where(tested, test, 0.0), probe

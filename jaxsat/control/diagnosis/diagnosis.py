@@ -242,9 +242,10 @@ class Diagnosis(eqx.Module):
         anew = alarm & (watch.restarts_at_losses | flows_most)
         hit = verdict & (jnp.arange(lasting.shape[0]) == best.actuator)
         fails = hit & ~condition.failed
-        comes_back = hit & condition.failed & (best.kind == DiagnosedKind.DEAD)
-        tracked = watch.tracked(residual, condition, period, ~alarmed & ~alarm)
+        whole = best.kind == DiagnosedKind.DEAD
         serves = jnp.isin(best.kind, jnp.array(hypotheses.in_service, int))
+        comes_back = hit & condition.failed & (whole | serves)
+        tracked = watch.tracked(residual, condition, period, ~alarmed & ~alarm)
         back = condition.part + best.loss * (1 - condition.part)
         left = jnp.where(fails, condition.part * (1 - best.loss), back)
         flow = jnp.where(comes_back, 0.0, tracked.flow)
@@ -266,7 +267,7 @@ class Diagnosis(eqx.Module):
             best.actuator,
             best.scores > best.score - self.margin,
             judged,
-            jnp.where(comes_back, NONE, jnp.where(hit, named, memory.kind)),
+            jnp.where(comes_back & whole, NONE, jnp.where(hit, named, memory.kind)),
             memory.returns + comes_back.astype(memory.returns.dtype),
         )
 

@@ -193,7 +193,8 @@ class WheelFilter(AbstractResidualFilter):
         braked, full = before - motor - left_behind - after, period * self.full
         moves = jnp.minimum(jnp.maximum(jnp.abs(before), jnp.abs(after)) / noise, 1.0)
         side = side * moves
-        squares = missing**2 + left_behind**2 + braked**2
+        believed = jnp.where(condition.failed, 0.0, missing)  # one that has failed makes nothing
+        squares = believed**2 + left_behind**2 + braked**2
         rests = jnp.abs(before) < jnp.abs(motor) + jnp.abs(friction) + noise
         doubt = jnp.where(rests, friction**2, 0.0)
         if limit is not None:

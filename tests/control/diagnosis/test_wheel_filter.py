@@ -159,6 +159,24 @@ def test_a_dead_wheel_that_works_again_is_used_again(follow):
     assert np.all(np.asarray(kinds)[-1] == -1)
 
 
+def test_a_stopped_wheel_that_works_again_in_part_is_used_again(follow):
+    """A part of 0.3 by few pulses, against an independent integration of the rotor."""
+    rng = np.random.default_rng(22)
+    samples, begin, end = 200, 30, 90
+    command = 0.06 * rng.standard_normal((samples, COUNT))
+    command[end:, 1] = 0.0
+    command[end + 5 :: 20, 1], command[end + 15 :: 20, 1] = FULL, -FULL
+    momentum = rotors(command, begin, 1, DiagnosedKind.STOPPED, 0.0)
+    later = rotors(command[end:], 0, 1, DiagnosedKind.DEGRADED, 0.7, start=0.0)
+    momentum[end:, 1] = later[:, 1]
+    _, condition, kinds = follow(command, momentum, rng.standard_normal(momentum.shape))
+    assert int(kinds[end, 1]) == DiagnosedKind.STOPPED
+    assert bool(condition.failed[end, 1])
+    assert not np.asarray(condition.failed)[-1].any()
+    assert int(kinds[-1, 1]) == DiagnosedKind.DEGRADED
+    assert float(condition.part[-1, 1]) == pytest.approx(0.3, abs=0.1)
+
+
 def test_what_a_turning_body_does_to_rotors_is_no_failure():
     """Wheels that nothing drives, by hand: h + J_w a·ω stays, whatever the rate."""
     inertia = np.array([0.2, 0.1, 0.3, 0.2])
