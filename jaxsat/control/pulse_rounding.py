@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 
 ROUNDS = 2
@@ -33,10 +33,15 @@ class PulseRounding(eqx.Module):
         require_positive("least", self.least, zero_allowed=True)
 
     def __call__(
-        self, limit: Float[Array, " m"], duty: Float[Array, " m"], period: RealScalar
+        self,
+        limit: Float[Array, " m"],
+        duty: Float[Array, " m"],
+        period: RealScalar,
+        besides: Vector | None = None,
     ) -> Float[Array, " m"]:
         """Duties (parts of a period, s) that are whole pulses.
 
+        They also make the rate change `besides` (rad/s), for which duties have no room, if given.
         Thrusters make the part `limit` of their thrust, and none if it is zero. The duties of those
         without a least pulse stay as they are.
         """
@@ -48,6 +53,7 @@ class PulseRounding(eqx.Module):
         square = jnp.sum(pulse**2, axis=0)
         remainder = duty * period - count * least
         owed = self.effect @ jnp.where(free, 0.0, limit * remainder)
+        owed = owed if besides is None else owed + besides
         for _ in range(ROUNDS):
             along = jnp.sum(pulse * owed[:, None], axis=0)
             gives = (along > WORTH * square) & (count < most) & (limit > 0) & ~free

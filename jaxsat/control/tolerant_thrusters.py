@@ -147,10 +147,17 @@ class TolerantThrusters(AbstractTolerantActuators):
         plane = plane & ~three
         torque, steady, settling, leaking = self._in_plane(sample.state, demand, plane, before, now)
         owed = jnp.where(three, own.owed, 0.0)
-        thrust = self.reconfiguration.allocate(limit, torque + owed / period, steady)
+        torque, unmade, besides = torque + owed / period, jnp.zeros(3), None
+        if demand.use is not None:  # the torque can be made, and comes before what is owed
+            steady = jnp.where(three, demand.torque, steady)
+            torque = jnp.where(three, owed / period, torque)
+        thrust, missed = self.reconfiguration.duties(torque, limit, steady)
+        if demand.use is not None:
+            unmade = jnp.where(three, period * missed, 0.0)
+            besides = sample.law.model.spacecraft.inverse_inertia @ unmade
         duty = thrust / jnp.where(limit > 0, limit, 1.0)
-        whole = self.rounding(limit, duty, period)
-        owed = period * (thrusters.torque @ (limit * (duty - whole)))
+        whole = self.rounding(limit, duty, period, besides)
+        owed = unmade + period * (thrusters.torque @ (limit * (duty - whole)))
         duty = jnp.where(three, whole, duty)
         if self.settling is not None and settling is not None:
             leaks, fit = self.settling.at(now.ability.number)[2], cast(Fit, settling.estimator.fit)

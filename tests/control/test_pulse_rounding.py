@@ -46,3 +46,27 @@ def test_any_width_passes_and_failed_thrusters_give_none():
     whole = PulseRounding(EFFECT, np.full(8, LEAST))
     limit = jnp.where(failed, 0.0, 1.0)
     assert whole(limit, jnp.where(failed, 0.0, duty), jnp.array(PERIOD))[4] == 0
+
+
+def test_thrusters_that_hardly_have_torque_to_spare_make_all_of_it_on_average():
+    """Three that oppose a fourth at 0.94 to 0.98 of their thrust: duties cannot take up what is
+    owed, and pulses do."""
+    columns = canted()[0][:, [1, 2, 4]]
+    effect = columns / MOMENTS[:, None]
+    rounded = eqx.filter_jit(PulseRounding(effect, np.full(3, LEAST)))
+    duty, inverse = np.array([0.9408, 0.9753, 0.9809]), np.linalg.inv(effect)
+    owed, given, worst = np.zeros(3), [], 0.0
+    for _ in range(300):
+        more = inverse @ owed / PERIOD
+        room = np.where(more > 0, 1 - duty, duty) / np.abs(np.where(more == 0, 1e-9, more))
+        fits = min(1.0, room.min())
+        besides = (1 - fits) * owed
+        want = duty + fits * more
+        now = rounded(jnp.ones(3), jnp.asarray(want), jnp.array(PERIOD), jnp.asarray(besides))
+        owed = besides + PERIOD * effect @ (want - np.asarray(now))
+        worst = max(worst, np.linalg.norm(owed))
+        given.append(now)
+    pulse = np.linalg.norm(effect * LEAST, axis=0).max()
+    assert worst < 1.3 * pulse
+    drift = effect @ (np.mean(given, axis=0) - duty)
+    assert np.linalg.norm(drift) < 2 * pulse / (300 * PERIOD)
