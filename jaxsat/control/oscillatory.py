@@ -13,11 +13,12 @@ A demand chooses (α, β) from (s, ẑ); the law tracks the rates that make them
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 
 from jaxsat.control.demands import AbstractDemand
 from jaxsat.control.estimators import ThirdAxis
-from jaxsat.control.normal_form import NormalForm, NormalState, Tilt, tracking_torque
+from jaxsat.control.normal_form import NormalForm, NormalState, Tilt, leaned, tracking_torque
 from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import reciprocal
@@ -115,21 +116,23 @@ class Oscillator(eqx.Module):
     def slow(self, clock: RealScalar, tilt: Tilt, third: ThirdAxis, last: Oscillation) -> Slow:
         """s and ẑ: what remains of ω3 and z without the ripple of the oscillation asked for last.
 
-        The terms in e are there because the body turns with the orbit frame: e couples p1 and p2
-        into s, and the tilt turns e away from the third axis.
+        The terms in e are there because the body turns with the orbit frame: with the rates at
+        rest e and s every product of rates couples p1 and p2 into s, and the tilt turns e away from
+        the third axis.
         """
         nu, c = self.frequency, third.coupling
         alpha, beta, rho, axes = last
         sine, cosine = jnp.sin(nu * clock), jnp.cos(nu * clock)
         cos2, sin2 = 1 - 2 * sine**2, 2 * sine * cosine
         turn_cos, turn_sin = jnp.cos(tilt.turn), jnp.sin(tilt.turn)
-        o1, o2, _ = third.orbit_rate
-        e1, e2 = along(axes, o1 * turn_cos + o2 * turn_sin, o2 * turn_cos - o1 * turn_sin)
-        phi, theta = along(axes, tilt.phi, tilt.theta)
+        o1, o2, o3 = third.orbit_rate
+        frame = jnp.stack([o1 * turn_cos + o2 * turn_sin, o2 * turn_cos - o1 * turn_sin, o3])
+        by_tilt = jax.grad(third.change)(leaned(frame, self.form.lean))
+        e1, e2 = along(axes, frame[0], frame[1])
         swing1, swing2 = rho * sine, (alpha * sine + beta * cosine) * reciprocal(rho)
 
         rate = third.rate - third.rate_ripple
-        rate = rate - c * (phi * e2 + theta * e1)
+        rate = rate - by_tilt[0] * tilt.phi - by_tilt[1] * tilt.theta
         inverse = reciprocal(nu)
         rate = rate + c / 4 * inverse * (alpha * sin2 + beta * cos2)
 

@@ -1,17 +1,20 @@
 """What the laws are told of the third axis, and what they make of it, against the rigid body."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from control.cases import ORBIT_RATE, body
+from jaxsat.control.demands import MorinSamson
 from jaxsat.control.estimators import MOST_TILT, MOST_TURN, ThirdAxisEstimator, in_body, products_of
 from jaxsat.control.fine import Handover
 from jaxsat.control.finite_time_rate import FiniteTimeRate
 from jaxsat.control.normal_form import NormalForm, NormalState, tilt_of
-from jaxsat.control.oscillatory import Slow, turned
+from jaxsat.control.oscillatory import Oscillation, Oscillator, Slow, turned
 from jaxsat.control.presets import balancing, three_slew_settling
 from jaxsat.control.ripple import RippleFilter
 from jaxsat.control.supervisor import Phase
@@ -65,6 +68,41 @@ def test_change_of_the_slow_rate_is_that_of_the_rigid_body():
     for omega in np.random.default_rng(2).normal(size=(20, 3)):
         change = third.change(jnp.array(omega))
         assert change == pytest.approx(slow_change(form, omega), abs=1e-12)
+
+
+@pytest.mark.slow
+def test_a_swinging_tilt_leaves_no_ripple_in_the_slow_rate():
+    """s of Euler's equation by SciPy, the body swinging about x at rest in the orbit frame.
+
+    A tenth of the ripple is that of the product of the lean and the orbit's rate about n.
+    """
+    form, frequency, rate = leaning_form(), 0.1, 0.003
+    orbit_rate, lean = np.asarray(form.orbit_rate), np.asarray(form.lean)
+    rest = drift_at(form, np.zeros(3))  # taken away, as it changes s on and on
+
+    def change(t, y):
+        matrix, s = y[:9].reshape(3, 3), y[9]
+        p1, p2, _ = orbit_rate @ matrix + np.array([rate * np.sin(frequency * t), 0.0, 0.0])
+        relative = [p1, p2, s + lean @ [p1, p2]] - orbit_rate @ matrix
+        turning = matrix @ np.cross(relative, np.eye(3)).T
+        return [*turning.ravel(), slow_change(form, [p1, p2, s]) - rest]
+
+    swing = Rotation.from_rotvec([-rate / frequency, 0, 0]).as_matrix()
+    times = np.linspace(0, 2 * 2 * np.pi / frequency, 41)
+    start = [*swing.ravel(), form.rest[2]]
+    flown = solve_ivp(change, times[[0, -1]], start, t_eval=times, rtol=1e-9, atol=1e-13).y.T
+    attitudes = Rotation.from_matrix(flown[:, :9].reshape(-1, 3, 3)).as_quat(scalar_first=True)
+    law = Oscillator(form, MorinSamson(0.01, 1.0), frequency, 0.5, 2.0, 0.1, 1.0)
+    estimator = ThirdAxisEstimator(form, None, None, balanced=jnp.array(1.0))
+    third, _ = estimator.update(form.rest, estimator.init(form.rest), jnp.array(0.1))
+    none = Oscillation(*map(jnp.array, (0.0, 0.0, rate)), jnp.array([1.0, 0.0]))
+
+    @jax.vmap
+    def slow_rate(t, q, s):
+        return law.slow(t, tilt_of(Quaternion(q)), third._replace(rate=s), none).rate
+
+    found = slow_rate(jnp.array(times), jnp.array(attitudes), jnp.array(flown[:, 9]))
+    assert np.ptp(found) < 0.05 * np.ptp(flown[:, 9])
 
 
 def test_two_products_are_one_about_the_axes_of_the_reduced_inertia():
