@@ -7,13 +7,13 @@ from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.declaration.settling import equivalent_limit
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.dispersion_trial import dispersion_issues
-from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.domain import dimensionless_numbers
 from jaxsat.scenario.parts.sensors import SamplingTable
 from jaxsat.scenario.parts.wheels import wheels_make_all
 from jaxsat.synthesis.comparison.acceptance import horizon
+from jaxsat.synthesis.controller_design.lost_holds import holds_last
 from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict
 
 RATE = 0.83
@@ -46,12 +46,13 @@ class Completion(NamedTuple):
 def default_duration(scenario: Scenario, verdict: VehicleVerdict, scale: Scale) -> float:
     """Seconds that a case gets, as on the acceptance set at the torque that turns a body alike.
 
-    Two torques turn the third axis by c ω1 ω2, so in inertial pointing a smaller c takes longer, as
-    1/c. In orbit it does not help: the balance that is held is lost again in a long time.
+    Two torques turn the third axis by c ω1 ω2, so where holds last a smaller c takes longer, as
+    1/c. In a low orbit it does not help: an attitude that balances a large drift is lost again in a
+    long time.
     """
     alike = horizon(equivalent_limit(scale.moments, scale.torque))
     two = verdict.judgement.laws == "two torques" and not scenario.wheel
-    if not two or orbit_rate(scenario) > 0:
+    if not two or not holds_last(scenario):
         return alike
     c = dimensionless_numbers(scenario)["coupling"]
     return alike * max(1.0, REFERENCE_COUPLING / max(c, LEAST_COUPLING))
@@ -68,23 +69,23 @@ def completed(
     """
     data, assumptions = scenario.model_dump(exclude_none=True), []
     has_dispersions = scenario.dispersion is not None
-    default = default_duration(scenario, verdict, scale)
-    if not timed or (not has_dispersions and scenario.simulation.duration_s < default):
-        table = data["simulation"]
-        table["duration_s"] = math.ceil(default / table["save_every_s"]) * table["save_every_s"]
-        assumptions.append(f"duration of a case {table['duration_s']:g} s")
     sensors = scenario.sampling or scenario.gyro or scenario.star_tracker
     if not sensors and "period_s" in data["control"]:
         noise = float(f"{RATE_NOISE / scale.time:.2g}")
         table = SamplingTable(rate_noise_rad_s=noise, attitude_noise_rad=ATTITUDE_NOISE)  # pyright: ignore[reportCallIssue]
         data["sampling"] = table.model_dump()
         assumptions.append(f"sensor noise of {noise:g} rad/s and {ATTITUDE_NOISE:g} rad per sample")
-    full_scenario = Scenario.model_validate(data)
-    if has_dispersions:
-        return Completion(full_scenario, tuple(assumptions))
-    tables = _fitting_distributions(full_scenario, _distributions(full_scenario, verdict, scale))
-    data["dispersion"] = tables
-    assumptions.append("dispersions at the level hard: " + "; ".join(_dispersion_words(tables)))
+    if not has_dispersions:
+        bare = Scenario.model_validate(data)
+        tables = _fitting_distributions(bare, _distributions(bare, verdict, scale))
+        data["dispersion"] = tables
+        words = "; ".join(_dispersion_words(tables))
+        assumptions.append(f"dispersions at the level hard: {words}")
+    default = default_duration(Scenario.model_validate(data), verdict, scale)
+    if not timed or (not has_dispersions and scenario.simulation.duration_s < default):
+        table = data["simulation"]
+        table["duration_s"] = math.ceil(default / table["save_every_s"]) * table["save_every_s"]
+        assumptions.insert(0, f"duration of a case {table['duration_s']:g} s")
     return Completion(Scenario.model_validate(data), tuple(assumptions))
 
 

@@ -1,4 +1,4 @@
-"""Whether errors of the body leave a drift in orbit that no law for two torques balances."""
+"""Which drift errors of the body leave in orbit, and whether laws for two torques balance it."""
 
 import math
 from collections.abc import Iterator
@@ -29,8 +29,7 @@ def lost_holds(scenario: Scenario) -> str | None:
     """
     if orbit_rate(scenario) == 0 or scenario.dispersion is None:
         return None
-    nominal = _drift(scenario, _inertia(scenario), believed_axes(scenario))
-    spread = drift_spread(scenario)
+    nominal, spread = _nominal_drift(scenario), drift_spread(scenario)
     left = nominal.balanced - abs(nominal.drift)
     if spread == 0 or left >= LARGE * spread:
         return None
@@ -43,6 +42,20 @@ def lost_holds(scenario: Scenario) -> str | None:
         "holds a body beyond that for ever: a hold ends after some time and begins again, so fewer "
         "than 99 % of the cases may settle, however long the run. A better known inertia helps."
     )
+
+
+def holds_last(scenario: Scenario) -> bool:
+    """Whether oscillations of the tolerated rate alone balance the drift of 99 % of the bodies
+    within the dispersions, if it is normal: no attitude has to be found and none is lost."""
+    if orbit_rate(scenario) == 0:
+        return True
+    nominal, spread = _nominal_drift(scenario), drift_spread(scenario)
+    return abs(nominal.drift) + LARGE * spread <= nominal.oscillation
+
+
+def _nominal_drift(scenario: Scenario) -> RestDrift:
+    """Of the body without dispersions."""
+    return _drift(scenario, _inertia(scenario), believed_axes(scenario))
 
 
 def drift_spread(scenario: Scenario) -> float:

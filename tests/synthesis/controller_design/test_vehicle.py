@@ -141,8 +141,8 @@ def test_what_is_filled_in_has_no_dimension(bare):
 
 
 def test_a_small_coupling_takes_longer_as_physics_does(bare):
-    """Twice the time for half the c and the same moments about the axes with torques; in orbit,
-    where more time does not help, none more, but the reason is told.
+    """Twice the time for half the c and the same moments about the axes with torques; in a low
+    orbit, where more time does not help, none more, but the reason is told.
 
     Of a body without products whose n is its third axis, the turn about n changes ds/dt by c ω0²
     and a product Jxy by Jxy ω0² / J3.
@@ -164,6 +164,9 @@ def test_a_small_coupling_takes_longer_as_physics_does(bare):
     assert smaller == pytest.approx(2 * small, rel=1e-3)
     assert small == pytest.approx(usual * 0.4 / 0.05, rel=0.2)
     assert not any("In orbit with c" in line for line in told)
+    lasts = np.sqrt(0.05e-6 / 4 / (2.576 * 0.02 / 3**0.5))  # the rate of that orbit, rad/s
+    assert filled(0.2, f"orbit.rate_rad_s={0.99 * lasts}")[0] == small
+    assert filled(0.2, f"orbit.rate_rad_s={1.01 * lasts}")[0] == pytest.approx(usual, rel=0.2)
     in_orbit, told = filled(0.2, "orbit.rate_rad_s=1e-3")
     assert in_orbit == pytest.approx(usual, rel=0.2)
     spread, balanced = 0.02 / 3**0.5 * 1e-6, (0.05 * 0.05e-6, 0.05e-6 / 4)
