@@ -108,6 +108,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", CASES, ids=" ".join)
 def test_absurd_values_are_refused_at_once(command_line, tmp_path, command):
     for option, values in CASES[command].items():

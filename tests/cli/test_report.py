@@ -5,13 +5,14 @@ import pytest
 from helpers.pages import run_dataset
 from jaxsat.report.page import html
 from jaxsat.scenario import library
+from jaxsat.store.folder import OutputFolder
 from jaxsat.store.netcdf import dataset_bytes
 
 
 @pytest.fixture
 def run(tmp_path):
-    (tmp_path / "run").mkdir()
-    (tmp_path / "run" / "trajectory.nc").write_bytes(dataset_bytes(run_dataset()))
+    with OutputFolder(tmp_path / "run") as folder:
+        folder.write("trajectory.nc", dataset_bytes(run_dataset()))
 
 
 def test_a_page_is_written_and_not_replaced_unasked(command_line, run, tmp_path):

@@ -55,6 +55,7 @@ def test_a_function_is_compiled_once_by_the_threads_that_call_it_first():
             np.testing.assert_allclose(values, expected, rtol=1e-15)
 
 
+@pytest.mark.slow
 def test_code_stays_while_one_of_its_functions_does():
     code = target.object_code(Mapped(sines, 0.0, 0.0).text)
     found = target.loaded(code, {"run": RUN, "one": RUN})

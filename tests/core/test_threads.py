@@ -7,6 +7,7 @@ import itertools
 import threading
 import warnings
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -53,7 +54,7 @@ FUNCTIONS = [
     (wording.dotted_keys, lambda: (control.ModelTable,)),
     (plugins.installed, lambda: (plugins.ESTIMATOR,)),
     (designs._hypercube, lambda: (0, "a", 10, 2)),
-    (statistics._order_statistics, lambda: (100, 95.0, 0.9)),
+    (statistics._order_statistics, lambda: (100, 95.0)),
     (guesses.random_numbers, lambda: (4,)),
     (descent._transformation, lambda: (OptimiserSettings(), 10)),
     (lie._monomials, lambda: (2,)),
@@ -63,7 +64,7 @@ FUNCTIONS = [
     (_processor, tuple),
     (_places, lambda: (3,)),
     (functions.program, lambda: ("atan2", "float64", "float64")),
-    (kept._surroundings, tuple),
+    (kept._packages_and_sources, lambda: (Path(jaxsat.__file__).parent,)),
     (kept._known_roots, tuple),
     (_shared, lambda: (-1,)),
 ]

@@ -2,6 +2,7 @@
 
 import diffrax
 import numpy as np
+import pytest
 from scipy.special import ellipj, ellipkinc
 
 from jaxsat.control.controller import Coast
@@ -40,6 +41,7 @@ def jacobi(inertia, omega, times):
     return np.stack([sizes[0] * cn, sizes[1] * sn, sizes[2] * dn], axis=1)
 
 
+@pytest.mark.slow
 def test_nesc_check_case_2_is_jacobis_free_motion():
     """The brick that tumbles without damping (NASA/TM-2015-218675), moments and rates."""
     body = RigidBody(Spacecraft(BRICK), ExactOrbit(0.0))

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 
@@ -122,6 +123,7 @@ def test_what_devices_store_is_their_rotors_and_limits():
     assert (list(rotors), list(capacity)) == ([0.0] * 3, [np.inf] * 3)
 
 
+@pytest.mark.slow
 def test_an_effector_of_a_users_own_flies():
     """Against SciPy, which integrates body and ball each with its own angular momentum."""
     ball, friction = 0.4, 0.3

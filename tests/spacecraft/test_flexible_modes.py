@@ -80,6 +80,7 @@ def test_body_and_modes_move_by_lagranges_equations():
     np.testing.assert_array_equal(found.signals.torque, np.zeros((7, 3)))
 
 
+@pytest.mark.slow
 def test_without_damping_energy_and_momentum_stay():
     found = flown(INERTIA, COUPLINGS, FREQUENCY, np.zeros(2), OMEGA, ANGLES)
     body = RigidBody(

@@ -9,6 +9,7 @@ from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
+from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.sensors import Tachometers
 from jaxsat.spacecraft.wheels import WheelMomenta, wheel_momentum
 
@@ -52,7 +53,9 @@ def test_momenta_are_invalid_while_any_tachometer_has_an_outage():
 def test_an_outage_of_a_tachometer_has_begin_and_length_and_needs_a_sampled_law():
     outage = "tachometer_outage_start_s=5,tachometer_outage_s=2"
     with_outage = [CHANGES[0].replace("tachometer_noise_N_m_s=0.1", outage), CHANGES[1]]
-    assert build(load("wheels-fail", with_outage)).loop.guard is not None
+    loop = build(load("wheels-fail", with_outage)).loop
+    assert isinstance(loop, SampledLoop)
+    assert loop.guard is not None
     without_end = [with_outage[0].replace(",tachometer_outage_s=2", ""), CHANGES[1]]
     with pytest.raises(ScenarioError, match=r"tachometer_outage_s.*must be given with"):
         load("wheels-fail", without_end)

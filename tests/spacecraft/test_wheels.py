@@ -70,6 +70,7 @@ def followed(h, command, period, given):
     return h, edges
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     st.one_of(st.floats(-1, 1), st.sampled_from([0.0, 1.0, -1.0])),

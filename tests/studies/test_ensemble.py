@@ -43,6 +43,7 @@ def test_the_store_has_the_same_bits_for_every_chunk_and_executor(tmp_path, whol
     assert 0 < seen[-1].fraction_settled < 1
 
 
+@pytest.mark.slow
 def test_a_study_goes_on_where_it_was_left(tmp_path, whole):
     class Broken(Exception):
         pass

@@ -71,6 +71,7 @@ def test_margins_are_those_of_the_history(name):
         assert columns["requirement_margin"][case, 3] == np.inf  # nothing fails
 
 
+@pytest.mark.slow
 def test_a_store_tells_the_worst_case_of_each(tmp_path):
     run_study(study(ENGINES["native"]), tmp_path / "s.zarr")
     dataset, columns = open_study(tmp_path / "s.zarr"), study_columns(tmp_path / "s.zarr")

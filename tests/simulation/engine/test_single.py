@@ -125,6 +125,7 @@ def test_tables_are_no_numbers_of_the_case():
     assert all(x is y for x, y in zip(found, expected, strict=True))
 
 
+@pytest.mark.slow
 def test_other_numbers_compile_nothing(monkeypatch):
     monkeypatch.setattr(engine, "_kernels", {})
     first = of(*SMOOTH[:2]).simulate(refuse)
@@ -195,6 +196,7 @@ def test_a_run_is_differentiated_by_diffrax():
     np.testing.assert_allclose(slope, change, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_steps_are_somewhat_shorter_where_times_ask_for_it():
     run = of(*SMOOTH[:2])
     coarse = dataclasses.replace(run, method=fixed(0.3)).simulate(refuse)

@@ -140,6 +140,7 @@ def test_what_is_filled_in_has_no_dimension(bare):
     )
 
 
+@pytest.mark.slow
 def test_a_small_coupling_takes_longer_as_physics_does(bare):
     """Twice the time for half the c and the same moments about the axes with torques; in a low
     orbit, where more time does not help, none more, but the reason is told.
