@@ -28,6 +28,9 @@ class Told(eqx.Module):
 
     values: jax.Array
 
+    def is_valid(self, sample, period):
+        """They have no outages."""
+
     def __call__(self, sample, *truth):
         now = self.values[jnp.minimum(sample, len(self.values) - 1)]
         if len(truth) == 1:  # the tachometers

@@ -63,7 +63,8 @@ def stored(t, failing):
     return momentum @ np.array(turned), angle, momentum
 
 
-@pytest.mark.parametrize("failing", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("failing", [False, True])
 def test_a_body_turns_as_its_total_momentum_has_it(failing):
     """SciPy integrates dL/dt = -ω × L in body axes, with ω = J⁻¹ (L - Σ h)."""
     body = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(gyros(failing),))

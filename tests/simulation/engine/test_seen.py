@@ -42,7 +42,7 @@ def check(plain, detailed):
     assert ended[-1]
 
 
-@pytest.mark.parametrize("every", [1, 7])
+@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 7])
 @pytest.mark.parametrize(
     "example", [sampled_example, pytest.param(estimated_example, marks=pytest.mark.slow)]
 )

@@ -60,13 +60,8 @@ def test_a_run_is_that_of_diffrax(name, changes, tolerance):
     np.testing.assert_allclose(*efforts, rtol=2e-4, atol=1e-9 * float(jnp.max(efforts[1])))
 
 
-@pytest.mark.parametrize(
-    ("name", "settles"),
-    [
-        ("rate-limited", False),
-        pytest.param("two-torque-free", True, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "settles"), [("rate-limited", False), ("two-torque-free", True)])
 def test_a_run_does_not_depend_on_how_often_it_is_saved(name, settles):
     both = [
         of(name, ["simulation.duration_s=120", f"simulation.save_every_s={save}"]).simulate(refuse)

@@ -139,9 +139,8 @@ class Entries:
         if content is None:
             return None
         try:
-            entry, code = pickle.loads(
-                content
-            )  # which nobody but this user has written: see `cache`
+            # nobody but this user has written it: see `cache`
+            entry, code = pickle.loads(content)
             fits = isinstance(entry, kind) and (self._trusted or _agree(self._code, code))
         except Exception:
             return None
