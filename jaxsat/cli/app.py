@@ -14,13 +14,13 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal
 
 from cyclopts import App, CycloptsError
 
 import jaxsat
 from jaxsat.cli.bound import bound
 from jaxsat.cli.compare import compare
-from jaxsat.cli.completion import completion
 from jaxsat.cli.computing import import_interruptibly
 from jaxsat.cli.controllability import controllability
 from jaxsat.cli.convert import convert
@@ -29,6 +29,7 @@ from jaxsat.cli.export import export
 from jaxsat.cli.front import front
 from jaxsat.cli.mistakes import parser_message
 from jaxsat.cli.montecarlo import montecarlo
+from jaxsat.cli.options import Printed
 from jaxsat.cli.progress import stop_progress
 from jaxsat.cli.rare import rare
 from jaxsat.cli.report import report
@@ -44,13 +45,13 @@ from jaxsat.cli.terminal import (
     UserMistake,
     print_problems,
     print_stderr,
+    print_text,
     print_warning,
 )
 from jaxsat.cli.tune import tune
 from jaxsat.cli.verify import verify
 from jaxsat.core.errors import JaxsatError
-from jaxsat.core.numerals import at_least_digits
-from jaxsat.core.text import clean
+from jaxsat.core.text import at_least_digits, clean
 
 MAX_MESSAGE_LENGTH = 300
 """Characters of an exception's message that are told; the file has all of it."""
@@ -83,7 +84,24 @@ app.command(reproduce)
 app.command(report)
 app.command(convert)
 app.command(scenarios)
-app.command(completion)
+
+
+@app.command
+def completion(shell: Literal["bash", "zsh", "fish"], /, *, printed: Printed = Printed()) -> int:
+    """Print what makes the Tab key of a shell complete commands and options.
+
+    For bash, in ~/.bashrc: source <(jaxsat completion bash)
+
+    Parameters
+    ----------
+    shell
+        Which shell; zsh reads it from a file _jaxsat in its fpath, fish by
+        jaxsat completion fish | source.
+    """
+    del printed  # `run` reads it
+
+    print_text(app.generate_completion(shell=shell))
+    return SUCCESS
 
 
 def run(tokens: Sequence[str] | None = None) -> int:
@@ -125,7 +143,7 @@ def _command(tokens: Sequence[str] | None) -> int:
         except (BrokenPipeError, SystemExit):  # which Rich makes of it
             return OUTPUT_CUT
         return SUCCESS
-    computes = command.__module__ not in ("jaxsat.cli.scenarios", "jaxsat.cli.completion")
+    computes = command.__module__ not in ("jaxsat.cli.scenarios", "jaxsat.cli.app")
     import_interruptibly("jaxsat.scenario", *(["jaxsat.store.resumable"] if computes else []))
     digits = (getattr(options, "digits", None) for options in bound.arguments.values())
     with at_least_digits(next(filter(None, digits), None)):

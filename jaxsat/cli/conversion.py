@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import jaxsat
 from jaxsat.compiler.c.naming import ascii_text
-from jaxsat.core.epoch import epoch_of
+from jaxsat.core.earth import epoch_of
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.text import clean
 from jaxsat.scenario.build.plant import place_of

@@ -126,7 +126,7 @@ def _convert(
         epoch_of_run,
         signal_table,
     )
-    from jaxsat.core.epoch import EPOCH_FORM
+    from jaxsat.core.earth import EPOCH_FORM
     from jaxsat.store.dataset import coarseness, open_trajectory
 
     dataset = open_trajectory(path)
@@ -154,7 +154,7 @@ def _convert(
 
 
 def _epoch(text: str) -> "np.datetime64":
-    from jaxsat.core.epoch import epoch_of
+    from jaxsat.core.earth import epoch_of
     from jaxsat.core.errors import ArgumentError
 
     try:

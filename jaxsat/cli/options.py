@@ -16,8 +16,7 @@ from cyclopts import Parameter
 
 from jaxsat.cli.terminal import UserMistake
 from jaxsat.core.errors import ArgumentError
-from jaxsat.core.numerals import MOST_DIGITS
-from jaxsat.core.text import clean
+from jaxsat.core.text import MOST_DIGITS, clean
 
 MAX_CASES = 2**32
 """Case numbers are 32-bit words of the noise's key."""

@@ -32,8 +32,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxsat.controllability.layout import TOLERANCE
-from jaxsat.core.numerals import fixed_text
 from jaxsat.core.once import once_property
+from jaxsat.core.text import fixed_text
 
 
 def nonnegative_least_squares(

@@ -13,8 +13,7 @@ from jaxsat.controllability.judging import actuator_layout, judge_once_stopped, 
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 from jaxsat.controllability.rods import RodSet, judge_with_rods
 from jaxsat.controllability.wording import both_signs_by, lost_words, rod_torques
-from jaxsat.core.numerals import number_text
-from jaxsat.core.text import csv_text
+from jaxsat.core.text import csv_text, number_text
 
 COLUMNS = (
     "failed",

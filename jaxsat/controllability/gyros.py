@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxsat.controllability.torque_ranges import torque_reserve
-from jaxsat.core.numerals import number_text, vector_text
+from jaxsat.core.text import number_text, vector_text
 
 INDEPENDENT = 1e-9
 """The least singular value of unit columns that counts."""

@@ -6,8 +6,7 @@ from jaxtyping import Float
 from jaxsat.controllability.cone import TorqueCone, direction_words, torque_cone
 from jaxsat.controllability.decision import RankDecision
 from jaxsat.controllability.judgement import Judgement, OrbitRank
-from jaxsat.core.numerals import fixed_text, number_text
-from jaxsat.core.text import capitalised
+from jaxsat.core.text import capitalised, fixed_text, number_text
 
 LAW_WORDS = {
     "three torques": "every law applies; the allocation distributes its torque among the actuators",

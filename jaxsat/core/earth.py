@@ -1,6 +1,11 @@
-"""The Earth, and circular orbits around it."""
+"""The Earth, circular orbits around it, and dates."""
 
 import math
+import re
+
+import numpy as np
+
+from jaxsat.core.errors import ArgumentError
 
 EARTH_GRAVITY = 3.986004418e14  # m³/s², WGS 84
 EARTH_RADIUS = 6378137.0  # m, equatorial, WGS 84
@@ -17,3 +22,51 @@ def circular_orbit_rate(altitude: float) -> float:
             f"Argument `altitude` must be above the Earth's centre, but got {altitude}."
         )
     return math.sqrt(EARTH_GRAVITY / (EARTH_RADIUS + altitude) ** 3)
+
+
+EPOCH_FORM = "a date and time in UTC such as 2026-03-20T12:00:00, without another zone"
+
+_EPOCH = re.compile(
+    r"(\d{4}-\d\d-\d\dT(?:[01]\d|2[0-3]):[0-5]\d(?::[0-5]\d)?)(?:\.(\d{1,9}))?Z?", re.ASCII
+)
+"""One with the 60th second, a leap second, is none that a run can begin in."""
+
+_LEAP_SECOND = re.compile(r"(T\d\d:\d\d):60")
+
+_FIRST_YEAR, _LAST_YEAR = "1678", "2262"
+
+
+IGRF_DATES = np.datetime64("1900-01-01"), np.datetime64("2030-01-01")
+"""The first and the last date that the IGRF-14 knows."""
+
+
+def epoch_of(text: str) -> np.datetime64:
+    """The instant of a text, to its last decimal. Raises `ArgumentError` for one that is none."""
+    match = _EPOCH.fullmatch(text.strip())
+    if match is None and _EPOCH.fullmatch(_LEAP_SECOND.sub(r"\1:59", text.strip())):
+        raise ArgumentError("epoch", f"must be {EPOCH_FORM}, and no leap second", text)
+    if match is None:
+        raise ArgumentError("epoch", f"must be {EPOCH_FORM}", text or "nothing")
+    try:
+        begin = np.datetime64(match[1], "s")
+    except ValueError:  # such as February 30
+        raise ArgumentError("epoch", f"must be {EPOCH_FORM}", text) from None
+    digits = (match[2] or "").ljust(9, "0")
+    if digits.endswith("000"):  # microseconds reach beyond all years, nanoseconds to 2262
+        return begin + np.timedelta64(int(digits[:6]), "us")
+    if not _FIRST_YEAR < match[1] < _LAST_YEAR:
+        raise ArgumentError("epoch", f"must be {EPOCH_FORM}, with at most six decimals", text)
+    return begin + np.timedelta64(int(digits), "ns")
+
+
+def sidereal_angle(epoch: np.datetime64) -> float:
+    """Greenwich mean sidereal time at an epoch, rad from 0 to 2π.
+
+    That of 1982 (Aoki and others, Astronomy and Astrophysics 105, 1982, pages 359-361), with UTC
+    for UT1: they differ by less than 0.9 s, 7e-5 rad.
+    """
+    seconds = (epoch - np.datetime64("2000-01-01T12:00:00")) / np.timedelta64(1, "s")
+    days, centuries = seconds / 86400, seconds / 86400 / 36525
+    more = 67310.54841 + (8640184.812866 + (0.093104 - 6.2e-6 * centuries) * centuries) * centuries
+    turns = days % 1.0 + more / 86400
+    return float(2 * np.pi * (turns % 1.0))

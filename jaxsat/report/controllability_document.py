@@ -22,8 +22,7 @@ from jaxsat.controllability.wording import (
     rod_torques,
     verdict_sentence,
 )
-from jaxsat.core.numerals import number_text
-from jaxsat.core.text import clean
+from jaxsat.core.text import clean, number_text
 from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.store.provenance import provenance_attributes
 

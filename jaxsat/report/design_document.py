@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from jaxsat.core.numerals import number_text, vector_text
-from jaxsat.core.text import capitalised
+from jaxsat.core.text import capitalised, number_text, vector_text
 from jaxsat.report.comparison_document import LAW_COLUMNS, LAWS_NOTE, law_cells
 from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.report.study_document import interval_of, percentile_table

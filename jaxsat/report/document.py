@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
-from jaxsat.core.numerals import number_text
+from jaxsat.core.text import number_text
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import Any
 import xarray as xr
 
 from jaxsat.core.declaration.actuators import PARTS
-from jaxsat.core.numerals import number_text
+from jaxsat.core.text import number_text
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.report.document import Facts
 from jaxsat.scenario.control import known_law

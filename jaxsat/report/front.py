@@ -5,7 +5,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from jaxsat.core.numerals import number_text
+from jaxsat.core.text import number_text
 from jaxsat.report.comparison_document import ENDS
 from jaxsat.report.document import Cell, Document, Facts, Table, Verdict
 from jaxsat.report.saving import save_figures

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.core.declaration.requirements import comparisons
-from jaxsat.core.numerals import number_text
+from jaxsat.core.text import number_text
 from jaxsat.report.document import Cell, Shown, Table
 from jaxsat.report.facts import scenario_tables
 from jaxsat.scenario.parts.orbit import OrbitTable

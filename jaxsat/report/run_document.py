@@ -8,8 +8,7 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.core.declaration.actuators import PARTS
-from jaxsat.core.numerals import number_text, vector_text
-from jaxsat.core.text import capitalised
+from jaxsat.core.text import capitalised, number_text, vector_text
 from jaxsat.report.document import Document, Facts, Verdict
 from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude, step_error
 from jaxsat.report.requirements import judgements, requirement_table

@@ -8,7 +8,7 @@ import xarray as xr
 from jaxtyping import Bool, Float
 
 from jaxsat.core.declaration.actuators import ACTUATORS
-from jaxsat.core.numerals import number_text
+from jaxsat.core.text import number_text
 from jaxsat.report.facts import scenario_tables
 from jaxsat.report.plot import TIME, Axis, Line, Plot
 from jaxsat.scenario.build.plant import field_of

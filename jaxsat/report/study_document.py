@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxsat.core.declaration.actuators import STUDIED
-from jaxsat.core.numerals import number_text
+from jaxsat.core.text import number_text
 from jaxsat.report.document import Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.report.facts import settled_meaning, step_error
 from jaxsat.report.requirements import study_requirements

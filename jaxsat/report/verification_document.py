@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from jaxsat.core.numerals import number_text
-from jaxsat.core.text import csv_text
+from jaxsat.core.text import csv_text, number_text
 from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.studies.statistics import Interval, fraction_text
 

@@ -16,7 +16,6 @@ from pydantic import ValidationError
 
 from jaxsat.core.process import add_folders
 from jaxsat.scenario.cautions import cautions
-from jaxsat.scenario.conversion import Conversion
 from jaxsat.scenario.errors import Issue, Location, Problem, ScenarioError, ScenarioWarning, key_of
 from jaxsat.scenario.limits import MAX_FILE_SIZE, MAX_OVERRIDES, Excess, require_modest
 from jaxsat.scenario.lines import line_map, nearest_line
@@ -33,7 +32,7 @@ from jaxsat.scenario.plugins import (
 )
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.stand_ins import converted, without_types
-from jaxsat.scenario.units import spellings
+from jaxsat.scenario.units import Conversion, spellings
 from jaxsat.scenario.wording import suggestion
 
 

@@ -9,13 +9,12 @@ import numpy as np
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
-from jaxsat.scenario.conversion import Conversion
 from jaxsat.scenario.errors import Location
 from jaxsat.scenario.parts.actuator import type_name
 from jaxsat.scenario.parts.registry import TABLES, TYPES
 from jaxsat.scenario.parts.wheels import SPEEDS
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.units import convert_units
+from jaxsat.scenario.units import Conversion, convert_units
 from jaxsat.scenario.wording import table_at, validated
 
 POSITIONS = {

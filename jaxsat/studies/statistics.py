@@ -9,8 +9,8 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from jaxsat.core.numerals import number_text
 from jaxsat.core.once import latest
+from jaxsat.core.text import number_text
 
 LEVEL = 0.95
 

@@ -5,10 +5,9 @@ import math
 import pytest
 
 from jaxsat.scenario import ScenarioError, dump, json_schema, library, read
-from jaxsat.scenario.conversion import Conversion
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.registry import TABLES
-from jaxsat.scenario.units import UNITS, spellings
+from jaxsat.scenario.units import UNITS, Conversion, spellings
 
 BASE = """
 title = "degrees"

@@ -23,13 +23,11 @@ from jaxsat.report.document import Block, Chart, Charts, Document, Facts, Listin
 from jaxsat.report.facts import provenance_facts, record_provenance, scenario_facts, scenario_tables
 from jaxsat.report.page.plots import chart_of
 from jaxsat.report.plot import Axis
-from jaxsat.report.rare_event_document import rare_event_document
-from jaxsat.report.rare_event_plots import rare_event_plots
+from jaxsat.report.rare_event_document import rare_event_document, rare_event_plots
 from jaxsat.report.reproduction import RUNS, claims_document, judge
 from jaxsat.report.study_plots import curves, settled_by_law, settling_plots
 from jaxsat.report.style import MOST_LINES
-from jaxsat.report.tuning_document import tuning_document
-from jaxsat.report.tuning_plots import gain_plots, loss_plots
+from jaxsat.report.tuning_document import gain_plots, loss_plots, tuning_document
 from jaxsat.report.verification_document import verification_document
 from jaxsat.store.dataset import open_trajectory
 from jaxsat.store.files import OutputError, parse_json

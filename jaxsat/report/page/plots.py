@@ -20,7 +20,7 @@ from bokeh.models import (
 from bokeh.palettes import cividis
 from bokeh.plotting import figure
 
-from jaxsat.core.numerals import number_text
+from jaxsat.core.text import number_text
 from jaxsat.report.document import Chart, LegendKey
 from jaxsat.report.plot import (
     Axis,

@@ -19,7 +19,7 @@ from jaxsat.core.allocation import unit_columns
 from jaxsat.core.attitude import DCM
 from jaxsat.core.checks import as_float
 from jaxsat.core.earth import EARTH_GRAVITY
-from jaxsat.core.numerals import number_text
+from jaxsat.core.text import number_text
 from jaxsat.scenario.build.actuator_set import all_actuators
 from jaxsat.scenario.build.plant import build_plant, orbit_rate, place_of
 from jaxsat.scenario.build.run import build_start

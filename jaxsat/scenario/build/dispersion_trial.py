@@ -2,19 +2,28 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
+from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
 from jaxsat.core.errors import ArgumentError
-from jaxsat.scenario.build.distributions import distribution_of
 from jaxsat.scenario.build.errors import at_key
 from jaxsat.scenario.build.run import Run
 from jaxsat.scenario.derived import is_upside_down
-from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable
+from jaxsat.scenario.dispersion_tables import PARAMETERS, DispersionTable, DistributionTable
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.rules import at
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import refusal_text, shown
 from jaxsat.studies.dispersion_problems import dispersion_problems
-from jaxsat.studies.distributions import AbstractProbabilityDistribution
+from jaxsat.studies.distributions import (
+    AbstractProbabilityDistribution,
+    Discrete,
+    Normal,
+    RandomAttitude,
+    TruncatedNormal,
+    Uniform,
+)
 
 
 def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue]:
@@ -66,3 +75,19 @@ def _start_of_a_study(scenario: Scenario, names: set[str]) -> Iterator[Issue]:
             "must not be upside down in a study that does not draw attitudes: its cost weighs the "
             f"(w, z), which are singular there, got {shown(quaternion)}",
         )
+
+
+_KINDS = {
+    "uniform": Uniform,
+    "normal": Normal,
+    "truncated-normal": TruncatedNormal,
+    "discrete": Discrete,
+    "random-attitude": RandomAttitude,
+}
+
+
+def distribution_of(table: DistributionTable) -> AbstractProbabilityDistribution:
+    """The distribution that a table describes; raises `ValueError` where it is none."""
+    kind = table.distribution
+    parameters = [as_float(np.asarray(getattr(table, name))) for name in PARAMETERS[kind]]
+    return _KINDS[kind](*parameters)

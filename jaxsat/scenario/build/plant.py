@@ -11,8 +11,7 @@ from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.declaration.disturbances import DISTURBANCES
-from jaxsat.core.earth import EARTH_OBLATENESS
-from jaxsat.core.epoch import epoch_of
+from jaxsat.core.earth import EARTH_OBLATENESS, epoch_of
 from jaxsat.scenario.build.plugin_trial import made_part, require_torque
 from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.disturbances import DisturbanceTable

@@ -15,7 +15,7 @@ from jaxsat.core.declaration.actuators import EFFECTORS
 from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.core.tolerances import Tolerances
-from jaxsat.scenario.build.distributions import distribution_of
+from jaxsat.scenario.build.dispersion_trial import distribution_of
 from jaxsat.scenario.build.plant import orbit_rate, sunlight_of
 from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.scenario.dispersion_tables import DispersionTable

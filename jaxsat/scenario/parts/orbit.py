@@ -7,8 +7,14 @@ from annotated_types import Gt, Le
 from pydantic import AfterValidator, BeforeValidator
 
 from jaxsat.core.declaration.disturbances import needs_orbit
-from jaxsat.core.earth import EARTH_RADIUS, MAX_ECCENTRICITY, circular_orbit_rate
-from jaxsat.core.epoch import IGRF_DATES, epoch_of, sidereal_angle
+from jaxsat.core.earth import (
+    EARTH_RADIUS,
+    IGRF_DATES,
+    MAX_ECCENTRICITY,
+    circular_orbit_rate,
+    epoch_of,
+    sidereal_angle,
+)
 from jaxsat.core.ranges import ORBIT_RATE, TURN
 from jaxsat.scenario.quantities import (
     Line,

@@ -16,7 +16,6 @@ from jaxsat.core.solvers import AbstractSolver, solver_of
 from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.simulation.assessment import IntegrationError, JudgedSignals, stop_gradient
 from jaxsat.simulation.engine.details import details_of, effort_rates, with_details
-from jaxsat.simulation.engine.error_estimate import HalvedSteps, Span
 from jaxsat.simulation.engine.failure_record import FailureRecord, initial_record, record_of_history
 from jaxsat.simulation.engine.monitors import margins_of_history
 from jaxsat.simulation.engine.program import Case, Program
@@ -37,6 +36,7 @@ from jaxsat.simulation.engine.rates import (
     running_cost,
     within_limit,
 )
+from jaxsat.simulation.engine.runge_kutta import HalvedSteps, Span
 from jaxsat.simulation.held_torque import HeldTorque, Unmade
 from jaxsat.simulation.loops import AbstractContinuousLoop, Motion
 from jaxsat.simulation.methods import Adjoint, Method, step_size_for

@@ -13,7 +13,6 @@ from jaxsat.core.solvers import NamedSolver, Solver, class_name
 from jaxsat.core.trees import halved, restored
 from jaxsat.simulation.assessment import IntegrationError, JudgedSignals, stop_gradient
 from jaxsat.simulation.engine.details import details_of, with_details
-from jaxsat.simulation.engine.error_estimate import HalvedSteps, Span
 from jaxsat.simulation.engine.failure_record import initial_record
 from jaxsat.simulation.engine.monitors import margins_of, monitored, with_monitors
 from jaxsat.simulation.engine.program import Case, Program
@@ -34,7 +33,13 @@ from jaxsat.simulation.engine.rates import (
     plant_state,
     within_limit,
 )
-from jaxsat.simulation.engine.runge_kutta import explicit_step, require_explicit, tableau_of
+from jaxsat.simulation.engine.runge_kutta import (
+    HalvedSteps,
+    Span,
+    explicit_step,
+    require_explicit,
+    tableau_of,
+)
 from jaxsat.simulation.engine.stepper import AbstractStepper, nan_where
 from jaxsat.simulation.held_torque import HeldTorque, Unmade
 from jaxsat.simulation.loops import AbstractLoop

@@ -14,8 +14,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.checks import as_float
-from jaxsat.core.earth import EARTH_GRAVITY
-from jaxsat.core.epoch import IGRF_DATES
+from jaxsat.core.earth import EARTH_GRAVITY, IGRF_DATES
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.once import latest, once
 from jaxsat.core.package_files import text_of

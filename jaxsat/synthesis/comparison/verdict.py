@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import special
 
-from jaxsat.core.numerals import number_text
+from jaxsat.core.text import number_text
 from jaxsat.studies.statistics import LEVEL, Interval, percentile, wilson
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
 from jaxsat.synthesis.plain_data import plain_data

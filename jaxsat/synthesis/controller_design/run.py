@@ -88,7 +88,7 @@ def write_files(design: ControllerDesign, folder: ResumableFolder) -> None:
 def _figures(design: ControllerDesign) -> "dict[str, Figure]":
     from jaxsat.report.figure_painter import paint
     from jaxsat.report.study_figures import study_figures
-    from jaxsat.report.tuning_plots import gain_plots, loss_plots
+    from jaxsat.report.tuning_document import gain_plots, loss_plots
     from jaxsat.synthesis.tuning.history import history_dataset
 
     assert design.verification is not None
@@ -105,7 +105,7 @@ def _figures(design: ControllerDesign) -> "dict[str, Figure]":
 
 
 def _laws_figure(design: ControllerDesign) -> "Figure":
-    from jaxsat.report.comparison_figures import settling_comparison
+    from jaxsat.report.comparison_document import settling_comparison
 
     steps: dict[str, Step | None] = {
         "screening": design.screening,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jaxsat.core.numerals import number_text
+from jaxsat.core.text import number_text
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.study import build_study
 from jaxsat.store.labels import named_store

@@ -12,7 +12,7 @@ import numpy as np
 from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.package_files import text_of
-from jaxsat.report.rare_event_plots import rare_event_plots
+from jaxsat.report.rare_event_document import rare_event_plots
 from jaxsat.scenario import Scenario, dump
 from jaxsat.scenario.build.study import PILOTS, refined_study
 from jaxsat.scenario.errors import MissingTable

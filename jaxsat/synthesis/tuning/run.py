@@ -257,7 +257,12 @@ def _write_results(result: TuningResult, folder: TuningFolder) -> None:
 
 def _figures(result: TuningResult) -> "dict[str, Figure]":
     from jaxsat.report.figure_painter import paint, paint_grid
-    from jaxsat.report.tuning_plots import before_after_plots, gain_plots, loss_plots, methods_plot
+    from jaxsat.report.tuning_document import (
+        before_after_plots,
+        gain_plots,
+        loss_plots,
+        methods_plot,
+    )
 
     title, history = result.original.title, result.history
     columns = (result.verdict.before.columns, result.verdict.after.columns)

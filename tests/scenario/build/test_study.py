@@ -9,7 +9,7 @@ from jaxsat.core.declaration.quantities import DISPERSIBLE, EXCLUSIVE
 from jaxsat.core.declaration.sensors import DELAY, WHITE_NOISE
 from jaxsat.core.solvers import class_name
 from jaxsat.scenario import ScenarioError, dump
-from jaxsat.scenario.build.distributions import _KINDS
+from jaxsat.scenario.build.dispersion_trial import _KINDS
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import (
     ADAPTIVE_SOLVERS,

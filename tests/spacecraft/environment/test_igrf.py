@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from jaxsat.core.earth import circular_orbit_rate
-from jaxsat.core.epoch import epoch_of, sidereal_angle
+from jaxsat.core.earth import circular_orbit_rate, epoch_of, sidereal_angle
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import build_study
