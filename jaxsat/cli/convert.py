@@ -143,11 +143,7 @@ def _convert(
         print_warning(f"{path}: {warning}")
     try:
         return attitude_ephemeris(
-            dataset,
-            start,
-            frame=frame,
-            object_name=name or "",
-            object_id=identifier or "UNKNOWN",
+            dataset, start, frame=frame, object_name=name or "", object_id=identifier or "UNKNOWN"
         )
     except ConversionError as error:
         raise UserMistake(f"{path}: {error}") from None

@@ -19,10 +19,7 @@ REPORT = "report.html"
 """What `--report` writes into a folder of results."""
 
 
-def report(
-    *paths: str,
-    output: Output = Output(),
-) -> int:
+def report(*paths: str, output: Output = Output()) -> int:
     """Write one HTML file of results: verdict, 3-D replay, linked plots, tables, provenance.
 
     The file needs no network. Several paths go into one file. Commands that write results write a

@@ -17,10 +17,7 @@ if TYPE_CHECKING:
     from jaxsat.store.folder import OutputFolder
 
 
-def reproduce(
-    *,
-    results: Results = Results(),
-) -> int:
+def reproduce(*, results: Results = Results()) -> int:
     """Simulate the paper's section 5, draw its Figs. 3-7 and judge each of its claims.
 
     Parameters

@@ -77,11 +77,7 @@ def schema(*, printed: Printed = Printed()) -> int:
 
 
 @scenarios.command
-def check(
-    *files: str,
-    overrides: Overrides = (),
-    printed: Printed = Printed(),
-) -> int:
+def check(*files: str, overrides: Overrides = (), printed: Printed = Printed()) -> int:
     """Check scenario files and report every error in them.
 
     A file without errors can be run: the check builds it, with the dispersions of a study and the

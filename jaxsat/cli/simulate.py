@@ -38,13 +38,7 @@ ADVICE = {
 """What to try after a run that did not reach its end, by its outcome."""
 
 
-def simulate(
-    scenario: str,
-    /,
-    *,
-    overrides: Overrides = (),
-    results: Results = Results(),
-) -> int:
+def simulate(scenario: str, /, *, overrides: Overrides = (), results: Results = Results()) -> int:
     """Simulate a scenario and write its trajectory, figures and settings to a folder.
 
     Parameters

@@ -54,13 +54,7 @@ def write_csv(path: Path, store: Path, count: int, *, overwrite: bool) -> None:
 
 
 def write_one_case(
-    scenario: "Scenario",
-    study: "Study",
-    number: int,
-    target: Path,
-    *,
-    overwrite: bool,
-    quiet: bool,
+    scenario: "Scenario", study: "Study", number: int, target: Path, *, overwrite: bool, quiet: bool
 ) -> None:
     """Compute one case again, and write a folder like that of `jaxsat simulate`."""
     from jaxsat.cli.simulate import figures_of

@@ -10,12 +10,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from jaxsat.control.least_squares import Fit, RecursiveLeastSquares
 from jaxsat.control.normal_form import NormalForm, leaned
 from jaxsat.control.ripple import RippleFilter, ThirdRate
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, Matrix, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float, numpy_if_known
 from jaxsat.core.quotients import reciprocal
@@ -56,12 +56,12 @@ class ThirdAxis(NamedTuple):
     rate_ripple: RealScalar
     turn_ripple: RealScalar
     products: Float[Array, "6"]
-    turn: Float[Array, "3"]
-    orbit_rate: Float[Array, "3"]
-    rest: Float[Array, "3"]
+    turn: Vector
+    orbit_rate: Vector
+    rest: Vector
     drift: RealScalar
 
-    def change(self, omega: Float[Array, "3"]) -> RealScalar:
+    def change(self, omega: Vector) -> RealScalar:
         """ds/dt (rad/s²) at the rates (p1, p2, s), rad/s."""
         return jnp.sum(self.products * products_of(omega))
 
@@ -74,7 +74,7 @@ class ThirdAxisBelief(NamedTuple):
 
     coupling: RealScalar
     axes: Float[Array, "2"]
-    turn: Float[Array, "3"]
+    turn: Vector
     drift: RealScalar
 
 
@@ -84,8 +84,8 @@ class EstimatorMemory(NamedTuple):
     ripple: PyTree
     fit: Fit | None
     belief: ThirdAxisBelief | None
-    omega: Float[Array, "3"]
-    started: Bool[Array, ""]
+    omega: Vector
+    started: BoolScalar
 
 
 class ThirdAxisEstimator(eqx.Module):
@@ -105,11 +105,11 @@ class ThirdAxisEstimator(eqx.Module):
     observer: RippleFilter | None
     least_squares: RecursiveLeastSquares | None
     balanced: RealScalar | None = None
-    gradient: Float[Array, "3"] | None = None
+    gradient: Vector | None = None
     balances_steady: bool = eqx.field(static=True, default=False)
     most_turn: RealScalar = eqx.field(converter=as_float, default=MOST_TURN)
 
-    def init(self, omega: Float[Array, "3"]) -> EstimatorMemory:
+    def init(self, omega: Vector) -> EstimatorMemory:
         """The memory of an estimator that knows nothing but (p1, p2, s), rad/s."""
         return EstimatorMemory(
             None if self.observer is None else self.observer.init(omega[2]),
@@ -120,14 +120,14 @@ class ThirdAxisEstimator(eqx.Module):
         )
 
     @staticmethod
-    def _no_belief(omega: Float[Array, "3"]) -> ThirdAxisBelief:
+    def _no_belief(omega: Vector) -> ThirdAxisBelief:
         """Before the first sample, which makes one."""
         zero = jnp.zeros_like(omega[0])
         return ThirdAxisBelief(zero, jnp.zeros_like(omega[:2]), jnp.zeros_like(omega), zero)
 
     def update(
         self,
-        omega: Float[Array, "3"],
+        omega: Vector,
         memory: EstimatorMemory,
         period: RealScalar,
         attitude: Quaternion | None = None,
@@ -197,13 +197,13 @@ class ThirdAxisEstimator(eqx.Module):
             drift = drift - jnp.sum(products * products_of(gradient))
         return ThirdAxisBelief(coupling, axes, turn, drift)
 
-    def _orbit_rate(self, turn: Float[Array, "3"]) -> Float[Array, "3"]:
+    def _orbit_rate(self, turn: Vector) -> Vector:
         """`orbit_rate` of `ThirdAxis`, a `turn` (rad) from the orbit frame."""
         return seen_turned(self.form.orbit_rate, turn)
 
     def _third_axis(
         self,
-        omega: Float[Array, "3"],
+        omega: Vector,
         ripple: PyTree,
         errors: Float[Array, " n"],
         factors: Float[Array, "6"],
@@ -232,7 +232,7 @@ class ThirdAxisEstimator(eqx.Module):
 
     def _balance(
         self, products: Float[Array, "6"], lean: Float[Array, "2"], steady: RealScalar | None
-    ) -> Float[Array, "3"]:
+    ) -> Vector:
         """The least turn (rad) from the orbit frame to where s stays, in the unit of `_reach`, of
         which it is at most one."""
         drift, by_turn = _drift(products, lean, self.form.orbit_rate)
@@ -250,7 +250,7 @@ class ThirdAxisEstimator(eqx.Module):
         return share * jnp.minimum(1 / size, 1.0) * steepest
 
     @property
-    def _reach(self) -> Float[Array, "3 3"]:
+    def _reach(self) -> Matrix:
         """W: turns δ along (x, y, n) with δ·W⁻¹δ ≤ 1 are those to which the laws go, rad².
 
         An ellipsoid with `MOST_TILT` along the body's first two axes and `MOST_TURN` along its
@@ -266,21 +266,21 @@ class ThirdAxisEstimator(eqx.Module):
 
 
 def _drift(
-    products: Float[Array, "6"], lean: Float[Array, "2"], rate: Float[Array, "3"]
-) -> tuple[RealScalar, Float[Array, "3"]]:
+    products: Float[Array, "6"], lean: Float[Array, "2"], rate: Vector
+) -> tuple[RealScalar, Vector]:
     """ds/dt at a rate (rad/s) that the orbit gives along (x, y, n), and by a turn of the body."""
     change = jax.value_and_grad(lambda rates: jnp.sum(products * products_of(rates)))
     drift, slope = change(leaned(rate, lean))
     return drift, jnp.cross(slope.at[:2].add(-lean * slope[2]), rate)
 
 
-def seen_turned(vector: Float[Array, "3"], turn: Float[Array, "3"]) -> Float[Array, "3"]:
+def seen_turned(vector: Vector, turn: Vector) -> Vector:
     """A vector of the orbit frame along (x, y, n) of a body that is a small `turn` (rad) away."""
     across = jnp.cross(turn, vector)
     return vector - across + jnp.cross(turn, across) / 2
 
 
-def in_body(attitude: Quaternion, vector: Float[Array, "3"]) -> Float[Array, "3"]:
+def in_body(attitude: Quaternion, vector: Vector) -> Vector:
     """A vector of the orbit frame turned like (x, y, n), along the axes of an attitude."""
     scalar, along = attitude.q[0], attitude.q[1:]
     cross = jnp.cross(along, vector)
@@ -298,16 +298,14 @@ def _main_axes(a: RealScalar, b: RealScalar) -> tuple[RealScalar, Float[Array, "
     return coupling, axes
 
 
-def integrated_products(
-    before: Float[Array, "3"], after: Float[Array, "3"], span: RealScalar
-) -> Float[Array, "6"]:
+def integrated_products(before: Vector, after: Vector, span: RealScalar) -> Float[Array, "6"]:
     """Integrals of the six products over a span (s) in which the rates change linearly."""
     # Simpson's rule, exact for squares of straight lines; the middle counts four times, as does the
     # square of twice its rates.
     return (products_of(before) + products_of(before + after) + products_of(after)) * (span / 6)
 
 
-def products_of(omega: Float[Array, "3"]) -> Float[Array, "6"]:
+def products_of(omega: Vector) -> Float[Array, "6"]:
     """p1 p2, p1² - p2², p2 s, p1 s, p1² + p2² and s², of which ds/dt is a sum."""
     x, y, z = omega
     return jnp.stack([x * y, x**2 - y**2, y * z, x * z, x**2 + y**2, z**2])

@@ -7,7 +7,7 @@ from typing import ClassVar, NamedTuple, cast
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.diagnosis.diagnosis import Diagnosis, DiagnosisMemory, false_alarm_rate
 from jaxsat.control.diagnosis.residual import Reading
@@ -23,7 +23,7 @@ from jaxsat.control.tolerant_actuators import (
 )
 from jaxsat.control.tolerant_mix import Gentleness, Mix, MixMemory
 from jaxsat.control.tolerant_rods import RodMemory, TolerantRods, about
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.three_torques import FAULT_TOLERANT
@@ -53,7 +53,7 @@ class FaultTolerantMemory(NamedTuple):
     healthy: QuaternionFeedbackMemory
     actuators: tuple[TolerantMemory, ...]
     mix: MixMemory | None
-    mode: Int[Array, ""]
+    mode: IntScalar
     rods: RodMemory | None = None
     band: BandMemory | None = None
 
@@ -67,11 +67,11 @@ class _Left(NamedTuple):
     where others make all torques, None without any."""
 
     kinds: Kinds
-    three: Bool[Array, ""]
-    axis: Float[Array, "3"] | None
+    three: BoolScalar
+    axis: Vector | None
 
 
-def _missing(kinds: Kinds) -> Float[Array, "3"]:
+def _missing(kinds: Kinds) -> Vector:
     """The axis about which one kind makes no torque, or zero."""
     return sum((one.missing(now) for one, now in kinds), jnp.zeros(3))
 
@@ -151,7 +151,7 @@ class FaultTolerant(AbstractSampledController):
         memory = FaultTolerantMemory(healthy, tuple(memories), following, mode, rods, band)
         return jnp.concatenate([*commands, *dipoles]), memory
 
-    def _axis(self, kinds: Kinds, three: Bool[Array, ""]) -> Float[Array, "3"] | None:
+    def _axis(self, kinds: Kinds, three: BoolScalar) -> Vector | None:
         """The one about which magnetorquers make torques that nothing else does, or zero; None
         without magnetorquers."""
         if self.rods is None:
@@ -162,11 +162,11 @@ class FaultTolerant(AbstractSampledController):
 
     def _feedback(
         self, sample: Sample, left: _Left, before: QuaternionFeedbackMemory
-    ) -> tuple[Float[Array, "3"], QuaternionFeedbackMemory]:
+    ) -> tuple[Vector, QuaternionFeedbackMemory]:
         """The torque of a law (N m), slower about an axis, with that of what is stored."""
         stored, law, slower = self._stored(sample.reading), sample.law, sample.law
         if self.rods is not None and left.axis is not None:
-            law, slower = self.rods.slowed(sample, left.axis, cast(Float[Array, "3"], stored))
+            law, slower = self.rods.slowed(sample, left.axis, cast(Vector, stored))
         torque, after = law.step(sample.t, sample.state, before)
         if left.axis is not None:
             slow, _ = slower.step(sample.t, sample.state, before)
@@ -175,15 +175,15 @@ class FaultTolerant(AbstractSampledController):
             torque = torque + jnp.cross(sample.state.omega, stored)
         return torque, after
 
-    def _stored(self, reading: Reading) -> Float[Array, "3"] | None:
+    def _stored(self, reading: Reading) -> Vector | None:
         """The momentum (N m s) that all kinds hold; None where none can."""
         each = [one.stored(reading) for one in self.actuators]
         held = [one for one in each if one is not None]
         return sum(held[1:], held[0]) if held else None
 
     def _rods(
-        self, sample: Sample, left: _Left, torque: Float[Array, "3"], before: RodMemory | None
-    ) -> tuple[list[Float[Array, " k"]], Float[Array, "3"] | None, RodMemory | None]:
+        self, sample: Sample, left: _Left, torque: Vector, before: RodMemory | None
+    ) -> tuple[list[Float[Array, " k"]], Vector | None, RodMemory | None]:
         """The dipoles of magnetorquers (A m²), their torque (N m) and their memory, if there are
         any."""
         axis = left.axis
@@ -192,19 +192,14 @@ class FaultTolerant(AbstractSampledController):
         bias, field, holds = self.rods.bias, self.rods.field(sample), jnp.any(axis != 0)
         each = [one.unloadable(sample, now, bias, field, holds) for one, now in left.kinds]
         excess = jnp.where(left.three | holds, sum(each, 0 * bias), 0.0)
-        stored = cast(Float[Array, "3"], self._stored(sample.reading))
+        stored = cast(Vector, self._stored(sample.reading))
         relief = self.rods.relief(sample, axis, excess, stored - bias - excess)
         dipoles, made, after = self.rods.act(field, relief, torque, axis, self.period, before)
         return [dipoles], made, after
 
     def _coasting(
-        self,
-        sample: Sample,
-        left: _Left,
-        torque: Float[Array, "3"],
-        mix: Mix,
-        before: BandMemory | None,
-    ) -> tuple[Float[Array, "3"], Mix, list[Float[Array, " m"] | None], BandMemory | None]:
+        self, sample: Sample, left: _Left, torque: Vector, mix: Mix, before: BandMemory | None
+    ) -> tuple[Vector, Mix, list[Float[Array, " m"] | None], BandMemory | None]:
         """A torque (N m) and the mix without what the band leaves alone, the duties of thrusters
         at its edges, and its memory."""
         besides: list[Float[Array, " m"] | None] = [None] * len(left.kinds)
@@ -212,7 +207,7 @@ class FaultTolerant(AbstractSampledController):
             return torque, mix, besides, None
         flows = jnp.any(jnp.stack([one.flows(now) for one, now in left.kinds]))
         axis = jnp.where(left.three & ~flows, _missing(left.kinds), 0.0)
-        stored = cast(Float[Array, "3"], self._stored(sample.reading))
+        stored = cast(Vector, self._stored(sample.reading))
         limits = [one.thrust_limit(now) for one, now in left.kinds]
         place, limit = next((n, one) for n, one in enumerate(limits) if one is not None)
         corrected = self.band.correct(
@@ -246,7 +241,7 @@ class FaultTolerant(AbstractSampledController):
 
     def _unloading(
         self, sample: Sample, left: _Left, mix: Mix, before: MixMemory | None
-    ) -> tuple[MixMemory | None, Float[Array, "3"], RealScalar]:
+    ) -> tuple[MixMemory | None, Vector, RealScalar]:
         """Whether others take momentum out, the torque (N m) that does, and the least part of it.
 
         While they do, and where a failed device makes a torque all the time, it makes up for what
@@ -286,11 +281,8 @@ class FaultTolerant(AbstractSampledController):
         )
 
     def _mode(
-        self,
-        three: Bool[Array, ""],
-        axis: Float[Array, "3"] | None,
-        memories: list[TolerantMemory],
-    ) -> Int[Array, ""]:
+        self, three: BoolScalar, axis: Vector | None, memories: list[TolerantMemory]
+    ) -> IntScalar:
         changed, alarmed = jnp.array(False), jnp.array(False)
         mode = jnp.array(int(TolerantMode.DAMPING))
         for one, memory in zip(self.actuators, memories, strict=True):
@@ -340,7 +332,7 @@ class FaultTolerant(AbstractSampledController):
         """Whether `telemetry` has the torque that actuators do not make: with several kinds."""
         return len(self.actuators) > 1
 
-    def mode(self, memory: FaultTolerantMemory) -> Int[Array, ""]:
+    def mode(self, memory: FaultTolerantMemory) -> IntScalar:
         """The `TolerantMode` at work."""
         return memory.mode
 

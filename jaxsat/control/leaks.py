@@ -198,8 +198,7 @@ class Leaks(eqx.Module):
         ) & (most > 0)
         part = jnp.where(fires, part, 0.0)
         return jnp.minimum(duty + part * extra, 1.0), memory._replace(
-            owed=jnp.where(fires, 0.0, owed),
-            drift=memory.drift + share * (leaking - memory.drift),
+            owed=jnp.where(fires, 0.0, owed), drift=memory.drift + share * (leaking - memory.drift)
         )
 
 

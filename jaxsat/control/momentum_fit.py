@@ -10,10 +10,10 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from jaxsat.control.inertia_fit import BASIS, BELIEVED, MOMENT_ERROR, PLACES, PRODUCT_ERROR
-from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
+from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.trees import Symmetric
 from jaxsat.spacecraft.spacecraft import Spacecraft
@@ -78,7 +78,7 @@ class MomentumFit(eqx.Module):
         into_body: Matrix,
         omega: Vector,
         total: Vector,
-        again: Bool[Array, ""],
+        again: BoolScalar,
     ) -> MomentumMemory:
         """One sample more: the attitude, ω (rad/s) and the `total` momentum Cᵀ(Jω + A h) (N m s)
         as believed. `again` tells that H is new: something has failed."""
@@ -96,7 +96,7 @@ class MomentumFit(eqx.Module):
         into_body: Matrix,
         omega: Vector,
         total: Vector,
-        again: Bool[Array, ""],
+        again: BoolScalar,
     ) -> MomentumMemory:
         """The three equations, one at a time."""
         estimate, covariance = memory.estimate, memory.covariance.matrix

@@ -262,9 +262,7 @@ class OneTorque(AbstractSampledController):
         slope = jnp.minimum(frame.braked(w, x, y), 0.0) / (3 * room)
         most_slope = self.torque_limit
         derivative = jnp.where(
-            brakes & (braking_room > 0),
-            jnp.clip(momentum * slope, -most_slope, most_slope),
-            0.0,
+            brakes & (braking_room > 0), jnp.clip(momentum * slope, -most_slope, most_slope), 0.0
         )
         mode = jnp.where(brakes, OneTorqueMode.BRAKING, OneTorqueMode.TURNING)
         mode = jnp.where(spins, OneTorqueMode.SPINNING_UP, mode)

@@ -116,9 +116,7 @@ class Reconfiguration(eqx.Module):
 
     @staticmethod
     def of(
-        torque: Float[np.ndarray, "3 m"],
-        cost: Float[np.ndarray, " m"],
-        sets: tuple[FailedSet, ...],
+        torque: Float[np.ndarray, "3 m"], cost: Float[np.ndarray, " m"], sets: tuple[FailedSet, ...]
     ) -> "Reconfiguration":
         """The tables of thrusters whose torques span all three axes; `cost` is of full thrust."""
         number = np.full((torque.shape[1], torque.shape[1]), -1)

@@ -275,7 +275,5 @@ def _along_xy(axes: Pair | None, pair: Pair) -> Pair:
 
 def _by_phase(phase: IntScalar, stopping, slewing, fine):
     return jnp.where(
-        phase == Phase.STOPPING,
-        stopping,
-        jnp.where(phase == Phase.SLEWING, slewing, fine),
+        phase == Phase.STOPPING, stopping, jnp.where(phase == Phase.SLEWING, slewing, fine)
     )

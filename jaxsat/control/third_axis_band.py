@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration.three_torques import CALM
 from jaxsat.spacecraft.dynamics import PlantState
@@ -37,8 +37,8 @@ class BandMemory(NamedTuple):
     `edge` is the sign of the error there, 0 for neither.
     """
 
-    coasts: Bool[Array, ""]
-    edge: Float[Array, ""]
+    coasts: BoolScalar
+    edge: RealScalar
 
     @staticmethod
     def begin() -> "BandMemory":
@@ -51,7 +51,7 @@ class Corrected(NamedTuple):
     make across it, and the memory of the next sample."""
 
     duty: Float[Array, " m"]
-    torque: Float[Array, "3"]
+    torque: Vector
     memory: BandMemory
 
 
@@ -74,9 +74,9 @@ class ThirdAxisBand(eqx.Module):
         self,
         state: PlantState,
         law: QuaternionFeedback,
-        axis: Float[Array, "3"],
-        torque: Float[Array, "3"],
-        stored: Float[Array, "3"],
+        axis: Vector,
+        torque: Vector,
+        stored: Vector,
         limit: Float[Array, " m"],
         before: BandMemory,
     ) -> Corrected:

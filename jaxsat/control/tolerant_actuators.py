@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.control.diagnosis.diagnosis import DiagnosisMemory
 from jaxsat.control.diagnosis.residual import AbstractResidualFilter, Reading
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
 
@@ -60,9 +60,9 @@ class Demand(NamedTuple):
     each is to do anyway, None for nothing.
     """
 
-    torque: Float[Array, "3"]
-    steady: Float[Array, "3"]
-    three: Bool[Array, ""]
+    torque: Vector
+    steady: Vector
+    three: BoolScalar
     use: Float[Array, " m"] | None = None
     besides: Float[Array, " m"] | None = None
 
@@ -106,7 +106,7 @@ class AbstractTolerantActuators(eqx.Module):
         """The memory with the verdicts of this sample, and what is left by them."""
 
     @abc.abstractmethod
-    def steady(self, memory: TolerantMemory, period: RealScalar) -> Float[Array, "3"]:
+    def steady(self, memory: TolerantMemory, period: RealScalar) -> Vector:
         """What makes up for the torque (N m) that acts all the time."""
 
     @abc.abstractmethod
@@ -120,47 +120,42 @@ class AbstractTolerantActuators(eqx.Module):
         """Commands that damp the rate, of which none puts energy in."""
 
     @abc.abstractmethod
-    def alone(self, memory: TolerantMemory) -> tuple[Bool[Array, ""], Int[Array, ""]]:
+    def alone(self, memory: TolerantMemory) -> tuple[BoolScalar, IntScalar]:
         """Whether they settle with torques in a plane alone, and the `TolerantMode` of that."""
 
     @abc.abstractmethod
     def reach(self, sample: Sample, memory: TolerantMemory) -> Reach:
         """What each can do to the body for a while, and what that costs."""
 
-    def changed(self, memory: TolerantMemory) -> Bool[Array, ""]:
+    def changed(self, memory: TolerantMemory) -> BoolScalar:
         """Whether something has failed."""
         return jnp.any(memory.diagnosis.condition.failed)
 
-    def missing(self, memory: TolerantMemory) -> Float[Array, "3"]:
+    def missing(self, memory: TolerantMemory) -> Vector:
         """The unit vector about which they make no torque, but all across it; or zero."""
         return jnp.zeros(3)
 
-    def flows(self, memory: TolerantMemory) -> Bool[Array, ""]:
+    def flows(self, memory: TolerantMemory) -> BoolScalar:
         """Whether one that has failed makes a torque on the spacecraft all the time."""
         return jnp.zeros_like(memory.diagnosis.alarmed)
 
     def thrust_limit(self, memory: TolerantMemory) -> Float[Array, " m"] | None:
         """The part of its thrust that each makes; None for what is no thruster."""
 
-    def stored(self, reading: Reading) -> Float[Array, "3"] | None:
+    def stored(self, reading: Reading) -> Vector | None:
         """The momentum (N m s) that they hold; None for none ever."""
 
     def unloadable(
-        self,
-        sample: Sample,
-        memory: TolerantMemory,
-        bias: Float[Array, "3"],
-        field: Float[Array, "3"],
-        held: Bool[Array, ""],
-    ) -> Float[Array, "3"]:
+        self, sample: Sample, memory: TolerantMemory, bias: Vector, field: Vector, held: BoolScalar
+    ) -> Vector:
         """The momentum (N m s) beyond a `bias` that they hold, and can do without alone: against
         a torque that takes it out across the Earth's `field` (T), they make all torques. Where the
         axis about which they make none is `held`, it may be more than that."""
         return jnp.zeros_like(bias)
 
     def overfull(
-        self, sample: Sample, memory: TolerantMemory, unloads: Bool[Array, ""]
-    ) -> tuple[Bool[Array, ""], Float[Array, "3"]]:
+        self, sample: Sample, memory: TolerantMemory, unloads: BoolScalar
+    ) -> tuple[BoolScalar, Vector]:
         """Whether other actuators are to take momentum out, as they do or not, and by what torque
         (N m)."""
         return jnp.zeros_like(unloads), jnp.zeros_like(sample.state.omega)
@@ -169,7 +164,7 @@ class AbstractTolerantActuators(eqx.Module):
         """The law with the rate at which a slew gives them no more momentum than they can hold."""
         return sample.law
 
-    def probing(self, sample: Sample, memory: TolerantMemory) -> tuple[Bool[Array, ""], RealScalar]:
+    def probing(self, sample: Sample, memory: TolerantMemory) -> tuple[BoolScalar, RealScalar]:
         """Whether test pulses of failed actuators are due, and the time since the last (s)."""
         probe = memory.probe + sample.law.period
         interval = PROBE_INTERVAL / sample.law.natural_frequency

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from jaxsat.control.reconfiguration import FLAT, LEAST_SPARE, SMALL
 from jaxsat.control.tolerant_actuators import Demand
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, Matrix, RealScalar, Vector
 from jaxsat.core.quotients import root
 from jaxsat.spacecraft.allocation import allocate, allocate_unloading
 from jaxsat.spacecraft.effector import Reach
@@ -22,9 +22,9 @@ class MixMemory(NamedTuple):
     """Whether torques about three axes were left, whether momentum was being taken out, and the
     torque (N m) about three axes that all together did not make."""
 
-    three: Bool[Array, ""]
-    unloads: Bool[Array, ""]
-    unmade: Float[Array, "3"]
+    three: BoolScalar
+    unloads: BoolScalar
+    unmade: Vector
 
     @staticmethod
     def begin() -> "MixMemory":
@@ -39,7 +39,7 @@ class Gentleness(NamedTuple):
     squares of `error` c, over what the body bears. At least the part `least` of them is made.
     """
 
-    error: Float[Array, "3 3"]
+    error: Matrix
     least: RealScalar
 
     def part(self, torques: Float[Array, "3 n"]) -> RealScalar:
@@ -56,9 +56,9 @@ class Mix(NamedTuple):
     """
 
     reaches: tuple[Reach, ...]
-    steady: tuple[Float[Array, "3"], ...]
-    three: tuple[Bool[Array, ""], ...]
-    alone: tuple[Bool[Array, ""], ...]
+    steady: tuple[Vector, ...]
+    three: tuple[BoolScalar, ...]
+    alone: tuple[BoolScalar, ...]
     stores: tuple[bool, ...]
 
     @property
@@ -72,14 +72,14 @@ class Mix(NamedTuple):
             jnp.concatenate(price),
         )
 
-    def spans(self, before: MixMemory | None) -> Bool[Array, ""]:
+    def spans(self, before: MixMemory | None) -> BoolScalar:
         """Whether all together make torques about three axes; `before` is None for one kind."""
         if before is None:
             return self.three[0]
         three = jnp.any(jnp.stack(self.three))
         return jax.lax.cond(three, lambda: jnp.array(True), lambda: self._spans(before.three))
 
-    def _spans(self, held: Bool[Array, ""]) -> Bool[Array, ""]:
+    def _spans(self, held: BoolScalar) -> BoolScalar:
         """By allocation: both ways about each axis, with a part of the largest torque to spare.
 
         Half of that is enough for what was so before, so that nothing changes to and fro.
@@ -99,17 +99,17 @@ class Mix(NamedTuple):
         first = jnp.all(largest > FLAT * most)
         return jax.lax.fori_loop(0, len(ways), also, first)
 
-    def without(self, axis: Float[Array, "3"]) -> "Mix":
+    def without(self, axis: Vector) -> "Mix":
         """With nothing that makes up for what acts steadily about a unit `axis`, or zero."""
         return self._replace(steady=tuple(one - axis * (axis @ one) for one in self.steady))
 
     def demands(
         self,
-        torque: Float[Array, "3"],
-        unloading: Float[Array, "3"],
-        three: Bool[Array, ""],
+        torque: Vector,
+        unloading: Vector,
+        three: BoolScalar,
         gentleness: Gentleness | None = None,
-    ) -> tuple[list[Demand], Float[Array, "3"]]:
+    ) -> tuple[list[Demand], Vector]:
         """What each kind is asked for, of a `torque` about three axes if they make one, and what
         all together do not make of that (N m).
 

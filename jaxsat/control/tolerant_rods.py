@@ -9,12 +9,12 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Float
 
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.steering import MagneticSteering
 from jaxsat.control.tolerant_actuators import Sample
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import root
 from jaxsat.spacecraft.allocation import allocate
@@ -48,8 +48,8 @@ class RodMemory(NamedTuple):
     The latter is the mean over a period, in part of dipoles that were commanded before.
     """
 
-    commanded: Float[Array, "3"]
-    acting: Float[Array, "3"]
+    commanded: Vector
+    acting: Vector
 
     @staticmethod
     def begin() -> "RodMemory":
@@ -73,7 +73,7 @@ class TolerantRods(eqx.Module):
 
     steering: MagneticSteering
     delay: RealScalar = eqx.field(converter=as_float)
-    power: Float[Array, "3 3"] = eqx.field(converter=as_float)
+    power: Matrix = eqx.field(converter=as_float)
 
     def __check_init__(self):
         require_positive("delay", self.delay, zero_allowed=True)
@@ -93,24 +93,22 @@ class TolerantRods(eqx.Module):
         return cls(steering, delay, np.mean(across.swapaxes(-1, -2) @ across, axis=(0, 1)))
 
     @property
-    def bias(self) -> Float[Array, "3"]:
+    def bias(self) -> Vector:
         """The momentum (N m s, body axes) that wheels are to keep."""
         return self.steering.bias
 
-    def field(self, sample: Sample) -> Float[Array, "3"]:
+    def field(self, sample: Sample) -> Vector:
         """The Earth's field (T, body axes) at the attitude that the law is told."""
         return self.steering.field.in_body(sample.t, sample.state.attitude)
 
-    def natural_frequency(
-        self, inertia: Float[Array, "3 3"], axis: Float[Array, "3"]
-    ) -> Float[Array, ""]:
+    def natural_frequency(self, inertia: Matrix, axis: Vector) -> RealScalar:
         """The largest (rad/s) about J n, for an `axis` n and an inertia J (kg m²)."""
         unit = jnp.trace(inertia)
         square = jnp.sum((inertia @ axis / unit) ** 2) + SMALLEST
         square = jnp.sum(axis * (self.power @ axis)) / unit**2 / square
         return root(root(square) / FULL_AT)
 
-    def holds(self, inertia: Float[Array, "3 3"], axis: Float[Array, "3"]) -> Bool[Array, ""]:
+    def holds(self, inertia: Matrix, axis: Vector) -> BoolScalar:
         """Whether magnetorquers can make what torques are needed about an `axis`, not about zero.
 
         The field must turn across it in the orbit, and they must be stronger than the gravity
@@ -122,10 +120,7 @@ class TolerantRods(eqx.Module):
         return enough & (self.natural_frequency(inertia, axis) > least)
 
     def slowed(
-        self,
-        sample: Sample,
-        axis: Float[Array, "3"],
-        stored: Float[Array, "3"],
+        self, sample: Sample, axis: Vector, stored: Vector
     ) -> tuple[QuaternionFeedback, QuaternionFeedback]:
         """The law across Jn and about it, for an `axis` n that may be zero: then it is unchanged.
 
@@ -146,13 +141,7 @@ class TolerantRods(eqx.Module):
         )
         return dataclasses.replace(law, max_rate=rate), slow
 
-    def relief(
-        self,
-        sample: Sample,
-        axis: Float[Array, "3"],
-        excess: Float[Array, "3"],
-        coasting: Float[Array, "3"],
-    ) -> Float[Array, "3"]:
+    def relief(self, sample: Sample, axis: Vector, excess: Vector, coasting: Vector) -> Vector:
         """The torque (N m) that takes an `excess` of momentum (N m s) out of wheels.
 
         Beside an `axis` that magnetorquers hold it is as fast as they turn the body about that, and
@@ -167,13 +156,13 @@ class TolerantRods(eqx.Module):
 
     def act(
         self,
-        field: Float[Array, "3"],
-        relief: Float[Array, "3"],
-        torque: Float[Array, "3"],
-        axis: Float[Array, "3"],
+        field: Vector,
+        relief: Vector,
+        torque: Vector,
+        axis: Vector,
         period: RealScalar,
         before: RodMemory,
-    ) -> tuple[Float[Array, " k"], Float[Array, "3"], RodMemory]:
+    ) -> tuple[Float[Array, " k"], Vector, RodMemory]:
         """Dipoles (A m²) that make the part about an `axis` of a `torque` (N m), and of the
         `relief` (N m) of wheels what is left, in a field (T); and their torque (N m).
 
@@ -195,12 +184,7 @@ class TolerantRods(eqx.Module):
         return dipoles, made, RodMemory(made, late / period)
 
 
-def about(
-    inertia: Float[Array, "3 3"],
-    axis: Float[Array, "3"],
-    torque: Float[Array, "3"],
-    slow: Float[Array, "3"],
-) -> Float[Array, "3"]:
+def about(inertia: Matrix, axis: Vector, torque: Vector, slow: Vector) -> Vector:
     """The torque whose part about an `axis` n is that of `slow`, and which turns the body of an
     inertia J (kg m²) as `torque` does across Jn, all in N m. For no axis it is the torque."""
     relative = inertia / jnp.trace(inertia)

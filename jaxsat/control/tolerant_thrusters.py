@@ -22,7 +22,7 @@ from jaxsat.control.tolerant_actuators import (
     TolerantMemory,
     TolerantMode,
 )
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
@@ -48,7 +48,7 @@ class ThrusterLawMemory(NamedTuple):
     leaking: LeakMemory
     modulation: PyTree
     spill: Float[Array, " m"]
-    owed: Float[Array, "3"]
+    owed: Vector
 
 
 class SettlingLaws(eqx.Module):
@@ -63,7 +63,7 @@ class SettlingLaws(eqx.Module):
     directions: Float[Array, "laws 3 2"] = eqx.field(converter=as_float)
     leaks: Leaks
 
-    def at(self, number: Int[Array, ""]) -> tuple[ThreeSlewSettling, Float[Array, "3 2"], Leaks]:
+    def at(self, number: IntScalar) -> tuple[ThreeSlewSettling, Float[Array, "3 2"], Leaks]:
         """The law of a failed set, and its directions."""
         place = self.of_set[number]
         law, leaks = jax.tree.map(lambda x: x[place], (self.laws, self.leaks))
@@ -120,12 +120,12 @@ class TolerantThrusters(AbstractTolerantActuators):
         """As the tables of failed sets and weak thrusters leave it."""
         return memory.ability.limit
 
-    def flows(self, memory: TolerantMemory) -> Bool[Array, ""]:
+    def flows(self, memory: TolerantMemory) -> BoolScalar:
         """Whether a thruster is stuck on or leaks."""
         condition = memory.diagnosis.condition
         return jnp.any(condition.failed & (condition.flow > 0))
 
-    def steady(self, memory: TolerantMemory, period: RealScalar) -> Float[Array, "3"]:
+    def steady(self, memory: TolerantMemory, period: RealScalar) -> Vector:
         """Against what failed thrusters make all the time, and what acts from outside, N m."""
         condition = memory.diagnosis.condition
         besides = self.filter.believed(condition, period)
@@ -179,10 +179,10 @@ class TolerantThrusters(AbstractTolerantActuators):
         self,
         state: PlantState,
         demand: Demand,
-        plane: Bool[Array, ""],
+        plane: BoolScalar,
         before: TolerantMemory,
         now: TolerantMemory,
-    ) -> tuple[Float[Array, "3"], Float[Array, "3"], SettlingMemory | None, LeakMemory]:
+    ) -> tuple[Vector, Vector, SettlingMemory | None, LeakMemory]:
         """Torque and steady torque (N m) with those of the law of a plane, and its memories."""
         settling, leaking = before.own.settling, before.own.leaking
         if self.settling is None or settling is None:
@@ -221,7 +221,7 @@ class TolerantThrusters(AbstractTolerantActuators):
         duty = jnp.minimum(pull * inertia * above / size, 1.0)
         return jnp.where(memory.diagnosis.condition.failed, 0.0, duty)
 
-    def alone(self, memory: TolerantMemory) -> tuple[Bool[Array, ""], Int[Array, ""]]:
+    def alone(self, memory: TolerantMemory) -> tuple[BoolScalar, IntScalar]:
         """By the law of three slews, in its phase."""
         settling = memory.own.settling
         if self.settling is None or settling is None:

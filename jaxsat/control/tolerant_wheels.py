@@ -5,7 +5,7 @@ from typing import NamedTuple, cast
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.diagnosis.diagnosis import MOST_RETURNS, WEAK, DiagnosisMemory
 from jaxsat.control.diagnosis.residual import Reading, momentum_with_rotors
@@ -23,7 +23,7 @@ from jaxsat.control.tolerant_actuators import (
 from jaxsat.control.two_wheels import TwoWheels
 from jaxsat.control.undriven_momentum import nearest_held
 from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import DCM, Quaternion
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft.dynamics import PlantState
@@ -75,8 +75,8 @@ class WheelLawMemory(NamedTuple):
     sign: RealScalar
     fit: MomentumMemory
     held: Quaternion
-    near: Bool[Array, ""]
-    can: Bool[Array, ""]
+    near: BoolScalar
+    can: BoolScalar
 
 
 class TolerantWheels(AbstractTolerantActuators):
@@ -133,15 +133,15 @@ class TolerantWheels(AbstractTolerantActuators):
         """All."""
         return jnp.ones_like(memory.diagnosis.condition.failed)
 
-    def changed(self, memory: TolerantMemory) -> Bool[Array, ""]:
+    def changed(self, memory: TolerantMemory) -> BoolScalar:
         """Whether something has failed, also a wheel that stays in service."""
         return jnp.any((memory.diagnosis.kind >= 0) | self.known)
 
-    def missing(self, memory: TolerantMemory) -> Float[Array, "3"]:
+    def missing(self, memory: TolerantMemory) -> Vector:
         """The normal of two axes."""
         return jnp.where(memory.ability.left == Left.PLANE, memory.ability.normal, 0.0)
 
-    def stored(self, reading: Reading) -> Float[Array, "3"]:
+    def stored(self, reading: Reading) -> Vector:
         """The momentum of the wheels with that of rotors which turn with the body, N m s."""
         return self.filter.wheels.axes @ self._momenta(reading)
 
@@ -166,13 +166,8 @@ class TolerantWheels(AbstractTolerantActuators):
         return Reach(self.filter.wheels.axes, low, high, jnp.zeros_like(usable))
 
     def unloadable(
-        self,
-        sample: Sample,
-        memory: TolerantMemory,
-        bias: Float[Array, "3"],
-        field: Float[Array, "3"],
-        held: Bool[Array, ""],
-    ) -> Float[Array, "3"]:
+        self, sample: Sample, memory: TolerantMemory, bias: Vector, field: Vector, held: BoolScalar
+    ) -> Vector:
         """What wheels in use hold beyond the bias."""
         momentum = self._momenta(sample.reading)
         alone = self.allocation.unloadable(memory.ability, momentum, bias, field)
@@ -180,8 +175,8 @@ class TolerantWheels(AbstractTolerantActuators):
         return jnp.where(held, self.filter.wheels.axes @ working - bias, alone)
 
     def overfull(
-        self, sample: Sample, memory: TolerantMemory, unloads: Bool[Array, ""]
-    ) -> tuple[Bool[Array, ""], Float[Array, "3"]]:
+        self, sample: Sample, memory: TolerantMemory, unloads: BoolScalar
+    ) -> tuple[BoolScalar, Vector]:
         """Whether wheels would hold much once the body rests, and the torque that lessens it."""
         wheeled, limit = memory.ability, self.filter.wheels.momentum_limit
         if limit is None:
@@ -193,7 +188,7 @@ class TolerantWheels(AbstractTolerantActuators):
         wanted = jnp.clip(UNLOADING * sample.law.natural_frequency * each, -most, most)
         return unloads, jnp.where(unloads, -(self.filter.wheels.axes @ wanted), 0.0)
 
-    def steady(self, memory: TolerantMemory, period: RealScalar) -> Float[Array, "3"]:
+    def steady(self, memory: TolerantMemory, period: RealScalar) -> Vector:
         """Nothing: what brakes a wheel is made up for by its own command."""
         return jnp.zeros(3)
 
@@ -233,13 +228,13 @@ class TolerantWheels(AbstractTolerantActuators):
         """Of each wheel with its rotor, N m s."""
         return momentum_with_rotors(self.filter.wheels, reading)
 
-    def _held(self, sample: Sample, wheeled: Wheeled) -> Float[Array, "3"]:
+    def _held(self, sample: Sample, wheeled: Wheeled) -> Vector:
         """The momentum (N m s) of the body and the wheels in use."""
         working = jnp.where(wheeled.working, self._momenta(sample.reading), 0.0)
         body = sample.law.model.spacecraft.inertia @ sample.state.omega
         return body + self.filter.wheels.axes @ working
 
-    def _by_two(self, sample: Sample, wheeled: Wheeled, own: WheelLawMemory) -> Float[Array, "3"]:
+    def _by_two(self, sample: Sample, wheeled: Wheeled, own: WheelLawMemory) -> Vector:
         """The torque (N m) of two wheels, with the gyroscopic one."""
         state, law = sample.state, sample.law
         inertia = self.fit.inertia(own.fit)
@@ -286,7 +281,7 @@ class TolerantWheels(AbstractTolerantActuators):
         pull = 2 * law.damping * law.natural_frequency
         return jnp.clip(-pull * inertia * (axes.T @ sample.state.omega), -usable, usable)
 
-    def alone(self, memory: TolerantMemory) -> tuple[Bool[Array, ""], Int[Array, ""]]:
+    def alone(self, memory: TolerantMemory) -> tuple[BoolScalar, IntScalar]:
         """By two wheels, where there is an attitude at which they leave no rate."""
         can = (memory.ability.left == Left.PLANE) & memory.own.can
         mode = jnp.where(memory.own.near, TolerantMode.TWO_WHEELS, TolerantMode.NEAREST)

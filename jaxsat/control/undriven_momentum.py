@@ -9,9 +9,8 @@ the body to such an attitude turns n in the plane of n and H.
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
 
-from jaxsat.core.array_types import RealScalar, Vector
+from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
 
 SMALLEST = 1e-30
@@ -27,7 +26,7 @@ class HeldAttitude(NamedTuple):
 
     attitude: Quaternion
     angle: RealScalar
-    exists: Bool[Array, ""]
+    exists: BoolScalar
 
 
 def nearest_held(

@@ -22,9 +22,7 @@ LEVEL_ROUNDING = 1e-7
 
 
 def torque_reserve(
-    torques: Float[np.ndarray, "3 m"],
-    low: Float[np.ndarray, " m"],
-    high: Float[np.ndarray, " m"],
+    torques: Float[np.ndarray, "3 m"], low: Float[np.ndarray, " m"], high: Float[np.ndarray, " m"]
 ) -> float:
     """The largest torque (N m) that can be made in every direction, less than zero if none.
 
@@ -44,9 +42,7 @@ def torque_reserve(
 
 
 def opposing_share(
-    torques: Float[np.ndarray, "3 m"],
-    low: Float[np.ndarray, " m"],
-    high: Float[np.ndarray, " m"],
+    torques: Float[np.ndarray, "3 m"], low: Float[np.ndarray, " m"], high: Float[np.ndarray, " m"]
 ) -> float:
     """The share of their range that thrusters need to balance the constant torque of all.
 
@@ -113,9 +109,7 @@ def judge_ranges(
 
 
 def _moves(
-    torques: Float[np.ndarray, "3 m"],
-    low: Float[np.ndarray, " m"],
-    high: Float[np.ndarray, " m"],
+    torques: Float[np.ndarray, "3 m"], low: Float[np.ndarray, " m"], high: Float[np.ndarray, " m"]
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """Which thrusters can make less, and which more, about a balance; None where there is none."""
     free = high - low > LEVEL_ROUNDING

@@ -14,11 +14,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from jaxsat.compiler.c.layout import Struct
 from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Measurement
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.array_types import IntScalar, RealScalar
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.errors import LibraryError
 from jaxsat.core.once import once
@@ -133,7 +134,7 @@ class ExternalLaw(AbstractSampledController):
     """A law whose step is that of the library; what is asked of its memory the law itself tells."""
 
     law: AbstractSampledController
-    period: Float[Array, ""]
+    period: RealScalar
     library: Library = eqx.field(static=True)
 
     def init(self, state: PlantState) -> PyTree:
@@ -163,7 +164,7 @@ class ExternalLaw(AbstractSampledController):
         """What the law itself tells of the memory, by the names of signals."""
         return self.law.telemetry(memory)
 
-    def mode(self, memory: PyTree) -> Int[Array, ""]:
+    def mode(self, memory: PyTree) -> IntScalar:
         """Which part of the law is at work, by the memory."""
         return self.law.mode(memory)
 

@@ -7,10 +7,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from jaxsat.control.navigation.estimator import AbstractEstimator, Measurement
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude, Quaternion
 from jaxsat.core.errors import JaxsatError
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -44,7 +45,7 @@ class Seen(NamedTuple):
     axes (rad/s), and the momentum of each wheel (N m s) if there are wheels."""
 
     attitude: AbstractAttitude
-    omega: Float[Array, "3"]
+    omega: Vector
     wheel_momentum: Float[Array, " wheels"] | None = None
 
     def as_state(self) -> PlantState:
@@ -57,7 +58,7 @@ class Seen(NamedTuple):
 class Input(NamedTuple):
     """One sample: its number, from any number on, and what was measured."""
 
-    sample: Int[Array, ""]
+    sample: IntScalar
     measured: PyTree
 
 
@@ -68,7 +69,7 @@ class State(NamedTuple):
     law: PyTree
     estimator: PyTree = None
     modulation: PyTree = None
-    begin_sample: Int[Array, ""] | None = None
+    begin_sample: IntScalar | None = None
 
 
 class SampleCommands(NamedTuple):
@@ -83,7 +84,7 @@ class SampleCommands(NamedTuple):
     """
 
     torque: Float[Array, " torques"]
-    mode: Int[Array, ""]
+    mode: IntScalar
     thrust: Float[Array, " m"] | None = None
     wheel_torque: Float[Array, " wheels"] | None = None
     valve_on: Float[Array, "p m"] | None = None
@@ -99,7 +100,7 @@ class FlightController(eqx.Module):
     distribution: AbstractDistribution
     effectors: tuple[AbstractEffector, ...]
     estimator: AbstractEstimator | None = None
-    attitude_sigma: Float[Array, ""] | None = None
+    attitude_sigma: RealScalar | None = None
 
     @staticmethod
     def of(loop: object) -> "FlightController":
@@ -188,7 +189,7 @@ class Measured(NamedTuple):
     momentum of each as its tachometer tells it (N m s).
     """
 
-    rate: Float[Array, "3"]
+    rate: Vector
     attitude: Float[Array, "4"]
     seen: Array
     wheel_momentum: Float[Array, " wheels"] | None = None

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, PyTree
 from jaxsat.compiler.llvm.mapped import Mapped, compiled_over_cases
 from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Measurement
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.solvers import NamedSolver
 from jaxsat.flight.flight import Input, Measured, Seen, State, modulator_of
@@ -52,7 +53,7 @@ class _RecordingLaw(AbstractSampledController):
     """A law that also remembers the state at its last sample."""
 
     law: AbstractSampledController
-    period: Float[Array, ""]
+    period: RealScalar
 
     def init(self, state: PlantState) -> _Record:
         return _Record(self.law.init(state), state)

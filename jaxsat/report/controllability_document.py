@@ -198,10 +198,7 @@ def _local_and_linear(judgement: Judgement, analysis: Analysis, torque: float) -
             orbit_rate=analysis.orbit_rate,
             tolerance=analysis.tolerance,
         )
-    return [
-        f"{local}: {analysis.local.status}. {analysis.local.reason}",
-        _linear(analysis, torque),
-    ]
+    return [f"{local}: {analysis.local.status}. {analysis.local.reason}", _linear(analysis, torque)]
 
 
 def _turn_time(judgement: Judgement, torque: float) -> str:

@@ -180,12 +180,7 @@ def failure_chart(records: Sequence[dict]) -> Figure:
     for row, record, text in zip(rows, first_records, texts, strict=True):
         bar = 0.0 if record["verdict"] == "uncontrollable" else float(record["margin"])
         axes.annotate(
-            text,
-            (bar, row),
-            xytext=(8, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=8,
+            text, (bar, row), xytext=(8, 0), textcoords="offset points", va="center", fontsize=8
         )
     axes.set_yticks(rows, [f"failed: {record['failed']}" for record in first_records])
     axes.invert_yaxis()
@@ -246,9 +241,7 @@ def torque_map(cone: TorqueCone, actuators: ActuatorSet, *, without: Sequence[st
 
 
 def recurrence_chart(
-    times: Float[np.ndarray, " n"],
-    distances: Float[np.ndarray, " n"],
-    radius: float,
+    times: Float[np.ndarray, " n"], distances: Float[np.ndarray, " n"], radius: float
 ) -> Figure:
     """Distance from the start against time, with the neighbourhood that is to be re-entered.
 

@@ -261,10 +261,7 @@ def _follow_drift(scenario: Scenario) -> tuple[list[str], dict[str, tuple[Any, .
     plant = build_plant(scenario)
     inertia, omega = plant.spacecraft.inertia, jnp.asarray(scenario.initial.omega_rad_s)
     table = scenario.disturbance
-    amplitude, frequency = (
-        jnp.asarray(table.amplitude_N_m),
-        jnp.asarray(table.frequency_rad_s),
-    )
+    amplitude, frequency = (jnp.asarray(table.amplitude_N_m), jnp.asarray(table.frequency_rad_s))
     lines: list[str] = []
     charts: dict[str, tuple[Any, ...]] = {}
     if jnp.any(omega != 0):

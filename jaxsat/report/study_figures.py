@@ -171,9 +171,7 @@ def success_map(
     panel.set_ylabel(labels[1])
     each = len(x) / cells**2
     panel.set_title(
-        f"{len(x)} cases, {each:.0f} a cell on average; white where none",
-        fontsize=8,
-        loc="left",
+        f"{len(x)} cases, {each:.0f} a cell on average; white where none", fontsize=8, loc="left"
     )
     if len(x) <= SEEN_CASES:
         _mark_cases(panel, x, y, settled)

@@ -188,8 +188,7 @@ def _error_coordinates_hold(values):
     obstacle = error_coordinate_obstacle(values)
     if values["simulation.coordinates"] == "error" and obstacle:
         yield at(
-            "simulation.coordinates",
-            f'must be "auto" or "torque" because {obstacle}, got "error"',
+            "simulation.coordinates", f'must be "auto" or "torque" because {obstacle}, got "error"'
         )
 
 

@@ -11,12 +11,7 @@ from jaxsat.core.declaration.three_torques import CALM
 from jaxsat.core.ranges import SETTLED_W
 from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.parts.thrusters import (
-    ModulationTable,
-    modulation_kind,
-    signs,
-    working_torques,
-)
+from jaxsat.scenario.parts.thrusters import ModulationTable, modulation_kind, signs, working_torques
 from jaxsat.scenario.parts.wheels import wheel_axes
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario

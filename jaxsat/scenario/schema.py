@@ -26,12 +26,7 @@ from jaxsat.scenario.parts.thrusters import ModulationTable
 from jaxsat.scenario.parts.unloading import UnloadingTable
 from jaxsat.scenario.quantities import Line, ScenarioTable, Text, choice, table_with
 from jaxsat.scenario.rules import broken_rules
-from jaxsat.scenario.tables import (
-    InitialTable,
-    SettledTable,
-    SimulationTable,
-    SpacecraftTable,
-)
+from jaxsat.scenario.tables import InitialTable, SettledTable, SimulationTable, SpacecraftTable
 from jaxsat.scenario.tuning import TuningTable
 from jaxsat.scenario.wording import issue_of, item_kind, table_at, validated
 
@@ -171,7 +166,5 @@ def _as_a_class(
 def _error_details(issue: Issue) -> InitErrorDetails:
     context = {"message": issue.message, "issue": issue}
     return InitErrorDetails(
-        type=PydanticCustomError("scenario", "{message}", context),
-        loc=issue.location,
-        input=None,
+        type=PydanticCustomError("scenario", "{message}", context), loc=issue.location, input=None
     )

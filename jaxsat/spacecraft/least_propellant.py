@@ -130,10 +130,7 @@ class LeastPropellant(eqx.Module):
         within_bounds = jnp.max(duty) <= 1
         most, rest = jnp.ones_like(duty), jnp.zeros_like(torque)
         bounded, missed = self._bounded(most, torque, rest, ~within_bounds)
-        return (
-            jnp.where(within_bounds, duty, bounded),
-            jnp.where(within_bounds, 0.0, missed),
-        )
+        return (jnp.where(within_bounds, duty, bounded), jnp.where(within_bounds, 0.0, missed))
 
     def _bounded(self, limit, torque, first, runs):
         upper = limit * self.size

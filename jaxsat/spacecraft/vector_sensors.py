@@ -110,11 +110,7 @@ class VectorSensor(eqx.Module):
             raise ArgumentError("latency", "must be zero or positive", self.latency)
 
     def observed(
-        self,
-        sample: IntScalar,
-        period: RealScalar,
-        attitude: Quaternion,
-        key: UInt32[Array, "2"],
+        self, sample: IntScalar, period: RealScalar, attitude: Quaternion, key: UInt32[Array, "2"]
     ) -> Observation:
         """What is measured at a sample of the run; samples are `period` s apart.
 

@@ -6,11 +6,7 @@ Xarray, which takes its time, is imported when what needs it is first used.
 import importlib
 from typing import Any
 
-_LATER = {
-    "open_study": "tables",
-    "time_to_settle": "dataset",
-    "trajectory_dataset": "dataset",
-}
+_LATER = {"open_study": "tables", "time_to_settle": "dataset", "trajectory_dataset": "dataset"}
 
 
 def __getattr__(name: str) -> Any:

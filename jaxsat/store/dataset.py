@@ -143,10 +143,7 @@ def _errors(trajectory: Trajectory) -> dict[str, xr.Variable]:
 def errors_of(dataset: xr.Dataset) -> tuple[float | None, float | None]:
     """The estimates of the rate (rad/s) and of the attitude (rad), None where there are none."""
     rate, attitude = (dataset.get(name) for name in ERRORS)
-    return (
-        None if rate is None else float(rate),
-        None if attitude is None else float(attitude),
-    )
+    return (None if rate is None else float(rate), None if attitude is None else float(attitude))
 
 
 def open_trajectory(path: str | Path) -> xr.Dataset:

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.core import ranges
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
 from jaxsat.core.declaration.disturbances import DISTURBANCES
@@ -220,7 +221,7 @@ def _of_all_failures(loop: AbstractLoop, each: Callable[[Any], np.ndarray]) -> F
     return as_float(values[0] if np.all(values == values[0]) else values)
 
 
-def _period(loop: AbstractLoop) -> Float[Array, ""]:
+def _period(loop: AbstractLoop) -> RealScalar:
     return cast(SampledLoop, loop).controller.period
 
 

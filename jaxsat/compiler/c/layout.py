@@ -101,9 +101,7 @@ def fields_of(tree: PyTree, names: Names) -> tuple[Field, ...]:
     return tuple(field for field in fields if field.size)
 
 
-def parameter_fields(
-    tree: PyTree,
-) -> tuple[list[Any], tuple[Field, ...], list[int]]:
+def parameter_fields(tree: PyTree) -> tuple[list[Any], tuple[Field, ...], list[int]]:
     """Arrays of a tree, each once however often it stands in it, their fields, and the number of
     the array that each leaf is.
 

@@ -191,11 +191,7 @@ def _gather(b: Builder, eqn, x: Elements, indices: Elements) -> Elements:
 
 
 def _starts(
-    b: Builder,
-    rank: int,
-    indices: Elements,
-    dims: Sequence[SupportsIndex],
-    wraps: bool = False,
+    b: Builder, rank: int, indices: Elements, dims: Sequence[SupportsIndex], wraps: bool = False
 ) -> list[Scalar]:
     """Where a window begins, dimension by dimension; zero in those that have no index."""
     starts: list[Scalar] = [INT.type(0)] * rank

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.diagnosis.isolation import (
     PENALTY,
@@ -28,7 +28,7 @@ from jaxsat.control.diagnosis.residual import (
     FilterMemory,
     Reading,
 )
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 from jaxsat.core.checks import as_float, require_positive
 
 OVERSHOOT = 1.166
@@ -122,17 +122,17 @@ class DiagnosisMemory(NamedTuple):
     residual: FilterMemory
     doubt: Float[Array, " k"]
     statistic: Float[Array, "tests m"]
-    stage: Int[Array, ""]
+    stage: IntScalar
     age: RealScalar
     evidence: Evidence
-    suspect: Int[Array, ""]
+    suspect: IntScalar
     rival: Bool[Array, " m"]
     condition: ActuatorCondition
     kind: Float[Array, " m"]
     returns: Float[Array, " m"]
 
     @property
-    def alarmed(self) -> Bool[Array, ""]:
+    def alarmed(self) -> BoolScalar:
         """Whether the cause of an alarm is being isolated."""
         return self.stage == Stage.ALARM
 

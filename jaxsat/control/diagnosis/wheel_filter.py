@@ -15,7 +15,7 @@ from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.diagnosis.isolation import (
     LEAST_PART,
@@ -34,7 +34,7 @@ from jaxsat.control.diagnosis.residual import (
     Prediction,
     Reading,
 )
-from jaxsat.core.array_types import RealScalar
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.spacecraft.wheels import Wheels
 
@@ -225,7 +225,7 @@ class WheelFilter(AbstractResidualFilter):
         residual: Residual,
         condition: ActuatorCondition,
         period: RealScalar,
-        quiet: Bool[Array, ""],
+        quiet: BoolScalar,
     ) -> ActuatorCondition:
         """The condition with the friction of wheels that are braked too much corrected, and while
         it is `quiet` with the part that weak motors make.
@@ -252,9 +252,7 @@ class WheelFilter(AbstractResidualFilter):
         """Torques (N m) that stand out of errors of a momentum (N m s) within a period."""
         return jnp.minimum(TEST_SIGMAS * sigma / period, self.full)
 
-    def named(
-        self, kind: Int[Array, ""], actuator: Int[Array, ""], memory: FilterMemory
-    ) -> Int[Array, ""]:
+    def named(self, kind: IntScalar, actuator: IntScalar, memory: FilterMemory) -> IntScalar:
         """A dead wheel that stood still at once is one that has stopped."""
         stopped = (kind == DiagnosedKind.DEAD) & memory.own.seized[actuator]
         return jnp.where(stopped, int(DiagnosedKind.STOPPED), kind)

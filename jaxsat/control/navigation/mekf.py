@@ -184,11 +184,7 @@ def _corrected(estimator: MultiplicativeFilter, belief: Belief, measurement: Mea
 
 
 def _taken_in(
-    belief: Belief,
-    off: Vector,
-    axes: Matrix,
-    variances: tuple[RealScalar, ...],
-    seen: BoolScalar,
+    belief: Belief, off: Vector, axes: Matrix, variances: tuple[RealScalar, ...], seen: BoolScalar
 ) -> Belief:
     """The belief after a small rotation (rad) of which the components along `axes` were measured.
 

@@ -13,11 +13,7 @@ ACROSS = 1e-6
 """The cosine between a gimbal axis and its spin axis that counts as zero."""
 
 TIME_CONSTANT = number(
-    "time_constant_s",
-    "Time in which its momentum falls to 1/e",
-    "s",
-    within=SECONDS,
-    default=None,
+    "time_constant_s", "Time in which its momentum falls to 1/e", "s", within=SECONDS, default=None
 )
 
 

@@ -177,11 +177,7 @@ SWITCHING = LawDeclaration(
     rules=(
         INTERNAL_MODEL_HAS_A_FREQUENCY,
         Rule(
-            (
-                "spacecraft.torque_limit_N_m",
-                "wheel",
-                *(f"control.{name}" for name in SLOPE_LIMITS),
-            ),
+            ("spacecraft.torque_limit_N_m", "wheel", *(f"control.{name}" for name in SLOPE_LIMITS)),
             _slopes_are_limited,
         ),
     ),

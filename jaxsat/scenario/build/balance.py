@@ -10,12 +10,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from jaxsat.control.undriven_momentum import nearest_held
 from jaxsat.controllability.cone import ROUNDING
 from jaxsat.controllability.judgement import Judgement
 from jaxsat.core.allocation import unit_columns
+from jaxsat.core.array_types import Matrix, RealScalar
 from jaxsat.core.attitude import DCM
 from jaxsat.core.checks import as_float
 from jaxsat.core.earth import EARTH_GRAVITY
@@ -181,8 +182,8 @@ def _torque_about(
 
     @jax.jit
     @jax.vmap
-    def torque(matrix: Float[Array, "3 3"]) -> Float[Array, ""]:
-        def at(t: Float[Array, ""]) -> Float[Array, ""]:
+    def torque(matrix: Matrix) -> RealScalar:
+        def at(t: RealScalar) -> RealScalar:
             each = [one(t, DCM(matrix), inertia) for one in terms]
             return sum(each, jnp.zeros(3)) @ normal
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import Matrix, RealScalar
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import EFFECTORS
@@ -151,7 +151,7 @@ def _other(
     location = ("disturbance", "torques", name, "kind")
     disturbance = made_part(part, location, table, context)
 
-    def torque(t: Float[Array, ""], inertia: Float[Array, "3 3"]) -> Any:
+    def torque(t: RealScalar, inertia: Matrix) -> Any:
         attitude = Quaternion(as_float([1.0, 0.0, 0.0, 0.0]))
         return disturbance(t, attitude.as_wz() if in_wz else attitude, inertia)
 

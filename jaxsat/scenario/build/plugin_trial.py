@@ -8,11 +8,11 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
 from jaxsat.control.controller import AbstractController, AbstractFeedbackLaw
 from jaxsat.control.navigation.estimator import AbstractEstimator, Estimate, Measurement
 from jaxsat.control.sampled import AbstractSampledController
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.laws import Law
 from jaxsat.core.errors import foreign_exceptions
@@ -101,7 +101,7 @@ def require_estimates(
     part: Part,
     location: Location,
     estimator: AbstractEstimator,
-    period: Float[Array, ""],
+    period: RealScalar,
     measurement: Measurement,
 ) -> None:
     """Raise `BuildError` where an estimator, called once, raises or gives no estimate.

@@ -129,9 +129,7 @@ def build_loop(scenario: Scenario) -> AbstractLoop:
 
 
 def _close_loop(
-    scenario: Scenario,
-    plant: RigidBody,
-    controller: AbstractController | AbstractSampledController,
+    scenario: Scenario, plant: RigidBody, controller: AbstractController | AbstractSampledController
 ) -> AbstractLoop:
     is_sampled = isinstance(controller, AbstractSampledController)
     if not is_sampled and uses_error_coordinates(

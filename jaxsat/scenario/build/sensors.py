@@ -4,11 +4,11 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from jaxtyping import Array, Float
 
 from jaxsat.control.navigation.estimator import AbstractEstimator, EstimatorContext, RawMeasurements
 from jaxsat.control.navigation.mekf import MultiplicativeFilter
 from jaxsat.control.navigation.navigation import Navigation
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.sensors import SENSORS
 from jaxsat.core.noise import key_of_seed
@@ -21,7 +21,7 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.sensors import Sensors, Tachometers
 
 
-def build_sampling(scenario: Scenario) -> tuple[Sensors | None, Float[Array, ""] | None]:
+def build_sampling(scenario: Scenario) -> tuple[Sensors | None, RealScalar | None]:
     """Sensors and delay; None for those that are perfect in every case.
 
     None of these sensors beside a gyro and a star tracker, see `build_navigation`.

@@ -233,11 +233,7 @@ def _design(table: DispersionTable, seed: int, count: int) -> AbstractDesign:
 
 
 def _engine(
-    scenario: Scenario,
-    run: Run,
-    work: tuple[Program, StudyCase],
-    name: EngineName,
-    batch_size: int,
+    scenario: Scenario, run: Run, work: tuple[Program, StudyCase], name: EngineName, batch_size: int
 ) -> tuple[AbstractEngine, str | None]:
     """The engine, and why it is not the native one if that was wanted."""
     solver, adaptive = scenario.simulation.solver, _adaptive(scenario, run)

@@ -176,7 +176,7 @@ def _after_the_end(scenario: Any) -> Iterator[Issue]:
     begins: dict[str, dict[Location, float]] = {
         "failure_time_s": {
             ("failure", number, "at_s"): one.at_s for number, one in enumerate(scenario.failure)
-        },
+        }
     } | {
         f"{key.drawn}_s": _outage(scenario, one.name)
         for one in SENSORS

@@ -109,8 +109,7 @@ class OrbitTable(ScenarioTable):
         "dipole",
     )
     relation: Relation = choice(
-        'How the orbit frame\'s rate enters (11): "exact", or "small-angle" with C_bo ≈ I',
-        "exact",
+        'How the orbit frame\'s rate enters (11): "exact", or "small-angle" with C_bo ≈ I', "exact"
     )
 
     def rate(self) -> float:

@@ -18,8 +18,9 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float
 
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.solvers import NamedSolver, Solver, class_name, solver_of
 from jaxsat.simulation.assessment import stop_gradient
@@ -62,10 +63,10 @@ class Tolerance(eqx.Module):
     `max_steps` of them.
     """
 
-    rtol: Float[Array, ""] = eqx.field(converter=as_float, default=1e-9)
-    atol: Float[Array, ""] = eqx.field(converter=as_float, default=1e-9)
-    first_step: Float[Array, ""] = eqx.field(converter=as_float, default=1e-2)
-    min_step: Float[Array, ""] = eqx.field(converter=as_float, default=1e-9)
+    rtol: RealScalar = eqx.field(converter=as_float, default=1e-9)
+    atol: RealScalar = eqx.field(converter=as_float, default=1e-9)
+    first_step: RealScalar = eqx.field(converter=as_float, default=1e-2)
+    min_step: RealScalar = eqx.field(converter=as_float, default=1e-9)
     max_steps: int = eqx.field(static=True, default=2**17)
 
     def __check_init__(self):
@@ -80,8 +81,8 @@ class AdaptiveState(NamedTuple):
     rate, the event functions with their signs (true where positive), how far outside the tolerances
     it is, and its last step."""
 
-    t: Float[Array, ""]
-    number: Int[Array, ""]
+    t: RealScalar
+    number: IntScalar
     state: Float[Array, " n"]
     rate: Float[Array, " n"]
     signs: Bool[Array, " m"]
@@ -130,9 +131,7 @@ class AdaptiveStepper(AbstractStepper):
         progress = with_details(progress, ode.loop, ode.loop.torque_count)
         return progress._replace(forced=jnp.array(0))
 
-    def unfinished(
-        self, program: Program, progress: Progress, bound: Int[Array, ""]
-    ) -> Bool[Array, ""]:
+    def unfinished(self, program: Program, progress: Progress, bound: IntScalar) -> BoolScalar:
         """Whether instant `bound` is still ahead, or an earlier one still to be observed."""
         state: AdaptiveState = progress.state
         ahead = (state.t < program.time_of(bound)) | (state.number < bound)
@@ -143,7 +142,7 @@ class AdaptiveStepper(AbstractStepper):
         program: Program,
         case: Case,
         progress: Progress,
-        bound: Int[Array, ""],
+        bound: IntScalar,
         axis_name: str | None = None,
     ) -> Progress:
         """One step tried, and all instants before number `bound` that it has passed observed."""
@@ -167,7 +166,7 @@ class AdaptiveStepper(AbstractStepper):
         )
 
     def finish(
-        self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
+        self, program: Program, case: Case, progress: Progress, number: IntScalar
     ) -> Outputs:
         """Outputs at instant `number`, within the last step.
 
@@ -201,7 +200,7 @@ class AdaptiveStepper(AbstractStepper):
         return outputs._replace(requirements=margins_of(program, ode.loop, progress))
 
     def _end_of_shorter_step(
-        self, ode: FlatODE, last_step: DenseStep, t: Float[Array, ""]
+        self, ode: FlatODE, last_step: DenseStep, t: RealScalar
     ) -> Float[Array, " n"]:
         """The flat state after a step from the begin of `last_step` to the time `t` (s)."""
         tableau, rate = tableau_of(self.solver), ode.rate(last_step.signs)
@@ -210,7 +209,7 @@ class AdaptiveStepper(AbstractStepper):
         return flat + step * weighted(tableau.b_sol, rates)
 
     def signals(
-        self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
+        self, program: Program, case: Case, progress: Progress, number: IntScalar
     ) -> Signals:
         """Signals at instant `number`, which the last step must have reached or passed.
 
@@ -313,13 +312,13 @@ def _observe_passed(ode: FlatODE, bound, progress: Progress) -> Progress:
     return jax.lax.while_loop(pending, observe, progress)
 
 
-def _error_norm(tolerance, before, after, error) -> Float[Array, ""]:
+def _error_norm(tolerance, before, after, error) -> RealScalar:
     """The error relative to the tolerance; NaN, which is never accepted, where the error is."""
     scale = tolerance.atol + tolerance.rtol * jnp.maximum(jnp.abs(before), jnp.abs(after))
     return jnp.sqrt(jnp.mean((error / scale) ** 2))
 
 
-def _step_factor(norm: Float[Array, ""], order: int | None) -> Float[Array, ""]:
+def _step_factor(norm: RealScalar, order: int | None) -> RealScalar:
     """How much longer the next step may be; much shorter where the error is NaN."""
     assert order is not None
     factor = SAFETY * jnp.exp(-(1 / order) * jnp.log(jnp.maximum(norm, 1e-12)))

@@ -106,11 +106,7 @@ class AbstractBatchEngine(AbstractEngine):
 
 @no_collection()
 def _traced_batch(
-    engine: AbstractBatchEngine,
-    program: Program,
-    cases: PyTree,
-    gains: PyTree,
-    mode: Mode | None,
+    engine: AbstractBatchEngine, program: Program, cases: PyTree, gains: PyTree, mode: Mode | None
 ) -> dict[str, Jaxpr]:
     """The operations of one batch of an engine that is compiled by XLA.
 

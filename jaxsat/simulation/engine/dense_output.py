@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.solvers import Solver, class_name, known_class, solver_of
 from jaxsat.simulation.engine.root_finding import polynomial
 from jaxsat.simulation.engine.runge_kutta import weighted
@@ -26,16 +27,13 @@ class AbstractDenseOutput(eqx.Module):
 
     @abc.abstractmethod
     def increments(
-        self, step: Float[Array, ""], rates: list[Float[Array, " n"]], increment: Float[Array, " n"]
+        self, step: RealScalar, rates: list[Float[Array, " n"]], increment: Float[Array, " n"]
     ) -> Float[Array, "rows n"]:
         """The rows of a step (s) from the rates at its stages and the step's own increment."""
 
     @abc.abstractmethod
     def at(
-        self,
-        begin: Float[Array, " n"],
-        increments: Float[Array, "rows n"],
-        fraction: Float[Array, ""],
+        self, begin: Float[Array, " n"], increments: Float[Array, "rows n"], fraction: RealScalar
     ) -> Float[Array, " n"]:
         """The state after a fraction of the step that began in `begin`."""
 

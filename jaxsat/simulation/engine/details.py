@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, PyTree
 
+from jaxsat.core.array_types import IntScalar, RealScalar
 from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.trajectory import Outcome
@@ -42,10 +43,10 @@ def details_of(
     progress: "Progress",
     loop: AbstractLoop,
     final: PyTree,
-    end: Float[Array, ""],
-    steps: Int[Array, ""],
-    dwell: Float[Array, ""] | None,
-    begin: float | Float[Array, ""] = 0.0,
+    end: RealScalar,
+    steps: IntScalar,
+    dwell: RealScalar | None,
+    begin: float | RealScalar = 0.0,
 ) -> Details | None:
     """The details of a trajectory from its `begin` to its `end` (s), in the loop's state `final`.
 
@@ -66,7 +67,7 @@ def details_of(
 def effort_rates(
     detailed: bool,
     plant: RigidBody,
-    t: Float[Array, ""],
+    t: RealScalar,
     state: PlantState,
     torque: Float[Array, " m"],
     size: Float[Array, " m"],

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple, cast
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float, PyTree
 
+from jaxsat.core.array_types import IntScalar
 from jaxsat.core.solvers import AbstractSolver, solver_of
 from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.simulation.assessment import IntegrationError, JudgedSignals, stop_gradient
@@ -137,7 +138,7 @@ def _monitor(program: Program, loop):
     return monitor
 
 
-def _outcome_code(result: Any) -> Int[Array, ""]:
+def _outcome_code(result: Any) -> IntScalar:
     """How a diffrax solve ended, one of its `RESULTS`, as an `Outcome`."""
     import diffrax
 

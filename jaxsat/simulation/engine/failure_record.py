@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Float, PyTree
 
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 from jaxsat.core.tolerances import Tolerances, excess
 from jaxsat.simulation.loops import AbstractLoop, failures_of
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -23,8 +24,8 @@ class DiagnosisRecord(NamedTuple):
     detected: Float[Array, " f"]
     isolated: Float[Array, " m"]
     kind: Float[Array, " m"]
-    alarmed: Bool[Array, ""]
-    false_alarms: Int[Array, ""]
+    alarmed: BoolScalar
+    false_alarms: IntScalar
 
 
 class FailureRecord(NamedTuple):
@@ -35,13 +36,11 @@ class FailureRecord(NamedTuple):
     """
 
     at: Float[Array, " f"]
-    stay: Int[Array, ""]
-    longest: Int[Array, ""]
+    stay: IntScalar
+    longest: IntScalar
     diagnosis: DiagnosisRecord | None
 
-    def observe(
-        self, t: Float[Array, ""], signals: Signals, tolerances: Tolerances
-    ) -> "FailureRecord":
+    def observe(self, t: RealScalar, signals: Signals, tolerances: Tolerances) -> "FailureRecord":
         """The record with one more sample, at `t` (s).
 
         What begins at the sample is not yet known to it.
@@ -55,7 +54,7 @@ class FailureRecord(NamedTuple):
             diagnosis=self._next_diagnosis(t, signals),
         )
 
-    def _next_diagnosis(self, t: Float[Array, ""], signals: Signals) -> DiagnosisRecord | None:
+    def _next_diagnosis(self, t: RealScalar, signals: Signals) -> DiagnosisRecord | None:
         before = self.diagnosis
         if before is None:
             return None
@@ -72,7 +71,7 @@ class FailureRecord(NamedTuple):
             before.false_alarms + false.astype(before.false_alarms.dtype),
         )
 
-    def outputs(self, interval: Float[Array, ""]) -> dict[str, Array]:
+    def outputs(self, interval: RealScalar) -> dict[str, Array]:
         """What the record tells, by the columns of a study; NaN for never."""
         columns: dict[str, Array] = {"longest_stay": self.longest * interval}
         if self.diagnosis is not None:

@@ -6,8 +6,8 @@ from functools import partial
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
 
+from jaxsat.core.array_types import BoolScalar
 from jaxsat.core.checks import require_counts
 from jaxsat.core.solvers import NamedSolver, Solver, class_name
 from jaxsat.core.trees import halved, restored
@@ -276,7 +276,7 @@ def _steps_alone(tableau, rate, t, length, count: int, state):
 
 
 def _unless_ended(
-    program, before, candidate, state, checked, carry, t, wanted: Bool[Array, ""] | None = None
+    program, before, candidate, state, checked, carry, t, wanted: BoolScalar | None = None
 ) -> Progress:
     """The next progress, or the last good one where the case has ended or now ends.
 

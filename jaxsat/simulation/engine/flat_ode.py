@@ -10,6 +10,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, PyTree
 
+from jaxsat.core.array_types import BoolScalar, RealScalar
 from jaxsat.core.solvers import Solver
 from jaxsat.core.trees import apart
 from jaxsat.simulation.engine.dense_output import AbstractDenseOutput, dense_output
@@ -29,15 +30,15 @@ class DenseStep(NamedTuple):
     before that part's end; `effort` is that before the step, in a detailed program of each torque.
     """
 
-    begin: Float[Array, ""]
-    length: Float[Array, ""]
+    begin: RealScalar
+    length: RealScalar
     state: Float[Array, " n"]
     increments: Float[Array, "rows n"]
     torque_zeros: Float[Array, "parts axes"]
     effort: Float[Array, "*effort"]
     signs: Bool[Array, " m"]
 
-    def fraction(self, t: Float[Array, ""]) -> Float[Array, ""]:
+    def fraction(self, t: RealScalar) -> RealScalar:
         """The fraction of the step that has gone by at time `t` (s)."""
         return (t - self.begin) / self.length
 
@@ -65,7 +66,7 @@ class FlatODE(NamedTuple):
         return FlatODE(program, continuous_loop(case), dense_output(solver), restore, axis_name)
 
     def cold_branch(
-        self, condition: Bool[Array, ""], function: Callable[[], PyTree], default: PyTree
+        self, condition: BoolScalar, function: Callable[[], PyTree], default: PyTree
     ) -> PyTree:
         """What `function` gives where the `condition` holds, which is seldom, else `default`.
 
@@ -80,7 +81,7 @@ class FlatODE(NamedTuple):
 
         return jax.lax.cond(self.in_any_case(condition), some, lambda: default)
 
-    def in_any_case(self, condition: Bool[Array, ""]) -> Bool[Array, ""]:
+    def in_any_case(self, condition: BoolScalar) -> BoolScalar:
         """Whether a condition holds in any case of the batch."""
         return (
             condition
@@ -111,7 +112,7 @@ class FlatODE(NamedTuple):
         state, cost, _ = self.restore(flat)
         return _flat((in_units(self.loop.plant, state), cost))
 
-    def state(self, t: Float[Array, ""], flat: Float[Array, " n"]) -> PyTree:
+    def state(self, t: RealScalar, flat: Float[Array, " n"]) -> PyTree:
         """The loop's state in a flat one."""
         return out_of_frame(self.loop, t, self.restore(flat)[0])
 
@@ -122,7 +123,7 @@ class FlatODE(NamedTuple):
             return increments(step, rates, increment)
         return apart(increments, step, rates, increment)
 
-    def interpolated(self, step: DenseStep, fraction: Float[Array, ""]) -> Float[Array, " n"]:
+    def interpolated(self, step: DenseStep, fraction: RealScalar) -> Float[Array, " n"]:
         """The flat state after a fraction of a step."""
         return self.output.at(step.state, step.increments, fraction)
 
@@ -132,7 +133,7 @@ class FlatODE(NamedTuple):
         """The torques' integrals within a step as polynomials of its fraction."""
         return self.output.coefficients(increments[:, -self.torque_count :])
 
-    def effort(self, step: DenseStep, fraction: Float[Array, ""]) -> Float[Array, "*effort"]:
+    def effort(self, step: DenseStep, fraction: RealScalar) -> Float[Array, "*effort"]:
         """∫ Σ|T_i| until a fraction of a step, from the integrals of T_i between its zeros.
 
         In a detailed program each by itself.
@@ -149,7 +150,7 @@ class FlatODE(NamedTuple):
         sizes = jnp.abs(between - begins) + jnp.abs(ends - between)
         return step.effort + jnp.sum(sizes, axis=axis)
 
-    def events(self, signs, t: Float[Array, ""], flat: Float[Array, " n"]) -> Float[Array, " m"]:
+    def events(self, signs, t: RealScalar, flat: Float[Array, " n"]) -> Float[Array, " m"]:
         """The event functions as the smooth piece with these signs has them."""
         return self.loop.smooth_piece(signs).event_functions(t, self.state(t, flat))
 
@@ -199,19 +200,19 @@ def _flat(tree: PyTree) -> Float[Array, " n"]:
     return ravel_pytree(tree)[0]
 
 
-def into_frame(loop: AbstractContinuousLoop, t: Float[Array, ""], state: PyTree) -> PyTree:
+def into_frame(loop: AbstractContinuousLoop, t: RealScalar, state: PyTree) -> PyTree:
     """A state at time `t` (s) with its memory in the rotating frame."""
     factor = loop.integrating_factor(t)
     return state if factor is None else state._replace(memory=factor.into_frame(state.memory))
 
 
-def out_of_frame(loop: AbstractContinuousLoop, t: Float[Array, ""], framed: PyTree) -> PyTree:
+def out_of_frame(loop: AbstractContinuousLoop, t: RealScalar, framed: PyTree) -> PyTree:
     """The state that `into_frame` takes to `framed`."""
     factor = loop.integrating_factor(t)
     return framed if factor is None else framed._replace(memory=factor.out_of_frame(framed.memory))
 
 
-def motion_in_frame(loop: AbstractContinuousLoop, t: Float[Array, ""], framed: PyTree) -> Motion:
+def motion_in_frame(loop: AbstractContinuousLoop, t: RealScalar, framed: PyTree) -> Motion:
     """`loop.motion` for a state in the rotating frame, with the rate of that state."""
     factor = apart(_integrating_factor, loop, t)
     if factor is None:
@@ -222,5 +223,5 @@ def motion_in_frame(loop: AbstractContinuousLoop, t: Float[Array, ""], framed: P
 
 
 @eqx.filter_jit
-def _integrating_factor(loop: AbstractContinuousLoop, t: Float[Array, ""]):
+def _integrating_factor(loop: AbstractContinuousLoop, t: RealScalar):
     return loop.integrating_factor(t)

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from jaxsat.core.array_types import BoolScalar, RealScalar
 from jaxsat.core.tolerances import SettlingTracker
 from jaxsat.simulation.assessment import JudgedSignals, stop_gradient
 from jaxsat.simulation.engine.flat_ode import DenseStep, FlatODE
@@ -22,7 +23,7 @@ class StepEnd(NamedTuple):
     """Where a step ends: its length (s), flat state with its rate, and the event functions with
     their signs there."""
 
-    length: Float[Array, ""]
+    length: RealScalar
     state: Float[Array, " n"]
     rate: Float[Array, " n"]
     signs: Bool[Array, " m"]
@@ -35,8 +36,8 @@ def until_event(
     events: Float[Array, " m"],
     step: DenseStep,
     end: StepEnd,
-    active: Bool[Array, ""],
-    min_step: Float[Array, ""],
+    active: BoolScalar,
+    min_step: RealScalar,
 ) -> StepEnd:
     """The end of a `step` that would go to `end`, its event functions being `events` at its begin.
 
@@ -91,7 +92,7 @@ def _bracket(sign, at_begin, at_end, beyond, checks: int) -> Bracket:
     return bracket
 
 
-def _correct(ode: FlatODE, signs, step: DenseStep, one_hot, fraction) -> Float[Array, ""]:
+def _correct(ode: FlatODE, signs, step: DenseStep, one_hot, fraction) -> RealScalar:
     """The seconds until the event: two steps of Newton's method.
 
     The second one moves with parameters. Taken where the function is zero, it is exact to first
@@ -119,21 +120,17 @@ BETWEEN = math.sqrt(2)
 largest of them."""
 
 
-def excess_at(
-    ode: FlatODE, t: Float[Array, ""], flat: Float[Array, " n"]
-) -> Float[Array, " conditions"]:
+def excess_at(ode: FlatODE, t: RealScalar, flat: Float[Array, " n"]) -> Float[Array, " conditions"]:
     """How far outside the tolerances a flat state is at time `t` (s); nothing is differentiated."""
     return _observation_at(ode, t, flat).excess(ode.program.tolerances)
 
 
-def rest_excess_at(
-    ode: FlatODE, t: Float[Array, ""], flat: Float[Array, " n"]
-) -> Float[Array, "1"]:
+def rest_excess_at(ode: FlatODE, t: RealScalar, flat: Float[Array, " n"]) -> Float[Array, "1"]:
     """How far outside the tolerance the inertial rate of a flat state is at time `t` (s)."""
     return _observation_at(ode, t, flat).rest_excess(ode.program.tolerances)
 
 
-def _observation_at(ode: FlatODE, t: Float[Array, ""], flat: Float[Array, " n"]) -> JudgedSignals:
+def _observation_at(ode: FlatODE, t: RealScalar, flat: Float[Array, " n"]) -> JudgedSignals:
     ode, t, flat = stop_gradient((ode, t, flat))
     return JudgedSignals.of(ode.loop.plant, ode.loop.plant_state(t, ode.state(t, flat)))
 
@@ -141,10 +138,10 @@ def _observation_at(ode: FlatODE, t: Float[Array, ""], flat: Float[Array, " n"])
 def settled_along_step(
     ode: FlatODE,
     step: DenseStep,
-    until: Float[Array, ""],
+    until: RealScalar,
     settled: SettlingTracker,
     at_end: Float[Array, " conditions"],
-    active: Bool[Array, ""],
+    active: BoolScalar,
     excess_of: Callable | None = None,
 ) -> SettlingTracker:
     """Since when the case is settled, with the fraction `until` of a step taken into account.

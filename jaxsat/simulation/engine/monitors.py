@@ -2,8 +2,9 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Float, PyTree
 
+from jaxsat.core.array_types import BoolScalar, RealScalar
 from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.engine.program import Program
 from jaxsat.simulation.engine.progress import Progress
@@ -26,9 +27,9 @@ def monitored(
     program: Program,
     loop: AbstractLoop,
     progress: Progress,
-    t: Float[Array, ""],
+    t: RealScalar,
     state: PyTree,
-    good: Bool[Array, ""] | bool = True,
+    good: BoolScalar | bool = True,
 ) -> Progress:
     """The progress with one more instant `t` (s) of the loop's state, NaN where not `good`."""
     if program.requirements is None:
@@ -39,7 +40,7 @@ def monitored(
     return progress._replace(monitors=monitors)
 
 
-def state_signals(loop: AbstractLoop, t: Float[Array, ""], state: PyTree) -> dict[str, Array]:
+def state_signals(loop: AbstractLoop, t: RealScalar, state: PyTree) -> dict[str, Array]:
     """The signals, by name, that a loop's state tells without its law."""
     plant = plant_state(loop, t, state)
     return {

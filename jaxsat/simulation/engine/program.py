@@ -8,8 +8,9 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Float, Int, PyTree
 
+from jaxsat.core.array_types import BoolScalar, RealScalar
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.core.tolerances import Tolerances
@@ -26,7 +27,7 @@ class Case(NamedTuple):
     loop: AbstractLoop
     start: PlantState
     drawn: dict[str, Array]
-    possible: Bool[Array, ""]
+    possible: BoolScalar
 
 
 class AbstractCaseFactory(eqx.Module):
@@ -49,11 +50,11 @@ class Program(eqx.Module):
     """
 
     case_factory: AbstractCaseFactory
-    interval: Float[Array, ""] = eqx.field(converter=as_float)
+    interval: RealScalar = eqx.field(converter=as_float)
     intervals: int = eqx.field(static=True)
     tolerances: Tolerances = eqx.field(default_factory=Tolerances)
     cost: RunningCost = eqx.field(default_factory=RunningCost)
-    state_limit: Float[Array, ""] = eqx.field(converter=as_float, default=STATE_LIMIT)
+    state_limit: RealScalar = eqx.field(converter=as_float, default=STATE_LIMIT)
     detailed: bool = eqx.field(static=True, default=False)
     error_every: int = eqx.field(static=True, default=0)
     requirements: Requirements | None = None
@@ -97,7 +98,7 @@ class Program(eqx.Module):
         return None if self.detailed else self.cost
 
     @property
-    def duration(self) -> Float[Array, ""]:
+    def duration(self) -> RealScalar:
         """The time of the whole trajectory, s."""
         return self.interval * self.intervals
 

@@ -7,8 +7,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Float, Int, PyTree
 
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
 from jaxsat.core.declaration.actuators import SIGNALS
 from jaxsat.core.quotients import reciprocal
@@ -32,9 +33,7 @@ class Unsettled(eqx.Module):
 
     tolerances: Tolerances = eqx.field(default_factory=Tolerances)
 
-    def __call__(
-        self, w: Float[Array, "2"], z: Float[Array, ""], relative_rate: Float[Array, "3"]
-    ) -> Float[Array, ""]:
+    def __call__(self, w: Float[Array, "2"], z: RealScalar, relative_rate: Vector) -> RealScalar:
         """The stand-in's value at one instant."""
         limits = self.tolerances
         size = (
@@ -62,13 +61,13 @@ class RunningCost(eqx.Module):
     c_max times its horizon. Without one, None, the cost of such a run is NaN.
     """
 
-    w: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
-    z: Float[Array, ""] = eqx.field(converter=as_float, default=1.0)
-    relative_rate: Float[Array, ""] = eqx.field(converter=as_float, default=100.0)
-    torque: Float[Array, ""] = eqx.field(converter=as_float, default=1e-3)
-    settling: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
+    w: RealScalar = eqx.field(converter=as_float, default=1.0)
+    z: RealScalar = eqx.field(converter=as_float, default=1.0)
+    relative_rate: RealScalar = eqx.field(converter=as_float, default=100.0)
+    torque: RealScalar = eqx.field(converter=as_float, default=1e-3)
+    settling: RealScalar = eqx.field(converter=as_float, default=0.0)
     unsettled: Unsettled | None = None
-    limit: Float[Array, ""] | None = eqx.field(converter=as_optional_float, default=None)
+    limit: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
     attitude: AttitudeCost = eqx.field(static=True, default="rotation")
 
     def __check_init__(self):
@@ -88,12 +87,8 @@ class RunningCost(eqx.Module):
             )
 
     def __call__(
-        self,
-        w: Float[Array, "2"],
-        z: Float[Array, ""],
-        relative_rate: Float[Array, "3"],
-        torque: Float[Array, "3"],
-    ) -> Float[Array, ""]:
+        self, w: Float[Array, "2"], z: RealScalar, relative_rate: Vector, torque: Vector
+    ) -> RealScalar:
         """The running cost a second."""
         cost = (
             self._of_attitude(w, z)
@@ -104,7 +99,7 @@ class RunningCost(eqx.Module):
             cost = cost + self.settling * self.unsettled(w, z, relative_rate)
         return cost if self.limit is None else cost / (1 + cost / self.limit)
 
-    def _of_attitude(self, w: Float[Array, "2"], z: Float[Array, ""]) -> Float[Array, ""]:
+    def _of_attitude(self, w: Float[Array, "2"], z: RealScalar) -> RealScalar:
         """The cost w A + z B a second."""
         square = jnp.sum(w**2)
         if self.attitude == "wz":
@@ -112,12 +107,7 @@ class RunningCost(eqx.Module):
         upright = reciprocal(1 + square)  # cos²(tilt/2); 2 - 2 cos z = 4 sin²(z/2)
         return self.w * (1 - upright) + self.z * (2 - 2 * cos(z)) * upright
 
-    def whole(
-        self,
-        integral: Float[Array, ""],
-        success: Bool[Array, ""],
-        missing: Float[Array, ""],
-    ) -> Float[Array, ""]:
+    def whole(self, integral: RealScalar, success: BoolScalar, missing: RealScalar) -> RealScalar:
         """The cost of a run from its integral; `missing` seconds were not computed if it failed."""
         charged = jnp.nan if self.limit is None else integral + self.limit * missing
         return jnp.where(success, integral, charged)
@@ -130,7 +120,7 @@ Since = tuple[SettlingTracker, SettlingTracker | None]
 class Integrals(NamedTuple):
     """The running cost and Σ|T_i| (N m s), or in a detailed program each of them, integrated."""
 
-    cost: Float[Array, ""]
+    cost: RealScalar
     effort: Float[Array, "*effort"]
 
 
@@ -153,18 +143,18 @@ class Progress(NamedTuple):
 
     state: PyTree
     integrals: Integrals
-    peak_square: Float[Array, ""]
+    peak_square: RealScalar
     settled: SettlingTracker
-    ended_at: Float[Array, ""]
-    code: Int[Array, ""]
-    step: Float[Array, ""]
-    steps: Int[Array, ""]
+    ended_at: RealScalar
+    code: IntScalar
+    step: RealScalar
+    steps: IntScalar
     peaks: dict[str, Array]
     failures: FailureRecord | None = None
     held: HeldTorque | None = None
     error: IntegrationError | None = None
     rest: SettlingTracker | None = None
-    forced: Int[Array, ""] | None = None
+    forced: IntScalar | None = None
     unmade: Unmade | None = None
     seen: Signals | None = None
     monitors: tuple[Monitor, ...] = ()
@@ -225,7 +215,7 @@ def peaks_of(stored: Mapping[str, Array | np.ndarray]) -> dict[str, Array]:
 
 
 def with_peaks(
-    progress: Progress, omega: Float[Array, "3"], stored: Mapping[str, Array | np.ndarray]
+    progress: Progress, omega: Vector, stored: Mapping[str, Array | np.ndarray]
 ) -> Progress:
     """The progress with one more instant in the peaks of ω (rad/s) and of stored signals."""
     sizes = peaks_of(stored)
@@ -235,7 +225,7 @@ def with_peaks(
 
 
 def judged_at(
-    since: Since, t: Float[Array, ""], observation: JudgedSignals, tolerances: Tolerances
+    since: Since, t: RealScalar, observation: JudgedSignals, tolerances: Tolerances
 ) -> Since:
     """Since when the case is settled and at rest, with the end of one more of equal steps.
 
@@ -251,14 +241,14 @@ def judged_at(
 def outputs_of(
     progress: Progress,
     plant: PlantState,
-    end: Float[Array, ""],
+    end: RealScalar,
     drawn: dict[str, Array],
     cost: RunningCost | None,
     consumption: dict[str, Array] | None = None,
     interval: float | Array = 1.0,
     details: Details | None = None,
-    dwell: Float[Array, ""] | None = None,
-    begin: float | Float[Array, ""] = 0.0,
+    dwell: RealScalar | None = None,
+    begin: float | RealScalar = 0.0,
 ) -> Outputs:
     """Outputs of a trajectory from `begin` to `end` (s), observed every `interval` (s) and there.
 

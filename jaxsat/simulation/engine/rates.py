@@ -4,8 +4,9 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, PyTree
 
+from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.simulation.engine.details import effort_rates
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import Integrals, RunningCost
@@ -22,7 +23,7 @@ def continuous_loop(case: Case) -> AbstractContinuousLoop:
     return case.loop
 
 
-def plant_state(loop: AbstractLoop, t: float | Float[Array, ""], state: PyTree) -> PlantState:
+def plant_state(loop: AbstractLoop, t: float | RealScalar, state: PyTree) -> PlantState:
     """The plant in any loop's state at time `t` (s)."""
     if isinstance(loop, AbstractContinuousLoop):
         return loop.plant_state(jnp.asarray(t), state)
@@ -53,11 +54,8 @@ def augmented_rate(program: Program, loop: AbstractContinuousLoop):
 
 
 def running_cost(
-    cost: RunningCost | None,
-    plant: PlantState,
-    relative_rate: Float[Array, "3"],
-    torque: Float[Array, "3"],
-) -> Float[Array, ""]:
+    cost: RunningCost | None, plant: PlantState, relative_rate: Vector, torque: Vector
+) -> RealScalar:
     """The cost a second; zero where there is none."""
     if cost is None:
         return jnp.zeros((), torque.dtype)
@@ -66,7 +64,7 @@ def running_cost(
 
 
 def held_rate(
-    program: Program, loop: SampledLoop, hold: Hold, begin: Float[Array, ""], start: PlantState
+    program: Program, loop: SampledLoop, hold: Hold, begin: RealScalar, start: PlantState
 ):
     """Right-hand side for the plant and its integrals in a hold.
 
@@ -86,7 +84,7 @@ def held_rate(
     return rate
 
 
-def within_limit(state: PyTree, limit: Float[Array, ""], *finite: PyTree) -> Array:
+def within_limit(state: PyTree, limit: RealScalar, *finite: PyTree) -> Array:
     """Whether the Euclidean norm of all floating-point entries is a number below the limit.
 
     Momenta of wheels, and what is to be `finite`, only have to be: they are as large as the body.

@@ -6,7 +6,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float
+
+from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 
 ITERATIONS = 24
 CLOSE_ENOUGH = 1e-6
@@ -21,25 +23,23 @@ SECANTS, NEWTON_STEPS = 2, 2
 class Bracket(NamedTuple):
     """Fractions of a step with the function at most zero at `low` and positive at `high`."""
 
-    low: Float[Array, ""]
-    low_value: Float[Array, ""]
-    high: Float[Array, ""]
-    high_value: Float[Array, ""]
+    low: RealScalar
+    low_value: RealScalar
+    high: RealScalar
+    high_value: RealScalar
 
 
 class _RootSearch(NamedTuple):
     bracket: Bracket
-    point: Float[Array, ""]
-    move: Float[Array, ""]
-    was_low: Bool[Array, ""]
-    iterations: Int[Array, ""]
+    point: RealScalar
+    move: RealScalar
+    was_low: BoolScalar
+    iterations: IntScalar
 
 
 def find_root(
-    function: Callable[[Float[Array, ""]], Float[Array, ""]],
-    bracket: Bracket,
-    active: Bool[Array, ""],
-) -> Float[Array, ""]:
+    function: Callable[[RealScalar], RealScalar], bracket: Bracket, active: BoolScalar
+) -> RealScalar:
     """The fraction of the step at which the function becomes positive, to `CLOSE_ENOUGH`.
 
     Secants with the Illinois rule; every third point, and every point while the lower end is next
@@ -95,8 +95,8 @@ def ends_of_parts(parts: int) -> Float[np.ndarray, "parts 1"]:
 def sign_changes(
     coefficients: Float[Array, "degree n"],
     parts: int,
-    end: Float[Array, ""],
-    active: Bool[Array, ""],
+    end: RealScalar,
+    active: BoolScalar,
     cold_branch: Callable,
 ) -> Float[Array, "parts n"]:
     """Where the derivative of Σ_p θ^p coefficients[p - 1] changes its sign before `end`.

@@ -12,6 +12,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.solvers import NamedSolver, Solver, class_name, known_class, solver_of
 from jaxsat.simulation.assessment import IntegrationError, stop_gradient
 from jaxsat.simulation.engine.program import Program
@@ -53,9 +54,9 @@ def tableau_of(solver: Solver) -> Tableau:
 
 def explicit_step(
     tableau: Tableau,
-    rate: Callable[[Float[Array, ""], PyTree], PyTree],
-    t: Float[Array, ""],
-    step: Float[Array, ""],
+    rate: Callable[[RealScalar, PyTree], PyTree],
+    t: RealScalar,
+    step: RealScalar,
     state: PyTree,
 ) -> PyTree:
     """The state after one step; the stages that the solution does not use are left out.
@@ -75,9 +76,9 @@ def explicit_step(
 
 def stage_rates(
     tableau: Tableau,
-    rate: Callable[[Float[Array, ""], Float[Array, " n"]], Float[Array, " n"]],
-    t: Float[Array, ""],
-    step: Float[Array, ""],
+    rate: Callable[[RealScalar, Float[Array, " n"]], Float[Array, " n"]],
+    t: RealScalar,
+    step: RealScalar,
     state: Float[Array, " n"],
     first: Float[Array, " n"],
 ) -> list[Float[Array, " n"]]:
@@ -114,13 +115,13 @@ def _combine(state: Array, step, weights: np.ndarray, rates: dict[int, Array]) -
 class Span(NamedTuple):
     """A time without a sample or an edge: begin and length (s), and the state at both ends."""
 
-    begin: Float[Array, ""]
-    length: Float[Array, ""]
+    begin: RealScalar
+    length: RealScalar
     first: PyTree
     last: PyTree
 
 
-Rate = Callable[[Float[Array, ""], PyTree], PyTree]
+Rate = Callable[[RealScalar, PyTree], PyTree]
 """That of a state at a time (s)."""
 
 
@@ -133,17 +134,13 @@ class HalvedSteps(NamedTuple):
     """
 
     program: Program
-    integrate: Callable[[Rate, Float[Array, ""], Float[Array, ""], int, PyTree], PyTree]
+    integrate: Callable[[Rate, RealScalar, RealScalar, int, PyTree], PyTree]
     substeps: int
     body: RigidBody
-    plant_at: Callable[[Float[Array, ""], PyTree], PlantState]
+    plant_at: Callable[[RealScalar, PyTree], PlantState]
 
     def after(
-        self,
-        error: IntegrationError | None,
-        number: Array,
-        rate: Rate,
-        span: Span,
+        self, error: IntegrationError | None, number: Array, rate: Rate, span: Span
     ) -> IntegrationError | None:
         """The estimate with a span of interval `number`, along which `rate` is the state's.
 

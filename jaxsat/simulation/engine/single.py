@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
+from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_array, as_float, concrete
 from jaxsat.core.jax_internals import Tracer
 from jaxsat.core.ranges import STATE_LIMIT
@@ -250,7 +251,7 @@ def _plan(
 def _program(
     loop: AbstractLoop,
     start: PlantState,
-    interval: float | Float[Array, ""],
+    interval: float | RealScalar,
     count: int,
     tolerances: Tolerances | None,
     state_limit: float = STATE_LIMIT,

@@ -7,14 +7,15 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Int, PyTree
+from jaxtyping import PyTree
 
+from jaxsat.core.array_types import BoolScalar, IntScalar
 from jaxsat.core.solvers import Solver
 from jaxsat.simulation.engine.program import Case, Program
 from jaxsat.simulation.engine.progress import Outputs, Progress
 from jaxsat.simulation.trajectory import Outcome, Signals
 
-Number = int | Int[Array, ""]
+Number = int | IntScalar
 """Known when tracing, or not."""
 
 
@@ -52,18 +53,18 @@ class AbstractStepper(eqx.Module):
 
     @abc.abstractmethod
     def finish(
-        self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
+        self, program: Program, case: Case, progress: Progress, number: IntScalar
     ) -> Outputs:
         """Outputs of a trajectory that has gone through all its intervals, `number` of them."""
 
     @abc.abstractmethod
     def signals(
-        self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
+        self, program: Program, case: Case, progress: Progress, number: IntScalar
     ) -> Signals:
         """Signals at the beginning of interval `number`, up to which a trajectory has come."""
 
     def observe(
-        self, program: Program, case: Case, progress: Progress, number: Int[Array, ""]
+        self, program: Program, case: Case, progress: Progress, number: IntScalar
     ) -> Signals:
         """Signals at the beginning of interval `number`; NaN after the end of a failed run.
 
@@ -77,6 +78,6 @@ class AbstractStepper(eqx.Module):
         return dataclasses.replace(progress.seen, torque_range=torques)
 
 
-def nan_where(ended: Bool[Array, ""], values: PyTree) -> PyTree:
+def nan_where(ended: BoolScalar, values: PyTree) -> PyTree:
     """The values, NaN where a case has ended."""
     return jax.tree.map(lambda x: jnp.where(ended, jnp.nan, x), values)

@@ -60,11 +60,7 @@ class Front(NamedTuple):
     def as_data(self) -> dict[str, Any]:
         """The front and the laws as plain data; None for what is not finite."""
         laws = [
-            {
-                "law": one.law,
-                "settled_from_s": one.settled_from,
-                "effort_N_m_s": one.effort,
-            }
+            {"law": one.law, "settled_from_s": one.settled_from, "effort_N_m_s": one.effort}
             for one in self.flown
         ]
         record = {

@@ -63,12 +63,7 @@ BOUNDS = "bounds"
 
 
 def least_bounds(
-    limit: float,
-    starts: int,
-    seed: int,
-    end: End,
-    folder: ResumableFolder,
-    listener: Listener,
+    limit: float, starts: int, seed: int, end: End, folder: ResumableFolder, listener: Listener
 ) -> dict[str, Any]:
     """Least time and effort under a torque limit (N m); once found, they are kept in the folder."""
     scenario = comparison_scenario(ComparisonSetting("nominal", limit, "rate"))

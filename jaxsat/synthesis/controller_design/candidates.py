@@ -40,15 +40,12 @@ GAINS: Mapping[str, Mapping[str, Gains]] = {
         "": ({"natural_frequency_rad_s": 0.4, "max_rate_rad_s": 0.2}, {"damping": 1.0}),
         ", quick": ({"natural_frequency_rad_s": 0.8, "max_rate_rad_s": 0.4}, {"damping": 1.0}),
     },
-    "magnetic": {
-        "": ({}, {}),
-        ", quick": ({}, {"control_weight": 0.01}),
-    },
+    "magnetic": {"": ({}, {}), ", quick": ({}, {"control_weight": 0.01})},
     "three-axis": {
         "": (
             {"k3": 0.316, "mu": 1.58, "k4": 4.74, "attitude_weight_N_m": 2.5},
             {"a": 0.2, "internal_model": False, "saturation_width": 0.5, "tilt_width": 0.01},
-        ),
+        )
     },
 }
 """Variants of every law: gains times τ (k4 over J0/τ, the weight over T) and those without

@@ -87,10 +87,7 @@ def remedies(
 ) -> Iterator[tuple[str, Callable[[], Scenario]]]:
     """Changes that may help, and the scenario with each; the first one tells what chance does."""
     scenario = chosen.scenario
-    yield (
-        "0.1 % more torque, to show the effect of chance",
-        lambda: stronger(scenario, CHANCE),
-    )
+    yield ("0.1 % more torque, to show the effect of chance", lambda: stronger(scenario, CHANCE))
     yield "twice the torque", lambda: stronger(scenario, 2.0)
     yield "twice the time", lambda: multiplied(scenario, 2.0, DURATION)
     if _has(scenario, NOISE):

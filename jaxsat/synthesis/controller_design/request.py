@@ -33,10 +33,7 @@ _DEFAULTS: Mapping[str, tuple[tuple[str, ...], Any]] = {
         ("orbit.rate_rad_s", "orbit.altitude_km", "orbit.perigee_altitude_km"),
         0.0,
     ),
-    "initial.quaternion": (
-        tuple(f"initial.{key}" for key in ATTITUDE_KEYS),
-        [1.0, 0.0, 0.0, 0.0],
-    ),
+    "initial.quaternion": (tuple(f"initial.{key}" for key in ATTITUDE_KEYS), [1.0, 0.0, 0.0, 0.0]),
     "initial.omega_rad_s": (("initial.omega_rad_s",), [0.0, 0.0, 0.0]),
     "control.law": (("control.law",), UNNAMED_LAW),
     "simulation.duration_s": (("simulation.duration_s",), UNTIMED),

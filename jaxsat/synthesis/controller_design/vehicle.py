@@ -197,12 +197,7 @@ VECTORS: Mapping[str, Sequence[str]] = {
     "thruster": ("position_m", "direction", "torque_axis"),
     "wheel": ("axis",),
     "magnetorquer": ("axis",),
-    "disturbance": (
-        "constant_N_m",
-        "residual_dipole_A_m2",
-        "drag_centre_m",
-        "solar_centre_m",
-    ),
+    "disturbance": ("constant_N_m", "residual_dipole_A_m2", "drag_centre_m", "solar_centre_m"),
     "panel": ("normal", "centre_m"),
     "star_tracker": ("boresight",),
     "sun_sensor": ("boresight",),

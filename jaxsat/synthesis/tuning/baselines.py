@@ -224,9 +224,7 @@ def missing_packages() -> list[str]:
 
 
 def run_baselines(
-    plan: TuningPlan,
-    state: DescentState,
-    report: Callable[[str], None] | None = None,
+    plan: TuningPlan, state: DescentState, report: Callable[[str], None] | None = None
 ) -> list[BaselineResult]:
     """Gradient descent as it was and every method whose package is there, all evaluated alike.
 

@@ -14,8 +14,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Bool, PyTree
+from jaxtyping import PyTree
 
+from jaxsat.core.array_types import BoolScalar
 from jaxsat.simulation.engine.adaptive import AdaptiveStepper
 from jaxsat.simulation.engine.fixed import stepper_for
 from jaxsat.simulation.engine.interface import CostGradient
@@ -47,7 +48,7 @@ class AbstractPhases(abc.ABC):
         """What moves, after one step tried; `count` intervals after number `first` is the end."""
 
     @abc.abstractmethod
-    def going(self, fixed, moving, numbers, first, count) -> Bool[Array, ""]:
+    def going(self, fixed, moving, numbers, first, count) -> BoolScalar:
         """Whether the end, `count` intervals after number `first`, is still ahead."""
 
     @abc.abstractmethod
