@@ -17,12 +17,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.control.diagnosis.thruster_filter import ThrusterModel
-from jaxsat.control.steering import MagneticSteering
 from jaxsat.core.array_types import Pair, RealScalar
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.laws import COAST
 from jaxsat.core.errors import JaxsatError
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
+from jaxsat.spacecraft.magnetorquers import MagneticSteering
 from jaxsat.spacecraft.wheels import Wheels
 
 

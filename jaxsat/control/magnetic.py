@@ -23,7 +23,6 @@ from jaxsat.control.periodic_gain import (
     periodic_gain,
 )
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.control.steering import MagneticSteering
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
@@ -31,6 +30,7 @@ from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.disturbances import GravityGradient
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
+from jaxsat.spacecraft.magnetorquers import MagneticSteering
 from jaxsat.spacecraft.wheels import wheel_momentum
 
 SLOW = 4.0

@@ -12,12 +12,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
-from jaxsat.control.steering import MagneticSteering
 from jaxsat.control.tolerant_actuators import Sample
 from jaxsat.core.array_types import BoolScalar, Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.quotients import root
 from jaxsat.spacecraft.allocation import allocate
+from jaxsat.spacecraft.magnetorquers import MagneticSteering
 
 INSTANTS = 64
 """Of an orbit, and as many turns of the Earth, over which a torque is averaged."""

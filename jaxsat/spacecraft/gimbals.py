@@ -12,23 +12,32 @@ the angles; gimbals follow their commands at once, within a limit of their rates
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, cast
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float
 
-from jaxsat.core.array_types import Vector
+from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
 from jaxsat.core.declaration.failures import AbstractFailureKind
 from jaxsat.core.declaration.gimbals import ACROSS, GimbalFailureKind
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.ranges import SECONDS, WHEEL_MOMENTUM
+from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.axes import of_each, unit_axes
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.failures import AbstractFailures
+from jaxsat.spacecraft.spacecraft import PlantState, inverse_of
+from jaxsat.spacecraft.steering import AbstractSteering, SteeringContext
+
+NEARLY_SINGULAR = 0.1
+"""det(A Aᵀ) of unit columns A below which rates of gimbals are damped; an even set has over 1."""
+
+DAMPING = 0.01
+"""What is added to A Aᵀ where its determinant is zero."""
 
 
 class GimbalFailures(AbstractFailures):
@@ -222,3 +231,53 @@ class ControlMomentGyros(AbstractEffector):
         _, change = self.directions(state.angle)
         rate = jnp.where(self._condition(struck)[0], 0.0, self.rate_limit)
         return Reach(-change * state.momentum[None], -rate, rate)
+
+
+class GimbalSteering(AbstractSteering):
+    """Rates of gimbals that make a torque: A dδ/dt = τ, with A the columns of their reach.
+
+    τ is the law's command and ω × h, which cancels what the momentum h of the `gyros` does to a
+    body that turns. Rates are least squares within the limits of the gimbals; of a torque that they
+    cannot make, the greatest part is. Near a singular set of angles, where no rate makes a torque
+    about some axis, they are those of the singularity-robust inverse Aᵀ (A Aᵀ + λ 1)⁻¹, in which λ
+    grows from zero (Nakamura and Hanafusa, J. Dynamic Systems, Measurement and Control 108, 1986).
+    No rates are added that make no torque, so that angles may come to a singular set and stay.
+    `working` is 1 for each gyro that is commanded, 0 for others. What gyros do not make is left.
+    """
+
+    kind: ClassVar[str] = ControlMomentGyros.kind
+
+    gyros: ControlMomentGyros
+    working: Float[Array, " k"] = eqx.field(converter=as_float)
+
+    @classmethod
+    def from_tables(
+        cls, effector: ControlMomentGyros, tables: Sequence[Any], context: SteeringContext
+    ) -> "GimbalSteering":
+        """The steering of the gyros that have not failed before the start."""
+        working = np.array([not one.failed for one in tables], float)
+        return cls(cast(ControlMomentGyros, effector.without_corners()), working)
+
+    def __call__(
+        self, t: RealScalar, state: PlantState, command: Vector
+    ) -> tuple[Float[Array, " k"], Vector]:
+        """The rate of each gimbal (rad/s), and the command left to others (N m)."""
+        own = state.find(GyroStates)
+        if own is None:
+            raise ValueError("Argument `state` must have the states of gyros, but has none.")
+        sound = jnp.zeros(self.gyros.failure_times.shape, bool)
+        reach = self.gyros.reach(t, state, own, sound, jnp.zeros_like(t))
+        reach = reach._replace(low=reach.low * self.working, high=reach.high * self.working)
+        torque = command + jnp.cross(state.omega, self.gyros.momentum(own))
+        size = jnp.sqrt(jnp.sum((reach.columns * self.working[None]) ** 2, axis=0))
+        units = reach.columns / jnp.where(size > 0, size, jnp.inf)[None]
+        rates = allocate(reach, units @ _robust(units, torque)).use
+        return rates, torque - reach.columns @ rates
+
+
+def _robust(columns: Float[Array, "3 k"], torque: Vector) -> Float[Array, " k"]:
+    """Uses of unit columns that make a torque (N m), damped where the columns lack a direction."""
+    square = columns @ columns.T
+    determinant = jnp.dot(square[0], jnp.cross(square[1], square[2]))
+    lack = jnp.maximum(1 - determinant / NEARLY_SINGULAR, 0.0)
+    return columns.T @ (inverse_of(square + DAMPING * lack**2 * jnp.eye(3)) @ torque)

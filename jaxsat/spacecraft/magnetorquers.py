@@ -9,14 +9,19 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 
 from jaxsat.core.allocation import unit_columns
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.array_types import Matrix, RealScalar, Vector
+from jaxsat.core.checks import as_float, as_optional_float, require_positive
 from jaxsat.core.declaration.failures import AbstractFailureKind, FailureKind
 from jaxsat.core.ranges import MISALIGNMENT
+from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.axes import of_each, turned_axes, unit_axes
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
 from jaxsat.spacecraft.effector import AbstractEffector, Dipoles, Effect, EffectorContext, Reach
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
 from jaxsat.spacecraft.failures import AbstractFailures
+from jaxsat.spacecraft.spacecraft import PlantState
+from jaxsat.spacecraft.steering import AbstractSteering, SteeringContext
+from jaxsat.spacecraft.wheels import wheel_momentum
 
 
 class MagnetorquerFailures(AbstractFailures):
@@ -136,3 +141,89 @@ class Magnetorquers(AbstractEffector):
     def misaligned(self, angles: Float[Array, "k 2"]) -> "Magnetorquers":
         """Magnetorquers turned by small angles (rad) towards two directions across each axis."""
         return eqx.tree_at(lambda one: one.axes, self, turned_axes(self.axes, angles))
+
+
+class MagneticSteering(AbstractSteering):
+    """Dipoles m = B × τ / |B|², which make of a wanted torque τ what is across the field B.
+
+    τ = `wanted` u - `unloading` (A h - h0): a part of the law's command u (N m), and what takes
+    momentum h beyond the `bias` h0 (N m s) out of the wheels along `wheel_axes` A, in parts a
+    second. `shares` (k, 3) makes a dipole of the magnetorquers along `axes`. Of all dipoles with
+    the same torque these have the least sum of squares over the `dipole_limit` (A m²) of each,
+    within the limits; of a torque that cannot be made, the greatest part is. What they then make is
+    left out of the command of all other actuators, so that the body feels the law's torque. B is
+    that of the `field` at the attitude that the law is told. Sidi, Spacecraft Dynamics and Control,
+    1997, sections 7.4 and 7.5: the cross-product law.
+    """
+
+    kind: ClassVar[str] = Magnetorquers.kind
+
+    field: AbstractMagneticField
+    axes: Float[Array, "3 k"] = eqx.field(converter=as_float)
+    shares: Float[Array, "k 3"] = eqx.field(converter=as_float)
+    dipole_limit: Float[Array, " k"] = eqx.field(converter=as_float)
+    wanted: Matrix = eqx.field(converter=as_float)
+    unloading: RealScalar = eqx.field(converter=as_float, default=0.0)
+    wheel_axes: Float[Array, "3 wheels"] | None = eqx.field(
+        converter=as_optional_float, default=None
+    )
+    bias: Vector = eqx.field(converter=as_float, default=(0.0, 0.0, 0.0))
+
+    @classmethod
+    def from_tables(
+        cls, effector: Magnetorquers, tables: Sequence[Any], context: SteeringContext
+    ) -> "MagneticSteering":
+        """Dipoles for what wheels do not make of a command of three torques, and that unload them.
+
+        Those that have failed before the start are asked for nothing.
+        """
+        axes, working = np.asarray(effector.axes), [not one.failed for one in tables]
+        shares = np.zeros((axes.shape[1], 3))
+        shares[working] = np.linalg.pinv(axes[:, working])
+        limit, (wheels, left, unloading, bias) = effector.dipole_limit, context
+        return cls(effector.field, axes, shares, limit, left, unloading, wheels, bias)
+
+    def __check_init__(self):
+        require_positive("dipole_limit", self.dipole_limit)
+        require_positive("unloading", self.unloading, zero_allowed=True)
+
+    def __call__(
+        self, t: RealScalar, state: PlantState, command: Vector
+    ) -> tuple[Float[Array, " k"], Vector]:
+        """The dipole of each magnetorquer (A m²), and the command left to others (N m)."""
+        field = self.field.in_body(t, state.attitude)
+        dipoles, torque = self.within_limits(field, self.wanted_torque(state, command))
+        return dipoles, command - torque
+
+    def within_limits(self, field: Vector, torque: Vector) -> tuple[Float[Array, " k"], Vector]:
+        """The dipole of each (A m²) for a torque (N m) in a field (T, body axes), and what they
+        make of it."""
+        reach = self.reach(field)
+        dipoles = allocate(reach, reach.columns @ self.unlimited(field, torque)).use
+        return dipoles, reach.columns @ dipoles
+
+    def reach(self, field: Vector) -> Reach:
+        """What the dipole of each (A m²) makes in a field (T, body axes), within its limit."""
+        limit = jnp.where(jnp.any(self.shares != 0, axis=1), self.dipole_limit, 0.0)
+        return Reach(jnp.cross(self.axes, field[:, None], axis=0), -limit, limit)
+
+    def within_reach(self, t: RealScalar, state: PlantState, torque: Vector) -> Vector:
+        """What dipoles make that have no limits (N m): none of it is along the field."""
+        field = self.field.in_body(t, state.attitude)
+        across = jnp.cross(self.axes, field[:, None], axis=0)
+        return across @ self.unlimited(field, self.wanted_torque(state, torque))
+
+    def wanted_torque(self, state: PlantState, command: Vector) -> Vector:
+        """The torque (N m) that dipoles are to make for a command of the law (N m)."""
+        return self.wanted @ command - self.unloading * self.excess(state)
+
+    def unlimited(self, field: Vector, torque: Vector) -> Float[Array, " k"]:
+        """The dipole of each (A m²) for a torque in a field (T, body axes) if it had no limit."""
+        return self.shares @ (jnp.cross(field, torque) / jnp.sum(field**2))
+
+    def excess(self, state: PlantState) -> Vector:
+        """Momentum of the wheels beyond their bias, N m s, in body axes."""
+        momentum = wheel_momentum(state)
+        if self.wheel_axes is None or momentum is None:
+            return jnp.zeros_like(state.omega)
+        return self.wheel_axes @ momentum - self.bias

@@ -4,12 +4,12 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.control.sampled import AbstractSampledController
-from jaxsat.control.steering import MagneticSteering
 from jaxsat.controllability.rods import NORMAL, RodSet
 from jaxsat.simulation.loops import AbstractLoop, parts_of
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.effector import Dipoles
 from jaxsat.spacecraft.environment.disturbances import has_gravity_gradient
+from jaxsat.spacecraft.magnetorquers import MagneticSteering
 
 TURNED = 0.1
 """Of the least momentum that a wheel can hold: what runaways may hold across the orbit normal. The

@@ -8,11 +8,11 @@ import pytest
 from pydantic import ValidationError
 
 from helpers.magnetic import document
-from jaxsat.control.steering import AbstractSteering, MagneticSteering, Steered
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.sampled_loop import SampledLoop
-from jaxsat.spacecraft.magnetorquers import Magnetorquers
+from jaxsat.spacecraft.magnetorquers import MagneticSteering, Magnetorquers
+from jaxsat.spacecraft.steering import AbstractSteering, Steered
 
 
 def made(data) -> SampledLoop:

@@ -6,7 +6,6 @@ import pytest
 from scipy.special import ellipj, ellipkinc
 
 from jaxsat.control.controller import Coast
-from jaxsat.control.steering import Steered
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation.engine.single import simulate
 from jaxsat.simulation.loops import ContinuousLoop
@@ -14,6 +13,7 @@ from jaxsat.simulation.methods import adaptive
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
 from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.steering import Steered
 
 SLUG_FOOT_SQUARED = 1.3558179483314004
 BRICK = np.array([0.001894220, 0.006211019, 0.007194665]) * SLUG_FOOT_SQUARED

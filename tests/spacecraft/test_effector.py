@@ -12,7 +12,6 @@ from jaxtyping import Array, Float
 from scipy.integrate import solve_ivp
 
 from jaxsat.control.controller import Coast
-from jaxsat.control.steering import Steered
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.wheels import WheelFailureKind
@@ -24,6 +23,7 @@ from jaxsat.spacecraft.effector import AbstractEffector, Effect
 from jaxsat.spacecraft.environment.disturbances import ConstantTorque
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
 from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.steering import Steered
 from jaxsat.spacecraft.wheel_failures import WheelFailures
 from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 

@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from jaxsat.control.controller import Coast
-from jaxsat.control.steering import Steered
 from jaxsat.core.attitude import Quaternion
 from jaxsat.simulation.engine.single import simulate
 from jaxsat.simulation.loops import ContinuousLoop
@@ -17,6 +16,7 @@ from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
 from jaxsat.spacecraft.flexible_modes import FlexibleModes, ModeStates
 from jaxsat.spacecraft.spacecraft import Spacecraft
+from jaxsat.spacecraft.steering import Steered
 
 INERTIA = np.array([[50.0, 2.0, -1.0], [2.0, 60.0, 3.0], [-1.0, 3.0, 40.0]])
 COUPLINGS = np.array([[3.0, 0.5], [-1.0, 2.0], [0.5, 3.5]])

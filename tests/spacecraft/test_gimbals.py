@@ -11,7 +11,6 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from jaxsat.control.controller import Coast
-from jaxsat.control.steering import GimbalSteering
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.gimbals import GimbalFailureKind
 from jaxsat.simulation.engine.single import simulate
@@ -20,7 +19,7 @@ from jaxsat.simulation.methods import adaptive
 from jaxsat.spacecraft.distribution import AbstractDistribution, Shares
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
-from jaxsat.spacecraft.gimbals import ControlMomentGyros, GimbalFailures, GyroStates
+from jaxsat.spacecraft.gimbals import ControlMomentGyros, GimbalFailures, GimbalSteering, GyroStates
 from jaxsat.spacecraft.spacecraft import Spacecraft
 
 INERTIA = np.array([[5.0, 0.2, -0.1], [0.2, 4.0, 0.3], [-0.1, 0.3, 3.0]])

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.control.controller import MagneticContext, WheelContext
-from jaxsat.control.steering import AbstractSteering, MagneticSteering, Steered, SteeringContext
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.checks import as_float
 from jaxsat.core.declaration.actuators import ACTUATORS as DECLARED
@@ -35,8 +34,9 @@ from jaxsat.spacecraft.actuators import ActuatorContext, Actuators, PluginActuat
 from jaxsat.spacecraft.distribution import AbstractDistribution, Direct, WheelsFirst
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.effector import AbstractEffector, EffectorContext, Reach
-from jaxsat.spacecraft.magnetorquers import Magnetorquers
+from jaxsat.spacecraft.magnetorquers import MagneticSteering, Magnetorquers
 from jaxsat.spacecraft.relief import Relief
+from jaxsat.spacecraft.steering import AbstractSteering, Steered, SteeringContext
 from jaxsat.spacecraft.thrusters import Thrusters
 from jaxsat.spacecraft.wheels import Wheels
 

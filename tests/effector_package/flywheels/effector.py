@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from flywheels.declaration import FlywheelFailureKind
-from jaxsat.control.steering import AbstractSteering
 from jaxsat.core.ranges import TORQUE
 from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.dispersible import Dispersible, Limits
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, Reach
 from jaxsat.spacecraft.failures import AbstractFailures
+from jaxsat.spacecraft.steering import AbstractSteering
 
 
 class FlywheelFailures(AbstractFailures):
