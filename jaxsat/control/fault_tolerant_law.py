@@ -127,12 +127,13 @@ LEAST_NOISE = 1e-3
 """Of what the strongest thruster, or a motor at full torque, changes in a period: of what is told
 without noise."""
 
-MOMENTUM_NOISE, MOMENTUM_WALK = 2e-4, 0.02
-"""Of a total momentum that is read, as a rate over the natural frequency; and how much of that
-torques from outside change in a second."""
+MOMENTUM_UNKNOWN, MOMENTUM_NOISE = 1.0, 2e-4
+"""Of a total momentum that is not known yet, and of one that is read; as rates, over the natural
+frequency."""
 
-DIGITS = 9
-"""Of planes and limits that count as the same."""
+ALONE_WALK, WALK = 0.02, 1e3
+"""Of the noise: what torques from outside change in an update, where none acts by design and where
+thrusters, magnetorquers or the turn of the frame do."""
 
 
 Tree = TypeVar("Tree")
@@ -244,10 +245,13 @@ def _tolerant_wheels(
 
 def _momentum_fit(values: Mapping[str, Any], law: LawContext) -> MomentumFit:
     """Momentum hardly changes where wheels alone act in inertial axes, else at any time."""
-    noise = MOMENTUM_NOISE * values["natural_frequency_rad_s"]
+    frequency = values["natural_frequency_rad_s"]
+    unknown, noise = MOMENTUM_UNKNOWN * frequency, MOMENTUM_NOISE * frequency
     inertial = not np.any(np.asarray(law.model.orbit.rate))
     alone = inertial and law.thrusters is None and law.magnetic is None
-    return MomentumFit(law.model.spacecraft, noise, noise * (MOMENTUM_WALK if alone else 1e3))
+    return MomentumFit(
+        law.model.spacecraft, unknown, noise, noise * (ALONE_WALK if alone else WALK)
+    )
 
 
 def _settling(
@@ -258,24 +262,21 @@ def _settling(
     steps: Steps,
 ) -> tuple[tuple[FailedSet, ...], SettlingLaws | None]:
     """The sets, and the laws of those that leave a plane; None where no set does."""
-    places: dict[tuple, int | None] = {}
     laws: list[tuple[ThreeSlewSettling, np.ndarray, Leaks]] = []
     of_set, final_sets = [], []
     for one in sets:
-        place = None
+        place = 0
         if one.directions is not None:
             axes = _plane_axes(context, one.directions)
             limit = limit_about(np.delete(torque, one.failed, axis=1), axes)
-            key = (one.failed, *np.round(axes, DIGITS).ravel().tolist(), round(limit, DIGITS))
-            if key not in places:
-                law = _law(values, context, axes, limit, steps, torque, one.failed)
-                places[key] = None if law is None else len(laws)
-                laws += [] if law is None else [law]
-            place = places[key]
-            if place is None:
+            law = _law(values, context, axes, limit, steps, torque, one.failed)
+            if law is None:
                 one = one._replace(left=Left.LESS, directions=None)
+            else:
+                place = len(laws)
+                laws.append(law)
         final_sets.append(one)
-        of_set.append(place or 0)
+        of_set.append(place)
     if not laws:
         return tuple(final_sets), None
     stacked = _stacked(law for law, _, _ in laws)

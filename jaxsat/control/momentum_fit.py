@@ -18,9 +18,6 @@ from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.trees import Symmetric
 from jaxsat.spacecraft.spacecraft import Spacecraft
 
-UNKNOWN = 0.1
-"""rad/s: standard deviation of what H is at first, over the mean moment."""
-
 SAMPLES = 10
 """Control periods from one update to the next."""
 
@@ -36,21 +33,24 @@ class MomentumMemory(NamedTuple):
 class MomentumFit(eqx.Module):
     """Recursive least squares for the total momentum and the errors of the inertia.
 
-    The standard deviation of a total momentum that is read is `noise`; in each update momentum has
-    changed by `walk` from outside. Both are rates (rad/s): the momentum over the mean moment.
+    The standard deviation of a momentum that is not known yet is `unknown`, that of a total one
+    that is read is `noise`; in each update momentum has changed by `walk` from outside. All are
+    rates (rad/s): the momentum over the mean moment.
     """
 
     spacecraft: Spacecraft
+    unknown: RealScalar = eqx.field(converter=as_float)
     noise: RealScalar = eqx.field(converter=as_float)
     walk: RealScalar = eqx.field(converter=as_float)
 
     def __check_init__(self):
+        require_positive("unknown", self.unknown)
         require_positive("noise", self.noise)
         require_positive("walk", self.walk)
 
     def init(self) -> MomentumMemory:
         """The memory of a fit that knows no momentum yet."""
-        prior = jnp.concatenate([self._prior(), jnp.full(3, UNKNOWN)])
+        prior = jnp.concatenate([self._prior(), jnp.full(3, self.unknown)])
         return MomentumMemory(jnp.zeros(9), Symmetric(jnp.diag(prior**2)), jnp.array(SAMPLES))
 
     def _prior(self) -> Float[Array, "6"]:
@@ -100,7 +100,7 @@ class MomentumFit(eqx.Module):
     ) -> MomentumMemory:
         """The three equations, one at a time."""
         estimate, covariance = memory.estimate, memory.covariance.matrix
-        fresh = jnp.where(again, UNKNOWN, self.walk)
+        fresh = jnp.where(again, self.unknown, self.walk)
         grown = jnp.concatenate([jnp.zeros(6), jnp.ones(3)]) * fresh
         covariance = covariance + jnp.diag(grown**2)
         basis = jnp.asarray(BASIS, estimate.dtype)

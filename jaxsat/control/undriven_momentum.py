@@ -12,6 +12,7 @@ import jax.numpy as jnp
 
 from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
+from jaxsat.core.quotients import length
 
 SMALLEST = 1e-30
 """Keeps a quotient of two zeros finite."""
@@ -38,6 +39,8 @@ def nearest_held(
     H is known to within an `error`, all in the same unit: as far as it is less, the attitude is the
     target.
     """
+    unit = length(momentum) + SMALLEST
+    momentum, coasting, error = momentum / unit, coasting / unit, error / unit
     across = jnp.cross(normal, momentum)
     size, along = jnp.sqrt(jnp.sum(across**2)), normal @ momentum
     whole = jnp.sqrt(size**2 + along**2)

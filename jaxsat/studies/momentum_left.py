@@ -30,7 +30,8 @@ SLOW = 0.25
 """Of the tolerance about the normal: the turn in the time asked of a body that is held."""
 
 NOTHING = 1e-12
-"""Of the momentum of a body at the largest rate allowed, in a second: a torque that is none."""
+"""Of the momentum of a body at the largest rate allowed, over the duration: a torque that is
+none."""
 
 SLIGHT = 1e-3
 """rad; turn over which the change of a torque is taken."""
@@ -73,8 +74,9 @@ class Held:
         """Whether no torque acts from outside, nor does the target turn."""
         times, inertia = np.linspace(0.0, self.duration, INSTANTS), self._starts.inertia[0]
         torques = self._torques(inertia, times, _slightly(SLIGHT * np.eye(3)))
-        nothing = NOTHING * np.abs(inertia).max() * float(self.tolerances.relative_rate)
-        return bool(np.abs(torques).max() <= nothing and not self._rate)
+        most = np.abs(inertia).max() * float(self.tolerances.relative_rate)
+        nothing = np.abs(torques).max() * self.duration <= NOTHING * most
+        return bool(nothing and not self._rate)
 
     @property
     def _rate(self) -> float:

@@ -8,6 +8,7 @@ import pytest
 from cli.test_your_own_law import PAGE, blocks
 from helpers import gyros
 from helpers.units import in_units
+from jaxsat.control.tolerant_actuators import TolerantMode
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.schema import Scenario
@@ -71,6 +72,27 @@ def of_the_page(folder, monkeypatch):
     monkeypatch.syspath_prepend(folder)
     found = tomllib.loads(blocks(text, "toml")[0])
     return {key: found[key] for key in found if key not in ("dispersion", "tuning")}
+
+
+TWO_WHEELS = [
+    "failure=[{of='wheel A', kind='dead', at_s=1}, {of='wheel B', kind='dead', at_s=1}]",
+    "initial.omega_rad_s=[2e-3, -1e-3, 2e-3]",
+    "simulation.duration_s=100",
+]
+"""Momentum that two wheels are left with, and learn."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("time", [2.0**14, 2.0**-14])
+def test_two_wheels_with_momentum_learn_it_alike_at_any_scale(time):
+    """Of mass, so that torques stay in range, and of time; to the last bit."""
+    scenario = load("wheels-fail", TWO_WHEELS)
+    units = (time**2, 1.0, time)
+    own, other = (build(one).simulate().signals for one in (scenario, in_units(scenario, units)))
+    assert np.asarray(own.mode)[-1] == TolerantMode.NEAREST
+    np.testing.assert_array_equal(other.mode, own.mode)
+    np.testing.assert_array_equal(other.quaternion, own.quaternion)
+    np.testing.assert_array_equal(np.asarray(other.omega) * time, own.omega)
 
 
 UNITS = ((2.0**20, 1.0, 1.0), (2.0**-20, 1.0, 1.0), (1.0, 2.0**8, 1.0), (1.0, 1.0, 2.0**12))

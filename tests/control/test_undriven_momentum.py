@@ -90,7 +90,7 @@ def test_momentum_and_inertia_are_learnt_from_a_motion_by_scipy():
     start = np.concatenate([[0.8, 0.0, 0.6, 0.0], [0.4, -0.2, 0.3], [2e-3, -1e-3, 3e-3]])
     times = np.arange(0.0, 100.0, 1.0)
     motion = solve_ivp(slope, (0, 100), start, t_eval=times, rtol=1e-9, atol=1e-12).y.T
-    fit = MomentumFit(Spacecraft(INERTIA), 1e-7, 1e-12)
+    fit = MomentumFit(Spacecraft(INERTIA), 0.1, 1e-7, 1e-12)
     update = jax.jit(lambda *told: fit.update(*told, again=jnp.array(False)))
     memory = fit.init()
     totals = []

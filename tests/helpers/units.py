@@ -14,6 +14,8 @@ POWERS = {
     "m": (0, 1, 0),
     "s": (0, 0, 1),
     "N": (1, 1, -2),
+    "Hz": (0, 0, -1),
+    "A": (0, 0, 0),
 }
 """Powers of mass, length and time in a unit."""
 
@@ -22,15 +24,16 @@ KEPT = ("specific_impulse_s",)
 
 
 def powers(unit: str) -> np.ndarray:
-    """Those of "N m s" or "√(rad/s)"."""
+    """Those of "N m s", "√(rad/s)" or "rad/s/√Hz"."""
     root = re.fullmatch(r"√\((.*)\)", unit)
     if root:
         return powers(root[1]) / 2
-    total = np.zeros(3)
-    for sign, part in zip((1, -1), unit.split("/"), strict=False):
+    total, sign = np.zeros(3), 1
+    for part in unit.split("/"):
         for word in part.split():
-            power = {"²": 2, "³": 3}.get(word[-1], 1)
-            total += sign * power * np.array(POWERS[word.rstrip("²³")])
+            power = {"²": 2, "³": 3}.get(word[-1], 1) / (2 if word[0] == "√" else 1)
+            total += sign * power * np.array(POWERS[word.strip("√²³")])
+        sign = -1
     return total
 
 
