@@ -24,6 +24,16 @@ time and H gives the same system, so rest is reached from everywhere. Attitudes 
 those reached over one momentum are a subsemigroup of SO(3) with interior, which in a compact group
 is all of it. Where two moments agree both planes are H·e = 0, e the axis of symmetry; a sphere
 keeps H itself, and then every half space is a barrier.
+
+Beside one wheel along a, H = Jω + a h turns about b = J⁻¹a both ways, as [w, f] of the wheel w is
+that rotation, and as before with the drift. A part of the sphere |H| = const that neither leaves
+is made of circles b·H = s on which b·(H × KH) vanishes, K = J⁻¹. With e and e' across b that is the
+second harmonic, e·Ke - e'·Ke' and e·Ke', and s times the first, b × Kb. All vanish for s = 0 alone
+where K is a multiple of one across b, so that b is normal to a separatrix plane: both do not
+leave either half of the sphere, and torques on both sides of the plane must. They vanish for every
+s where b is an axis of symmetry, too: then torques, turned about b, push H to all sides unless none
+is on one side of the plane. In all other cases wheel and drift turn H into any direction (but where
+it is along a principal axis with a wheel about it), so that one torque of one sign is enough.
 """
 
 from dataclasses import dataclass
@@ -239,20 +249,34 @@ def separatrix_normals(
 
 
 def momentum_barrier(
-    inertia: Float[np.ndarray, "3 3"], cone: TorqueCone, tolerance: float
+    inertia: Float[np.ndarray, "3 3"],
+    cone: TorqueCone,
+    tolerance: float,
+    turned_about: Float[np.ndarray, "3"] | None = None,
 ) -> Float[np.ndarray, "3"] | None:
-    """A unit vector m, if there is one, such that the momentum m·Jω never falls: m·τ ≥ 0, m·f ≥ 0.
+    """A unit vector m, if there is one, such that the momentum m·H never falls: m·τ ≥ 0, m·f ≥ 0.
 
-    More exactly the half space m·Jω ≥ 0 is never left. Components of unit torques below `tolerance`
+    More exactly the half space m·H ≥ 0 is never left. Components of unit torques below `tolerance`
     count as zero. None says that one-signed torques and the drift reach both sides of every
     separatrix plane; with rank 6 the spacecraft is then controllable without disturbance.
+
+    Beside one wheel along a, `cone` is that of the thrusters and `turned_about` is J⁻¹a, about
+    which the wheel turns H both ways: only a plane across it is never crossed then.
     """
     planes = separatrix_normals(inertia)
-    if planes is None:
+    if turned_about is not None:
+        about = turned_about / np.linalg.norm(turned_about)
+        across = [] if planes is None else [np.linalg.norm(np.cross(about, m)) for m in planes[0]]
+        if planes is not None and min(across) > tolerance:
+            return None
+        normals = (about,)
+    elif planes is None:
         if cone.two_sided == 3:
             return None
         return cone.neither[:, 0] if cone.opposed is None else -cone.opposed
-    for normal in planes[0]:
+    else:
+        normals = planes[0]
+    for normal in normals:
         heights = normal @ cone.rays
         if not np.any(heights < -tolerance):
             return normal

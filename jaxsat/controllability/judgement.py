@@ -48,9 +48,8 @@ class Judgement:
     - "by drift": rank 6 and a drift that returns are enough in principle, no law of jaxsat uses it;
       or magnetorquers along one axis are;
     - "some attitudes": two wheels with momentum left, which hold only attitudes n·CH = n·β;
-    - "not decided": one wheel beside thrusters, rank 6, but less than two torques of both signs; or
-      thrusters that make less than three, beside a wheel that coasts; or magnetorquers where rest
-      in the orbit frame is no equilibrium;
+    - "not decided": thrusters that make less than three torques, beside a wheel that coasts; or
+      magnetorquers where rest in the orbit frame is no equilibrium;
     - "borderline": the data or their rounding decide, or the field hardly turns at times of a day;
     - "uncontrollable".
 

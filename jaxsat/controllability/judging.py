@@ -147,22 +147,30 @@ def _with_one_wheel(
     tolerance: float,
 ) -> Judgement:
     """Judge by the torques of both signs and a gyrostat's brackets; `alone` has no wheel."""
-    axis = wheels.directions[:, 0]
-    directions, margin = one_wheel_brackets(alone.inertia, healthy.torques, axis, tolerance)
+    axis, inertia = wheels.directions[:, 0], alone.inertia
+    directions, margin = one_wheel_brackets(inertia, healthy.torques, axis, tolerance)
+    turned_about = np.linalg.solve(inertia / np.abs(inertia).max(), axis)
+    barrier, strict = (
+        momentum_barrier(inertia, alone.cone, level, turned_about)
+        for level in (tolerance, ROUNDING)
+    )
     laws: Laws = "three torques" if cone.two_sided == 3 else alone.laws
     verdict: Verdict = "uncontrollable"
     if laws != "none":
         verdict = "controllable"
-    elif directions.shape[1] == 3:
-        crosses = _wheel_crosses(alone.inertia, healthy.torques, axis, cone, tolerance)
-        verdict = "by drift" if crosses else "not decided"
-    if cone.borderline or wheels.borderline or (alone.borderline and laws == alone.laws != "none"):
+    elif directions.shape[1] == 3 and barrier is None:
+        verdict = "by drift"
+    is_undecided = (
+        laws == "none" and directions.shape[1] == 3 and (barrier is None) != (strict is None)
+    )
+    doubtful = alone.borderline and laws == alone.laws != "none"
+    if cone.borderline or wheels.borderline or doubtful or is_undecided:
         verdict = "borderline"
     turn = alone.turn_time
     if cone.two_sided == 3:
-        turn = turn_time(alone.inertia, cone.both_signs)
+        turn = turn_time(inertia, cone.both_signs)
     return Judgement(
-        inertia=alone.inertia,
+        inertia=inertia,
         actuators=healthy,
         verdict=verdict,
         rank=RANK_OF_DIMENSION[directions.shape[1]],
@@ -171,30 +179,9 @@ def _with_one_wheel(
         margin=margin,
         turn_time=turn if laws != "none" else np.nan,
         cone=cone,
+        barrier=barrier if laws == "none" else None,
         level_set=wheels,
     )
-
-
-def _wheel_crosses(
-    inertia: Float[np.ndarray, "3 3"],
-    torques: Float[np.ndarray, "3 m"],
-    axis: Float[np.ndarray, "3"],
-    cone: TorqueCone,
-    tolerance: float,
-) -> bool:
-    """Whether wheel and thrusters leave the plane of their torques, in both directions at once.
-
-    [[f, w], w] of a wheel w is zero, so where n·[[f, w], g] is not, two directions of the plane
-    have no part of their own bad brackets along n: small-time local controllability at rest, as
-    in `small_time_local_controllability`.
-    """
-    if cone.normal is None:
-        return False
-    turn = np.linalg.solve(inertia, axis)
-    heights = np.abs(cone.normal @ np.cross(turn, torques, axisb=0).T)
-    sizes = np.linalg.norm(turn) * np.linalg.norm(torques, axis=0)
-    beside = np.abs(cone.normal @ torques) <= tolerance * np.linalg.norm(torques, axis=0)
-    return bool(np.any(beside & (heights > tolerance * sizes)))
 
 
 def _by_torques(

@@ -261,10 +261,9 @@ def _axis(direction: Float[np.ndarray, "3"]) -> str:
 
 _ONE_WHEEL = {
     "controllable": "Controllable: {rank}, one wheel with thrusters",
-    "by drift": "Controllable by drift: {rank} with one wheel at rest; no law of jaxsat uses it",
-    "not decided": "Not decided: {rank} with one wheel at rest; one-sided torques matter, and "
-    "jaxsat does not analyse the drift with the wheel's momentum; no law of jaxsat uses it",
-    "uncontrollable": "Not controllable: {rank} with one wheel at rest",
+    "by drift": "Controllable by drift: {rank} with one wheel; wheel and drift turn the momentum "
+    "to where thrusters change it; no law of jaxsat uses it",
+    "uncontrollable": "Not controllable: {rank} with one wheel",
 }
 
 
@@ -275,7 +274,12 @@ def _wheel_sentence(judgement: Judgement) -> str:
     if judgement.verdict == "borderline":
         return "Borderline: the data do not determine the deciding wheel axes or torques."
     if judgement.dimension == 6 and wheels.axes == 1:
-        return f"{_ONE_WHEEL[judgement.verdict].format(rank=rank)}; {cone_words(judgement.cone)}."
+        text = f"{_ONE_WHEEL[judgement.verdict].format(rank=rank)}; {cone_words(judgement.cone)}."
+        if judgement.barrier is None or judgement.rank < 6:
+            return text
+        return f"{text} Neither thrusters nor drift nor wheel leave the half space " + (
+            f"m·H ≥ 0 with m = {direction_words(judgement.barrier)}."
+        )
     if judgement.dimension == 6 and wheels.axes == 3:
         return f"Controllable: {rank} by three independent wheel axes."
     count = len(judgement.actuators.wheels)

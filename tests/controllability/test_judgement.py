@@ -86,7 +86,7 @@ def test_four_thrusters_that_all_turn_about_z_lose_something():
         ),
         (thrusters(X, -X, Y, -Y, wheel_axes=np.zeros((3, 1))), "controllable", "two torques", "6"),
         (thrusters(X, wheel_axes=X[:, None]), "uncontrollable", "none", "rank 2 of 6"),
-        (thrusters(X + Y + Z, wheel_axes=X[:, None]), "not decided", "none", "one wheel"),
+        (thrusters(X + Y + Z, wheel_axes=X[:, None]), "by drift", "none", "one wheel"),
         (thrusters(X, -X + 1e-8 * Y, Y, -Y, Z), "controllable", "two torques", "+z alone"),
         (thrusters(X, -X, Y, -Y + 1e-8 * Z), "borderline", "two torques", "Borderline"),
     ],
