@@ -23,6 +23,7 @@ from jaxsat.control.tolerant_actuators import (
 )
 from jaxsat.control.tolerant_mix import Gentleness, Mix, MixMemory
 from jaxsat.control.tolerant_rods import RodMemory, TolerantRods, about
+from jaxsat.control.what_is_left import LEFT
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
@@ -284,15 +285,16 @@ class FaultTolerant(AbstractSampledController):
         self, three: BoolScalar, axis: Vector | None, memories: list[TolerantMemory]
     ) -> IntScalar:
         changed, alarmed = jnp.array(False), jnp.array(False)
-        mode = jnp.array(int(TolerantMode.DAMPING))
+        mode = jnp.array(int(LEFT["none"].modes[0]))
         for one, memory in zip(self.actuators, memories, strict=True):
             alone, own = one.alone(memory)
             mode = jnp.where(alone, own, mode)
             changed = changed | one.changed(memory)
             alarmed = alarmed | memory.diagnosis.alarmed
-        whole = jnp.where(changed, int(TolerantMode.REALLOCATED), int(TolerantMode.THREE_AXES))
+        before, after = LEFT["three torques"].modes
+        whole = jnp.where(changed, int(after), int(before))
         if axis is not None:
-            whole = jnp.where(jnp.any(axis != 0), int(TolerantMode.RODS), whole)
+            whole = jnp.where(jnp.any(axis != 0), int(LEFT["magnetic"].modes[0]), whole)
         mode = jnp.where(three, whole, mode)
         return jnp.where(alarmed, int(TolerantMode.ALARM), mode)
 

@@ -18,10 +18,10 @@ from jaxsat.control.tolerant_actuators import (
     Demand,
     Sample,
     TolerantMemory,
-    TolerantMode,
 )
 from jaxsat.control.two_wheels import TwoWheels
 from jaxsat.control.undriven_momentum import nearest_held
+from jaxsat.control.what_is_left import LEFT
 from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import DCM, Quaternion
@@ -284,7 +284,8 @@ class TolerantWheels(AbstractTolerantActuators):
     def alone(self, memory: TolerantMemory) -> tuple[BoolScalar, IntScalar]:
         """By two wheels, where there is an attitude at which they leave no rate."""
         can = (memory.ability.left == Left.PLANE) & memory.own.can
-        mode = jnp.where(memory.own.near, TolerantMode.TWO_WHEELS, TolerantMode.NEAREST)
+        (target,), (nearest,) = LEFT["two wheels"].modes, LEFT["nearest attitude"].modes
+        mode = jnp.where(memory.own.near, int(target), int(nearest))
         return can, mode
 
     def _pulses(self, sample: Sample, memory: TolerantMemory) -> tuple[OfEach, RealScalar]:

@@ -40,6 +40,7 @@ class ActuatorSet:
     - `coasting`: momentum Σ a h of the wheels that have failed, N m s, body axes. A dead motor
       leaves it as it is until friction has stopped the wheel. `coasting_rotors` is Σ J_w a aᵀ of
       the same, kg m².
+    - `target_turns`: whether the attitude that is wanted turns in inertial axes.
     """
 
     torques: Float[np.ndarray, "3 m"]
@@ -53,6 +54,7 @@ class ActuatorSet:
     rotors: Float[np.ndarray, " k"]
     coasting: Float[np.ndarray, "3"]
     coasting_rotors: Float[np.ndarray, "3 3"]
+    target_turns: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -123,6 +125,7 @@ def actuator_set(
     momentum: Numbers = (0.0, 0.0, 0.0),
     stored: Numbers | None = None,
     rotors: Numbers | None = None,
+    target_turns: bool = False,
 ) -> ActuatorSet:
     """Check arrays and make an `ActuatorSet` of them.
 
@@ -161,6 +164,7 @@ def actuator_set(
         inertias,
         np.zeros(3),
         np.zeros((3, 3)),
+        target_turns,
     )
 
 

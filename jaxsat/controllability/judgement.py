@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.control.what_is_left import Laws
 from jaxsat.controllability.actuators import ActuatorSet
 from jaxsat.controllability.cone import TorqueCone
 from jaxsat.controllability.decision import RankDecision
@@ -14,8 +15,6 @@ from jaxsat.controllability.wheels import MomentumLevelSet
 Verdict = Literal[
     "controllable", "by drift", "some attitudes", "not decided", "borderline", "uncontrollable"
 ]
-Laws = Literal["three torques", "two torques", "magnetic", "none"]
-
 CONTROLLABLE = ("controllable", "by drift")
 """Verdicts by which every attitude and rate that the momentum allows can be reached."""
 
@@ -57,8 +56,8 @@ class Judgement:
     the rotors of all wheels, as torques turn it.
 
     `rank` of `dimension`: directions that brackets reach at rest, of all that the conserved
-    momentum leaves. `laws`: the kind of law that can be flown. `cone` is that of thrusters and
-    wheels together. `barrier` is the unit vector m with m·Jω ≥ 0 for ever once it holds
+    momentum leaves. `laws`: the kind of law that can be flown, a key of `LEFT`. `cone` is that of
+    thrusters and wheels together. `barrier` is the unit vector m with m·H ≥ 0 for ever after
     (`momentum_barrier`), `decision` the rank of the columns as torques of both signs, `level_set`
     what the wheels do alone; None where these do not decide. `margin` and `turn_time` as in
     `Analysis`, of the torques that laws use; NaN turn time where wheels decide. Where magnetorquers

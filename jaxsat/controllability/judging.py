@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jaxsat.control.what_is_left import Laws
 from jaxsat.controllability.actuators import ActuatorSet
 from jaxsat.controllability.cone import ROUNDING, TorqueCone, momentum_barrier, torque_cone
 from jaxsat.controllability.decision import (
@@ -14,7 +15,7 @@ from jaxsat.controllability.decision import (
     decided_turn_time,
     turn_time,
 )
-from jaxsat.controllability.judgement import Judgement, Laws, Verdict
+from jaxsat.controllability.judgement import Judgement, Verdict
 from jaxsat.controllability.layout import (
     TOLERANCE,
     Numbers,
@@ -109,12 +110,13 @@ def _judge_set(
         )
         return _with_one_wheel(healthy, cone, wheels, alone, tolerance)
     if jets.span == 0:
-        verdict, laws = _wheels_alone(wheels)
+        verdict, laws = _wheels_alone(wheels, healthy.target_turns)
         rank, dimension = wheels.rank, wheels.dimension
     else:  # thrusters take momentum up in any inertial direction, wheels having turned the body
         verdict, rank, dimension = "controllable", 6, 6
         # Without these, laws are flown by the wheels alone, as in `_wheels_alone`.
-        laws = "three torques" if cone.two_sided == 3 else _wheels_alone(wheels)[1]
+        laws = _wheels_alone(wheels, healthy.target_turns)[1]
+        laws = "three torques" if cone.two_sided == 3 else laws
     if wheels.borderline or cone.borderline:
         verdict = "borderline"
     return Judgement(
@@ -131,11 +133,14 @@ def _judge_set(
     )
 
 
-def _wheels_alone(wheels: MomentumLevelSet) -> tuple[Verdict, Laws]:
+def _wheels_alone(wheels: MomentumLevelSet, target_turns: bool) -> tuple[Verdict, Laws]:
+    """The verdict on wheels; those with momentum hold no attitude that turns for long."""
     if wheels.axes == 3:
         return "controllable", "three torques"
     if wheels.axes == 2 and wheels.rests:
-        return ("some attitudes", "none") if wheels.momentum else ("controllable", "two torques")
+        if not wheels.momentum:
+            return "controllable", "two wheels"
+        return "some attitudes", "none" if target_turns else "nearest attitude"
     return "uncontrollable", "none"
 
 

@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxsat.control.periodic_gain import TURNS, reference_moment, small_motion
-from jaxsat.controllability.judgement import Judgement, Laws, OrbitRank, Verdict
+from jaxsat.control.what_is_left import Laws
+from jaxsat.controllability.judgement import Judgement, OrbitRank, Verdict
 from jaxsat.core.once import once_property
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
 
@@ -68,8 +69,7 @@ def judge_with_rods(
     They are not where thrusters and wheels make three torques, or thrusters two. Singular values
     below `tolerance` of the largest are zero.
     """
-    by_thrusters = without.laws == "two torques" and without.dimension == 6
-    if not places or without.laws == "three torques" or by_thrusters:
+    if not places or without.laws in ("three torques", "two torques"):
         return without
     inertia, basis = without.inertia, _basis(without.actuators.wheel_axes)
     held = bool(np.linalg.norm(NORMAL - basis @ (basis.T @ NORMAL)) <= SAME_AXIS)

@@ -104,6 +104,7 @@ def judge_ranges(
             wheel_names=actuators.wheels,
             momentum=actuators.momentum,
             rotors=actuators.rotors,
+            target_turns=actuators.target_turns,
         ),
     )
 

@@ -3,17 +3,11 @@
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.control.what_is_left import LEFT
 from jaxsat.controllability.cone import TorqueCone, direction_words, torque_cone
 from jaxsat.controllability.decision import RankDecision
 from jaxsat.controllability.judgement import Judgement, OrbitRank
 from jaxsat.core.text import capitalised, fixed_text, number_text
-
-LAW_WORDS = {
-    "three torques": "every law applies; the allocation distributes its torque among the actuators",
-    "two torques": "the laws for two torques apply, in the plane of the torques of both signs",
-    "magnetic": "the law magnetic applies, and holds all axes as the field turns in the orbit",
-    "none": "no law of jaxsat applies",
-}
 
 
 def _direction(vector: Float[np.ndarray, "3"]) -> str:
@@ -289,7 +283,7 @@ def _wheel_sentence(judgement: Judgement) -> str:
             f"Controllable: {rank}; {few} turn the body to any attitude, so that "
             f"{_momentum_changers(judgement)} in any inertial direction. "
             f"{cone_words(judgement.cone).capitalize()}."
-            + (" No law of jaxsat uses them." if judgement.laws == "none" else "")
+            + ("" if LEFT[judgement.laws].everywhere else " No law of jaxsat uses them.")
         )
     where = "on the level set of the conserved momentum"
     if not wheels.rests:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxsat.control.what_is_left import LEFT
 from jaxsat.controllability.cone import direction_words, torque_cone
 from jaxsat.controllability.failures import FailureCase, failure_arrays
 from jaxsat.controllability.judgement import CONTROLLABLE, Judgement
@@ -15,7 +16,6 @@ from jaxsat.controllability.linear import gramian_time_scales
 from jaxsat.controllability.net_force import net_force, net_force_words
 from jaxsat.controllability.rank import Analysis, analyse
 from jaxsat.controllability.wording import (
-    LAW_WORDS,
     cone_words,
     momentum_words,
     once_stopped_words,
@@ -85,8 +85,8 @@ def _survival(records: Sequence[Mapping[str, Any]]) -> list[str]:
     """
     controllable = [one for one in records if one["verdict"] in CONTROLLABLE]
     cases = Counter(map(count_failed, records))
-    flown = Counter(count_failed(one) for one in controllable if one["laws"] != "none")
-    others = Counter(count_failed(one) for one in controllable if one["laws"] == "none")
+    flown = Counter(count_failed(one) for one in controllable if LEFT[one["laws"]].everywhere)
+    others = Counter(count_failed(one) for one in controllable if not LEFT[one["laws"]].everywhere)
     words = {number: word for number, word in enumerate(COUNT_WORDS, 1) if cases[number]}
     if not words:
         return ["No failure is listed."]
@@ -116,7 +116,8 @@ def _is_good(record: Mapping[str, Any]) -> bool | None:
     """Whether a law of jaxsat flies to every attitude; None where only in principle one could."""
     if record["verdict"] == "uncontrollable":
         return False
-    return True if record["verdict"] == "controllable" and record["laws"] != "none" else None
+    flown = record["verdict"] == "controllable" and LEFT[record["laws"]].everywhere
+    return True if flown else None
 
 
 def controllability_lines(
@@ -143,7 +144,7 @@ def controllability_lines(
         torques = f"{rod_torques(judgement.orbit)} at any instant"
     return [
         *([] if torques.lower() in verdict.lower() else [f"Torques: {torques}"]),
-        f"Laws: {LAW_WORDS[judgement.laws]}",
+        f"Laws: {LEFT[judgement.laws].words}",
         *[line for line in remarks if line is not None],
         *([] if analysis is None else _rank_lines(judgement, analysis, torque)),
     ]

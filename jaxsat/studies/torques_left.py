@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxsat.compiler.llvm.mapped import compiled_over_cases
+from jaxsat.control.what_is_left import Laws
 from jaxsat.controllability.actuators import actuator_set
 from jaxsat.controllability.layout import TOLERANCE
 from jaxsat.controllability.rods import RodSet, judge_with_rods
@@ -42,13 +43,21 @@ class TorquesLeft(enum.IntEnum):
     UNHELD_ATTITUDE = 9
 
 
-_LEFT = {
+_LEFT: Mapping[Laws, TorquesLeft] = {
+    "three torques": TorquesLeft.THREE_AXES,
+    "two torques": TorquesLeft.TWO_TORQUES,
+    "two wheels": TorquesLeft.TWO_TORQUES,
+    "magnetic": TorquesLeft.MAGNETIC,
+}
+"""By the laws of a judgement that reach every attitude."""
+
+_UNFLOWN = {
     "controllable": TorquesLeft.TWO_TORQUES,
     "by drift": TorquesLeft.BY_DRIFT,
     "some attitudes": TorquesLeft.SOME_ATTITUDES,
     "uncontrollable": TorquesLeft.TOO_FEW,
 }
-"""By the verdict of a judgement, where no law of three torques can be flown."""
+"""By its verdict where none does."""
 
 UNRECOVERABLE = (
     *(TorquesLeft(code) for code in range(2, 6)),
@@ -298,10 +307,13 @@ def _judge(
         [np.zeros((3, 0)), *(one.columns[:, one.healthy] for one in here)], axis=1
     )
     rotors = np.concatenate([np.zeros(0), *(one.storage.rotors[one.healthy] for one in here)])
-    actuators = actuator_set(torques, wheel_axes=axes, momentum=momentum, rotors=rotors)
+    turns = float(np.asarray(loop.plant.orbit.rate)) != 0
+    actuators = actuator_set(
+        torques, wheel_axes=axes, momentum=momentum, rotors=rotors, target_turns=turns
+    )
     judgement = judge_ranges(inertia, actuators, low, high)
     if judgement is not None and judgement.laws == "three torques":
-        return TorquesLeft.THREE_AXES, None
+        return _LEFT[judgement.laws], None
     if any(one.columns_change and one.dipoles() is None for one in loop.plant.effectors):
         return TorquesLeft.NOT_DECIDED, None
     if judgement is None:
@@ -310,11 +322,14 @@ def _judge(
         judgement = judge_with_rods(judgement, rods, left, TOLERANCE)
     if judgement.without_rods is not None and not law_uses_rods(loop, axes):
         judgement = judgement.without_rods
-    if judgement.orbit is not None and judgement.verdict == "controllable":
+    if judgement.laws == "magnetic" and judgement.verdict == "controllable":
         held = _turns_runaways(loop, here)
-        return TorquesLeft.MAGNETIC if held else TorquesLeft.UNHELD_MOMENTUM, None
+        return _LEFT[judgement.laws] if held else TorquesLeft.UNHELD_MOMENTUM, None
+    if judgement.verdict == "borderline":
+        return TorquesLeft.NOT_DECIDED, None
     wheels, thrusters = judgement.level_set, np.any(judgement.actuators.torques)
     normal = None
     if wheels is not None and wheels.axes == 2 and wheels.rests and not thrusters:
         normal = wheels.missing[:, 0]
-    return _LEFT.get(judgement.verdict, TorquesLeft.NOT_DECIDED), normal
+    unflown = _UNFLOWN.get(judgement.verdict, TorquesLeft.NOT_DECIDED)
+    return _LEFT.get(judgement.laws, unflown), normal

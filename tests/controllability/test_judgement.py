@@ -55,14 +55,15 @@ def test_four_thrusters_that_all_turn_about_z_lose_something():
         (thrusters(X + Y + Z), "uncontrollable", "none", "although the rank is 6"),
         (thrusters(), "uncontrollable", "none", "no thrusters"),
         (wheels(X, Y, Z), "controllable", "three torques", "three independent wheel axes"),
-        (wheels(X, Y), "controllable", "two torques", "rank 5 of 5"),
-        (wheels(X, Y, momentum=Z), "some attitudes", "none", "normal to n = z"),
+        (wheels(X, Y), "controllable", "two wheels", "rank 5 of 5"),
+        (wheels(X, Y, momentum=Z), "some attitudes", "nearest attitude", "normal to n = z"),
+        (wheels(X, Y, momentum=Z, target_turns=True), "some attitudes", "none", "normal to n = z"),
         (wheels(X), "uncontrollable", "none", "about +x alone"),
         (wheels(X, momentum=Z), "uncontrollable", "none", "along the wheel axis"),
         (
             thrusters(X + Y + Z, wheel_axes=np.array([X, Y]).T),
             "controllable",
-            "two torques",
+            "two wheels",
             "two wheels",
         ),
         (

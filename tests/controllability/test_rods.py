@@ -89,7 +89,7 @@ def test_the_table_counts_rods_alone_and_with_one_wheel_or_two():
         assert (found.rank, found.dimension) == (rank, rank)
     assert cases["w1", "w2"].directions == 2
     assert cases["x", "y", "z"].judgement.verdict == "controllable"  # two wheels at rest
-    assert cases["x", "y", "z"].judgement.laws == "two torques"
+    assert cases["x", "y", "z"].judgement.laws == "two wheels"
     for failed in (("w1", "x", "y", "z"), ("w1", "w2", "x", "y", "z")):
         assert cases[failed].judgement.verdict == "uncontrollable"
     two, one = cases["w1", "x"].judgement, cases["w1", "w2", "x", "y"].judgement

@@ -97,23 +97,29 @@ class Balance(NamedTuple):
 def held_with_momentum(scenario: Scenario, judgement: Judgement) -> str | None:
     """A sentence on the attitude nearest to the target at which two wheels rest with the momentum
     of the start; None where other things decide, or in a frame that turns."""
-    wheels, actuators = judgement.level_set, judgement.actuators
-    if wheels is None or wheels.axes != 2 or not wheels.rests or not wheels.momentum:
+    turn = turn_to_held(scenario, judgement)
+    if turn is None:
         return None
-    if orbit_rate(scenario) != 0 or np.any(actuators.torques):
+    words = ", ".join(number_text(part, 3, scale=1.0) for part in turn)
+    away = number_text(np.degrees(np.linalg.norm(turn)), 3)
+    return (
+        f"With the momentum of the start, two wheels rest nearest to the target {away}° from it, "
+        f"at the rotation vector ({words}) rad, body axes."
+    )
+
+
+def turn_to_held(scenario: Scenario, judgement: Judgement) -> Float[np.ndarray, "3"] | None:
+    """The rotation vector (rad, body axes) from the target to the nearest attitude that two wheels
+    hold with the momentum of the start; None where other things decide."""
+    wheels, actuators = judgement.level_set, judgement.actuators
+    if judgement.laws != "nearest attitude" or wheels is None:
         return None
     into_body = np.asarray(build_start(scenario).attitude.as_dcm().matrix)
     momentum, normal = into_body.T @ actuators.momentum, wheels.missing[:, 0]
     held = nearest_held(
         as_float(momentum), as_float(actuators.coasting), as_float(normal), as_float(0.0)
     )
-    vector = 2 * np.asarray(held.attitude.q)[1:] / np.sinc(float(held.angle) / (2 * np.pi))
-    turn = ", ".join(number_text(part, 3, scale=1.0) for part in vector)
-    away = number_text(np.degrees(float(held.angle)), 3)
-    return (
-        f"With the momentum of the start, two wheels rest nearest to the target {away}° from it, "
-        f"at the rotation vector ({turn}) rad, body axes."
-    )
+    return 2 * np.asarray(held.attitude.q)[1:] / np.sinc(float(held.angle) / (2 * np.pi))
 
 
 def undriven_balance(scenario: Scenario) -> Balance | None:

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.planned import PlannedSettling
 from jaxsat.control.supervisor import ThreeSlewSettling
+from jaxsat.control.what_is_left import LEFT
 from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE
 from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario import Scenario
@@ -29,6 +30,9 @@ PERIOD = 0.1
 QUICK_PERIOD = 0.05
 """Periods over τ up to which one step of the third order a period is exact enough."""
 
+FAULT_TOLERANT = "fault-tolerant"
+"""The law that finds failures in flight."""
+
 Gains = tuple[Mapping[str, float], Mapping[str, Any]]
 
 GAINS: Mapping[str, Mapping[str, Gains]] = {
@@ -41,6 +45,9 @@ GAINS: Mapping[str, Mapping[str, Gains]] = {
         ", quick": ({"natural_frequency_rad_s": 0.8, "max_rate_rad_s": 0.4}, {"damping": 1.0}),
     },
     "magnetic": {"": ({}, {}), ", quick": ({}, {"control_weight": 0.01})},
+    FAULT_TOLERANT: {
+        "": ({"natural_frequency_rad_s": 0.4, "max_rate_rad_s": 0.2}, {"damping": 1.0}),
+    },
     "three-axis": {
         "": (
             {"k3": 0.316, "mu": 1.58, "k4": 4.74, "attitude_weight_N_m": 2.5},
@@ -54,17 +61,6 @@ dimension.
 The settling laws have their own (`jaxsat.core.declaration.tuned_gains`); those of the three-axis
 law are the ones of `two-wheel-telescope`.
 """
-
-LAWS_LEFT: Mapping[str, tuple[str, ...]] = {
-    "two torques": ("three-slew", "oscillatory", "planned"),
-    "three torques": ("quaternion-feedback",),
-    "magnetic": ("magnetic",),
-    "none": (),
-}
-"""Laws by what `Judgement.laws` says can be flown."""
-
-WHEEL_LAWS: tuple[str, ...] = ("three-axis", "three-slew")
-"""Laws for two torques of which wheels make some."""
 
 SLOW_LAWS: Mapping[str, str] = {
     "planned": "plans in flight, so its verification takes many minutes; give the law planned or "
@@ -186,9 +182,10 @@ def _names(scenario: Scenario, verdict: VehicleVerdict, law: str) -> list[str]:
     """The laws that are asked for."""
     if law not in (ALL, QUICK):
         return [law]
-    names = list(LAWS_LEFT[verdict.judgement.laws])
-    if names and scenario.wheel and verdict.judgement.laws == "two torques":
-        names = list(WHEEL_LAWS)
+    names = list(LEFT[verdict.judgement.laws].laws)
+    finds_failures = scenario.failure and (scenario.wheel or scenario.thruster)
+    if finds_failures and FAULT_TOLERANT not in names:
+        names.insert(0, FAULT_TOLERANT)
     return names
 
 

@@ -102,7 +102,7 @@ def _distributions(
         limits = [one.momentum_limit_N_m_s for one in scenario.wheel if not one.failed]
         finite_limits = [limit for limit in limits if limit is not None]
         rate = min([rate, *(WHEEL_SHARE * limit / scale.moment for limit in finite_limits)])
-        if verdict.judgement.laws == "two torques":
+        if verdict.judgement.laws == "two wheels":
             rate, start = 0.0, {"attitude_error_rad": _uniform(SMALL_TURN)}
     tables = dict(start)
     if rate:

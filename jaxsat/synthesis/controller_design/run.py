@@ -129,7 +129,9 @@ def _map_axes(design: ControllerDesign) -> "dict[str, DrawnNumber]":
     assert verification is not None
     assert design.scenario is not None
     numbers = drawn_numbers(
-        design.scenario, verification.columns, design.verdict.judgement.laws == "two torques"
+        design.scenario,
+        verification.columns,
+        design.verdict.judgement.laws in ("two torques", "two wheels"),
     )
     names = [one.name for one in verification.separations] + [
         entry.name for entry in verification.summary.ranking if entry.matters

@@ -231,7 +231,7 @@ class DesignRun:
         verification = DesignVerification(summarise(columns), columns)
         if verification.settled.value >= settings.settled:
             return verification
-        two = verdict.judgement.laws == "two torques"
+        two = verdict.judgement.laws in ("two torques", "two wheels")
         return replace(
             verification,
             separations=separations(chosen.scenario, columns, two),

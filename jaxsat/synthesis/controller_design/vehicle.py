@@ -11,16 +11,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.control.what_is_left import LEFT
 from jaxsat.controllability.cone import ROUNDING
 from jaxsat.controllability.judgement import Judgement
-from jaxsat.controllability.wording import LAW_WORDS, lost_words, verdict_sentence
+from jaxsat.controllability.wording import lost_words, verdict_sentence
 from jaxsat.core.allocation import torque_directions
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.errors import JaxsatError
 from jaxsat.core.inertia import normal_axes
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.actuator_set import judge_scenario
-from jaxsat.scenario.build.balance import undriven_balance
+from jaxsat.scenario.build.balance import turn_to_held, undriven_balance
 from jaxsat.scenario.build.plant import orbit_rate
 from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.cautions import HELD_TURN
@@ -62,11 +63,18 @@ class VehicleVerdict:
             return True
         return self.turn is not None and max(map(abs, self.turn)) <= HELD_TURN
 
+    @property
+    def _need(self) -> str:
+        """What the wanted attitude needs and actuators do not give."""
+        if self.judgement.laws == "nearest attitude":
+            return "another momentum about the axis that no wheel drives"
+        return "a torque about the unactuated axis"
+
     def lines(self) -> list[str]:
         """The verdict for a person, a sentence each."""
         sentences = [verdict_sentence(self.judgement)]
         sentences.append(f"Lost through the failures: {self.lost}.")
-        sentences.append(f"Laws: {LAW_WORDS[self.judgement.laws]}.")
+        sentences.append(f"Laws: {LEFT[self.judgement.laws].words}.")
         if self.holds:
             sentences.append("The target attitude can be held.")
         elif self.turn is None:
@@ -74,7 +82,7 @@ class VehicleVerdict:
         else:
             turn = ", ".join(f"{round(part, 6):.3g}" for part in self.turn)
             sentences.append(
-                "The target attitude cannot be held: it needs a torque about the unactuated axis. "
+                f"The target attitude cannot be held: it needs {self._need}. "
                 "The nearest attitude that can be held is rotated from it by the rotation vector "
                 f"({turn}) rad, body axes."
             )
@@ -159,6 +167,8 @@ def _held_turn(scenario: Scenario, judgement: Judgement) -> tuple[float, float, 
     It balances the torques about the axis without one; wheels, which store them, hold all.
     """
     zero = (0.0, 0.0, 0.0)
+    if (by_wheels := turn_to_held(scenario, judgement)) is not None:
+        return tuple(by_wheels.tolist())
     if judgement.laws != "two torques" or scenario.wheel or orbit_rate(scenario) == 0:
         return zero
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)

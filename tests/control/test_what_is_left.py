@@ -1,0 +1,55 @@
+"""The table of what is left: the verdict before the flight, and what the law does in it.
+
+Thrusters come to a plane of torques in flight alone: `test_fault_tolerant`.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+import pytest
+
+from jaxsat.control.what_is_left import LEFT
+from jaxsat.scenario.build.actuator_set import judge_scenario
+from jaxsat.scenario.build.load import load
+from jaxsat.scenario.build.run import build
+from jaxsat.studies.torques_left import _LEFT, _UNFLOWN
+
+REST = ["initial.omega_rad_s=[0,0,0]", "failure=[]"]
+SPUN = ["initial.omega_rad_s=[1e-3,5e-4,-8e-4]", "failure=[]"]
+
+
+def wheels_of(scenario, *failed):
+    """A scenario with some wheels, numbered from 0, failed before the start."""
+    own = [
+        one.model_copy(update={"failed": place in failed})
+        for place, one in enumerate(scenario.wheel)
+    ]
+    return scenario.model_copy(update={"wheel": tuple(own)})
+
+
+CASES = {
+    "three torques": lambda: wheels_of(load("wheels-fail", REST), 0),
+    "two wheels": lambda: wheels_of(load("wheels-fail", REST), 0, 1),
+    "nearest attitude": lambda: wheels_of(load("wheels-fail", SPUN), 0, 1),
+    "magnetic": lambda: wheels_of(load("cubesat-3w3m", REST), 0),
+    "none": lambda: wheels_of(load("wheels-fail", REST), 0, 1, 2),
+}
+
+
+@pytest.mark.parametrize(
+    "laws", [pytest.param(one, marks=[pytest.mark.slow] * (one == "magnetic")) for one in CASES]
+)
+def test_the_law_does_what_controllability_says(laws):
+    scenario = CASES[laws]()
+    assert judge_scenario(scenario).laws == laws
+    run = build(scenario)
+    law, start = run.loop.controller, run.loop.plant.complete(run.start)
+    _, memory = eqx.filter_jit(law.step)(jnp.zeros(()), start, law.init(start))
+    assert int(law.mode(memory)) in LEFT[laws].modes
+
+
+def test_every_verdict_that_a_law_flies_has_its_row():
+    assert {laws for laws, one in LEFT.items() if one.everywhere} == set(_LEFT)
+    assert {laws for laws, one in LEFT.items() if one.laws == ()} == {"none"}
+    modes = [mode for one in LEFT.values() for mode in one.modes]
+    assert len(modes) == len(set(modes))
+    assert not set(_UNFLOWN.values()) & {_LEFT["three torques"], _LEFT["magnetic"]}
