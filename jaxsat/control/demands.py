@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxsat.core.array_types import RealScalar
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import not_negative, positive
 from jaxsat.core.quotients import reciprocal
 
 TINY = 1e-12
@@ -40,14 +40,9 @@ class MorinSamson(AbstractDemand):
     A turn within ± `rest` (rad) is left to the end game.
     """
 
-    k3: RealScalar = eqx.field(converter=as_float)
-    damping: RealScalar = eqx.field(converter=as_float)
-    rest: RealScalar = eqx.field(converter=as_float, default=0.0)
-
-    def __check_init__(self):
-        require_positive("k3", self.k3)
-        require_positive("damping", self.damping)
-        require_positive("rest", self.rest, zero_allowed=True)
+    k3: RealScalar = eqx.field(converter=positive("k3"))
+    damping: RealScalar = eqx.field(converter=positive("damping"))
+    rest: RealScalar = eqx.field(converter=not_negative("rest"), default=0.0)
 
     def __call__(
         self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar
@@ -64,14 +59,9 @@ class TwoChannel(AbstractDemand):
     A turn within ± `rest` (rad) is left to the end game, and so is its drift.
     """
 
-    k3: RealScalar = eqx.field(converter=as_float)
-    kz: RealScalar = eqx.field(converter=as_float)
-    rest: RealScalar = eqx.field(converter=as_float, default=0.0)
-
-    def __check_init__(self):
-        require_positive("k3", self.k3)
-        require_positive("kz", self.kz)
-        require_positive("rest", self.rest, zero_allowed=True)
+    k3: RealScalar = eqx.field(converter=positive("k3"))
+    kz: RealScalar = eqx.field(converter=positive("kz"))
+    rest: RealScalar = eqx.field(converter=not_negative("rest"), default=0.0)
 
     def __call__(
         self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar

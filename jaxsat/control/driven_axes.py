@@ -11,7 +11,7 @@ from jaxsat.control.estimators import integrated_products, products_of
 from jaxsat.control.normal_form import NormalForm
 from jaxsat.control.planning.transcription import AbstractCorrection
 from jaxsat.core.array_types import IntScalar, Pair, RealScalar, Vector
-from jaxsat.core.checks import as_float, require_counts, require_positive
+from jaxsat.core.checks import positive, require_counts
 from jaxsat.spacecraft.dynamics import PlantState
 
 TORQUE_ERROR, ACROSS_ERROR, PRODUCT_ERROR = 0.12, 0.03, 0.1
@@ -54,13 +54,11 @@ class DrivenFit(eqx.Module):
     """
 
     form: NormalForm
-    limit: RealScalar = eqx.field(converter=as_float)
-    rate_noise: RealScalar = eqx.field(converter=as_float)
+    limit: RealScalar = eqx.field(converter=positive("limit"))
+    rate_noise: RealScalar = eqx.field(converter=positive("rate_noise"))
     samples: int = eqx.field(static=True, default=5)
 
     def __check_init__(self):
-        require_positive("limit", self.limit)
-        require_positive("rate_noise", self.rate_noise)
         require_counts(samples=self.samples)
 
     @property

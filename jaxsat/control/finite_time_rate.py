@@ -14,7 +14,7 @@ from jaxsat.control.estimators import ThirdAxis
 from jaxsat.control.normal_form import NormalForm, tracking_torque
 from jaxsat.control.oscillatory import Tracking, turned
 from jaxsat.core.array_types import Pair, RealScalar, Vector
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import positive
 from jaxsat.spacecraft.dynamics import PlantState
 
 HELD = 0.7
@@ -58,14 +58,10 @@ class FiniteTimeRate(eqx.Module):
     """
 
     form: NormalForm
-    torque_limit: RealScalar = eqx.field(converter=as_float)
-    share: RealScalar = eqx.field(converter=as_float)
-    rate_gain: RealScalar = eqx.field(converter=as_float)
-    dead_zone: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        for name in ("torque_limit", "share", "rate_gain", "dead_zone"):
-            require_positive(name, getattr(self, name))
+    torque_limit: RealScalar = eqx.field(converter=positive("torque_limit"))
+    share: RealScalar = eqx.field(converter=positive("share"))
+    rate_gain: RealScalar = eqx.field(converter=positive("rate_gain"))
+    dead_zone: RealScalar = eqx.field(converter=positive("dead_zone"))
 
     def init(self, state: PlantState) -> Signs:
         """The memory at the start: no signs are chosen."""

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxsat.control.normal_form import Tilt
 from jaxsat.control.oscillatory import Slow
 from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
-from jaxsat.core.checks import as_float, as_optional_float, require_positive
+from jaxsat.core.checks import as_optional_float, positive
 
 AIMED_TURN = 0.02
 """A (rad). Settled means within 0.05."""
@@ -131,13 +131,9 @@ class RippleSlack(eqx.Module):
     less until the time `known` (s), when the ripple is.
     """
 
-    enter: RealScalar = eqx.field(converter=as_float)
-    stay: RealScalar = eqx.field(converter=as_float)
-    known: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        for name in ("enter", "stay", "known"):
-            require_positive(name, getattr(self, name))
+    enter: RealScalar = eqx.field(converter=positive("enter"))
+    stay: RealScalar = eqx.field(converter=positive("stay"))
+    known: RealScalar = eqx.field(converter=positive("known"))
 
     def to_enter(self, slow: Slow) -> Slow:
         """What the end game takes over by."""
@@ -170,19 +166,15 @@ class Handover(eqx.Module):
     None for nothing of it.
     """
 
-    enter_rate: RealScalar = eqx.field(converter=as_float)
-    enter_angle: RealScalar = eqx.field(converter=as_float, default=0.03)
-    enter_turn: RealScalar = eqx.field(converter=as_float, default=0.04)
-    leave_tilt: RealScalar = eqx.field(converter=as_float, default=0.04)
-    leave_turn: RealScalar = eqx.field(converter=as_float, default=0.045)
+    enter_rate: RealScalar = eqx.field(converter=positive("enter_rate"))
+    enter_angle: RealScalar = eqx.field(converter=positive("enter_angle"), default=0.03)
+    enter_turn: RealScalar = eqx.field(converter=positive("enter_turn"), default=0.04)
+    leave_tilt: RealScalar = eqx.field(converter=positive("leave_tilt"), default=0.04)
+    leave_turn: RealScalar = eqx.field(converter=positive("leave_turn"), default=0.045)
     coasts: bool = eqx.field(static=True, default=False)
     slack: RippleSlack | None = None
     aim_slack: RealScalar | None = None
     leave_held: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
-
-    def __check_init__(self):
-        for name in ("enter_rate", "enter_angle", "enter_turn", "leave_tilt", "leave_turn"):
-            require_positive(name, getattr(self, name))
 
     def __call__(
         self,

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, positive
 from jaxsat.core.inertia import LEAST_TORQUE_TILT
 from jaxsat.spacecraft.axes import directions_across
 
@@ -117,15 +117,13 @@ class InertiaFit(eqx.Module):
     standard deviations of the prior.
     """
 
-    moments: Vector = eqx.field(converter=as_float)
+    moments: Vector = eqx.field(converter=positive("moments"))
     axis: Vector = eqx.field(converter=as_float)
-    rate_noise: RealScalar = eqx.field(converter=as_float)
-    torque_noise: RealScalar = eqx.field(converter=as_float)
+    rate_noise: RealScalar = eqx.field(converter=positive("rate_noise"))
+    torque_noise: RealScalar = eqx.field(converter=positive("torque_noise"))
     samples: int = eqx.field(static=True, default=10)
 
     def __check_init__(self):
-        for name in ("moments", "rate_noise", "torque_noise"):
-            require_positive(name, getattr(self, name))
         if self.samples < 1:
             raise ValueError(f"Argument `samples` must be at least 1, but got {self.samples}.")
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import IntScalar, RealScalar, Vector
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import positive
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.trees import Symmetric
 
@@ -39,14 +39,12 @@ class RecursiveLeastSquares(eqx.Module):
     the standard deviations believed at the start (shape (8,)), `noise` that of one Δω3 (rad/s).
     """
 
-    noise: RealScalar = eqx.field(converter=as_float)
-    prior: Float[Array, " n"] = eqx.field(converter=as_float, default=PRIOR)
+    noise: RealScalar = eqx.field(converter=positive("noise"))
+    prior: Float[Array, " n"] = eqx.field(converter=positive("prior"), default=PRIOR)
     samples: int = eqx.field(static=True, default=10)
     mean: Float[Array, " n"] | None = None
 
     def __check_init__(self):
-        require_positive("prior", self.prior)
-        require_positive("noise", self.noise)
         if self.samples < 1:
             raise ValueError(f"Argument `samples` must be at least 1, but got {self.samples}.")
 

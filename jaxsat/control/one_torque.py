@@ -19,7 +19,7 @@ from jaxsat.control.inertia_fit import InertiaFit, InertiaMemory, TorqueAxisFram
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.allocation import torque_axis
 from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.one_torque import ONE_TORQUE
 from jaxsat.core.declaration.tuned_gains import Scaling
@@ -124,26 +124,14 @@ class OneTorque(AbstractSampledController):
 
     fit: InertiaFit
     principal: Matrix = eqx.field(converter=as_float)
-    torque_limit: RealScalar = eqx.field(converter=as_float)
-    share: RealScalar = eqx.field(converter=as_float)
-    turn_ratio: RealScalar = eqx.field(converter=as_float)
-    exponent: RealScalar = eqx.field(converter=as_float)
-    rate_gain: RealScalar = eqx.field(converter=as_float)
-    rest_rate: RealScalar = eqx.field(converter=as_float)
-    period: RealScalar = eqx.field(converter=as_float)
+    torque_limit: RealScalar = eqx.field(converter=positive("torque_limit"))
+    share: RealScalar = eqx.field(converter=positive("share"))
+    turn_ratio: RealScalar = eqx.field(converter=positive("turn_ratio"))
+    exponent: RealScalar = eqx.field(converter=positive("exponent"))
+    rate_gain: RealScalar = eqx.field(converter=positive("rate_gain"))
+    rest_rate: RealScalar = eqx.field(converter=positive("rest_rate"))
+    period: RealScalar = eqx.field(converter=positive("period"))
     estimates: bool = eqx.field(static=True, default=True)
-
-    def __check_init__(self):
-        for name in (
-            "torque_limit",
-            "share",
-            "turn_ratio",
-            "exponent",
-            "rate_gain",
-            "rest_rate",
-            "period",
-        ):
-            require_positive(name, getattr(self, name))
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "OneTorque":

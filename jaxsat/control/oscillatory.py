@@ -20,7 +20,7 @@ from jaxsat.control.demands import AbstractDemand
 from jaxsat.control.estimators import ThirdAxis
 from jaxsat.control.normal_form import NormalForm, NormalState, Tilt, leaned, tracking_torque
 from jaxsat.core.array_types import Pair, RealScalar, Vector
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import not_negative, positive
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.smooth import without_slope
 
@@ -92,17 +92,12 @@ class Oscillator(eqx.Module):
 
     form: NormalForm
     demand: AbstractDemand
-    frequency: RealScalar = eqx.field(converter=as_float)
-    tilt_gain: RealScalar = eqx.field(converter=as_float)
-    rate_gain: RealScalar = eqx.field(converter=as_float)
-    largest_amplitude: RealScalar = eqx.field(converter=as_float)
-    ratio: RealScalar = eqx.field(converter=as_float)
-    dead_zone: RealScalar = eqx.field(converter=as_float, default=0.0)
-
-    def __check_init__(self):
-        for name in ("frequency", "tilt_gain", "rate_gain", "largest_amplitude", "ratio"):
-            require_positive(name, getattr(self, name))
-        require_positive("dead_zone", self.dead_zone, zero_allowed=True)
+    frequency: RealScalar = eqx.field(converter=positive("frequency"))
+    tilt_gain: RealScalar = eqx.field(converter=positive("tilt_gain"))
+    rate_gain: RealScalar = eqx.field(converter=positive("rate_gain"))
+    largest_amplitude: RealScalar = eqx.field(converter=positive("largest_amplitude"))
+    ratio: RealScalar = eqx.field(converter=positive("ratio"))
+    dead_zone: RealScalar = eqx.field(converter=not_negative("dead_zone"), default=0.0)
 
     def init(self, omega: Vector) -> Oscillation:
         """The oscillation at the start: none."""

@@ -17,7 +17,7 @@ from jaxsat.control.planning.transcription import STATES, PlanObjective, Transcr
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.supervisor import Phase, SettlingMemory, ThreeSlewSettling
 from jaxsat.core.array_types import BoolScalar, IntScalar, Pair, RealScalar
-from jaxsat.core.checks import as_float, require_counts, require_positive
+from jaxsat.core.checks import not_negative, positive, require_counts, require_positive
 from jaxsat.core.declaration.settling import PLANNING_MARGIN, REPLAN_TIME
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
@@ -102,15 +102,13 @@ class PlannedSettling(AbstractSampledController):
 
     settling: ThreeSlewSettling
     driven: DrivenFit
-    replan: RealScalar = eqx.field(converter=as_float)
-    margin: RealScalar = eqx.field(converter=as_float, default=PLANNING_MARGIN)
+    replan: RealScalar = eqx.field(converter=positive("replan"))
+    margin: RealScalar = eqx.field(converter=not_negative("margin"), default=PLANNING_MARGIN)
     search: PlanSearch = PlanSearch()
     intervals: int = eqx.field(static=True, default=32)
 
     def __check_init__(self):
-        require_positive("replan", self.replan)
         require_counts(intervals=self.intervals)
-        require_positive("margin", self.margin, zero_allowed=True)
         require_positive("1 - margin", 1 - self.margin)
 
     @property

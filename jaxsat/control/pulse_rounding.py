@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import RealScalar, Vector
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, not_negative
 
 ROUNDS = 2
 """Pulses that are added at most to what is surely whole, in a period."""
@@ -27,10 +27,7 @@ class PulseRounding(eqx.Module):
     """
 
     effect: Float[Array, "3 m"] = eqx.field(converter=as_float)
-    least: Float[Array, " m"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_positive("least", self.least, zero_allowed=True)
+    least: Float[Array, " m"] = eqx.field(converter=not_negative("least"))
 
     def __call__(
         self,

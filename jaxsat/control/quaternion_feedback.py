@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from jaxsat.control.controller import LawContext
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.array_types import Pair, RealScalar, Vector
-from jaxsat.core.checks import as_float, as_optional_float, require_positive
+from jaxsat.core.checks import as_optional_float, positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.three_torques import QUATERNION_FEEDBACK
 from jaxsat.core.quotients import share_within
@@ -45,17 +45,13 @@ class QuaternionFeedback(AbstractSampledController):
     declaration: ClassVar[LawDeclaration] = QUATERNION_FEEDBACK
 
     model: RigidBody
-    natural_frequency: RealScalar = eqx.field(converter=as_float)
-    damping: RealScalar = eqx.field(converter=as_float)
-    max_rate: RealScalar = eqx.field(converter=as_float)
-    period: RealScalar = eqx.field(converter=as_float)
+    natural_frequency: RealScalar = eqx.field(converter=positive("natural_frequency"))
+    damping: RealScalar = eqx.field(converter=positive("damping"))
+    max_rate: RealScalar = eqx.field(converter=positive("max_rate"))
+    period: RealScalar = eqx.field(converter=positive("period"))
     wheel_axes: Float[Array, "3 wheels"] | None = eqx.field(
         converter=as_optional_float, default=None
     )
-
-    def __check_init__(self):
-        for name in ("natural_frequency", "damping", "max_rate", "period"):
-            require_positive(name, getattr(self, name))
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "QuaternionFeedback":

@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.controller import AbstractBacksteppingLaw, LawContext, Memory
 from jaxsat.core.array_types import BoolScalar, Pair, RealScalar
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import positive, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.paper import RATE
 from jaxsat.core.smooth import Width, as_width, root_abs, signed_root
@@ -29,14 +29,12 @@ class RateLaw(AbstractBacksteppingLaw):
     declaration: ClassVar[LawDeclaration] = RATE
 
     model: RigidBody
-    k1: RealScalar = eqx.field(converter=as_float)
-    k2: RealScalar = eqx.field(converter=as_float)
+    k1: RealScalar = eqx.field(converter=positive("k1"))
+    k2: RealScalar = eqx.field(converter=positive("k2"))
     width: Width = eqx.field(converter=as_width, default=None)
     turning_right: BoolScalar | None = None
 
     def __check_init__(self):
-        require_positive("k1", self.k1)
-        require_positive("k2", self.k2)
         if self.width is not None:
             require_positive("width", self.width)
 

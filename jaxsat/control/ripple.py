@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import RealScalar, Vector
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import positive
 from jaxsat.core.quotients import reciprocal
 
 LEAST_SIGMAS, SURE_SIGMAS = 2.0, 4.0
@@ -65,18 +65,13 @@ class RippleFilter(eqx.Module):
     nearby be followed. With `steady` it estimates the acceleration by a constant torque as well.
     """
 
-    frequency: RealScalar = eqx.field(converter=as_float)
-    noise: RealScalar = eqx.field(converter=as_float)
-    amplitude: RealScalar = eqx.field(converter=as_float)
-    drift: RealScalar = eqx.field(converter=as_float)
-    product_error: RealScalar = eqx.field(converter=as_float)
-    lean_error: RealScalar = eqx.field(converter=as_float, default=0.003)
+    frequency: RealScalar = eqx.field(converter=positive("frequency"))
+    noise: RealScalar = eqx.field(converter=positive("noise"))
+    amplitude: RealScalar = eqx.field(converter=positive("amplitude"))
+    drift: RealScalar = eqx.field(converter=positive("drift"))
+    product_error: RealScalar = eqx.field(converter=positive("product_error"))
+    lean_error: RealScalar = eqx.field(converter=positive("lean_error"), default=0.003)
     steady: Steady | None = None
-
-    def __check_init__(self):
-        require_positive("frequency", self.frequency)
-        for name in ("noise", "amplitude", "drift", "product_error", "lean_error"):
-            require_positive(name, getattr(self, name))
 
     def init(self, omega3: RealScalar) -> RippleBelief:
         """The first measurement is mean plus ripple, and nothing more is known of the mean."""

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.normal_form import NormalForm, NormalState
 from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, Pair, RealScalar, Vector
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import positive
 from jaxsat.core.quotients import angle_of, root
 from jaxsat.core.tolerances import wrap_angle
 from jaxsat.core.trees import choose
@@ -103,23 +103,12 @@ class SlewPlanner(eqx.Module):
     """
 
     form: NormalForm
-    torque_limit: RealScalar = eqx.field(converter=as_float)
-    share: RealScalar = eqx.field(converter=as_float)
-    approach: RealScalar = eqx.field(converter=as_float)
-    rate_gain: RealScalar = eqx.field(converter=as_float)
-    angle_tolerance: RealScalar = eqx.field(converter=as_float)
-    rate_tolerance: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        for name in (
-            "torque_limit",
-            "share",
-            "approach",
-            "rate_gain",
-            "angle_tolerance",
-            "rate_tolerance",
-        ):
-            require_positive(name, getattr(self, name))
+    torque_limit: RealScalar = eqx.field(converter=positive("torque_limit"))
+    share: RealScalar = eqx.field(converter=positive("share"))
+    approach: RealScalar = eqx.field(converter=positive("approach"))
+    rate_gain: RealScalar = eqx.field(converter=positive("rate_gain"))
+    angle_tolerance: RealScalar = eqx.field(converter=positive("angle_tolerance"))
+    rate_tolerance: RealScalar = eqx.field(converter=positive("rate_tolerance"))
 
     def about(self, axes: Pair) -> "SlewPlanner":
         """The planner of slews in the frame of `NormalForm.turned`."""

@@ -19,7 +19,7 @@ from jaxsat.control.rate import RateLaw
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.three_axis import ThreeAxisLaw
 from jaxsat.core.array_types import BoolScalar, IntScalar, Pair, RealScalar
-from jaxsat.core.checks import as_float, concrete, require_positive
+from jaxsat.core.checks import concrete, positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.paper import SLOPE_LIMITS, SWITCHING
 from jaxsat.spacecraft.dynamics import PlantState
@@ -61,21 +61,13 @@ class SwitchingLaw(AbstractSampledController):
 
     rate_law: RateLaw
     three_axis_law: ThreeAxisLaw
-    upper_threshold: RealScalar = eqx.field(converter=as_float)
-    lower_threshold: RealScalar = eqx.field(converter=as_float)
-    period: RealScalar = eqx.field(converter=as_float)
-    rate_slope_limit: Pair = eqx.field(converter=as_float)
-    three_axis_slope_limit: Pair = eqx.field(converter=as_float)
+    upper_threshold: RealScalar = eqx.field(converter=positive("upper_threshold"))
+    lower_threshold: RealScalar = eqx.field(converter=positive("lower_threshold"))
+    period: RealScalar = eqx.field(converter=positive("period"))
+    rate_slope_limit: Pair = eqx.field(converter=positive("rate_slope_limit"))
+    three_axis_slope_limit: Pair = eqx.field(converter=positive("three_axis_slope_limit"))
 
     def __check_init__(self):
-        for name in (
-            "period",
-            "lower_threshold",
-            "upper_threshold",
-            "rate_slope_limit",
-            "three_axis_slope_limit",
-        ):
-            require_positive(name, getattr(self, name))
         lower, upper = concrete(self.lower_threshold), concrete(self.upper_threshold)
         if lower is not None and upper is not None and not lower <= upper:
             raise ValueError(

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, positive
 from jaxsat.core.declaration.three_torques import CALM
 from jaxsat.spacecraft.dynamics import PlantState
 
@@ -62,13 +62,10 @@ class ThirdAxisBand(eqx.Module):
     any width will do, and `cost` what full thrust costs.
     """
 
-    band: RealScalar = eqx.field(converter=as_float)
+    band: RealScalar = eqx.field(converter=positive("band"))
     thrust: Float[Array, "3 m"] = eqx.field(converter=as_float)
     least: Float[Array, " m"] = eqx.field(converter=as_float)
     cost: Float[Array, " m"] = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_positive("band", self.band)
 
     def correct(
         self,

@@ -18,7 +18,7 @@ from jaxsat.control.controller import (
     Memory,
 )
 from jaxsat.core.array_types import Pair, RealScalar
-from jaxsat.core.checks import all_positive, as_float, require_positive
+from jaxsat.core.checks import all_positive, as_float, not_negative, positive, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.paper import THREE_AXIS
 from jaxsat.core.quotients import quotient, reciprocal
@@ -71,10 +71,7 @@ class InternalModel(eqx.Module):
     shape (2,)), whatever its amplitude and phase.
     """
 
-    frequency: Pair = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_positive("frequency", self.frequency)
+    frequency: Pair = eqx.field(converter=positive("frequency"))
 
     def init(self) -> OscillatorState:
         """The state of oscillators at rest."""
@@ -117,21 +114,17 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
     declaration: ClassVar[LawDeclaration] = THREE_AXIS
 
     model: RigidBody
-    k3: RealScalar = eqx.field(converter=as_float)
-    mu: RealScalar = eqx.field(converter=as_float)
-    a: RealScalar = eqx.field(converter=as_float)
-    k4: RealScalar | Pair = eqx.field(converter=as_float)
+    k3: RealScalar = eqx.field(converter=positive("k3"))
+    mu: RealScalar = eqx.field(converter=positive("mu"))
+    a: RealScalar = eqx.field(converter=positive("a"))
+    k4: RealScalar | Pair = eqx.field(converter=positive("k4"))
     internal_model: InternalModel | None = None
-    attitude_weight: RealScalar = eqx.field(converter=as_float, default=1.0)
+    attitude_weight: RealScalar = eqx.field(converter=not_negative("attitude_weight"), default=1.0)
     saturation_width: Width = eqx.field(converter=as_width, default=None)
-    tilt_width: RealScalar = eqx.field(converter=as_float, default=0.0)
+    tilt_width: RealScalar = eqx.field(converter=not_negative("tilt_width"), default=0.0)
     saturated: Bool[Array, "2"] | None = None
 
     def __check_init__(self):
-        for name in ("k3", "mu", "a", "k4"):
-            require_positive(name, getattr(self, name))
-        for name in ("attitude_weight", "tilt_width"):
-            require_positive(name, getattr(self, name), zero_allowed=True)
         if self.saturation_width is not None:
             require_positive("saturation_width", self.saturation_width, zero_allowed=True)
 

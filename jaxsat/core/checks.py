@@ -1,5 +1,6 @@
 """Checks and conversions used where an object is made, and nowhere else."""
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -11,6 +12,9 @@ from jaxsat.core.errors import ArgumentError
 from jaxsat.core.inertia import require_known_inertia
 from jaxsat.core.jax_internals import Tracer
 
+Numbers = ArrayLike | list | tuple
+Converter = Callable[[Numbers], Inexact[Array, "..."]]
+
 
 def as_array(numbers: np.ndarray) -> Array:
     """A NumPy array as a JAX array of the default precision, without compiling a copy for it."""
@@ -18,7 +22,7 @@ def as_array(numbers: np.ndarray) -> Array:
     return jnp.asarray(numbers, numbers.dtype)  # with its type named, or XLA compiles the identity
 
 
-def as_float(value: ArrayLike | list | tuple) -> Inexact[Array, "..."]:
+def as_float(value: Numbers) -> Inexact[Array, "..."]:
     """Turn numbers into a floating-point JAX array whose type no later operation weakens."""
     if not any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value)):
         numbers = np.asarray(value)
@@ -31,7 +35,7 @@ def as_float(value: ArrayLike | list | tuple) -> Inexact[Array, "..."]:
     return array.astype(array.dtype if inexact else float)
 
 
-def as_optional_float(value: ArrayLike | list | tuple | None) -> Inexact[Array, "..."] | None:
+def as_optional_float(value: Numbers | None) -> Inexact[Array, "..."] | None:
     """As `as_float`, where None stands for something that is left out."""
     return None if value is None else as_float(value)
 
@@ -66,6 +70,33 @@ def require_positive(name: str, value: ArrayLike, *, zero_allowed: bool = False)
     if not np.all(good):
         kind = "zero or positive" if zero_allowed else "positive"
         raise ArgumentError(name, f"must be {kind}", numbers.tolist())
+
+
+def finite(name: str) -> Converter:
+    """The converter of a field of this name: floating-point numbers, which must be finite."""
+
+    def convert(value: Numbers) -> Inexact[Array, "..."]:
+        array = as_float(value)
+        require_finite(name, array)
+        return array
+
+    return convert
+
+
+def positive(name: str, *, zero_allowed: bool = False) -> Converter:
+    """The converter of a field of this name: floating-point numbers, which must be positive."""
+
+    def convert(value: Numbers) -> Inexact[Array, "..."]:
+        array = as_float(value)
+        require_positive(name, array, zero_allowed=zero_allowed)
+        return array
+
+    return convert
+
+
+def not_negative(name: str) -> Converter:
+    """The converter of a field of this name: as `positive`, where zero is allowed."""
+    return positive(name, zero_allowed=True)
 
 
 def require_counts(**counts: int | None) -> None:

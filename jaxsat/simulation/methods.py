@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import equinox as eqx
 
 from jaxsat.core.array_types import RealScalar
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, positive, require_positive
 from jaxsat.core.ranges import MAX_FIXED_STEPS
 from jaxsat.core.solvers import HIGH_ORDER, NamedSolver, Solver
 from jaxsat.simulation.loops import AbstractContinuousLoop, AbstractLoop, ContinuousLoop
@@ -33,13 +33,9 @@ class AdaptiveSteps(eqx.Module):
     `atol` is in the unit of each state, for momenta of wheels `Spacecraft.momentum_unit`.
     """
 
-    rtol: RealScalar = eqx.field(converter=as_float)
-    atol: RealScalar = eqx.field(converter=as_float)
+    rtol: RealScalar = eqx.field(converter=positive("rtol"))
+    atol: RealScalar = eqx.field(converter=positive("atol"))
     min_step: RealScalar | None = None
-
-    def __check_init__(self):
-        require_positive("rtol", self.rtol)
-        require_positive("atol", self.atol)
 
     def controller(self, body: RigidBody) -> StepSizeController:
         """What diffrax takes for it, in a loop of this body."""

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.allocation import allocation_matrix
 from jaxsat.core.array_types import RealScalar, Vector
-from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
+from jaxsat.core.checks import as_float, as_optional_float, concrete, positive
 from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.core.smooth import sat
 from jaxsat.spacecraft.allocation import first_at_limit, share_within
@@ -86,15 +86,12 @@ class Actuators(AbstractEffector):
 
     torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
     thrust_map: Float[Array, "m torques"] = eqx.field(converter=as_float)
-    limit: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
+    limit: RealScalar = eqx.field(converter=positive("limit"), default=jnp.inf)
     saturated: Bool[Array, " m"] | None = None
     failures: FailureEvents | None = None
     gain: Float[Array, " m"] | None = None
     level: Float[Array, " m"] | None = None
     shared_axes: Float[Array, "3 m"] | None = eqx.field(converter=as_optional_float, default=None)
-
-    def __check_init__(self):
-        require_positive("limit", self.limit)
 
     @staticmethod
     def of(

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.core.array_types import RealScalar
-from jaxsat.core.checks import as_float, concrete, require_positive
+from jaxsat.core.checks import concrete, positive
 
 
 class Pulses(NamedTuple):
@@ -133,15 +133,13 @@ class PulseWidthPulseFrequency(AbstractModulation):
     where it is above `on_level` / `gain`.
     """
 
-    gain: RealScalar = eqx.field(converter=as_float)
-    time_constant: RealScalar = eqx.field(converter=as_float)
-    on_level: RealScalar = eqx.field(converter=as_float)
-    off_level: RealScalar = eqx.field(converter=as_float)
+    gain: RealScalar = eqx.field(converter=positive("gain"))
+    time_constant: RealScalar = eqx.field(converter=positive("time_constant"))
+    on_level: RealScalar = eqx.field(converter=positive("on_level"))
+    off_level: RealScalar = eqx.field(converter=positive("off_level"))
     switchings: int = eqx.field(static=True, default=4)
 
     def __check_init__(self):
-        for name in ("gain", "time_constant", "on_level", "off_level"):
-            require_positive(name, getattr(self, name))
         gain, high, low = (concrete(x) for x in (self.gain, self.on_level, self.off_level))
         if gain is not None and high is not None and low is not None and not low < high < gain:
             raise ValueError(

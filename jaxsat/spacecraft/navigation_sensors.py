@@ -18,7 +18,9 @@ from jaxsat.core.checks import (
     as_array,
     as_float,
     as_optional_float,
+    not_negative,
     numpy_if_known,
+    positive,
     require_counts,
     require_finite,
     require_positive,
@@ -81,22 +83,19 @@ class Gyro(eqx.Module):
     an outage without a start or a length.
     """
 
-    noise_density: RealScalar = eqx.field(converter=as_float, default=0.0)
-    bias_walk: RealScalar = eqx.field(converter=as_float, default=0.0)
+    noise_density: RealScalar = eqx.field(converter=not_negative("noise_density"), default=0.0)
+    bias_walk: RealScalar = eqx.field(converter=not_negative("bias_walk"), default=0.0)
     bias: Vector = eqx.field(converter=as_three, default=0.0)
-    bias_sigma: RealScalar = eqx.field(converter=as_float, default=0.0)
+    bias_sigma: RealScalar = eqx.field(converter=not_negative("bias_sigma"), default=0.0)
     scale_factor: Vector = eqx.field(converter=as_three, default=0.0)
     misalignment: Vector = eqx.field(converter=as_three, default=0.0)
-    limit: RealScalar = eqx.field(converter=as_float, default=jnp.inf)
+    limit: RealScalar = eqx.field(converter=positive("limit"), default=jnp.inf)
     outage_start: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
     outage: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
-        for name in ("noise_density", "bias_walk", "bias_sigma"):
-            require_positive(name, getattr(self, name), zero_allowed=True)
         for name in ("bias", "scale_factor", "misalignment"):
             require_finite(name, getattr(self, name))
-        require_positive("limit", self.limit)
         require_both(self.outage_start, self.outage)
         if self.outage_start is not None:
             require_positive("outage_start", self.outage_start)

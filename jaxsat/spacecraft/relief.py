@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, positive
 from jaxsat.spacecraft.allocation import allocate_unloading
 from jaxsat.spacecraft.effector import Reach
 
@@ -34,15 +34,10 @@ class Relief(eqx.Module):
     thrusters: Reach
     axes: Float[Array, "3 wheels"] = eqx.field(converter=as_float)
     shares: Float[Array, "wheels 3"] = eqx.field(converter=as_float)
-    torque_limit: OfEach = eqx.field(converter=as_float)
-    momentum_limit: OfEach = eqx.field(converter=as_float)
+    torque_limit: OfEach = eqx.field(converter=positive("torque_limit"))
+    momentum_limit: OfEach = eqx.field(converter=positive("momentum_limit"))
     inertia: Matrix = eqx.field(converter=as_float)
-    period: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_positive("torque_limit", self.torque_limit)
-        require_positive("momentum_limit", self.momentum_limit)
-        require_positive("period", self.period)
+    period: RealScalar = eqx.field(converter=positive("period"))
 
     def bounds(self, momentum: OfEach) -> tuple[OfEach, OfEach]:
         """Torques (N m) on the body that each wheel of a `momentum` (N m s) makes for a period.

@@ -11,7 +11,7 @@ from numpy.typing import DTypeLike
 
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import WZ, AbstractAttitude, Quaternion
-from jaxsat.core.checks import as_float, as_optional_float, require_positive
+from jaxsat.core.checks import as_optional_float, not_negative, require_positive
 from jaxsat.core.noise import fold_in, name_number, sample_noise
 from jaxsat.spacecraft.wheels import WheelMomenta
 
@@ -29,13 +29,9 @@ class Sensors(eqx.Module):
     measured one. The noise is a function of `key` (two 32-bit words) and of the sample's number.
     """
 
-    rate_noise: RealScalar = eqx.field(converter=as_float, default=0.0)
-    attitude_noise: RealScalar = eqx.field(converter=as_float, default=0.0)
+    rate_noise: RealScalar = eqx.field(converter=not_negative("rate_noise"), default=0.0)
+    attitude_noise: RealScalar = eqx.field(converter=not_negative("attitude_noise"), default=0.0)
     key: UInt32[Array, "2"] = eqx.field(converter=as_key, default=(0, 0))
-
-    def __check_init__(self):
-        for name in ("rate_noise", "attitude_noise"):
-            require_positive(name, getattr(self, name), zero_allowed=True)
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], key: UInt32[Array, "2"]) -> "Sensors":
@@ -108,7 +104,7 @@ class Tachometers(eqx.Module):
     None for both is none for any wheel. Raises `ArgumentError` for what is negative.
     """
 
-    noise: Float[Array, " wheels"] = eqx.field(converter=as_float)
+    noise: Float[Array, " wheels"] = eqx.field(converter=not_negative("noise"))
     key: UInt32[Array, "2"] = eqx.field(converter=as_key, default=(0, 0))
     outage_start: Float[Array, " wheels"] | None = eqx.field(
         converter=as_optional_float, default=None
@@ -116,7 +112,6 @@ class Tachometers(eqx.Module):
     outage: Float[Array, " wheels"] | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
-        require_positive("noise", self.noise, zero_allowed=True)
         if (self.outage_start is None) != (self.outage is None):
             raise ValueError("Arguments `outage_start` and `outage` must be given together.")
         if self.outage is not None:

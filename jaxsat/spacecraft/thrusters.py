@@ -9,13 +9,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from jaxsat.core.allocation import NORMALISER_FLOOR
 from jaxsat.core.array_types import Pair, RealScalar, Vector
-from jaxsat.core.checks import (
-    as_float,
-    as_optional_float,
-    concrete,
-    require_finite,
-    require_positive,
-)
+from jaxsat.core.checks import as_float, as_optional_float, concrete, finite, require_positive
 from jaxsat.spacecraft.axes import turned_axes, unit_axes
 
 
@@ -101,8 +95,8 @@ class ThrusterSet(eqx.Module):
     that is zero or not finite, and for times or flows below zero.
     """
 
-    torque: Float[Array, "3 m"] = eqx.field(converter=as_float)
-    force: Float[Array, "3 m"] = eqx.field(converter=as_float)
+    torque: Float[Array, "3 m"] = eqx.field(converter=finite("torque"))
+    force: Float[Array, "3 m"] = eqx.field(converter=finite("force"))
     flow: Float[Array, " m"] = eqx.field(converter=as_float)
     min_on_time: Float[Array, " m"] = eqx.field(converter=as_float)
     valve_delay: Float[Array, " m"] | None = eqx.field(converter=as_optional_float, default=None)
@@ -110,8 +104,6 @@ class ThrusterSet(eqx.Module):
     fall_time: Float[Array, " m"] | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
-        require_finite("torque", self.torque)
-        require_finite("force", self.force)
         torque = concrete(self.torque)
         if torque is not None and not np.all(np.any(torque != 0, axis=0)):
             raise ValueError("Argument `torque` must have no zero column, but one is zero.")

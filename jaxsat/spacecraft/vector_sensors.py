@@ -15,10 +15,10 @@ from jaxsat.core.checks import (
     as_float,
     as_optional_float,
     concrete,
+    positive,
     require_counts,
     require_directions,
     require_finite,
-    require_positive,
 )
 from jaxsat.core.errors import ArgumentError
 from jaxsat.core.noise import fold_in, name_number, sample_noise
@@ -87,7 +87,7 @@ class VectorSensor(eqx.Module):
 
     reference: FieldAlongOrbit | Sunlight | Nadir
     name: str = eqx.field(static=True)
-    noise: RealScalar = eqx.field(converter=as_float)
+    noise: RealScalar = eqx.field(converter=positive("noise"))
     bias: Vector = eqx.field(converter=as_three, default=0.0)
     scale_factor: Vector = eqx.field(converter=as_three, default=0.0)
     misalignment: Vector = eqx.field(converter=as_three, default=0.0)
@@ -99,7 +99,6 @@ class VectorSensor(eqx.Module):
     outage: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
 
     def __check_init__(self):
-        require_positive("noise", self.noise)
         for name in ("bias", "scale_factor", "misalignment"):
             require_finite(name, getattr(self, name))
         require_directions("boresight", self.boresight[:, None])

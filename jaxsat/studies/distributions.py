@@ -11,7 +11,14 @@ from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import Vector
-from jaxsat.core.checks import as_float, concrete, require_finite, require_positive
+from jaxsat.core.checks import (
+    as_float,
+    concrete,
+    finite,
+    not_negative,
+    require_finite,
+    require_positive,
+)
 from jaxsat.core.errors import ArgumentError
 
 MAX_STANDARD_DEVIATIONS = 1e9
@@ -54,12 +61,10 @@ class AbstractProbabilityDistribution(eqx.Module):
 class Uniform(AbstractProbabilityDistribution):
     """Equally likely everywhere between `low` and `high`."""
 
-    low: Float[Array, "*n"] = eqx.field(converter=as_float)
-    high: Float[Array, "*n"] = eqx.field(converter=as_float)
+    low: Float[Array, "*n"] = eqx.field(converter=finite("low"))
+    high: Float[Array, "*n"] = eqx.field(converter=finite("high"))
 
     def __check_init__(self):
-        for name in ("low", "high"):
-            require_finite(name, getattr(self, name))
         _require_order(self.low, self.high)
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
@@ -71,11 +76,10 @@ class Normal(AbstractProbabilityDistribution):
     """Gaussian with `mean` and standard deviation `sigma`."""
 
     end_names = ("mean",)
-    mean: Float[Array, "*n"] = eqx.field(converter=as_float)
+    mean: Float[Array, "*n"] = eqx.field(converter=finite("mean"))
     sigma: Float[Array, "*n"] = eqx.field(converter=as_float)
 
     def __check_init__(self):
-        require_finite("mean", self.mean)
         require_finite("sigma", self.sigma)
         require_positive("sigma", self.sigma, zero_allowed=True)
 
@@ -91,14 +95,13 @@ class Normal(AbstractProbabilityDistribution):
 class TruncatedNormal(AbstractProbabilityDistribution):
     """Gaussian with `mean` and `sigma` before truncation, given that it is in [`low`, `high`]."""
 
-    mean: Float[Array, "*n"] = eqx.field(converter=as_float)
+    mean: Float[Array, "*n"] = eqx.field(converter=finite("mean"))
     sigma: Float[Array, "*n"] = eqx.field(converter=as_float)
-    low: Float[Array, "*n"] = eqx.field(converter=as_float)
-    high: Float[Array, "*n"] = eqx.field(converter=as_float)
+    low: Float[Array, "*n"] = eqx.field(converter=finite("low"))
+    high: Float[Array, "*n"] = eqx.field(converter=finite("high"))
 
     def __check_init__(self):
-        for name in ("mean", "sigma", "low", "high"):
-            require_finite(name, getattr(self, name))
+        require_finite("sigma", self.sigma)
         require_positive("sigma", self.sigma)
         _require_order(self.low, self.high)
         self._require_width()
@@ -132,12 +135,10 @@ class Discrete(AbstractProbabilityDistribution):
     """Each component one of `values`, with probabilities in the proportion of `weights`."""
 
     end_names = ("values",)
-    values: Float[Array, " k"] = eqx.field(converter=as_float)
-    weights: Float[Array, " k"] = eqx.field(converter=as_float)
+    values: Float[Array, " k"] = eqx.field(converter=finite("values"))
+    weights: Float[Array, " k"] = eqx.field(converter=not_negative("weights"))
 
     def __check_init__(self):
-        require_finite("values", self.values)
-        require_positive("weights", self.weights, zero_allowed=True)
         if np.shape(self.weights) != np.shape(self.values):
             rule = f"must have {np.size(self.values)} entries like `values`"
             raise ArgumentError("weights", rule, np.size(self.weights))

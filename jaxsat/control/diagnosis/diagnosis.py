@@ -29,7 +29,7 @@ from jaxsat.control.diagnosis.residual import (
     Reading,
 )
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import positive
 
 OVERSHOOT = 1.166
 """Of a walk with standard normal steps, at both boundaries together."""
@@ -171,15 +171,11 @@ class Diagnosis(eqx.Module):
     `MOST_RETURNS` times.
     """
 
-    reference: RealScalar = eqx.field(converter=as_float, default=1.0)
-    threshold: RealScalar = eqx.field(converter=as_float, default=12.0)
-    margin: RealScalar = eqx.field(converter=as_float, default=8.0)
-    patience: RealScalar = eqx.field(converter=as_float, default=300.0)
-    uncertainty: RealScalar = eqx.field(converter=as_float, default=0.1)
-
-    def __check_init__(self):
-        for name in ("reference", "threshold", "margin", "patience", "uncertainty"):
-            require_positive(name, getattr(self, name))
+    reference: RealScalar = eqx.field(converter=positive("reference"), default=1.0)
+    threshold: RealScalar = eqx.field(converter=positive("threshold"), default=12.0)
+    margin: RealScalar = eqx.field(converter=positive("margin"), default=8.0)
+    patience: RealScalar = eqx.field(converter=positive("patience"), default=300.0)
+    uncertainty: RealScalar = eqx.field(converter=positive("uncertainty"), default=0.1)
 
     def init(self, watch: AbstractResidualFilter, reading: Reading) -> DiagnosisMemory:
         """All actuators work."""

@@ -32,7 +32,7 @@ from jaxsat.control.diagnosis.residual import (
     momentum_with_rotors,
 )
 from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
-from jaxsat.core.checks import as_float, require_finite, require_positive
+from jaxsat.core.checks import finite, not_negative, positive
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.modulation import AbstractModulation
 from jaxsat.spacecraft.wheels import Wheels
@@ -62,16 +62,11 @@ class ThrusterModel(eqx.Module):
     thrusters of the plant may differ.
     """
 
-    torque: Float[Array, "3 m"] = eqx.field(converter=as_float)
-    min_on_time: Float[Array, " m"] = eqx.field(converter=as_float)
-    opening_delay: Float[Array, " m"] = eqx.field(converter=as_float)
-    closing_delay: Float[Array, " m"] = eqx.field(converter=as_float)
+    torque: Float[Array, "3 m"] = eqx.field(converter=finite("torque"))
+    min_on_time: Float[Array, " m"] = eqx.field(converter=not_negative("min_on_time"))
+    opening_delay: Float[Array, " m"] = eqx.field(converter=not_negative("opening_delay"))
+    closing_delay: Float[Array, " m"] = eqx.field(converter=not_negative("closing_delay"))
     modulation: AbstractModulation
-
-    def __check_init__(self):
-        require_finite("torque", self.torque)
-        for name in ("min_on_time", "opening_delay", "closing_delay"):
-            require_positive(name, getattr(self, name), zero_allowed=True)
 
     @property
     def count(self) -> int:
@@ -142,11 +137,8 @@ class ThrusterFilter(AbstractResidualFilter):
 
     model: RigidBody
     thrusters: ThrusterModel
-    rate_noise: RealScalar = eqx.field(converter=as_float)
+    rate_noise: RealScalar = eqx.field(converter=positive("rate_noise"))
     wheels: Wheels | None = None
-
-    def __check_init__(self):
-        require_positive("rate_noise", self.rate_noise)
 
     @property
     def count(self) -> int:

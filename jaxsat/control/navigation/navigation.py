@@ -18,7 +18,7 @@ from jaxsat.control.navigation.estimator import (
 )
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import Quaternion
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, not_negative
 from jaxsat.core.noise import fold_in, name_number, sample_noise
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.navigation_sensors import Gyro, StarTracker
@@ -77,14 +77,13 @@ class Navigation(eqx.Module):
     gyro: Gyro
     tracker: StarTracker | None
     estimator: AbstractEstimator
-    attitude_sigma: RealScalar = eqx.field(converter=as_float, default=0.0)
+    attitude_sigma: RealScalar = eqx.field(converter=not_negative("attitude_sigma"), default=0.0)
     key: UInt32[Array, "2"] = eqx.field(converter=as_key, default=(0, 0))
     magnetometer: VectorSensor | None = None
     sun_sensor: VectorSensor | None = None
     horizon_sensor: VectorSensor | None = None
 
     def __check_init__(self):
-        require_positive("attitude_sigma", self.attitude_sigma, zero_allowed=True)
         if self.tracker is None and not self.vectors:
             raise ValueError("Argument `tracker` must be given without another such sensor.")
 

@@ -16,6 +16,7 @@ from jaxsat.control.planning.transcription import PlanObjective, Transcription, 
 from jaxsat.core.array_types import IntScalar, RealScalar
 from jaxsat.core.checks import (
     as_float,
+    not_negative,
     require_counts,
     require_directions,
     require_finite,
@@ -91,7 +92,7 @@ class Planner(eqx.Module):
     model: RigidBody
     torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
     limit: RealScalar = eqx.field(converter=as_float)
-    margin: RealScalar = eqx.field(converter=as_float, default=0.0)
+    margin: RealScalar = eqx.field(converter=not_negative("margin"), default=0.0)
     guesses: int = eqx.field(static=True, default=24)
     intervals: int = eqx.field(static=True, default=48)
     tolerances: Tolerances | None = None
@@ -100,7 +101,6 @@ class Planner(eqx.Module):
         require_directions("torque_axes", self.torque_axes)
         require_positive("limit", self.limit)
         require_finite("limit", self.limit)
-        require_positive("margin", self.margin, zero_allowed=True)
         require_positive("1 - margin", 1 - self.margin)
         require_counts(guesses=self.guesses, intervals=self.intervals)
         if self.intervals % 2:

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import positive
 from jaxsat.core.solvers import NamedSolver, Solver, class_name, solver_of
 from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.engine.dense_output import require_dense_output
@@ -63,15 +63,13 @@ class Tolerance(eqx.Module):
     `max_steps` of them.
     """
 
-    rtol: RealScalar = eqx.field(converter=as_float, default=1e-9)
-    atol: RealScalar = eqx.field(converter=as_float, default=1e-9)
-    first_step: RealScalar = eqx.field(converter=as_float, default=1e-2)
-    min_step: RealScalar = eqx.field(converter=as_float, default=1e-9)
+    rtol: RealScalar = eqx.field(converter=positive("rtol"), default=1e-9)
+    atol: RealScalar = eqx.field(converter=positive("atol"), default=1e-9)
+    first_step: RealScalar = eqx.field(converter=positive("first_step"), default=1e-2)
+    min_step: RealScalar = eqx.field(converter=positive("min_step"), default=1e-9)
     max_steps: int = eqx.field(static=True, default=2**17)
 
     def __check_init__(self):
-        for name in ("rtol", "atol", "first_step", "min_step"):
-            require_positive(name, getattr(self, name))
         if self.max_steps < 1:
             raise ValueError(f"Argument `max_steps` must be at least 1, but got {self.max_steps}.")
 

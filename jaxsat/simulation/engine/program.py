@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.core.array_types import BoolScalar, RealScalar
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import as_float, positive
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation.engine.progress import RunningCost
@@ -50,7 +50,7 @@ class Program(eqx.Module):
     """
 
     case_factory: AbstractCaseFactory
-    interval: RealScalar = eqx.field(converter=as_float)
+    interval: RealScalar = eqx.field(converter=positive("interval"))
     intervals: int = eqx.field(static=True)
     tolerances: Tolerances = eqx.field(default_factory=Tolerances)
     cost: RunningCost = eqx.field(default_factory=RunningCost)
@@ -60,7 +60,6 @@ class Program(eqx.Module):
     requirements: Requirements | None = None
 
     def __check_init__(self):
-        require_positive("interval", self.interval)
         if self.error_every < 0:
             raise ValueError(
                 f"Argument `error_every` must not be negative, but got {self.error_every}."

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
-from jaxsat.core.checks import as_float, as_optional_float, concrete, require_positive
+from jaxsat.core.checks import as_optional_float, concrete, not_negative, require_positive
 from jaxsat.core.declaration.actuators import SIGNALS
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.tolerances import SettlingTracker, Tolerances
@@ -61,18 +61,16 @@ class RunningCost(eqx.Module):
     c_max times its horizon. Without one, None, the cost of such a run is NaN.
     """
 
-    w: RealScalar = eqx.field(converter=as_float, default=1.0)
-    z: RealScalar = eqx.field(converter=as_float, default=1.0)
-    relative_rate: RealScalar = eqx.field(converter=as_float, default=100.0)
-    torque: RealScalar = eqx.field(converter=as_float, default=1e-3)
-    settling: RealScalar = eqx.field(converter=as_float, default=0.0)
+    w: RealScalar = eqx.field(converter=not_negative("w"), default=1.0)
+    z: RealScalar = eqx.field(converter=not_negative("z"), default=1.0)
+    relative_rate: RealScalar = eqx.field(converter=not_negative("relative_rate"), default=100.0)
+    torque: RealScalar = eqx.field(converter=not_negative("torque"), default=1e-3)
+    settling: RealScalar = eqx.field(converter=not_negative("settling"), default=0.0)
     unsettled: Unsettled | None = None
     limit: RealScalar | None = eqx.field(converter=as_optional_float, default=None)
     attitude: AttitudeCost = eqx.field(static=True, default="rotation")
 
     def __check_init__(self):
-        for name in ("w", "z", "relative_rate", "torque", "settling"):
-            require_positive(name, getattr(self, name), zero_allowed=True)
         if self.limit is not None:
             require_positive("limit", self.limit)
         settling = concrete(self.settling)

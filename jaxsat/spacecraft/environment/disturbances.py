@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude
-from jaxsat.core.checks import as_float, require_finite
+from jaxsat.core.checks import finite
 from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.disturbances import CONSTANT, GRAVITY_GRADIENT, PERIODIC
 from jaxsat.core.earth import EARTH_GRAVITY
@@ -73,13 +73,9 @@ class PeriodicTorque(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = PERIODIC
 
-    amplitude: Vector = eqx.field(converter=as_float)
-    frequency: Vector = eqx.field(converter=as_float)
-    phase: Vector = eqx.field(converter=as_float, default=(0.0, 0.0, 0.0))
-
-    def __check_init__(self):
-        for name in ("amplitude", "frequency", "phase"):
-            require_finite(name, getattr(self, name))
+    amplitude: Vector = eqx.field(converter=finite("amplitude"))
+    frequency: Vector = eqx.field(converter=finite("frequency"))
+    phase: Vector = eqx.field(converter=finite("phase"), default=(0.0, 0.0, 0.0))
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: DisturbanceContext) -> "PeriodicTorque":
@@ -100,10 +96,7 @@ class ConstantTorque(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = CONSTANT
 
-    torque: Vector = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_finite("torque", self.torque)
+    torque: Vector = eqx.field(converter=finite("torque"))
 
     @classmethod
     def from_table(
@@ -125,10 +118,7 @@ class GravityGradient(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = GRAVITY_GRADIENT
 
-    orbit_rate: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_finite("orbit_rate", self.orbit_rate)
+    orbit_rate: RealScalar = eqx.field(converter=finite("orbit_rate"))
 
     @classmethod
     def from_table(

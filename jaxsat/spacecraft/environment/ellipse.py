@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
-from jaxsat.core.checks import as_float, require_finite, require_positive
+from jaxsat.core.checks import as_float, not_negative, positive, require_finite, require_positive
 from jaxsat.core.earth import EARTH_GRAVITY, EARTH_RADIUS
 from jaxsat.core.trigonometry import cos, sin
 from jaxsat.spacecraft.environment.orbit import AbstractPlace
@@ -39,8 +39,8 @@ class EllipticOrbit(AbstractPlace):
     are left out. Raises `ValueError` for an orbit that is no ellipse.
     """
 
-    semi_major_axis: RealScalar = eqx.field(converter=as_float)
-    eccentricity: RealScalar = eqx.field(converter=as_float)
+    semi_major_axis: RealScalar = eqx.field(converter=positive("semi_major_axis"))
+    eccentricity: RealScalar = eqx.field(converter=not_negative("eccentricity"))
     inclination: RealScalar = eqx.field(converter=as_float, default=0.0)
     node: RealScalar = eqx.field(converter=as_float, default=0.0)
     argument_of_perigee: RealScalar = eqx.field(converter=as_float, default=0.0)
@@ -49,8 +49,6 @@ class EllipticOrbit(AbstractPlace):
     oblateness: RealScalar = eqx.field(converter=as_float, default=0.0)
 
     def __check_init__(self):
-        require_positive("semi_major_axis", self.semi_major_axis)
-        require_positive("eccentricity", self.eccentricity, zero_allowed=True)
         require_positive("1 - eccentricity", 1 - self.eccentricity)
         angles = ("inclination", "node", "argument_of_perigee", "mean_anomaly", "sidereal_angle")
         for name in (*angles, "oblateness"):

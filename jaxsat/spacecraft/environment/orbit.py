@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude
-from jaxsat.core.checks import as_float, require_finite
+from jaxsat.core.checks import as_float, finite, require_finite
 from jaxsat.core.earth import EARTH_GRAVITY
 from jaxsat.core.trigonometry import cos, sin
 
@@ -35,10 +35,7 @@ class AbstractOrbit(eqx.Module):
 class ExactOrbit(AbstractOrbit):
     """Equation (11) as it is: C (0, -ω0, 0)ᵀ. `rate` is ω0 in rad/s."""
 
-    rate: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_finite("rate", self.rate)
+    rate: RealScalar = eqx.field(converter=finite("rate"))
 
     def frame_rate(self, attitude: AbstractAttitude) -> Vector:
         """C (0, -ω0, 0)ᵀ, rad/s."""
@@ -48,10 +45,7 @@ class ExactOrbit(AbstractOrbit):
 class SmallAngleOrbit(AbstractOrbit):
     """Equation (11) with C_bo replaced by the identity, as in the paper's simulations."""
 
-    rate: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_finite("rate", self.rate)
+    rate: RealScalar = eqx.field(converter=finite("rate"))
 
     def frame_rate(self, attitude: AbstractAttitude) -> Vector:
         """(0, -ω0, 0)ᵀ whatever the attitude, rad/s."""

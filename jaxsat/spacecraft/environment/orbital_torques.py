@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude
-from jaxsat.core.checks import as_float, require_finite, require_positive
+from jaxsat.core.checks import as_float, finite, not_negative, require_positive
 from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.disturbances import AERODYNAMIC, MAGNETIC, SOLAR
 from jaxsat.core.earth import EARTH_RADIUS
@@ -27,11 +27,8 @@ class MagneticTorque(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = MAGNETIC
 
-    dipole: Vector = eqx.field(converter=as_float)
+    dipole: Vector = eqx.field(converter=finite("dipole"))
     field: AbstractMagneticField
-
-    def __check_init__(self):
-        require_finite("dipole", self.dipole)
 
     @classmethod
     def from_table(
@@ -55,16 +52,11 @@ class AerodynamicTorque(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = AERODYNAMIC
 
-    density: RealScalar = eqx.field(converter=as_float)
-    coefficient: RealScalar = eqx.field(converter=as_float)
-    area: RealScalar = eqx.field(converter=as_float)
-    centre: Vector = eqx.field(converter=as_float)
+    density: RealScalar = eqx.field(converter=not_negative("density"))
+    coefficient: RealScalar = eqx.field(converter=not_negative("coefficient"))
+    area: RealScalar = eqx.field(converter=not_negative("area"))
+    centre: Vector = eqx.field(converter=finite("centre"))
     orbit: CircularOrbit
-
-    def __check_init__(self):
-        for name in ("density", "coefficient", "area"):
-            require_positive(name, getattr(self, name), zero_allowed=True)
-        require_finite("centre", self.centre)
 
     @classmethod
     def from_table(
@@ -96,12 +88,11 @@ class Sunlight(eqx.Module):
     its equator, into which no light comes.
     """
 
-    sun: Vector = eqx.field(converter=as_float)
+    sun: Vector = eqx.field(converter=finite("sun"))
     orbit: AbstractPlace
     eclipses: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
-        require_finite("sun", self.sun)
         require_positive("sun", jnp.sum(self.sun**2))
 
     def __call__(self, t: RealScalar) -> tuple[Vector, RealScalar]:
@@ -126,17 +117,14 @@ class SolarPressureTorque(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = SOLAR
 
-    coefficient: RealScalar = eqx.field(converter=as_float)
-    area: RealScalar = eqx.field(converter=as_float)
-    centre: Vector = eqx.field(converter=as_float)
+    coefficient: RealScalar = eqx.field(converter=not_negative("coefficient"))
+    area: RealScalar = eqx.field(converter=not_negative("area"))
+    centre: Vector = eqx.field(converter=finite("centre"))
     sun: Vector = eqx.field(converter=as_float)
     orbit: AbstractPlace
     eclipses: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
-        for name in ("coefficient", "area"):
-            require_positive(name, getattr(self, name), zero_allowed=True)
-        require_finite("centre", self.centre)
         self.light()
 
     def light(self) -> Sunlight:

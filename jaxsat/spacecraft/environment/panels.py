@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
 from jaxsat.core.attitude import AbstractAttitude
-from jaxsat.core.checks import as_float, require_finite, require_positive
+from jaxsat.core.checks import as_float, finite, not_negative, require_positive
 from jaxsat.core.declaration import PartDeclaration
 from jaxsat.core.declaration.disturbances import PANEL_DRAG, PANEL_LIGHT
 from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, DisturbanceContext
@@ -30,17 +30,14 @@ class Panels(eqx.Module):
     `ValueError` for numbers that no plate has.
     """
 
-    area: Float[Array, " p"] = eqx.field(converter=as_float)
+    area: Float[Array, " p"] = eqx.field(converter=not_negative("area"))
     normal: Float[Array, "p 3"] = eqx.field(converter=as_float)
-    centre: Float[Array, "p 3"] = eqx.field(converter=as_float)
-    drag_coefficient: Float[Array, " p"] = eqx.field(converter=as_float)
-    specular: Float[Array, " p"] = eqx.field(converter=as_float)
-    diffuse: Float[Array, " p"] = eqx.field(converter=as_float)
+    centre: Float[Array, "p 3"] = eqx.field(converter=finite("centre"))
+    drag_coefficient: Float[Array, " p"] = eqx.field(converter=not_negative("drag_coefficient"))
+    specular: Float[Array, " p"] = eqx.field(converter=not_negative("specular"))
+    diffuse: Float[Array, " p"] = eqx.field(converter=not_negative("diffuse"))
 
     def __check_init__(self):
-        for name in ("area", "drag_coefficient", "specular", "diffuse"):
-            require_positive(name, getattr(self, name), zero_allowed=True)
-        require_finite("centre", self.centre)
         require_positive("normal", jnp.sum(self.normal**2, axis=1))
 
     @classmethod
@@ -67,12 +64,9 @@ class PanelDrag(AbstractDisturbance):
 
     declaration: ClassVar[PartDeclaration] = PANEL_DRAG
 
-    density: RealScalar = eqx.field(converter=as_float)
+    density: RealScalar = eqx.field(converter=not_negative("density"))
     panels: Panels
     orbit: CircularOrbit
-
-    def __check_init__(self):
-        require_positive("density", self.density, zero_allowed=True)
 
     @classmethod
     def from_table(
