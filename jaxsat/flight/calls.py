@@ -56,7 +56,7 @@ def drawn_calls(
         draw = _at_bounds if number % 2 else _over_range
         table = _row([draw(rng, one) for one in of_parameters])
         plan += [(kind, table) for kind in (STEP, STEP, *others)]
-    chosen = samples[rng.integers(0, len(samples), len(plan))]
+    rows = samples[rng.integers(0, len(samples), len(plan))]
     attitudes = rng.normal(size=(len(plan), call_sizes(program)["attitude"]))
     if program.estimates:
         attitudes /= np.linalg.norm(attitudes, axis=1, keepdims=True)
@@ -64,7 +64,7 @@ def drawn_calls(
         attitudes = np.where(struck, rng.choice(EXTREMES, attitudes.shape), attitudes)
     kinds = np.array([kind for kind, _ in plan], float)[:, None]
     tables = np.stack([table for _, table in plan])
-    return np.concatenate([kinds, tables, attitudes, chosen], axis=1)
+    return np.concatenate([kinds, tables, attitudes, rows], axis=1)
 
 
 def expected_of_calls(
@@ -76,7 +76,7 @@ def expected_of_calls(
     kinds, tables, attitudes, inputs, states = np.split(
         rows, np.cumsum(list(sizes.values()))[:-1], axis=1
     )
-    found = np.zeros((len(rows), program.structs["output"].size + sizes["state"]))
+    expectations = np.zeros((len(rows), program.structs["output"].size + sizes["state"]))
     groups: dict[bytes, list[int]] = {}
     for number, row in enumerate(rows):
         groups.setdefault(row[: 1 + sizes["parameters"]].tobytes(), []).append(number)
@@ -86,12 +86,14 @@ def expected_of_calls(
             table = _parameters(program, tables[numbers[0]])
             now, state = _trees(program, inputs[numbers], states[numbers])
         if kind == STEP:
-            found[numbers] = reference.step(now, state, table)
+            expectations[numbers] = reference.step(now, state, table)
         elif kind == INIT:
-            found[numbers, -sizes["state"] :] = reference.begin(attitudes[numbers], now, table)
+            expectations[numbers, -sizes["state"] :] = reference.begin(
+                attitudes[numbers], now, table
+            )
         else:
-            found[numbers, -sizes["state"] :] = reference.coast(now, state, table)
-    return found
+            expectations[numbers, -sizes["state"] :] = reference.coast(now, state, table)
+    return expectations
 
 
 def _row(arrays: Sequence[np.ndarray]) -> np.ndarray:
@@ -112,10 +114,10 @@ def _over_range(rng: np.random.Generator, one: Parameter) -> np.ndarray:
             return np.asarray(np.clip(value * 2 ** rng.uniform(-1, 1, shape), *one.bounds))
     least, most = (float(bound) for bound in one.bounds)
     if least > 0:
-        drawn = np.exp(rng.uniform(np.log(least), np.log(most), shape))
+        sizes = np.exp(rng.uniform(np.log(least), np.log(most), shape))
     else:
-        drawn = rng.uniform(least, most, shape)
-    return np.asarray(np.clip(drawn, least, most))
+        sizes = rng.uniform(least, most, shape)
+    return np.asarray(np.clip(sizes, least, most))
 
 
 def whole_range(one: Parameter) -> tuple[int, int]:

@@ -39,7 +39,7 @@ def cfs_app(
 
     `rows` are those of the interface control document, `hold_samples` the guard's default.
     """
-    given, told = measured(rows), commanded(rows)
+    inputs, outputs = measured(rows), commanded(rows)
     begin = (
         f"  static const {real_type(program)} attitude[4] = {{0}}; "
         "/* begin with the first measured one */\n\n"
@@ -48,14 +48,14 @@ def cfs_app(
         "PERIOD": f"{float(np.asarray(program.period)):.9g}",
         "PROGRAM": program.hash[:12],
         "MODES": words_of_modes(program),
-        "MEASUREMENT": _members(given),
-        "OUTPUT": _members(told),
+        "MEASUREMENT": _members(inputs),
+        "OUTPUT": _members(outputs),
         "READ": "\n".join(
-            _copy(item.place_in(PLACES), f"Payload->{item.name}", item) for item in given
+            _copy(item.place_in(PLACES), f"Payload->{item.name}", item) for item in inputs
         ),
         "WRITE": "\n".join(
             _copy(f"Payload->{item.name}", item.place_in(PLACES), item)
-            for item in told
+            for item in outputs
             if item.place[0]
         ),
         "BEGIN": begin * program.estimates,

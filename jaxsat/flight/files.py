@@ -95,14 +95,14 @@ def export(request: Request) -> Export:
         "controller_records.h": records_header(program, intro),
         "controller_calls.h": calls_header(program, intro),
     }
-    drawn = drawn_calls(program, table, samples.given)
-    given, unsearched = drawn, ""
+    random_calls = drawn_calls(program, table, samples.given)
+    all_calls, unsearched = random_calls, ""
     try:
-        found = found_calls(texts, program, table, drawn, samples.given)
-        given = np.concatenate([drawn, found])
+        searched_calls = found_calls(texts, program, table, random_calls, samples.given)
+        all_calls = np.concatenate([random_calls, searched_calls])
     except NoSearch as error:
         unsearched = str(error)
-    calls = Vectors(given, expected_of_calls(reference, given))
+    calls = Vectors(all_calls, expected_of_calls(reference, all_calls))
     rows = interface.rows(program, table, request.hold_samples)
     ulp = "1e18" if request.libm else "0"
     texts |= {

@@ -41,10 +41,10 @@ def fprime_component(
     `rows` are those of the interface control document, `hold_samples` the guard's default. Those
     of the parameters that keys of the scenario set are parameters of the component, too.
     """
-    given, told = measured(rows), commanded(rows)
+    inputs, outputs = measured(rows), commanded(rows)
     real = real_type(program)
     tuned = _tuned(rows, of_parameters, hold_samples)
-    items = [*given, *told, *(item for item, _ in tuned)]
+    items = [*inputs, *outputs, *(item for item, _ in tuned)]
     arrays = {_type(item): item for item in items if item.shape}
     begin = f"    static const {real} attitude[4] = {{0}}; // begin with the first measured one\n\n"
     values = {
@@ -53,11 +53,11 @@ def fprime_component(
         "ARRAYS": "\n".join(
             f"  array {name} = [{item.count}] {TYPES[item.type]}" for name, item in arrays.items()
         ),
-        "MEASUREMENT": _members(given),
-        "OUTPUT": _members(told),
-        "ARGUMENTS": ",\n".join(f"    {_argument(item)}" for item in given),
-        "READ": "\n".join(_take(item, item.name) for item in given),
-        "WRITE": ",\n".join(f"            {_passed(item)}" for item in told),
+        "MEASUREMENT": _members(inputs),
+        "OUTPUT": _members(outputs),
+        "ARGUMENTS": ",\n".join(f"    {_argument(item)}" for item in inputs),
+        "READ": "\n".join(_take(item, item.name) for item in inputs),
+        "WRITE": ",\n".join(f"            {_passed(item)}" for item in outputs),
         "PARAMETERS": "\n".join(
             f"    @ {ascii_text(item.about)}\n"
             f"    param {item.name}: {_type(item)} default {_initialiser(default)} id {number} "
@@ -80,12 +80,12 @@ def _tuned(
     rows: Sequence[Row], of_parameters: Sequence[Parameter], hold_samples: int
 ) -> list[tuple[Item, np.ndarray]]:
     """The parameters of the component with their defaults: finite ones of keys, and limits."""
-    named = {row.name: row for row in rows if row.structure == "controller_parameters"}
+    row_of = {row.name: row for row in rows if row.structure == "controller_parameters"}
     tuned = []
     for one in of_parameters:
         default, field = np.asarray(one.default), one.field
         if one.key is not None and np.isfinite(default).all():
-            row = named[field.name]
+            row = row_of[field.name]
             about = f"{row.path}, {_about(row)}"
             place = ("read", field.name)
             item = Item(field.name, row.type, field.shape, field.dtype.itemsize, about, place)

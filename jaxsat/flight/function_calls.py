@@ -29,14 +29,14 @@ def function_calls(program: FlightProgram, intro: Sequence[str]) -> str:
         for row in rows:
             tables += in_lines(f"{{{', '.join(literal(x).text for x in row)}}},", "  ")
         tables += ["};", ""]
-        given = [f"of_{name}[i][{place}]" for place in range(len(function.params))]
+        arguments = [f"of_{name}[i][{place}]" for place in range(len(function.params))]
         results = [f"found[{place}]" for place in range(len(function.results))]
         pointers = [] if len(results) == 1 else [f"&{result}" for result in results]
         begin = f"{results[0]} = " if len(results) == 1 else ""
         calls += [f"  for (int i = 0; i < {len(rows)}; i++) {{"]
-        calls += [f"    {begin}{name}({', '.join([*given, *pointers])});"]
+        calls += [f"    {begin}{name}({', '.join([*arguments, *pointers])});"]
         calls += [
-            f"    wrong += same(of_{name}[i][{len(given) + place}], {result}) ? 0 : 1;"
+            f"    wrong += same(of_{name}[i][{len(arguments) + place}], {result}) ? 0 : 1;"
             for place, result in enumerate(results)
         ]
         calls += ["  }"]

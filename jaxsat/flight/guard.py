@@ -45,12 +45,12 @@ class Group:
 
 def groups(program: FlightProgram) -> list[Group]:
     """All measurements of an input. `seen` is none: it tells whether an attitude has arrived."""
-    found: dict[str, list[Field]] = {}
+    fields_of_name: dict[str, list[Field]] = {}
     for field in program.structs["input"].fields:
         name = field.path.split(".")[0]
         if name not in ("sample", "seen"):
-            found.setdefault(name, []).append(field)
-    return [Group(name, tuple(fields)) for name, fields in found.items()]
+            fields_of_name.setdefault(name, []).append(field)
+    return [Group(name, tuple(fields)) for name, fields in fields_of_name.items()]
 
 
 def is_quaternion(field: Field) -> bool:

@@ -51,9 +51,9 @@ def _judged(program: FlightProgram) -> list[str]:
         "",
     ]
     for group in groups(program):
-        seen = "in->seen && " if program.estimates and group.name == "attitude" else ""
+        condition = "in->seen && " if program.estimates and group.name == "attitude" else ""
         lines += [
-            f"  if ({seen}!(valid->{group.name} && is_valid_{group.name}(in, limits))) {{",
+            f"  if ({condition}!(valid->{group.name} && is_valid_{group.name}(in, limits))) {{",
             f"    status |= {group.bit};",
             "  }",
         ]

@@ -46,13 +46,13 @@ class Parameter:
             return None
         kind = self.field.dtype.type
         least, most = -np.finfo(kind).max, np.finfo(kind).max
-        declared = None if self.key is None else self.key.kind
-        if isinstance(declared, Numeric):
-            most = kind(declared.at_most)
-            if declared.at_least is not None:
-                least = kind(declared.at_least)
-            elif declared.above is not None:
-                least = np.nextafter(kind(declared.above), kind(np.inf))
+        key = None if self.key is None else self.key.kind
+        if isinstance(key, Numeric):
+            most = kind(key.at_most)
+            if key.at_least is not None:
+                least = kind(key.at_least)
+            elif key.above is not None:
+                least = np.nextafter(kind(key.above), kind(np.inf))
         return kind(min(least, self.default.min())), kind(max(most, self.default.max()))
 
     @property
@@ -76,9 +76,9 @@ def parameters(program: FlightProgram, loop: object, keys: Sequence[Key]) -> lis
         jax.tree_util.keystr(path): number
         for (path, _), number in zip(paths, program.order, strict=True)
     }
-    declared = {number_of.get(f".law.{key.tunable}"): key for key in keys if key.tunable}
+    key_of = {number_of.get(f".law.{key.tunable}"): key for key in keys if key.tunable}
     return [
-        Parameter(field, np.asarray(program.parameters[field.number]), declared.get(field.number))
+        Parameter(field, np.asarray(program.parameters[field.number]), key_of.get(field.number))
         for field in program.structs["parameters"].fields
     ]
 
@@ -106,11 +106,11 @@ def rows(
     `hold_samples` is the default of that parameter of the guard.
     """
     period = f"every {float(np.asarray(program.period)):.9g} s"
-    found = [
+    table = [
         _row("controller_input", field, _unit(field), *_judged(field), period)
         for field in program.structs["input"].fields
     ]
-    found += [
+    table += [
         Row("controller_validity", group.name, group.name, "bool", "", 1, "", "false, true",
             "as the sensor tells", period)
         for group in groups(program)
@@ -121,21 +121,21 @@ def rows(
         path = parameter.field.path if key is None else f"control.{key.name}"
         row = _row("controller_parameters", parameter.field, unit, parameter.range,
                    "controller_check_parameters", "once")  # fmt: skip
-        found.append(row._replace(path=path))
-    found += _limits(program, hold_samples)
+        table.append(row._replace(path=path))
+    table += _limits(program, hold_samples)
     outputs = program.structs["output"].fields
-    found += [
+    table += [
         _row("controller_output", field, _unit(field), _commanded(program, field),
              "finite", period)
         for field in outputs
     ]  # fmt: skip
     bits = status_bits(program).values()
     status = f"sum of bits up to {sum(number for number, _ in bits)}"
-    found.append(
+    table.append(
         Row("controller_guard_step", "status", "status", "uint32_t", "", 4, "", status,
             "always", period)
     )  # fmt: skip
-    return found + [
+    return table + [
         _row("controller_state", field, _unit(field), "any", "no number is NaN", period)
         for field in program.structs["state"].fields
     ]

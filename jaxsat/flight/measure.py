@@ -99,10 +99,10 @@ def _entry(files: Mapping[str, bytes]) -> str:
 def _measure(folder: Path, *, has_emulator: bool) -> dict[str, ProcessorUse]:
     samples = 0
     if has_emulator:
-        chosen = samples_worth_emulating(folder)
-        samples = len(chosen)
+        numbers = samples_worth_emulating(folder)
+        samples = len(numbers)
         vectors = folder / "test_vectors.bin"
-        vectors.write_bytes(_some_of(vectors.read_bytes(), chosen))
+        vectors.write_bytes(_some_of(vectors.read_bytes(), numbers))
     return {
         name: _use(folder, (*processor, *_FLAGS), board, samples)
         for name, (processor, board) in PROCESSORS.items()

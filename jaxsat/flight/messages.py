@@ -47,20 +47,20 @@ def _item(row: Row, structure: str, prefix: str = "") -> Item:
 
 def measured(rows: Sequence[Row]) -> list[Item]:
     """What a sample needs: measurements, and what the sensors say of them; largest first."""
-    found = [
+    items = [
         _item(row, "input")
         for row in rows
         if row.structure == "controller_input" and row.path != "sample"
     ]
     validity = [row for row in rows if row.structure == "controller_validity"]
-    return _sorted([*found, *(_item(row, "valid", "valid_") for row in validity)])
+    return _sorted([*items, *(_item(row, "valid", "valid_") for row in validity)])
 
 
 def commanded(rows: Sequence[Row]) -> list[Item]:
     """What comes out of a sample, largest first; then its status and its number."""
-    found = [_item(row, "output") for row in rows if row.structure == "controller_output"]
+    items = [_item(row, "output") for row in rows if row.structure == "controller_output"]
     return [
-        *_sorted(found),
+        *_sorted(items),
         Item("status", "uint32_t", (), 4, "a sum of CONTROLLER_STATUS_...", ("", "status")),
         Item("sample", "int32_t", (), 4, "the number of the sample", ("", "sample")),
     ]

@@ -72,13 +72,13 @@ def found_calls(
     return np.frombuffer(content, "<f8").reshape(-1, drawn.shape[1])
 
 
-def _search(sources: Mapping[str, str], given: bytes) -> bytes:
+def _search(sources: Mapping[str, str], calls: bytes) -> bytes:
     blocks = BLOCKS * sources["controller.c"].count("\n")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, text in sources.items():
             (folder / file).write_text(text)
-        (folder / "seeds.bin").write_bytes(given)
+        (folder / "seeds.bin").write_bytes(calls)
         telling = "-fsanitize-coverage=trace-pc,trace-cmp"
         run_tool(folder, HOST, *_OPTIONS, "-O0", telling, "-c", "controller.c")
         objects = ["controller.o", "-o", "search", "-lm"]
@@ -119,9 +119,9 @@ def _given(
     for struct in ("input", "state"):
         for field in program.structs[struct].fields:
             of_numbers += [(ways[field.dtype.kind], -np.inf, np.inf)] * field.size
-    chosen = np.random.default_rng(0).integers(0, len(samples), SEEDS)
+    places = np.random.default_rng(0).integers(0, len(samples), SEEDS)
     steps = np.repeat(drawn[:1], SEEDS, axis=0)
-    steps[:, 0], steps[:, -samples.shape[1] :] = 0.0, samples[chosen]
+    steps[:, 0], steps[:, -samples.shape[1] :] = 0.0, samples[places]
     seeds = np.concatenate([steps, drawn])
     head = np.array(seeds.shape, "<f8").tobytes()
     table = np.array(of_numbers, "<f8").T.tobytes()

@@ -263,10 +263,10 @@ def _observation(loop: SampledLoop, number, before: Any, following: Any) -> tupl
 def _with_edges(rng: np.random.Generator, tree: PyTree) -> PyTree:
     """The rows, and more: some of them again with extreme numbers in places."""
     count = len(jax.tree.leaves(tree)[0]) if jax.tree.leaves(tree) else 0
-    chosen = rng.integers(0, max(count, 1), EDGES)
+    places = rng.integers(0, max(count, 1), EDGES)
 
     def more(leaf: np.ndarray) -> np.ndarray:
-        again = leaf[chosen].copy()
+        again = leaf[places].copy()
         struck = rng.random(again.shape) < 0.05
         if leaf.dtype.kind == "f":
             again = np.where(struck, rng.choice(EXTREMES, again.shape), again)

@@ -233,13 +233,13 @@ def _between_failures(
     parts = list(zip(body.effectors, plant.of_each, commands, strict=True))
 
     def pieces(begin, elapsed):
-        held = [one.held_piece(own, command, elapsed) for one, own, command in parts]
-        return body.later(tuple(held), begin)
+        each = [one.held_piece(own, command, elapsed) for one, own, command in parts]
+        return body.later(tuple(each), begin)
 
     count = sum(one.edge_count for one in body.effectors)
     if not count:
-        held = pieces(jnp.zeros_like(hold.length), hold.length)
-        return integrate(t, hold._replace(pieces=held), plant, carry)
+        each = pieces(jnp.zeros_like(hold.length), hold.length)
+        return integrate(t, hold._replace(pieces=each), plant, carry)
     edges = jnp.concatenate([one.edges(own, command, hold.length) for one, own, command in parts])
 
     def part(_, now):

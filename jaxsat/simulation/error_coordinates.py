@@ -46,9 +46,9 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         leaves = [concrete(x) for x in jax.tree.leaves((self.plant, self.law))]
         if any(leaf is None for leaf in leaves):
             return
-        believed, true = self.law.model, self.plant
-        same_body = np.array_equal(believed.spacecraft.inertia, true.spacecraft.inertia)
-        same_orbit = bool(eqx.tree_equal(*jax.tree.map(np.asarray, (believed.orbit, true.orbit))))
+        model, true = self.law.model, self.plant
+        same_body = np.array_equal(model.spacecraft.inertia, true.spacecraft.inertia)
+        same_orbit = bool(eqx.tree_equal(*jax.tree.map(np.asarray, (model.orbit, true.orbit))))
         inertia = np.asarray(true.spacecraft.inertia)
         principal = np.array_equal(inertia, np.diag(np.diag(inertia)))
         if not (same_body and same_orbit and principal):
@@ -56,7 +56,7 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
                 "Error coordinates must have principal body axes and the same inertia and orbit "
                 "in law and plant; simulate this loop at torque level instead."
             )
-        if believed.third_rate_held != true.third_rate_held:
+        if model.third_rate_held != true.third_rate_held:
             raise ValueError("Law and plant must agree on whether the third rate is held.")
 
     def start(self, state: PlantState) -> ErrorState:
@@ -75,8 +75,8 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
 
     def motion(self, t: RealScalar, state: ErrorState) -> Motion:
         """Equations (36) and (43), with (37) for ω3, and the torque by (39) or (42)."""
-        held = self.plant.third_rate_held
-        variables = (state.attitude,) if held else (state.attitude, state.omega3)
+        is_held = self.plant.third_rate_held
+        variables = (state.attitude,) if is_held else (state.attitude, state.omega3)
         reference, along = jax.linearize(
             lambda attitude, omega3=state.omega3: self._reference(attitude, omega3), *variables
         )
@@ -88,21 +88,21 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         moments = self.plant.spacecraft.moments
         error_rate = (feedback + unmodelled[:2]) * reciprocal(moments[:2])
         omega3_rate = jnp.zeros_like(state.omega3)
-        believed = (attitude_rate,)
-        if not held:
+        model_rates = (attitude_rate,)
+        if not is_held:
             disturbance = self.plant.disturbance_torque(t, plant_state)
             omega3_rate = self.plant.angular_acceleration(plant_state.omega, disturbance)[2]
             unknown = unmodelled[2] / moments[2]
             still = jax.tree.map(jnp.zeros_like, state.attitude)
             error_rate = error_rate - along(still, unknown)
-            believed = (attitude_rate, omega3_rate - unknown)
+            model_rates = (attitude_rate, omega3_rate - unknown)
         rate = ErrorState(
             attitude_rate,
             omega3_rate,
             error_rate,
             self.law.memory_rate(state.rate_error, state.memory),
         )
-        command = self.law.torque_of(t, plant_state, feedback, along(*believed))
+        command = self.law.torque_of(t, plant_state, feedback, along(*model_rates))
         torque = jnp.concatenate([command, jnp.zeros_like(command[:1])])
         return Motion(rate, plant_state, relative_rate, state.rate_error, torque)
 

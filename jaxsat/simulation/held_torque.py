@@ -44,10 +44,10 @@ class HeldTorque(NamedTuple):
 
         A hold without a length changes nothing.
         """
-        held = length > 0
+        lasting = length > 0
         return HeldTorque(
-            jnp.where(held, jnp.minimum(self.least, jnp.minimum(first, last)), self.least),
-            jnp.where(held, jnp.maximum(self.largest, jnp.maximum(first, last)), self.largest),
+            jnp.where(lasting, jnp.minimum(self.least, jnp.minimum(first, last)), self.least),
+            jnp.where(lasting, jnp.maximum(self.largest, jnp.maximum(first, last)), self.largest),
             self.integral + length / 2 * (first + last),
             self.length + length,
         )

@@ -205,15 +205,15 @@ def margin_of(
     """
     tracks = zip(*_windows(formula, end, failures), monitor.tracks, strict=True)
     met = Margin.none(jnp.inf, monitor.time)
-    found: dict[int, Margin] = {}
+    margin_at: dict[int, Margin] = {}
     for one, (begin, _), track in tracks:
         margin = track.best.negated() if one.kind == "always" else track.best
         margin = _either(begin <= end, margin, met)
-        found[id(one)] = found[id(one)].least(margin) if id(one) in found else margin
+        margin_at[id(one)] = margin_at[id(one)].least(margin) if id(one) in margin_at else margin
 
     def of(part: Formula) -> Margin:
         if isinstance(part, Temporal):
-            return found.get(id(part), met)
+            return margin_at.get(id(part), met)
         return _combined(part, of)
 
     return of(formula)
@@ -284,10 +284,10 @@ def saved_margin(
     Something fails at the times `failures` (s); those after the last time do not count. `light`
     tells where the Sun is, which formulas with a `sun_angle` need.
     """
-    named = {name: jnp.asarray(signals[name]) for name in raw_signals(formula)}
+    arrays = {name: jnp.asarray(signals[name]) for name in raw_signals(formula)}
     sun = None if light is None else jax.vmap(lambda t: light(t)[0])(jnp.asarray(times))
     at = jnp.asarray(failures, float).reshape(-1)
-    return _saved_margin(formula, jnp.asarray(times), named, at, sun)
+    return _saved_margin(formula, jnp.asarray(times), arrays, at, sun)
 
 
 class Requirements(eqx.Module):
@@ -334,8 +334,8 @@ class Requirements(eqx.Module):
 
     def margins(self, monitors: tuple[Monitor, ...], failures: Float[Array, " f"]) -> Margin:
         """The margin of each formula after the last observation."""
-        found = [
+        several = [
             margin_of(formula, monitor, self.end, failures)
             for formula, monitor in zip(self.formulas, monitors, strict=True)
         ]
-        return Margin(*(jnp.stack(parts) for parts in zip(*found, strict=True)))
+        return Margin(*(jnp.stack(parts) for parts in zip(*several, strict=True)))

@@ -119,8 +119,8 @@ class SampledLoop(AbstractLoop):
         begin = begin._replace(memory=self.controller.init(told))
         if self.guard is None:
             return begin
-        asked = jax.eval_shape(self._shares, jnp.zeros(()), told, begin.memory)[0]
-        return begin._replace(guard=self.guard.init(asked))
+        shares = jax.eval_shape(self._shares, jnp.zeros(()), told, begin.memory)[0]
+        return begin._replace(guard=self.guard.init(shares))
 
     def told(self, number: IntScalar, state: SampledState) -> Told:
         """What the controller is told at sample `number` of the run when the truth is `state`."""

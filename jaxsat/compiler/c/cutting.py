@@ -147,9 +147,9 @@ class _Cutter:
             needs[part] = [name for name in parameters if name in words]
             if part:
                 wishes[str(part)] = self._name(lines)
-                given = {name: parameters[name] for name in needs[part]}
+                parameters_there = {name: parameters[name] for name in needs[part]}
                 about = f"Part {numbers[part]} of {len(numbers)} of @."
-                functions.append(Text(f"static void @{part}", given, lines, about))
+                functions.append(Text(f"static void @{part}", parameters_there, lines, about))
             else:
                 space = [f"@work {self._space};", f"@work *{self._work} = &{self._space};"]
                 begin = [f"  {line}" for line in space if workspace is not None]
@@ -180,8 +180,8 @@ class _Cutter:
     def _name(self, lines: Iterable[str]) -> str:
         """The name of what a part makes last for others."""
         own = self._function.parameters
-        found = [match for line in lines if (match := _SET.match(line))]
-        made = [one[2] for one in found if one[1] in (self._work, "found") or one[2] in own]
+        matches = [match for line in lines if (match := _SET.match(line))]
+        made = [one[2] for one in matches if one[1] in (self._work, "found") or one[2] in own]
         return re.sub(r"_\d+$", "", made[-1]) if made else "part"
 
     def _with_calls(

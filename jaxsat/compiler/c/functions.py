@@ -201,7 +201,7 @@ def _named(line: str, words: dict[str, str]) -> list[str]:
     if "@" not in line and len(line) <= WIDEST:
         return [line]
     indent = " " * (len(line) - len(line.lstrip()))
-    return in_lines(re.sub(r"@(\w*)", lambda found: words[found[1]], line.strip()), indent)
+    return in_lines(re.sub(r"@(\w*)", lambda match: words[match[1]], line.strip()), indent)
 
 
 def _elementary_text(unit: Unit, function: Function, trace: Trace) -> tuple[Text, Names]:

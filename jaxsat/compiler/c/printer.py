@@ -45,8 +45,8 @@ class Printer:
     def pointers(self, lines: Sequence[str]) -> set[str]:
         """Which structures these lines of the function need."""
         text = "\n".join(lines)
-        read = {one for one in POINTERS if re.search(rf"(?<![\w>.]){one}(->|\[)", text)}
-        return read | self._pointers
+        uses = {one for one in POINTERS if re.search(rf"(?<![\w>.]){one}(->|\[)", text)}
+        return uses | self._pointers
 
     def block(self, block: ir.Block) -> None:
         """The statements of a block."""
@@ -102,11 +102,11 @@ class Printer:
         if printed.found is not None:
             self.body.line(f"{printed.found.kind} {found};")
             args.append(Expression(f"&{found}"))
-        returned, after = None, []
+        result, after = None, []
         outs = arrays_in(step.outs, source.results)
         for array, shape, way in zip(outs, source.results, printed.results, strict=True):
             if way == "value":
-                returned = array[0]
+                result = array[0]
             elif way == "pointer" and found:
                 self._arrays.found(array, squeezed(shape), f"{found}.{next(fields)}", after)
             elif way == "pointer":
@@ -119,10 +119,10 @@ class Printer:
             args[first:count] = [self._in_record(printed.arguments, args[first:count])]
         call = called(printed.name, *args)
         is_kept = printed.arguments is None and "field" not in printed.results
-        if returned is not None and is_kept:
-            self.body.keep(returned, call)
-        elif returned is not None:
-            self.body.name(returned, call)
+        if result is not None and is_kept:
+            self.body.keep(result, call)
+        elif result is not None:
+            self.body.name(result, call)
         else:
             self.body.wrapped(f"{call.text};")
         for place, text in after:
@@ -227,10 +227,10 @@ class Printer:
         body = self.body
         joined: set[int] = set()
         others = self._conditions(step.active, joined)
-        counted = [one for one in others if isinstance(one, ir.Value) and one.number == bound.test]
-        if counted:  # the loop itself tests it
-            joined.update([bound.test] if self._uses.is_once(counted[0]) else [])
-            others = [one for one in others if one is not counted[0]]
+        counters = [one for one in others if isinstance(one, ir.Value) and one.number == bound.test]
+        if counters:  # the loop itself tests it
+            joined.update([bound.test] if self._uses.is_once(counters[0]) else [])
+            others = [one for one in others if one is not counters[0]]
         for one in step.condition.steps:
             if not (isinstance(one, ir.Operation) and one.out.number in joined):
                 self._step(one)

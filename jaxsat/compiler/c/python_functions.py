@@ -179,8 +179,8 @@ def _parameters(
         small, kind = squeezed(shape), TYPES[array[0].dtype]
         array_shapes[begin + name] = small
         pointer = f"(*{name})" if len(small) > 1 else f"*{name}"
-        declared = f"{pointer}{dimensions(small[1:])}" if begin else f"{name}{dimensions(small)}"
-        declarations[name] = f"const {kind} {declared}" if small else f"{kind} {name}"
+        declaration = f"{pointer}{dimensions(small[1:])}" if begin else f"{name}{dimensions(small)}"
+        declarations[name] = f"const {kind} {declaration}" if small else f"{kind} {name}"
         for index, x in zip(np.ndindex(small), array, strict=True):
             expressions[x.number] = Expression(begin + name + "".join(f"[{i}]" for i in index))
     return declarations, passed

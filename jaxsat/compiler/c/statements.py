@@ -92,17 +92,17 @@ def statements(lines: Sequence[str]) -> list[Statement]:
         else:
             texts.append(plain)
         is_open = not plain.endswith((";", "{", "}", "*/"))
-    found, end = _block(texts, 0)
+    parts, end = _block(texts, 0)
     assert end == len(texts)
-    return found
+    return parts
 
 
 def _block(texts: Sequence[str], place: int) -> tuple[list[Statement], int]:
     """The statements up to the end of a block, and the place of that."""
-    found: list[Statement] = []
+    parts: list[Statement] = []
     while place < len(texts) and not texts[place].startswith("}"):
         if not texts[place].endswith("{"):
-            found.append(Statement(texts[place]))
+            parts.append(Statement(texts[place]))
             place += 1
             continue
         one = Statement()
@@ -110,18 +110,18 @@ def _block(texts: Sequence[str], place: int) -> tuple[list[Statement], int]:
             one.heads.append(texts[place])
             block, place = _block(texts, place + 1)
             one.blocks.append(block)
-        found.append(one)
+        parts.append(one)
         place += 1
-    return _with_records(found), place
+    return _with_records(parts), place
 
 
 def _with_records(block: list[Statement]) -> list[Statement]:
     """A record of arguments belongs to the call that it is for."""
-    found: list[Statement] = []
+    parts: list[Statement] = []
     for one in block:
-        record = _RECORD.match(found[-1].text) if found else None
+        record = _RECORD.match(parts[-1].text) if parts else None
         if record and re.search(rf"&{record[1]}\b", one.text):
-            found[-1] = Statement(f"{found[-1].text}\n{one.text}")
+            parts[-1] = Statement(f"{parts[-1].text}\n{one.text}")
         else:
-            found.append(one)
-    return found
+            parts.append(one)
+    return parts

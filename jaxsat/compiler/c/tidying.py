@@ -83,16 +83,16 @@ def _with_few_comments(lines: list[str], own: str | None) -> list[str]:
     That the function's `own` statements go on is told after those of another one alone.
     """
     places = [i for i, line in enumerate(lines) if line.lstrip().startswith("/*")]
-    gone = set()
+    left_out = set()
     away = False
     for place, end in pairwise([*places, len(lines)]):
         inside = [line for line in lines[place + 1 : end] if line.endswith(";")]
         back = own is not None and lines[place].strip() == comment(own)[0]
         if len(inside) < FEW_LINES or (back and not away):
-            gone.add(place)
+            left_out.add(place)
         else:
             away = not back
-    return [line for i, line in enumerate(lines) if i not in gone]
+    return [line for i, line in enumerate(lines) if i not in left_out]
 
 
 def _declared_together(lines: list[str]) -> list[str]:
@@ -186,8 +186,8 @@ def _run(units: list[_Unit], first: int) -> int:
         now = _numbers(unit)
         change = [b - a for a, b in zip(before, now, strict=True)]
         if steps is None:
-            written = one.lines[-1] if one.depth == 0 and len(one.lines) == 1 else one.text
-            target = len(_INDEX.findall(written.split(" = ")[0])) if one.depth == 0 else len(change)
+            text = one.lines[-1] if one.depth == 0 and len(one.lines) == 1 else one.text
+            target = len(_INDEX.findall(text.split(" = ")[0])) if one.depth == 0 else len(change)
             if not set(change) <= {0, 1} or not any(change[:target]):
                 break
             steps = change
@@ -231,16 +231,16 @@ def with_initialisers(lines: Sequence[str]) -> list[str]:
     statements = _statements(lines)
     place = 0
     while place < len(statements):
-        declared = _ARRAY.fullmatch("\n".join(statements[place]))
-        assignment = _assigned(statements, place, declared) if declared else None
-        if declared and assignment:
+        declaration = _ARRAY.fullmatch("\n".join(statements[place]))
+        assignment = _assigned(statements, place, declaration) if declaration else None
+        if declaration and assignment:
             statements[place : assignment[1]] = [
                 *assignment[2],
-                _initialised(declared, assignment[0]),
+                _initialised(declaration, assignment[0]),
             ]
             place += len(assignment[2])
-            if declared[4].count("[") > 1:
-                statements = [_without_casts(one, declared[3]) for one in statements]
+            if declaration[4].count("[") > 1:
+                statements = [_without_casts(one, declaration[3]) for one in statements]
         place += 1
     return [line for one in statements for line in one]
 
@@ -260,11 +260,11 @@ def _statements(lines: Sequence[str]) -> list[list[str]]:
 
 
 def _assigned(
-    statements: Sequence[list[str]], first: int, declared: re.Match
+    statements: Sequence[list[str]], first: int, declaration: re.Match
 ) -> tuple[list[str], int, list[list[str]]] | None:
     """The elements' expressions, the statement after the last, and what stands in between."""
-    name = declared[3]
-    shape = [int(n) for n in re.findall(r"\d+", declared[4])]
+    name = declaration[3]
+    shape = [int(n) for n in re.findall(r"\d+", declaration[4])]
     elements = [f"{name}{''.join(f'[{i}]' for i in index)}" for index in np.ndindex(*shape)]
     values: list[str] = []
     between: list[list[str]] = []
@@ -287,8 +287,8 @@ def _assigned(
     return values, place, between
 
 
-def _initialised(declared: re.Match, values: Sequence[str]) -> list[str]:
-    indent, kind, name, dimensions = declared.groups()
+def _initialised(declaration: re.Match, values: Sequence[str]) -> list[str]:
+    indent, kind, name, dimensions = declaration.groups()
     shape = tuple(int(n) for n in re.findall(r"\d+", dimensions))
     begin = f"{indent}const {kind} {name}{dimensions} = "
     text = f"{begin}{braced(values, shape)};"

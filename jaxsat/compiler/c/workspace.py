@@ -41,13 +41,13 @@ class Workspace:
 
     def moved(self, block: Iterable[Statement]) -> list[Statement]:
         """The statements with its variables where they are: not declared, but set."""
-        found: list[Statement] = []
+        parts: list[Statement] = []
         for one in block:
             if one.heads:
                 heads = [self._there(head) for head in one.heads]
-                found.append(Statement("", heads, [self.moved(inner) for inner in one.blocks]))
+                parts.append(Statement("", heads, [self.moved(inner) for inner in one.blocks]))
             elif one.is_comment:
-                found.append(one)
+                parts.append(one)
             else:
                 texts = [
                     self._there(text)
@@ -57,10 +57,10 @@ class Workspace:
                 if "\n" in one.text:
                     texts = ["\n".join(texts)]
                 if len(texts) > _MANY:
-                    found += statements(rolled([f"  {text}" for text in texts]))
+                    parts += statements(rolled([f"  {text}" for text in texts]))
                 else:
-                    found += [Statement(text) for text in texts]
-        return found
+                    parts += [Statement(text) for text in texts]
+        return parts
 
     def _there(self, text: str) -> str:
         """A text that names the variables where they are.
@@ -68,9 +68,9 @@ class Workspace:
         No array is constant there: one of rows has to be made so where it is handed over.
         """
 
-        def place(found: re.Match) -> str:
-            cast = "" if found[2] else self._rows.get(found[1], "")
-            return f"{cast}{self._pointer}->{found[1]}{found[2] or ''}"
+        def place(match: re.Match) -> str:
+            cast = "" if match[2] else self._rows.get(match[1], "")
+            return f"{cast}{self._pointer}->{match[1]}{match[2] or ''}"
 
         return self._place.sub(place, text)
 

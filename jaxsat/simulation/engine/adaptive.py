@@ -179,13 +179,13 @@ class AdaptiveStepper(AbstractStepper):
         progress = with_peaks(progress, plant.omega, ode.loop.plant.stored(plant))
         excess = excess_at(ode, t, ode.interpolated(last_step, end))
         always = jnp.array(True)
-        settled = settled_along_step(ode, last_step, end, progress.settled, excess, always)
+        tracker = settled_along_step(ode, last_step, end, progress.settled, excess, always)
         rest = _rest_along_step(ode, last_step, end, progress.rest, t, always)
         success = progress.code == int(Outcome.SUCCESS)
         cost = ode.restore(jnp.where(success, flat, progress.state.state))[1]
         progress = progress._replace(
             integrals=Integrals(cost, ode.effort(last_step, end)),
-            settled=settled,
+            settled=tracker,
             rest=rest,
             ended_at=jnp.where(success, t, progress.ended_at),
         )
@@ -295,8 +295,8 @@ def _observe_passed(ode: FlatODE, bound, progress: Progress) -> Progress:
 
     def pending(progress: Progress):
         state: AdaptiveState = progress.state
-        passed = (state.number < bound) & (program.time_of(state.number) <= state.t)
-        return passed & (progress.code == int(Outcome.SUCCESS))
+        due = (state.number < bound) & (program.time_of(state.number) <= state.t)
+        return due & (progress.code == int(Outcome.SUCCESS))
 
     def observe(progress: Progress) -> Progress:
         state: AdaptiveState = progress.state

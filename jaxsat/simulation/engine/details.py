@@ -56,12 +56,12 @@ def details_of(
         return None
     success = progress.code == int(Outcome.SUCCESS)
     effort = jnp.where(success, progress.integrals.effort, jnp.nan)
-    held = loop.plant.third_rate_held
-    of_axes = effort[:-1] if held else effort
+    is_held = loop.plant.third_rate_held
+    of_axes = effort[:-1] if is_held else effort
     idle = jnp.zeros(3 - of_axes.size, effort.dtype)
     rest = jnp.where(success, progress.rest.settling_time(end, begin, dwell), jnp.inf)
     by_axis = jnp.concatenate([of_axes, jnp.where(success, idle, jnp.nan)])
-    return Details(final, steps, rest, by_axis, effort[-1] if held else None, progress.forced)
+    return Details(final, steps, rest, by_axis, effort[-1] if is_held else None, progress.forced)
 
 
 def effort_rates(
@@ -78,5 +78,5 @@ def effort_rates(
     """
     if not detailed:
         return jnp.sum(size)
-    held = plant.constraint_torque(t, state, torque)
-    return size if held is None else jnp.append(size, jnp.abs(held))
+    constraint = plant.constraint_torque(t, state, torque)
+    return size if constraint is None else jnp.append(size, jnp.abs(constraint))

@@ -104,11 +104,11 @@ def _run_continuous(program: Program, case: Case, times, method: Method, adjoint
     signals = jax.tree.map(lambda x: jnp.where(jnp.isinf(x), jnp.nan, x), signals)
     state, whole = jax.tree.map(lambda x: x[0], final)
     record = cast(MonitoredState, solution.solver_state).record
-    settled, *rest = (solver.since(record, group) for group in range(len(record.since)))
+    tracker, *rest = (solver.since(record, group) for group in range(len(record.since)))
     progress = _initial(program, case)._replace(
         state=state,
         integrals=Integrals(zero if cost is None else whole, record.integral),
-        settled=settled,
+        settled=tracker,
         rest=rest[0] if rest else None,
         code=_outcome_code(solution.result),
         steps=solution.stats["num_steps"],
@@ -176,8 +176,8 @@ class _SampledRecord(NamedTuple):
         """The record with one more observation of the plant."""
         observation = JudgedSignals.of(loop.plant, plant)
         since = (self.settled, self.rest)
-        settled, rest = judged_at(since, t, observation, program.tolerances)
-        return self._replace(settled=settled, rest=rest)
+        tracker, rest = judged_at(since, t, observation, program.tolerances)
+        return self._replace(settled=tracker, rest=rest)
 
 
 def _run_sampled(program: Program, case: Case, times, solver: AbstractSolver) -> Integrated:
@@ -198,16 +198,16 @@ def _run_sampled(program: Program, case: Case, times, solver: AbstractSolver) ->
         last_good = jax.tree.map(lambda x, y: jnp.where(code == 0, x, y), new, old)
         return (*last_good, code), observation
 
-    settled = SettlingTracker.initial(times[0], 3)
+    tracker = SettlingTracker.initial(times[0], 3)
     rest = SettlingTracker.initial(times[0], 1) if program.detailed else None
     error = IntegrationError.none(case.start.omega) if program.error_every else None
     integrals = progress_at_zero.integrals._replace(cost=zero)
-    record = _SampledRecord(integrals, settled, rest, none, error)
+    record = _SampledRecord(integrals, tracker, rest, none, error)
     record = record.at(times[0], case.start, program, loop)
     first = (loop.start(case.start), stop_gradient(record), jnp.array(int(Outcome.SUCCESS)))
     count = times.size - 1
     samples = (jnp.arange(count), times[:-1])
-    (state, record, code), (signals, held) = jax.lax.scan(period, first, samples)
+    (state, record, code), (signals, holds) = jax.lax.scan(period, first, samples)
     last = loop.signals(jnp.array(count), times[-1], state)
     last = jax.tree.map(lambda x: jnp.where(code == 0, x, jnp.nan), last)
     signals = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), signals, last)
@@ -222,7 +222,7 @@ def _run_sampled(program: Program, case: Case, times, solver: AbstractSolver) ->
         failures=_failures(program, case, times, signals),
         unmade=_unmade_torque(loop, signals),
     )
-    return Integrated(_outputs(program, case, progress, times, signals), signals, held)
+    return Integrated(_outputs(program, case, progress, times, signals), signals, holds)
 
 
 def _over_hold(program: Program, loop: SampledLoop, solver, number, t, hold, plant, record):
@@ -247,8 +247,8 @@ def _over_hold(program: Program, loop: SampledLoop, solver, number, t, hold, pla
     )
     first = loop.torque(t, plant, hold, jnp.zeros_like(length))
     last = loop.torque(t + length, after, hold, length)
-    held = record.held.with_hold(*stop_gradient((length, first, last)))
-    return after, record._replace(integrals=integrals, held=held, error=error)
+    torques = record.held.with_hold(*stop_gradient((length, first, last)))
+    return after, record._replace(integrals=integrals, held=torques, error=error)
 
 
 def _equal_steps(

@@ -123,8 +123,8 @@ class SampledStepper(AbstractStepper):
         if not program.detailed:
             return progress
         zero = jnp.array(0)
-        seen = jax.eval_shape(lambda: loop.signals(zero, program.time_of(zero), progress.state))
-        return progress._replace(seen=jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), seen))
+        samples = jax.eval_shape(lambda: loop.signals(zero, program.time_of(zero), progress.state))
+        return progress._replace(seen=jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), samples))
 
     def advance(self, program, case, progress, first, count, axis_name=None):
         """The progress after so many periods, of which alone it keeps what the torque was.
@@ -283,7 +283,7 @@ def _unless_ended(
     It ends where what is `checked` of the state, see `within_limit`, passes the limit. Where the
     next progress is not `wanted`, that before remains.
     """
-    integrals, (settled, rest), held, error = carry
+    integrals, (tracker, rest), held, error = carry
     moves, *finite = checked
     good = within_limit(moves, program.state_limit, *finite, integrals.cost)
     running = before.code == int(Outcome.SUCCESS)
@@ -293,7 +293,7 @@ def _unless_ended(
     after = candidate._replace(
         state=state,
         integrals=integrals,
-        settled=settled,
+        settled=tracker,
         rest=rest,
         held=held,
         error=error,
@@ -310,9 +310,9 @@ def _final_outputs(program: Program, case: Case, progress: Progress, number, ste
     plant = plant_state(case.loop, end, progress.state)
     observation = JudgedSignals.of(case.loop.plant, plant)
     since = (progress.settled, progress.rest)
-    settled, rest = judged_at(since, end, observation, program.tolerances)
+    tracker, rest = judged_at(since, end, observation, program.tolerances)
     progress = with_peaks(progress, plant.omega, case.loop.plant.stored(plant))._replace(
-        settled=settled, rest=rest
+        settled=tracker, rest=rest
     )
     success = progress.code == int(Outcome.SUCCESS)
     progress = monitored(program, case.loop, progress, end, progress.state, success)

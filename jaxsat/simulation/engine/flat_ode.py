@@ -163,8 +163,8 @@ class FlatODE(NamedTuple):
             motion = motion_in_frame(piece, t, framed)
             torque = motion.torque[: piece.torque_count]
             if self.program.detailed:
-                held = piece.plant.constraint_torque(t, motion.plant, motion.torque)
-                torque = torque if held is None else jnp.append(torque, held)
+                constraint = piece.plant.constraint_torque(t, motion.plant, motion.torque)
+                torque = torque if constraint is None else jnp.append(torque, constraint)
             of_cost = (cost, motion.plant, motion.relative_rate, motion.torque)
             return motion.rate, running_cost(*of_cost), torque
 

@@ -139,7 +139,7 @@ def settled_along_step(
     ode: FlatODE,
     step: DenseStep,
     until: RealScalar,
-    settled: SettlingTracker,
+    tracker: SettlingTracker,
     at_end: Float[Array, " conditions"],
     active: BoolScalar,
     excess_of: Callable | None = None,
@@ -162,7 +162,7 @@ def settled_along_step(
 
     middle = until / 2
     at_middle = excess(middle)
-    excesses = jnp.stack([settled.excess, at_middle, at_end])
+    excesses = jnp.stack([tracker.excess, at_middle, at_end])
     most = jnp.max(excesses, axis=0)
     differ = most - jnp.min(excesses, axis=0)
     stays = jnp.all(BETWEEN * (1 + most) + differ < 1)
@@ -175,7 +175,7 @@ def settled_along_step(
             for number in range(1, count)
         ]
         depths = [
-            -jnp.max(value) for value in (settled.excess, *between, at_end)
+            -jnp.max(value) for value in (tracker.excess, *between, at_end)
         ]  # positive inside
         ends = list(zip([jnp.zeros_like(until), *points], depths, strict=True))
         bracket = Bracket(*ends[0], *ends[0])
@@ -187,9 +187,9 @@ def settled_along_step(
             enters |= here
         root = find_root(lambda fraction: -jnp.max(excess(fraction)), bracket, enters)
         entry = jnp.where(enters, step.begin + root * step.length, step.begin)
-        before = settled._replace(start=jnp.where(enters, jnp.inf, settled.start))
+        before = tracker._replace(start=jnp.where(enters, jnp.inf, tracker.start))
         return before.observe_after_entry(entry, end, at_end)
 
-    unchanged = settled.observe_after_entry(step.begin, end, at_end)
+    unchanged = tracker.observe_after_entry(step.begin, end, at_end)
     searched = active & jnp.all(at_end < 0) & ~stays
     return ode.cold_branch(searched, entered, unchanged)

@@ -69,14 +69,14 @@ def margins_of_history(
     if requirements is None:
         return None
     failures = _failure_times(loop)
-    named = {name: one for name, one in vars(signals).items() if isinstance(one, jax.Array)}
+    arrays = {name: one for name, one in vars(signals).items() if isinstance(one, jax.Array)}
 
     def one(monitors, instant):
         t, here = instant
         return requirements.observe(monitors, t, here, failures), None
 
     begin = requirements.initial(times[0], failures.size)
-    monitors, _ = jax.lax.scan(one, begin, (times, named | signals.parts))
+    monitors, _ = jax.lax.scan(one, begin, (times, arrays | signals.parts))
     return requirements.margins(monitors, failures)
 
 

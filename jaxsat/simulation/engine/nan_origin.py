@@ -101,9 +101,9 @@ def _inherited_origin(name: str, arrays: list[Any], operands: list[_Value]) -> O
     """Where the NaN of an operation's result is from, if it was there before."""
     if name == "select_n":
         which, *cases = operands
-        chosen = np.asarray(which.array).astype(int)
+        selector = np.asarray(which.array).astype(int)
         nan = np.isnan(np.asarray(arrays[0]))
-        operands = [case for number, case in enumerate(cases) if np.any(nan & (chosen == number))]
+        operands = [case for number, case in enumerate(cases) if np.any(nan & (selector == number))]
     return next((value.origin for value in operands if value.origin is not None), None)
 
 

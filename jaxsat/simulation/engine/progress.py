@@ -202,8 +202,8 @@ def initial_progress(
     code = jnp.where(possible, int(Outcome.SUCCESS), int(Outcome.IMPOSSIBLE_CASE))
     integrals = Integrals(zero, zero)
     nothing = jnp.array(0)
-    settled = SettlingTracker.initial(zero, 3)
-    return Progress(state, integrals, zero, settled, zero, code, zero + step, nothing, peaks)
+    tracker = SettlingTracker.initial(zero, 3)
+    return Progress(state, integrals, zero, tracker, zero, code, zero + step, nothing, peaks)
 
 
 def peaks_of(stored: Mapping[str, Array | np.ndarray]) -> dict[str, Array]:
@@ -229,11 +229,11 @@ def judged_at(
 
     Nothing of it is differentiated.
     """
-    settled, rest = since
-    settled = settled.observe(*stop_gradient((t, observation.excess(tolerances))))
+    tracker, rest = since
+    tracker = tracker.observe(*stop_gradient((t, observation.excess(tolerances))))
     if rest is not None:
         rest = rest.observe(*stop_gradient((t, observation.rest_excess(tolerances))))
-    return settled, rest
+    return tracker, rest
 
 
 def outputs_of(

@@ -60,11 +60,11 @@ class ReferenceEngine(AbstractBatchEngine):
         self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
         """Outputs and history of one batch, both from the program that runs batches."""
-        outputs, signals, held = _run(self, program, cases, gains)
-        if held is None:
+        outputs, signals, holds = _run(self, program, cases, gains)
+        if holds is None:
             return outputs, jax.tree.map(lambda x: x[:, instants], signals)
         numbers = jnp.asarray(instants)
-        return outputs, jax.vmap(lambda *case: saved(case[0], numbers, case[1]))(signals, held)
+        return outputs, jax.vmap(lambda *case: saved(case[0], numbers, case[1]))(signals, holds)
 
     def differentiate_batch(
         self, program: Program, cases: PyTree, gains: PyTree, mode: Mode

@@ -84,10 +84,10 @@ def _by_diffrax(program: Program, case: PyTree, times, numbers, method, adjoint)
     case, instants = program.case_factory(*case), times
     if numbers is not None:
         instants = times[0] + program.time_of(jnp.arange(program.intervals + 1))
-    outputs, signals, held = integrated(program, case, instants, method, adjoint)
-    if held is None or numbers is None:
+    outputs, signals, holds = integrated(program, case, instants, method, adjoint)
+    if holds is None or numbers is None:
         return _trajectory(times, outputs, signals)
-    return _trajectory(times, outputs, saved(signals, numbers, held))
+    return _trajectory(times, outputs, saved(signals, numbers, holds))
 
 
 def fly(

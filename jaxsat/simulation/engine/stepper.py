@@ -70,11 +70,11 @@ class AbstractStepper(eqx.Module):
 
         Where the progress has `seen` signals, they are those at the beginning of its last advance.
         """
-        ended = progress.code != int(Outcome.SUCCESS)
+        at_end = progress.code != int(Outcome.SUCCESS)
         if progress.seen is None:
-            return nan_where(ended, self.signals(program, case, progress, number))
+            return nan_where(at_end, self.signals(program, case, progress, number))
         assert progress.held is not None
-        torques = nan_where(ended, progress.held.range())
+        torques = nan_where(at_end, progress.held.range())
         return dataclasses.replace(progress.seen, torque_range=torques)
 
 

@@ -124,9 +124,9 @@ class Entries:
         trusted = f"{self._name}.{kind.__name__}.kernel"
         own = trusted if self._trusted else f"{self._name}.{kind.__name__}.python.kernel"
         for name in dict.fromkeys((trusted, own)):
-            found = self._found(name, kind)
-            if found is not None:
-                return found
+            content = self._found(name, kind)
+            if content is not None:
+                return content
         before = None if self._trusted else self._code
         entry, code = make(), _code_in_memory()
         if self._trusted or _agree(before, code):

@@ -144,8 +144,8 @@ class _Content:
         yield "__wrapped__", getattr(value, "__wrapped__", None)
         own = type(value).__module__.startswith(self._prefix)
         for name, one in sorted(getattr(value, "__dict__", {}).items()):
-            kept = isinstance(getattr(type(value), name, None), _KEPT_RESULTS)
-            if isinstance(one, FunctionType) or (own and not kept and not name.startswith("_")):
+            is_cache = isinstance(getattr(type(value), name, None), _KEPT_RESULTS)
+            if isinstance(one, FunctionType) or (own and not is_cache and not name.startswith("_")):
                 yield name, one
 
 
