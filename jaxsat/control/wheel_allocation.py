@@ -17,6 +17,7 @@ from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.quotients import length, root
 from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.effector import Reach
+from jaxsat.spacecraft.wheel_friction import motor_torque
 from jaxsat.spacecraft.wheels import Wheels
 
 OfEach = Float[Array, " m"]
@@ -29,9 +30,6 @@ MOST_MOMENTUM = 0.9
 
 LEAST_MOMENTUM = 0.02
 """Of the same: what a slew may make them hold however full they are."""
-
-SLIGHT = 0.1
-"""Of what friction holds back of a wheel at rest: the least torque for which it is to turn."""
 
 PARALLEL = 1e-3
 """Sine of the angle between the Earth's field and the normal of two wheels' plane that is none:
@@ -156,12 +154,11 @@ class WheelAllocation(eqx.Module):
     def commands(self, condition: ActuatorCondition, momentum: OfEach, torque: OfEach) -> OfEach:
         """Motor torques (N m), within the limits, that do `torque` (N m) to the body.
 
-        Friction helps or hinders a wheel that turns; one at rest has to break away from it. Of what
-        is commanded a weak motor makes a part.
+        Of what is commanded a weak motor makes a part.
         """
         full, part = self.filter.full, condition.part
-        friction = self.filter.friction(momentum, condition) * self.filter.side(momentum)
-        command = torque - friction + self.filter.held(momentum, torque / SLIGHT, condition)
+        friction, side = self.filter.friction(momentum, condition), self.filter.side(momentum)
+        command = motor_torque(torque, friction, side)
         command = command / jnp.where(part > 0, part, 1.0)
         return jnp.clip(command, -full, full)
 

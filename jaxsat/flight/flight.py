@@ -76,8 +76,8 @@ class SampleCommands(NamedTuple):
     """Commands of one sample.
 
     `torque` is what the law commands (N m) about the first two body axes, or about each of the
-    three. `thrust` is the torque of each thruster (N m); `wheel_torque` what each wheel is to put
-    on the body (N m); `dipole` that of each magnetorquer (A m²). `valve_on` and `valve_off` are the
+    three. `thrust` is the torque of each thruster (N m); `wheel_torque` that of each motor on
+    the body (N m); `dipole` that of each magnetorquer (A m²). `valve_on` and `valve_off` are the
     instants (s from the sample) at which each valve opens and closes, row by row, none where off is
     not later than on; `level` is the thrust meanwhile in parts of the full one. `mode` is the part
     of the law that is at work.

@@ -18,6 +18,7 @@ from jaxsat.spacecraft.allocation import first_at_limit, share_within
 from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.relief import Relief
 from jaxsat.spacecraft.spacecraft import OfEach, PlantState
+from jaxsat.spacecraft.wheel_friction import WheelFriction
 from jaxsat.spacecraft.wheels import Wheels, wheel_momentum
 
 
@@ -114,8 +115,9 @@ class WheelsFirst(AbstractDistribution):
     that have failed. `rest` (torques, torques) gives the part of the command that is left to other
     effectors, which is shared as by `Direct`; None where nothing is. With `relief`, of a command of
     three torques under a sampled law, thrusters also make what wheels lack in torque or momentum,
-    and take momentum out of them; `together` if what wheels leave needs their help. `limiting`
-    holds which wheel is at its limit, see `smooth_piece`.
+    and take momentum out of them; `together` if what wheels leave needs their help. Motors also
+    make the torque of a known `friction`. `limiting` holds which wheel is at its limit, see
+    `smooth_piece`.
     """
 
     axes: Float[Array, "3 wheels"] = eqx.field(converter=as_float)
@@ -128,6 +130,7 @@ class WheelsFirst(AbstractDistribution):
     )
     limiting: Bool[Array, " wheels"] | None = None
     relief: Relief | None = None
+    friction: WheelFriction | None = None
     together: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
@@ -171,7 +174,7 @@ class WheelsFirst(AbstractDistribution):
         return WheelsFirst(working_axes, as_array(shares), limit, as_array(rest))
 
     def __call__(self, t, state, command, effectors) -> Shares:
-        """The torque that each wheel is to put on the body (N m), and what is left to others."""
+        """The torque of each motor (N m), and what is left to others."""
         others = tuple(one for one in effectors if not isinstance(one, Wheels))
         momentum = wheel_momentum(state)
         if self.relief is None or momentum is None:
@@ -181,6 +184,8 @@ class WheelsFirst(AbstractDistribution):
             wheels, rest, left = self._relieved(self.relief, state.omega, momentum, command)
         if not any(one.command_size for one in others):
             left, rest = left + torque_of(rest), rest[:0]
+        if self.friction is not None and momentum is not None:
+            wheels = self.friction.motor_torque(wheels, momentum)
         uses = iter(Direct()(t, state, rest, others).uses)
         each = tuple(wheels if isinstance(one, Wheels) else next(uses) for one in effectors)
         return Shares(each, left)

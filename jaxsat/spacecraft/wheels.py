@@ -273,7 +273,7 @@ class Wheels(AbstractEffector):
         return {"wheel_momentum": state.momentum}
 
     def flight_commands(self, use, memory, period) -> tuple[dict[str, Array], PyTree]:
-        """The torque of each wheel on the body, N m."""
+        """The torque of each motor on the body, N m."""
         return {"wheel_torque": use}, memory
 
     # Failures in flight.

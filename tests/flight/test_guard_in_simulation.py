@@ -117,6 +117,9 @@ WHEEL = """
 axis = {axis}
 torque_limit_N_m = 0.4
 tachometer_noise_N_m_s = 1e-3
+rotor_inertia_kg_m2 = 0.01
+viscous_friction_N_m_s = 1e-4
+coulomb_friction_N_m = 0.01
 """
 
 

@@ -72,6 +72,35 @@ def test_a_sampled_law_shares_its_command_among_wheels_and_their_history_is_save
     np.testing.assert_allclose(data["torque"], data["wheel_torque"].values @ axes.T, atol=1e-12)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", [0.002, 0.02])
+def test_a_sampled_law_points_as_well_with_friction_as_without(friction):
+    """Friction that nothing makes up for would leave its torque over the law's stiffness."""
+
+    def flown(torque: float):
+        wheel = f"torque_limit_N_m=0.4,coulomb_friction_N_m={torque},rotor_inertia_kg_m2=0.01,"
+        wheel += f"viscous_friction_N_m_s={torque / 100}"
+        wheels = ",".join(f"{{axis={axis},{wheel}}}" for axis in np.eye(3).tolist())
+        law = ["control={law='quaternion-feedback',natural_frequency_rad_s=0.1,damping=1.0}"]
+        start = ["initial={quaternion=[0.8,0.6,0.0,0.0],omega_rad_s=[0.003,0.001,-0.002]}"]
+        body = ["spacecraft={inertia_kg_m2=[9.2,11.4,7.1]}", "control.period_s=0.1"]
+        steps = ["simulation={duration_s=150,save_every_s=1}", f"wheel=[{wheels}]"]
+        data, blocked = apply_overrides(
+            {"title": "Friction", "orbit": {"rate_rad_s": 0.0}},
+            map(parse_override, [*body, *law, *start, *steps]),
+        )
+        assert not blocked
+        return build(Scenario.model_validate(data)).simulate()
+
+    with_friction, ideal = flown(friction), flown(0.0)
+    assert with_friction.assessment.settled_from < 100
+    turns = [np.asarray(one.signals.quaternion) for one in (with_friction, ideal)]
+    offset = friction / (7.1 * 0.1**2)  # rad
+    apart = np.abs(turns[0] - turns[1])
+    assert apart.max() < 0.05 * offset  # while a wheel passes rest
+    assert apart[-1].max() < 1e-3 * offset
+
+
 @pytest.mark.filterwarnings("ignore:.*should make both torques")
 def test_thrusters_make_what_wheels_leave():
     with pytest.warns(ScenarioWarning, match="never used: 1"):

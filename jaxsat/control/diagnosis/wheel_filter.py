@@ -36,12 +36,10 @@ from jaxsat.control.diagnosis.residual import (
 )
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 from jaxsat.core.checks import as_float, require_positive
+from jaxsat.spacecraft.wheel_friction import STILL
 from jaxsat.spacecraft.wheels import Wheels
 
 OfEach = Float[Array, " m"]
-
-STILL = 4.0
-"""Sigmas of a momentum that may be none."""
 
 JUMP = 3.0
 """Times what a motor at full torque changes in a period: no motor does that."""
@@ -164,11 +162,6 @@ class WheelFilter(AbstractResidualFilter):
     def side(self, momentum: OfEach) -> OfEach:
         """Which way each wheel turns, from -1 to 1: a part of it near rest."""
         return jnp.clip(momentum / (STILL * self.momentum_noise), -1.0, 1.0)
-
-    def held(self, momentum: OfEach, torque: OfEach, condition: ActuatorCondition) -> OfEach:
-        """What of a motor torque (N m) friction holds back: of a wheel at rest, up to its size."""
-        friction = jnp.maximum(self.friction(momentum, condition), 0.0)
-        return (1 - jnp.abs(self.side(momentum))) * jnp.clip(torque, -friction, friction)
 
     def predicted(
         self,

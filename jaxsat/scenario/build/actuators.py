@@ -38,6 +38,7 @@ from jaxsat.spacecraft.magnetorquers import MagneticSteering, Magnetorquers
 from jaxsat.spacecraft.relief import Relief
 from jaxsat.spacecraft.steering import AbstractSteering, Steered, SteeringContext
 from jaxsat.spacecraft.thrusters import Thrusters
+from jaxsat.spacecraft.wheel_friction import WheelFriction
 from jaxsat.spacecraft.wheels import Wheels
 
 
@@ -88,6 +89,10 @@ def _wheels_first(scenario: Scenario) -> WheelsFirst:
     """Wheels that make what they can of the law's command; thrusters, if any, get the rest."""
     tables, torques = scenario.wheel, scenario.law.declaration.torques
     limits = np.array([one.torque_limit_N_m or np.inf for one in tables])
+    friction = _known_friction(scenario)
+    if friction is not None:  # what is left of a motor that also turns its wheel
+        spare = limits - np.asarray(friction.coulomb)
+        limits = np.where(spare > 0, spare, limits)
     limit = limits if np.isfinite(limits).any() else None
     whole = wheels_make_all(tables, scenario.law.declaration)
     distribution = WheelsFirst.of(
@@ -98,6 +103,7 @@ def _wheels_first(scenario: Scenario) -> WheelsFirst:
         not whole,
         directions_of_wheels(tables, scenario.law.declaration),
     )
+    distribution = dataclasses.replace(distribution, friction=friction)
     if not relieved_by_thrusters(scenario):
         return distribution
     torque, price = working_torques(scenario.thruster), thruster_costs(scenario)
@@ -112,6 +118,20 @@ def _wheels_first(scenario: Scenario) -> WheelsFirst:
     )
     together = not whole and not make_all_alone(scenario.thruster)
     return dataclasses.replace(distribution, relief=relief, together=together)
+
+
+def _known_friction(scenario: Scenario) -> WheelFriction | None:
+    """The friction that a sampled law knows of the wheels that work; None for others."""
+    if not scenario.law.declaration.sampled:
+        return None
+    works = np.array([not one.failed for one in scenario.wheel])
+    noise, period = tachometer_noise(scenario), scenario.control.period_s
+    return WheelFriction.of(_declared_wheels(scenario), works, noise, period)
+
+
+def _declared_wheels(scenario: Scenario) -> Wheels:
+    """The wheels as they are declared, which fail no more."""
+    return Wheels.from_tables(scenario.wheel, EffectorContext(field_of(scenario.orbit), ()))[0]
 
 
 def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
@@ -140,7 +160,7 @@ def wheel_context(scenario: Scenario) -> WheelContext | None:
     """What a law that commands each wheel is told of them; None for others."""
     if not scenario.law.declaration.commands_actuators or not scenario.wheel:
         return None
-    wheels, _ = Wheels.from_tables(scenario.wheel, EffectorContext(field_of(scenario.orbit), ()))
+    wheels = _declared_wheels(scenario)
     delay = 0.0 if scenario.sampling is None else scenario.sampling.delay_s
     failed = np.array([one.failed for one in scenario.wheel])
     return WheelContext(wheels, failed, tachometer_noise(scenario), delay, rate_noise(scenario))
