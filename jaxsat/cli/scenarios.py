@@ -1,7 +1,7 @@
 """`jaxsat scenarios`: list the library, print the schema, check scenario files."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence, Set
 from typing import TYPE_CHECKING
 
 from cyclopts import App
@@ -22,7 +22,7 @@ from jaxsat.core.text import clean
 if TYPE_CHECKING:
     from jaxsat.scenario import Scenario
 
-TABLES = ("orbit", "initial", "control", "simulation")
+TABLES = ("initial", "control", "simulation")
 """Tables of a scenario that is more than a vehicle."""
 
 scenarios = App(name="scenarios", help="List, show and check scenarios.", help_format="plaintext")
@@ -111,11 +111,15 @@ def check(*files: str, overrides: Overrides = (), printed: Printed = Printed()) 
 
 def _verdict(file: str, overrides: Sequence[str]) -> list[str]:
     """What a valid file is good for; raises `ScenarioError` with every error of another one."""
-    if says_no_more_than_a_vehicle(file, overrides):
+    from jaxsat.scenario.read import given_keys
+
+    given = {key.partition(".")[0] for key in given_keys(file, overrides)}
+    if says_no_more_than_a_vehicle(given):
+        missing = [one for one in ("orbit", *TABLES) if one not in given]
         title = load_vehicle(file, overrides).scenario.title
         return [
             f"{clean(file)}: valid for controllability and design ({title})",
-            f"  not for the others: {', '.join(TABLES)} must be given",
+            f"  not for the others: {', '.join(missing)} must be given",
         ]
     scenario = load_scenario(file, overrides, "tuning")
     refusal_lines = [f"  {refusal}" for refusal in refusals(scenario)]
@@ -144,15 +148,12 @@ def refusals(scenario: "Scenario") -> Iterator[str]:
             yield f"not for {commands}: {option_mistake(error, ['law'])}"
 
 
-def says_no_more_than_a_vehicle(scenario: str, overrides: Sequence[str]) -> bool:
-    """Whether a file has none of the `TABLES`, which `design` fills in."""
+def says_no_more_than_a_vehicle(given: Set[str]) -> bool:
+    """Whether a file with these tables has none of `TABLES`, which `design` fills in."""
     from jaxsat.core.declaration.actuators import ACTUATORS
-    from jaxsat.scenario.read import given_keys
 
-    keys, names = given_keys(scenario, overrides), tuple([one.name for one in ACTUATORS])
-    return any(key.startswith(("spacecraft.", *names)) for key in keys) and not any(
-        key.startswith(f"{table}.") or key == table for key in keys for table in TABLES
-    )
+    vehicle = {"spacecraft", *(one.name for one in ACTUATORS)}
+    return bool(given & vehicle) and not given & set(TABLES)
 
 
 def _require_vehicle(scenario: "Scenario") -> None:

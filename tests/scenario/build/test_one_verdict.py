@@ -114,7 +114,11 @@ def test_rows_that_are_no_unit_vectors_are_refused_with_both_readings(tmp_path):
 def test_check_names_the_commands_that_take_a_vehicle(tmp_path, capsys):
     rows = "thruster_torque_axes = [[1, 0, 0], [0, 1, 0]]\n"
     assert check(str(_file(tmp_path, INERTIA, rows))) == 0
-    assert "valid for controllability and design" in capsys.readouterr().out
+    assert "others: orbit, initial, control, simulation must" in capsys.readouterr().out
+    assert check(str(_file(tmp_path, INERTIA, rows, "[orbit]\naltitude_km = 550\n"))) == 0
+    printed = capsys.readouterr().out
+    assert "valid for controllability and design" in printed
+    assert "others: initial, control, simulation must" in printed
     assert check("two-wheel-telescope") == 0
     told = capsys.readouterr().out
     assert "not for compare, montecarlo and tune: [dispersion] must be given, got nothing" in told
