@@ -136,7 +136,8 @@ class Reconfiguration(eqx.Module):
         Where thrusters that work make less than torques about all axes, three axes are left still
         if weak ones that make a part of their thrust, and flows of failed thrusters, supply what is
         missing, with some torque to spare. Half of that is enough for what was so before, so that
-        nothing changes to and fro.
+        nothing changes to and fro. Weak ones also make a part where those that work do not oppose
+        flows.
         """
         failed, part = condition.failed, condition.part
         number, left = self._tabled(failed)
@@ -151,11 +152,23 @@ class Reconfiguration(eqx.Module):
             lambda: jnp.array(False),
             lambda: self._spans(limit, steady, spare),
         )
+        helps = jax.lax.cond(
+            jnp.any(weak) & jnp.any(condition.flow > 0),
+            lambda: ~self._opposes(working, steady, jnp.any(weak & (before.limit > 0))),
+            lambda: jnp.array(False),
+        )
         return Ability(
             number,
             jnp.where(all_axes, int(Left.THREE_AXES), jnp.where(left < 0, int(Left.LESS), left)),
-            jnp.where(all_axes, limit, working),
+            jnp.where(all_axes | helps, limit, working),
         )
+
+    def _opposes(self, limit: Float[Array, " m"], steady: Vector, helped: BoolScalar) -> BoolScalar:
+        """Whether a torque (N m) can be made with `SPARE` of it to spare, or half of that where it
+        is not `helped` so far."""
+        demand = (1 + SPARE * jnp.where(helped, 1.0, 0.5)) * steady
+        _, missed = self.duties(demand, limit)
+        return jnp.sum(missed**2) < (SMALL * jnp.max(jnp.abs(self.torque))) ** 2
 
     def _tabled(self, failed: Bool[Array, " m"]) -> tuple[IntScalar, IntScalar]:
         """The number of a set, and what it leaves; 0 and -1 where there is no table of it."""

@@ -31,6 +31,10 @@ from jaxsat.spacecraft.effector import Reach
 TEST_PERIODS = 3
 """Control periods from the test pulse of one thruster to that of the next, during an alarm."""
 
+MOSTLY = 0.5
+"""The duty above which a thruster is tested by a gap in its thrust, not by a pulse: one that pushes
+nearly all the time and one that does so whatever it is commanded look alike until a gap."""
+
 QUIET_SIGMAS = 4.0
 """A rate about a thruster's torque within so many sigmas of the noise is not damped."""
 
@@ -76,8 +80,8 @@ class TolerantThrusters(AbstractTolerantActuators):
     Isolated thrusters are left out, and what they make all the time is fed forward. Where torques
     of either sign are left in a plane, `settling` has the law of three slews in the normal form of
     that plane; else rates are damped by whatever thruster takes energy out. During an alarm the
-    suspect and its rivals in turn give test pulses. Thrusters that have failed do now and then, so
-    that one that works again is seen.
+    suspect and its rivals in turn give test pulses, or gaps where they push most of the time.
+    Thrusters that have failed give pulses now and then, so that one that works again is seen.
     """
 
     filter: ThrusterFilter
@@ -168,9 +172,11 @@ class TolerantThrusters(AbstractTolerantActuators):
         if demand.besides is not None:
             duty = jnp.minimum(duty + demand.besides, 1.0)
         due, probe = self.probing(sample, now)
-        tested = (now.diagnosis.may_return & due) | in_turn(now.diagnosis, period)
+        suspected = in_turn(now.diagnosis, period)
+        tested = (now.diagnosis.may_return & due) | suspected
         test = now.diagnosis.test_command(self.filter, period)
-        duty = jnp.where(tested, jnp.maximum(duty, test), duty)
+        pulsed = jnp.where(tested, jnp.maximum(duty, test), duty)
+        duty = jnp.where(suspected & (duty > MOSTLY), 0.0, pulsed)
         on_time, spill, modulation = thrusters.on_times(duty, own.modulation, period)
         own = ThrusterLawMemory(settling, leaking, modulation, spill, owed)
         return duty, now._replace(commanded=before.own.spill + on_time, probe=probe, own=own)

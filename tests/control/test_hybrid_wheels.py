@@ -192,6 +192,27 @@ def test_a_stuck_thruster_and_two_lost_wheels_are_isolated_and_settle():
 
 
 @pytest.mark.slow
+def test_a_thruster_that_opposes_a_stuck_one_is_known_as_weak_by_gaps_and_used():
+    """Of six, one is stuck on, and one that pushes for 0.86 of the time against it makes 0.4: as
+    far as pulses tell, it would push all the time whatever it is commanded."""
+    arms = [[-4, 28, -16], [4, -28, -16], [-28, -4, -16], [-28, 4, 16], [4, 28, 16], [28, -4, 16]]
+    each = ", torque_N_m=1.0, min_on_time_s=0.02}"
+    jets = ", ".join(f"{{torque_axis={arm}{each}" for arm in arms)
+    stuck = "{of='thruster 2', at_s=30, kind='stuck-on'}"
+    weak = "{of='thruster 5', at_s=65, kind='degraded', fraction=0.4}"
+    changes = [f"thruster=[{jets}]", f"failure=[{stuck}, {weak}]", "simulation.duration_s=200"]
+    changes += ["initial.quaternion=[1, 0, 0, 0]", "initial.omega_rad_s=[0, 0, 0]"]
+    trajectory = build(load("hybrid-wheels", changes, caution=print)).simulate()
+    parts, times = trajectory.signals.parts, np.asarray(trajectory.times)
+    kinds = [-1, DiagnosedKind.STUCK_ON, -1, -1, DiagnosedKind.DEGRADED, *[-1] * 5]
+    assert np.all(np.asarray(parts["diagnosed_kind"])[times > 70] == kinds)
+    thrusts = np.asarray(parts["thrust_level"])
+    assert thrusts[times > 150].mean(axis=0)[4] == pytest.approx(0.4, abs=0.01)
+    assert np.abs(np.asarray(parts["wheel_momentum"])[-1]).max() < 2.0
+    assert float(trajectory.assessment.settled_from) < 80
+
+
+@pytest.mark.slow
 def test_cases_of_any_attitude_recover_without_a_false_alarm():
     columns = build_study(load("hybrid-wheels"), 32, seed=2).values(np.arange(32))
     assert np.all(np.isfinite(columns["settling_time"]))

@@ -158,6 +158,38 @@ def test_a_weak_thruster_is_used_only_where_it_is_needed():
 
 
 @pytest.mark.slow
+def test_a_weak_thruster_helps_to_oppose_a_stuck_one_where_others_do_not():
+    """With little to spare, by SciPy; more is asked of others before a helper is left out again."""
+    torque = canted()[0]
+    find, whole, helped = eqx.filter_jit(tables(torque).find), Ability.whole(8), 0
+    for stuck, weak in itertools.permutations(range(8), 2):
+        failed = np.isin(np.arange(8), (stuck, weak))
+        if what_is_left(torque, tuple(np.flatnonzero(failed).tolist())).left != Left.THREE_AXES:
+            continue
+        part = np.where(failed, 0.4 * (np.arange(8) == weak), 1.0)
+        most = linprog(
+            np.append(np.zeros(8), -1.0),
+            A_eq=np.column_stack([torque, torque[:, stuck]]) / np.abs(torque).max(),
+            b_eq=np.zeros(3),
+            bounds=[*((0, 1 - one) for one in failed), (0, None)],
+        ).x[-1]
+        for flow, before in itertools.product((0.5, 0.7, 0.9), (0.0, 0.4)):
+            spare = 1.05 if before == 0 else 1.1
+            condition = ActuatorCondition.sound(8)._replace(
+                failed=jnp.asarray(failed),
+                part=jnp.asarray(part),
+                flow=jnp.asarray(flow * (np.arange(8) == stuck)),
+            )
+            limit = np.where(np.arange(8) == weak, before, whole.limit)
+            ability = find(condition, whole._replace(limit=jnp.asarray(limit)))
+            helps = spare * flow > most
+            assert ability.left == Left.THREE_AXES
+            np.testing.assert_array_equal(ability.limit, np.where(failed & ~helps, 0.0, part))
+            helped += helps
+    assert helped > 10
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("torque", [canted()[0], pairs()])
 def test_a_thruster_is_needed_where_less_than_three_axes_is_left_without_it(torque):
     made, count = tables(torque), torque.shape[1]
