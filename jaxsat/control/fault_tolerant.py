@@ -21,10 +21,10 @@ from jaxsat.control.tolerant_actuators import (
     TolerantMemory,
     TolerantMode,
 )
-from jaxsat.control.tolerant_mix import Gentleness, Mix, MixMemory
+from jaxsat.control.tolerant_mix import Mix, MixMemory, Unloading
 from jaxsat.control.tolerant_rods import RodMemory, TolerantRods, about
 from jaxsat.control.what_is_left import LEFT
-from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
+from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.checks import as_float, require_positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.three_torques import FAULT_TOLERANT
@@ -35,9 +35,6 @@ from jaxsat.spacecraft.wheels import wheel_momentum
 DISPLACED, DISPLACED_MORE = 0.005, 0.05
 """Errors of what takes momentum out of others may displace the body by the first (rad) and by the
 second times what it is off its target."""
-
-SMALLEST = 1e-30
-"""Keeps a quotient of two zeros finite."""
 
 PARALLEL = 1e-6
 """Of a singular value of unit axes: what counts as none."""
@@ -139,9 +136,9 @@ class FaultTolerant(AbstractSampledController):
             torque, whole = torque - made, three | jnp.any(axis != 0)
             torque = torque - axis * jnp.sum(axis * torque)
         torque, mix, besides, band = self._coasting(sample, left, torque, mix, memory.band)
-        following, unloading, least = self._unloading(sample, left, mix, memory.mix)
+        following, unloading = self._unloading(sample, left, mix, memory.mix)
         commands, memories = [], []
-        demands, unmade = mix.demands(torque, unloading, whole, self._gentleness(state, least))
+        demands, unmade = mix.demands(torque, unloading, whole)
         demands = [one._replace(besides=own) for one, own in zip(demands, besides, strict=True)]
         following = None if following is None else following._replace(unmade=unmade)
         for (one, now), before, demand in zip(kinds, memory.actuators, demands, strict=True):
@@ -242,36 +239,32 @@ class FaultTolerant(AbstractSampledController):
 
     def _unloading(
         self, sample: Sample, left: _Left, mix: Mix, before: MixMemory | None
-    ) -> tuple[MixMemory | None, Vector, RealScalar]:
-        """Whether others take momentum out, the torque (N m) that does, and the least part of it.
+    ) -> tuple[MixMemory | None, Unloading]:
+        """Whether others take momentum out, and the torques (N m) that do.
 
-        While they do, and where a failed device makes a torque all the time, it makes up for what
-        acts steadily, too: what stores momentum would be full again at once. No less than that is
-        made.
+        While they do, and where a failed device makes a torque all the time, they make up for what
+        acts steadily first: what stores momentum would be full again at once.
         """
         unloads, flows, torque = jnp.array(False), jnp.array(False), jnp.zeros(3)
         if before is None:
-            return None, torque, torque[0]
+            return None, Unloading(torque, torque)
         for one, now in left.kinds:
             full, relief = one.overfull(sample, now, before.unloads)
             unloads, torque = unloads | full, torque + relief
             flows = flows | one.flows(now)
-        steady = jnp.where(unloads | flows, sum(mix.steady, jnp.zeros(3)), 0.0)
-        torque = jnp.where(left.three, torque + steady, 0.0)
-        unit = jnp.trace(self.healthy.model.spacecraft.inertia) * self.healthy.natural_frequency**2
-        least = jnp.sum((steady / unit) ** 2) / (jnp.sum((torque / unit) ** 2) + SMALLEST)
+        steady = sum(mix.steady, jnp.zeros(3))
+        first = jnp.where((unloads | flows) & left.three, steady, 0.0)
         following = before._replace(three=left.three, unloads=unloads & left.three)
-        return following, torque, root(least)
+        relief = jnp.where(left.three, torque, 0.0)
+        return following, Unloading(first, relief, self._error(sample.state))
 
-    def _gentleness(self, state: PlantState, least: RealScalar) -> Gentleness:
-        """How gently momentum is taken out, so that errors of what does it displace the body
-        little."""
+    def _error(self, state: PlantState) -> Matrix:
+        """Of the torques (N m) that take momentum out: what their errors are, over those that
+        displace the body little."""
         law = self.healthy
         off = 2 * root(jnp.sum(state.attitude.as_quaternion().q[1:] ** 2))
         borne = (DISPLACED + DISPLACED_MORE * off) * law.natural_frequency**2
-        return Gentleness(
-            self.diagnosis.uncertainty / borne * law.model.spacecraft.inverse_inertia, least
-        )
+        return self.diagnosis.uncertainty / borne * law.model.spacecraft.inverse_inertia
 
     def _diagnosed(
         self, one: AbstractTolerantActuators, reading: Reading, memory: TolerantMemory

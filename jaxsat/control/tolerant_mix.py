@@ -32,20 +32,24 @@ class MixMemory(NamedTuple):
         return MixMemory(jnp.array(True), jnp.array(False), jnp.zeros(3))
 
 
-class Gentleness(NamedTuple):
-    """How much momentum is taken out at once.
+class Unloading(NamedTuple):
+    """What devices that store no momentum make for those that do.
 
-    Uses of devices that make torques c (N m) may be wrong by as much as the root of the sum of the
-    squares of `error` c, over what the body bears. At least the part `least` of them is made.
+    Torques (N m): `first` what makes up for all that acts steadily, where that would fill others,
+    then `relief`, which takes momentum out of them. Devices that make torques c (N m) may be wrong
+    by as much as the root of the sum of the squares of `error` c, over what the body bears; None
+    where they are right.
     """
 
-    error: Matrix
-    least: RealScalar
+    first: Vector
+    relief: Vector
+    error: Matrix | None = None
 
     def part(self, torques: Float[Array, "3 n"]) -> RealScalar:
-        """The part of so many torques that is made."""
-        wrong = root(jnp.sum((self.error @ torques) ** 2))
-        return jnp.minimum(self.least + 1 / jnp.maximum(wrong, 1.0), 1.0)
+        """The part of the relief that is made, where all of it takes so many torques."""
+        if self.error is None:
+            return jnp.ones_like(torques[0, 0])
+        return 1 / jnp.maximum(root(jnp.sum((self.error @ torques) ** 2)), 1.0)
 
 
 class Mix(NamedTuple):
@@ -106,25 +110,28 @@ class Mix(NamedTuple):
     def demands(
         self,
         torque: Vector,
-        unloading: Vector,
+        unloading: Unloading,
         three: BoolScalar,
-        gentleness: Gentleness | None = None,
     ) -> tuple[list[Demand], Vector]:
         """What each kind is asked for, of a `torque` about three axes if they make one, and what
         all together do not make of that (N m).
 
-        Momentum is taken out as gently as that says. While one kind settles alone, the others make
-        up for what acts all the time at most.
+        While one kind settles alone, the others make up for what acts all the time at most.
         """
         if len(self.reaches) == 1:
             return [Demand(torque, self.steady[0], three)], jnp.zeros(3)
         kinds = zip(self.reaches, self.stores, strict=True)
         stores = jnp.concatenate([jnp.full(one.low.shape, stores) for one, stores in kinds])
         total = torque + sum(self.steady, jnp.zeros(3))
-        reach, part = self.reach, None
-        if gentleness is not None:
-            part = lambda use: gentleness.part(reach.columns * use[None])  # noqa: E731
-        allocated = allocate_unloading(reach, total, unloading, stores, part)
+        reach = self.reach
+        allocated = allocate_unloading(
+            reach,
+            total,
+            unloading.relief,
+            stores,
+            unloading.first,
+            lambda use: unloading.part(reach.columns * use[None]),
+        )
         uses = jnp.split(allocated.use, _ends(self.reaches))
         settled = jnp.stack(self.alone)
         demands = []

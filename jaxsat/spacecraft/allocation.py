@@ -11,8 +11,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
+from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.smooth import within
+from jaxsat.core.trees import choose
 from jaxsat.spacecraft.bounded_least_squares import least_squares_within
 from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.least_propellant import GOLDEN, least_price
@@ -34,13 +35,14 @@ class Allocated(NamedTuple):
     unmade: Vector
 
 
-def allocate(reach: Reach, torque: Vector) -> Allocated:
-    """Uses within the bounds of `reach` whose torques add up to `torque` (N m).
+def allocate(reach: Reach, torque: Vector, before: Vector | None = None) -> Allocated:
+    """Uses within the bounds of `reach` whose torques add up to `before` + `torque` (N m).
 
-    What devices make that do not obey comes first: it is opposed as far as possible. Of what is
-    then lacking, the greatest part in its direction is made. Of all such uses these have the least
-    price, which counts from the use nearest to zero, and of those with the same use of devices that
-    have a price, the least sum of squares of use over limit of the others. A price of None is none.
+    What devices make that do not obey comes first, and the torque `before`, if given: both are
+    opposed and made as far as possible. Of what is then lacking, the greatest part in its direction
+    is made. Of all such uses these have the least price, which counts from the use nearest to zero,
+    and of those with the same use of devices that have a price, the least sum of squares of use
+    over limit of the others. A price of None is none.
     """
     idle = within(jnp.zeros_like(reach.low), reach.low, reach.high)
     square = jnp.sum(reach.columns**2, axis=0)
@@ -49,13 +51,14 @@ def allocate(reach: Reach, torque: Vector) -> Allocated:
     low, high = (
         jnp.where(square > 0, size * (bound - idle), 0.0) for bound in (reach.low, reach.high)
     )
-    first = -(reach.columns @ idle)
+    before = jnp.zeros_like(torque) if before is None else before
+    first = before - reach.columns @ idle
     if reach.price is None:
         each, unmade = least_squares_within(units, low, high, torque, first)
     else:
         each, unmade = _priced(reach.price / size, units, (low, high), torque, first)
     use = within(idle + each / size, reach.low, reach.high)
-    return Allocated(use, torque - unmade, unmade)
+    return Allocated(use, before + torque - unmade, unmade)
 
 
 def allocate_unloading(
@@ -63,31 +66,45 @@ def allocate_unloading(
     torque: Vector,
     unloading: Vector,
     stores: Bool[Array, " n"],
+    before: Vector | None = None,
     part: Callable[[Float[Array, " n"]], RealScalar] | None = None,
 ) -> Allocated:
-    """Uses that make a `torque`, of which devices that store no momentum make `unloading` first.
+    """Uses that make a `torque`, of which devices that store no momentum make `unloading` first,
+    beside a part of the torque that they make `before` that.
 
-    Those that store momentum, as `stores` tells, make up for that torque (N m), which takes it out
-    of them. Each of the two is allocated as by `allocate`. Of the uses for `unloading` only a
-    `part` is made, which may depend on them; without it all.
+    Those that store momentum, as `stores` tells, make up for `unloading` (N m), which takes it out
+    of them. All three are allocated as by `allocate`. Of `unloading` only a `part` is made, which
+    may depend on the uses for all of it; without it all.
     """
+    before = jnp.zeros_like(torque) if before is None else before
 
-    def allocated(use: Float[Array, " n"], unloads: BoolScalar):
-        low, high = (
-            jnp.where(unloads & stores, 0.0, bound) for bound in (reach.low - use, reach.high - use)
-        )
-        demand = jnp.where(unloads, unloading, torque - reach.columns @ use)
-        more = allocate(reach._replace(low=low, high=high), demand)
-        share = 1.0 if part is None else jnp.where(unloads, part(more.use), 1.0)
-        return use + share * more.use, more.unmade
+    def without_storing(wanted: Vector) -> tuple[Reach, Vector, Vector]:
+        low, high = (jnp.where(stores, 0.0, bound) for bound in (reach.low, reach.high))
+        return reach._replace(low=low, high=high), wanted, before
 
-    def one_more(so_far, unloads):
-        left_out = unloads & jnp.all(unloading == 0)
-        return jax.lax.cond(left_out, lambda: so_far, lambda: allocated(so_far[0], unloads)), None
+    def gently(use: Float[Array, " n"]) -> Vector:
+        return unloading if part is None else part(use) * unloading
+
+    def beside(use: Float[Array, " n"]) -> tuple[Reach, Vector, Vector]:
+        rest = reach._replace(low=reach.low - use, high=reach.high - use)
+        return rest, torque - reach.columns @ use, jnp.zeros_like(torque)
+
+    def allocated(use: Float[Array, " n"], turn: IntScalar):
+        last = turn == 2
+        first = without_storing(jnp.where(turn == 1, gently(use), unloading))
+        asked = choose(last, beside(use), first)
+        more = allocate(*asked)
+        return jnp.where(last, use, 0.0) + more.use, more.unmade
+
+    idle = jnp.all(unloading == 0) & jnp.all(before == 0)
+
+    def one_more(so_far, turn):
+        skips = (turn < 2) & idle | ((turn == 1) & jnp.all(gently(so_far[0]) == unloading))
+        return jax.lax.cond(skips, lambda: so_far, lambda: allocated(so_far[0], turn)), None
 
     # A loop, because the code of an allocation is long: it is compiled once.
     none = (jnp.zeros_like(reach.high), jnp.zeros_like(torque))
-    (use, unmade), _ = jax.lax.scan(one_more, none, jnp.array([True, False]))
+    (use, unmade), _ = jax.lax.scan(one_more, none, jnp.arange(3))
     return Allocated(use, torque - unmade, unmade)
 
 

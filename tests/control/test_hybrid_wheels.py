@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 from helpers.thruster_layouts import canted
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.tolerant_actuators import TolerantMode
-from jaxsat.control.tolerant_mix import Gentleness, Mix, MixMemory
+from jaxsat.control.tolerant_mix import Mix, MixMemory, Unloading
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
@@ -78,7 +78,9 @@ def test_wheels_make_what_they_can_and_thrusters_the_rest():
     def shared(usable, torque, unloading):
         one = mix(np.ones(8), np.zeros(4), steady)
         wheels = one.reaches[1]._replace(low=-usable, high=usable)
-        return one._replace(reaches=(one.reaches[0], wheels)).demands(torque, unloading, three)[0]
+        return one._replace(reaches=(one.reaches[0], wheels)).demands(
+            torque, Unloading(jnp.zeros(3), unloading), three
+        )[0]
 
     demands = jax.jit(shared)
     for count in (4, 2, 1):
@@ -97,23 +99,25 @@ def test_wheels_make_what_they_can_and_thrusters_the_rest():
 
 
 def test_momentum_is_taken_out_as_gently_as_errors_of_thrusts_are_borne():
-    """The part of the thrusts by NumPy, for errors of each that are borne, are not, and must be."""
+    """The part of the thrusts by NumPy, beside what acts steadily, which is made in full."""
     three, zero = jnp.array(True), jnp.zeros(3)
-    unloading = jnp.array([0.1, -0.05, 0.2]) * FULL
+    relief, steady = np.array([0.1, -0.05, 0.2]) * FULL, np.array([0.0, 0.04, -0.03]) * FULL
     one = mix(np.ones(8), FULL * np.ones(4))
 
     @jax.jit
-    def demands(error, least):
-        return one.demands(zero, unloading, three, Gentleness(error, least))[0]
+    def demands(error, first):
+        return one.demands(zero, Unloading(first, jnp.asarray(relief), error), three)[0]
 
-    whole = TORQUE * np.asarray(demands(jnp.zeros((3, 3)), 0.0)[0].use)
-    np.testing.assert_allclose(whole.sum(axis=1), unloading, atol=1e-9 * FULL)
     error = np.diag([1.0, 2.0, 3.0]) / FULL
-    wrong = np.sqrt(np.sum((error @ whole) ** 2))
-    for size, least, part in ((0.9, 0.0, 1.0), (4.0, 0.0, 0.25), (4.0, 0.5, 0.75), (4.0, 0.9, 1.0)):
-        thrusters, wheels = demands(jnp.asarray(size / wrong * error), least)
-        np.testing.assert_allclose(TORQUE @ thrusters.use, part * unloading, atol=1e-9 * FULL)
-        np.testing.assert_allclose(wheels.torque, -thrusters.torque, atol=1e-9 * FULL)
+    for first in (np.zeros(3), steady):
+        whole = TORQUE * np.asarray(demands(jnp.zeros((3, 3)), first)[0].use)
+        np.testing.assert_allclose(whole.sum(axis=1), first + relief, atol=1e-9 * FULL)
+        wrong = np.sqrt(np.sum((error @ whole) ** 2))
+        for size, part in ((0.9, 1.0), (4.0, 0.25), (10.0, 0.1)):
+            thrusters, wheels = demands(jnp.asarray(size / wrong * error), first)
+            made = first + part * relief
+            np.testing.assert_allclose(TORQUE @ thrusters.use, made, atol=1e-9 * FULL)
+            np.testing.assert_allclose(wheels.torque, -thrusters.torque, atol=1e-9 * FULL)
 
 
 NEVER = 9000

@@ -240,6 +240,28 @@ def test_thrusters_that_unload_do_less_where_wheels_lack_torque():
     assert less > 5
 
 
+def test_thrusters_oppose_what_acts_steadily_before_they_unload():
+    """Of three torques that are too much for five thrusters, and for a wheel beside them, each
+    part that is made is the greatest one beside those before it by SciPy."""
+    rng = np.random.default_rng(6)
+    both, less = jax.jit(lambda *x: allocate_unloading(*x[:3], jnp.arange(6) < 1, x[3])), 0
+    for _ in range(40):
+        columns, price = rng.normal(size=(3, 6)), np.r_[0.0, rng.uniform(1, 2, 5)]
+        low, high = np.r_[-0.1, np.zeros(5)], np.r_[0.1, np.ones(5)]
+        steady = columns[:, 1:] @ rng.uniform(0, 1, 5)
+        unloading, torque = 0.5 * rng.normal(size=3), steady + 0.1 * rng.normal(size=3)
+        alone = (columns, 0 * low, high * (high > 0.1))
+        more = part(*alone, steady, unloading)
+        first = steady + more * unloading
+        made = first + part(columns, low, high, first, torque - first) * (torque - first)
+        reach = Reach(*map(jnp.asarray, (columns, low, high, price)))
+        found = both(reach, torque, unloading, steady)
+        np.testing.assert_allclose(columns @ found.use, made, atol=1e-6)
+        np.testing.assert_allclose(found.unmade, torque - made, atol=1e-6)
+        less += more < 1
+    assert 5 < less < 35
+
+
 def test_ideal_thrusters_under_two_torques_are_clipped_one_by_one():
     thrusters = Actuators.of(Thrusters(np.eye(3)[:, :2]), 0.2)
     np.testing.assert_array_equal(thrusters(jnp.array([0.5, 0.1])), [0.2, 0.1, 0.0])
