@@ -2,6 +2,7 @@
 
 import abc
 import dataclasses
+from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
@@ -16,9 +17,10 @@ from jaxsat.core.declaration.failures import FailureKind
 from jaxsat.core.smooth import sat
 from jaxsat.spacecraft.allocation import first_at_limit, share_within
 from jaxsat.spacecraft.axes import turned_axes
+from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, Reach
 from jaxsat.spacecraft.failures import FailureEvents
-from jaxsat.spacecraft.thrusters import Thrusters
+from jaxsat.spacecraft.thrusters import DISPERSIBLE, Thrusters
 
 
 class AbstractActuators(eqx.Module):
@@ -83,6 +85,7 @@ class Actuators(AbstractEffector):
     kind: ClassVar[str] = "thruster"
     even: ClassVar[bool] = True
     mild_corners: ClassVar[bool] = True
+    dispersible: ClassVar[Mapping[str, Dispersible]] = DISPERSIBLE
 
     torque_axes: Float[Array, "3 m"] = eqx.field(converter=as_float)
     thrust_map: Float[Array, "m torques"] = eqx.field(converter=as_float)

@@ -1,5 +1,6 @@
 """Thrusters that open and shut inside a control period, at their true instants."""
 
+from collections.abc import Mapping
 from typing import ClassVar, NamedTuple, cast
 
 import equinox as eqx
@@ -9,12 +10,13 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.smooth import at_least, within
+from jaxsat.spacecraft.dispersible import Dispersible
 from jaxsat.spacecraft.effector import AbstractEffector, Effect, Reach
 from jaxsat.spacecraft.failures import FailureEvents, ThrusterCondition
 from jaxsat.spacecraft.held_effector import Ahead
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 from jaxsat.spacecraft.modulation import AbstractModulation, Pulses
-from jaxsat.spacecraft.thrusters import ThrusterSet
+from jaxsat.spacecraft.thrusters import DISPERSIBLE, ThrusterSet
 
 ROUNDING = 1e-13
 """Of a period: ramps that end so close together end together, pulses so close to its end there."""
@@ -110,6 +112,7 @@ class PulsedThrusters(AbstractEffector):
     kind: ClassVar[str] = "thruster"
     even: ClassVar[bool] = True
     plans_delay: ClassVar[bool] = True
+    dispersible: ClassVar[Mapping[str, Dispersible]] = DISPERSIBLE
 
     thrusters: ThrusterSet
     allocation: LeastPropellant | None
@@ -120,6 +123,14 @@ class PulsedThrusters(AbstractEffector):
     def __check_init__(self):
         if self.thrusters.valve_delay is not None and not self.late:
             raise ValueError("Argument `late` must be true for thrusters with a `valve_delay`.")
+
+    def misaligned(self, angles: Float[Array, "m 2"]) -> "PulsedThrusters":
+        """Thrusters whose torques are turned, see `ThrusterSet.misaligned`."""
+        return eqx.tree_at(lambda one: one.thrusters, self, self.thrusters.misaligned(angles))
+
+    def stronger(self, change: Float[Array, " m"]) -> "PulsedThrusters":
+        """Thrusters that make 1 + `change` of their torque, see `ThrusterSet.stronger`."""
+        return eqx.tree_at(lambda one: one.thrusters, self, self.thrusters.stronger(change))
 
     @property
     def count(self) -> int:

@@ -1,6 +1,7 @@
 """Thrusters of either sign with their torque map (3)-(9), and thrusters that push."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,7 +11,25 @@ from jaxtyping import Array, ArrayLike, Float
 from jaxsat.core.allocation import NORMALISER_FLOOR
 from jaxsat.core.array_types import Pair, RealScalar, Vector
 from jaxsat.core.checks import as_float, as_optional_float, concrete, finite, require_positive
+from jaxsat.core.ranges import CHANGE_OF_TORQUE, MISALIGNMENT
 from jaxsat.spacecraft.axes import turned_axes, unit_axes
+from jaxsat.spacecraft.dispersible import Dispersible, Limits
+
+DISPERSIBLE: Mapping[str, Dispersible] = MappingProxyType(
+    {
+        "misalignment": Dispersible(
+            lambda one, state, angles: (one.misaligned(angles.reshape(one.count, 2)), state),
+            lambda one: Limits.between(MISALIGNMENT),
+            each=2,
+        ),
+        "torque_gain": Dispersible(
+            lambda one, state, change: (one.stronger(change), state),
+            lambda one: Limits.between(CHANGE_OF_TORQUE),
+        ),
+    }
+)
+"""What the quantities change that thrusters of every kind declare as dispersible; a command is
+shared as among nominal thrusters."""
 
 
 class Thrusters(eqx.Module):

@@ -7,7 +7,7 @@ Here stand those of sensors, disturbances, effectors, their failures and the del
 import dataclasses
 import pkgutil
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,18 +16,16 @@ from jaxtyping import Array, Float
 from jaxsat.core import ranges
 from jaxsat.core.array_types import RealScalar
 from jaxsat.core.checks import as_float
-from jaxsat.core.declaration.actuators import ACTUATORS, EFFECTORS
+from jaxsat.core.declaration.actuators import ACTUATORS, PARTS
 from jaxsat.core.declaration.disturbances import DISTURBANCES
 from jaxsat.core.declaration.keys import DispersibleQuantity
 from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.core.declaration.sensors import SENSED
 from jaxsat.simulation.loops import AbstractLoop, failures_of, parts_of
 from jaxsat.simulation.sampled_loop import SampledLoop
-from jaxsat.spacecraft.actuators import Actuators
-from jaxsat.spacecraft.dispersible import Limits
+from jaxsat.spacecraft.dispersible import Dispersible, Limits
 from jaxsat.spacecraft.effector import AbstractEffector
 from jaxsat.spacecraft.failures import AbstractFailures
-from jaxsat.spacecraft.thrusters import ThrusterSet
 from jaxsat.studies.changes import (
     Obstacle,
     PerturbedLoop,
@@ -36,12 +34,9 @@ from jaxsat.studies.changes import (
     between,
     changing,
     in_loop,
-    map_parts,
     needs_torque_level,
 )
 from jaxsat.studies.model_quantities import MODEL_QUANTITIES
-
-Kind = TypeVar("Kind", bound=AbstractEffector)
 
 
 def _of_field(
@@ -101,66 +96,48 @@ def _of_disturbance(kind: type, what: str, one: DispersibleQuantity) -> Quantity
     return _of_field(one, lambda loop: parts_of(kind, loop.plant.disturbance)[0], obstacle)
 
 
-def _of_effector(kind: type[Kind], one: DispersibleQuantity) -> Quantity:
-    """A field of the effector of a class, or what its `Dispersible` changes in it or its state."""
+def _of_effector(kind: str, one: DispersibleQuantity) -> Quantity:
+    """A field of the effector of a kind, or what its `Dispersible` changes in it or its state."""
 
-    def effector(loop: AbstractLoop) -> Kind:
-        return cast(Kind, loop.plant.find(kind))
+    def place(loop: AbstractLoop) -> int | None:
+        numbers = (
+            number
+            for number, other in enumerate(loop.plant.effectors)
+            if other.kind == kind and (one.field or one.name in other.dispersible)
+        )
+        return next(numbers, None)
+
+    def effector(loop: AbstractLoop) -> AbstractEffector:
+        return loop.plant.effectors[cast(int, place(loop))]
 
     def obstacle(loop: AbstractLoop) -> str | None:
-        there = loop.plant.find(kind) is not None
-        return None if there else f"the spacecraft has no {kind.kind}s"
+        lacks = None if place(loop) is not None else f"the spacecraft has no {kind}s"
+        return needs_torque_level(loop) or lacks
 
     if one.field is not None:
-        return _of_field(one, effector, obstacle, f"no {kind.kind} has a")
-    own = kind.dispersible[one.name]
+        return _of_field(one, effector, obstacle, f"no {kind} has a")
+
+    def dispersible(loop: AbstractLoop) -> Dispersible:
+        return effector(loop).dispersible[one.name]
 
     def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
-        plant = perturbed.loop.plant
+        plant, number = perturbed.loop.plant, cast(int, place(perturbed.loop))
         states = list(plant.complete(perturbed.start).of_each)
-        place = next(n for n, other in enumerate(plant.effectors) if isinstance(other, kind))
-        changed, state = own.changed(plant.effectors[place], states[place], values)
-        if changed is not plant.effectors[place]:
-            perturbed = in_loop(perturbed, lambda loop: loop.plant.effectors[place], changed)
-        if state is not states[place]:
-            states[place] = state
+        before = plant.effectors[number]
+        changed, state = dispersible(perturbed.loop).changed(before, states[number], values)
+        if changed is not before:
+            perturbed = in_loop(perturbed, effector, changed)
+        if state is not states[number]:
+            states[number] = state
             start = dataclasses.replace(perturbed.start, effectors=tuple(states))
             perturbed = perturbed._replace(start=start)
         return perturbed
 
     return Quantity(
         apply,
-        lambda loop: own.limits(effector(loop)),
-        lambda loop: own.each * effector(loop).count,
+        lambda loop: dispersible(loop).limits(effector(loop)),
+        lambda loop: dispersible(loop).each * effector(loop).count,
         obstacle,
-    )
-
-
-_THRUSTERS = (Actuators, ThrusterSet)
-
-
-def _thrusters_of(loop: AbstractLoop) -> list[Any]:
-    return [one for kind in _THRUSTERS for one in parts_of(kind, loop.plant.effectors)]
-
-
-def _of_thrusters(
-    change: Callable[[Any, Values], Any], limits: ranges.Range, each: int = 1
-) -> Quantity:
-    """What changes thrusters, ideal or not; a command is shared as in the nominal loop."""
-
-    def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
-        def changed(part):
-            return change(part, values) if isinstance(part, _THRUSTERS) else part
-
-        effectors = map_parts(changed, _THRUSTERS, perturbed.loop.plant.effectors)
-        return in_loop(perturbed, lambda loop: loop.plant.effectors, effectors)
-
-    def obstacle(loop: AbstractLoop) -> str | None:
-        one_set = len(_thrusters_of(loop)) == 1
-        return needs_torque_level(loop) or (None if one_set else "the actuators are no thrusters")
-
-    return Quantity(
-        apply, between(limits), lambda loop: each * _thrusters_of(loop)[0].count, obstacle
     )
 
 
@@ -278,10 +255,6 @@ _QUANTITIES: dict[str, Quantity] = {
         for one in sensor.quantities
         if one.field is not None
     },
-    "misalignment": _of_thrusters(
-        lambda one, angles: one.misaligned(angles.reshape(one.count, 2)), ranges.MISALIGNMENT, 2
-    ),
-    "torque_gain": _of_thrusters(lambda one, change: one.stronger(change), ranges.CHANGE_OF_TORQUE),
     "tracker_update_period": _of_tracker("every", 1, _update_period_limits, _needs_tracker),
     "tracker_latency": _of_tracker("arrival", 0, _latency_limits, _needs_latency),
     "failure_time": _of_failures("at", between(ranges.FROM_ZERO)),
@@ -298,11 +271,7 @@ _QUANTITIES: dict[str, Quantity] = {
         for one in part.quantities
         if one.field is not None
     },
-    **{
-        one.name: _of_effector(actuator.effector, one)
-        for actuator in EFFECTORS
-        for one in actuator.dispersible
-    },
+    **{one.name: _of_effector(part.name, one) for part in PARTS for one in part.dispersible},
     **{one.failed_quantity.name: _of_failed(one.name) for one in ACTUATORS},
 }
 
