@@ -28,10 +28,9 @@ from jaxsat.controllability.maps import (
     uncontrollable_single_directions,
 )
 from jaxsat.controllability.rank import Analysis, analyse
-from jaxsat.controllability.rods import judge_with_rods
+from jaxsat.controllability.rods import RodSet, judge_with_rods
 from jaxsat.controllability.wording import verdict_sentence
 from jaxsat.core.declaration.actuators import ACTUATORS, PASSIVE
-from jaxsat.core.declaration.magnetorquers import MAGNETORQUER
 from jaxsat.report.controllability_document import (
     controllability_document,
     controllability_lines,
@@ -47,7 +46,6 @@ from jaxsat.scenario.build.balance import held_with_momentum, undriven_balance
 from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
 from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.spacecraft.gimbals import ControlMomentGyros
-from jaxsat.spacecraft.magnetorquers import Magnetorquers
 from jaxsat.store.folder import OutputFolder
 from jaxsat.store.netcdf import dataset_bytes
 
@@ -192,29 +190,27 @@ def _analyse(
     return judgement, analysis, cases
 
 
-def _magnetic_authority(scenario: Scenario) -> MagneticAuthority | None:
-    """The authority of the magnetorquers that work; None without any.
-
-    None, too, where rest in the orbit frame is no equilibrium.
-    """
-    working = _working(scenario, MAGNETORQUER.name)
-    torquers = build_plant(scenario).find(Magnetorquers)
-    if not working or torquers is None:
-        return None
-    axes, limits = (np.asarray(x)[..., working] for x in (torquers.axes, torquers.dipole_limit))
+def _magnetic_authority(
+    scenario: Scenario, rods: RodSet, places: list[int]
+) -> MagneticAuthority | None:
+    """The authority of the magnetorquers of these places; None where rest in the orbit frame is no
+    equilibrium."""
     try:
-        return magnetic_authority(scenario.spacecraft.inertia_kg_m2, axes, limits, torquers.field)
+        return magnetic_authority(
+            scenario.spacecraft.inertia_kg_m2, rods.axes[:, places], rods.limits[places], rods.field
+        )
     except NoEquilibriumError:
         return None
 
 
 def _magnetic_lines(scenario: Scenario) -> list[str]:
     """How strong magnetorquers are, and what their law does."""
-    if not scenario.magnetorquer:
+    rods, places = all_rods(scenario)
+    if rods is None:
         return []
-    if not _working(scenario, MAGNETORQUER.name):
+    if not places:
         return ["Magnetorquers: all have failed"]
-    authority = _magnetic_authority(scenario)
+    authority = _magnetic_authority(scenario, rods, places)
     if authority is None:
         return [
             "Magnetorquers: not analysed. The analysis linearises about rest in the orbit frame, "
@@ -243,7 +239,7 @@ def _magnetic_law(scenario: Scenario) -> list[str]:
 
 def _gyro_cluster(scenario: Scenario) -> GyroCluster | None:
     """The control moment gyros at the start; None where there are none."""
-    for gyros, state in build_effectors(scenario) if scenario.gimbal else ():
+    for gyros, state in build_effectors(scenario):
         if isinstance(gyros, ControlMomentGyros):
             return GyroCluster(
                 gimbal_axes=np.asarray(gyros.gimbal_axes),
@@ -251,7 +247,7 @@ def _gyro_cluster(scenario: Scenario) -> GyroCluster | None:
                 momentum=np.asarray(state.momentum),
                 rate_limit=np.asarray(gyros.rate_limit),
                 angle=np.asarray(state.angle),
-                turning=np.array([not one.failed for one in scenario.gimbal]),
+                turning=np.array([not one.failed for one in getattr(scenario, gyros.kind)]),
             )
     return None
 

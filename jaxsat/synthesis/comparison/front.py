@@ -17,7 +17,7 @@ from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.synthesis.comparison.in_scenario import scenario_under
-from jaxsat.synthesis.optima.manoeuvre import End, Manoeuvre, manoeuvre_of
+from jaxsat.synthesis.optima.manoeuvre import End, Manoeuvre, ideal_thrusters, manoeuvre_of
 from jaxsat.synthesis.optima.search import propagate, quickest_plans, solution_of
 from jaxsat.synthesis.plain_data import plain_data
 
@@ -97,7 +97,7 @@ def front(
     loop, start = build_uncontrolled(scenario)
     tolerances = build_tolerances(scenario) if end == "settled" else None
     manoeuvre = manoeuvre_of(loop, start, tolerances=tolerances)
-    thrusters = cast(Actuators, loop.plant.find(Actuators))
+    thrusters = cast(Actuators, ideal_thrusters(loop.plant))
     keys: dict[str, Any] = {"guesses": guesses, "tolerances": tolerances}
     planner = Planner(loop.plant, thrusters.torque_axes, thrusters.limit, **keys)
     report("least time")
@@ -113,7 +113,7 @@ def front(
     flights = []
     for law, run in runs.items():
         report(f"flying {law}")
-        flights.append(_fly(law, run))
+        flights.append(_fly(law, run, manoeuvre))
     if points and end == "settled":
         settled = [FrontPoint(one.settled_from, one.effort) for one in flights]
         points += [one for one in settled if math.isfinite(one.duration)]
@@ -180,15 +180,14 @@ def arrives(manoeuvre: Manoeuvre, plan: Plan) -> bool:
     return propagate(manoeuvre, solution_of(plan)).arrives(manoeuvre)
 
 
-def _fly(law: str, run: Run) -> FlownPoint:
+def _fly(law: str, run: Run, manoeuvre: Manoeuvre) -> FlownPoint:
     """A law from the scenario's start; its torque is taken at the instants that are saved."""
     run_result = run.simulate()
     settled = float(run_result.assessment.settled_from)
     if not math.isfinite(settled):
         return FlownPoint(law, settled, math.nan)
     times, torque = np.asarray(run_result.times), np.asarray(run_result.signals.torque)
-    axes = np.asarray(cast(Actuators, run.loop.plant.find(Actuators)).torque_axes)
-    sizes = np.abs(np.linalg.lstsq(axes, torque.T)[0]).sum(axis=0)
+    sizes = np.abs(np.linalg.lstsq(manoeuvre.torque_axes, torque.T)[0]).sum(axis=0)
     if isinstance(run.loop, SampledLoop):
         sums = np.concatenate([[0.0], np.cumsum(sizes[:-1] * np.diff(times))])
     else:

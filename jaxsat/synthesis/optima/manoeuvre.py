@@ -11,7 +11,7 @@ from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.actuators import Actuators
-from jaxsat.spacecraft.dynamics import PlantState
+from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.disturbances import (
     AbstractDisturbance,
     ConstantTorque,
@@ -21,7 +21,6 @@ from jaxsat.spacecraft.environment.disturbances import (
     SumOfDisturbances,
 )
 from jaxsat.spacecraft.environment.orbit import SmallAngleOrbit
-from jaxsat.spacecraft.wheels import Wheels
 
 Vector = Float[np.ndarray, "3"]
 
@@ -92,6 +91,12 @@ class Manoeuvre:
         return 2 * self.time_unit() * math.sqrt(angle) + stop
 
 
+def ideal_thrusters(plant: RigidBody) -> Actuators | None:
+    """The thrusters of a body that make their torque exactly; None with other effectors, or none"""
+    alone = plant.effectors[0] if len(plant.effectors) == 1 else None
+    return alone if isinstance(alone, Actuators) else None
+
+
 def manoeuvre_of(
     loop: AbstractLoop,
     start: PlantState,
@@ -108,9 +113,7 @@ def manoeuvre_of(
     plant = loop.plant
     if not isinstance(loop, ContinuousLoop | SampledLoop):
         raise ValueError("Bounds need thrusters with a limit, but the loop has ideal ones.")
-    if plant.find(Wheels) is not None:
-        raise ValueError("Bounds support thrusters only, but the spacecraft has wheels.")
-    thrusters = plant.find(Actuators)
+    thrusters = ideal_thrusters(plant)
     if thrusters is None:
         names = [type(one).__name__ for one in plant.effectors]
         raise ValueError(f"Bounds need thrusters that make their torque exactly, but got {names}.")

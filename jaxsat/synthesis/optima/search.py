@@ -15,10 +15,8 @@ from jaxsat.control.planning.planner import Plan, Planner, PlanStatus
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
-from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.dynamics import PlantState
-from jaxsat.spacecraft.wheels import Wheels
-from jaxsat.synthesis.optima.manoeuvre import Manoeuvre
+from jaxsat.synthesis.optima.manoeuvre import Manoeuvre, ideal_thrusters
 from jaxsat.synthesis.optima.transcription import BoundObjective, BoundTranscription, Solution
 
 TOLERANCE = 1e-11
@@ -248,10 +246,8 @@ def solution_of(plan: Plan) -> Solution:
 def _planner(loop: AbstractLoop, tolerances: Tolerances | None) -> Planner | None:
     if not isinstance(loop, ContinuousLoop | SampledLoop):
         return None
-    plant, thrusters = loop.plant, loop.plant.find(Actuators)
-    if thrusters is None or plant.third_rate_held:
-        return None
-    if plant.find(Wheels) is not None or thrusters.torque_axes.shape[1] < 2:
+    plant, thrusters = loop.plant, ideal_thrusters(loop.plant)
+    if thrusters is None or thrusters.count < 2 or plant.third_rate_held:
         return None
     axes, limit = thrusters.torque_axes, thrusters.limit
     return Planner(plant, axes, limit, guesses=GUESSES, tolerances=tolerances)
