@@ -95,8 +95,7 @@ def number(
     above: float | int | None = None,
     at_least: float | int | None = None,
     at_most: float | int = LARGEST,
-    size: int | None = None,
-    or_one: bool = False,
+    size: int | tuple[Literal[1], int] | None = None,
     default: Any = ...,
     tunable: bool | str = False,
     width: bool = False,
@@ -104,13 +103,15 @@ def number(
 ) -> Key:
     """Declare a number, or a list of `size` of them, with its unit in SI ("1" for none).
 
+    A `size` of (1, 3) is one number or a list of three.
     Its bounds are those of the range `within`, or each by itself. `tunable=True` says that
     `jaxsat tune` may change it and that the attribute of the built object has the name of the key;
     a text is its dotted path. Only numbers above 0 are tuned. See `Key` for `drawn`.
     """
     if within is not None:
         at_least, at_most = within
-    kind = Numeric(above, at_least, at_most, size, or_one)
+    *one, several = size if isinstance(size, tuple) else (size,)
+    kind = Numeric(above, at_least, at_most, several, bool(one))
     path = name if tunable is True else tunable or None
     return Key(name, meaning, unit, kind, default, path, width, drawn)
 

@@ -39,8 +39,7 @@ THREE_AXIS_GAINS = (
         "Gain of (42) on the rate errors: one number, or one for each axis",
         "N m s",
         above=0,
-        size=2,
-        or_one=True,
+        size=(1, 2),
         tunable=True,
     ),
 )
