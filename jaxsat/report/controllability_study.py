@@ -44,7 +44,7 @@ from jaxsat.scenario.build.actuator_set import all_actuators, all_rods, judge_sc
 from jaxsat.scenario.build.actuators import magnetic_context
 from jaxsat.scenario.build.balance import held_with_momentum, undriven_balance
 from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
-from jaxsat.scenario.parts.wheels import free_inertia
+from jaxsat.scenario.parts.wheels import inertia_of
 from jaxsat.spacecraft.gimbals import ControlMomentGyros
 from jaxsat.store.folder import OutputFolder
 from jaxsat.store.netcdf import dataset_bytes
@@ -229,7 +229,7 @@ def _magnetic_law(scenario: Scenario) -> list[str]:
     if scenario.control.law != "magnetic" or context is None:
         return []
     motion = magnetic_motion(
-        free_inertia(scenario.spacecraft.inertia_kg_m2, scenario.wheel),
+        inertia_of(scenario),
         context,
         scenario.disturbance.gravity_gradient,
     )

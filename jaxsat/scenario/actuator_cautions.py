@@ -11,13 +11,7 @@ from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import rotation
 from jaxsat.scenario.idle_actuators import idle_actuators
-from jaxsat.scenario.parts.wheels import (
-    directions_of_wheels,
-    left_by_wheels,
-    relieved_by_thrusters,
-    wheel_axes,
-    wheels_make_all,
-)
+from jaxsat.scenario.parts.torque_makers import TorqueMakers, wheel_axes
 from jaxsat.scenario.pulse_cautions import pulse_cautions
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
@@ -50,10 +44,11 @@ def actuator_cautions(scenario: Scenario) -> Iterator[Issue]:
 def _wheels_for_a_part(scenario: Scenario) -> Iterator[Issue]:
     """Wheels that make a part of two torques: with their momentum h a ω × h turns the third axis,
     which a law that turns it by (J1 - J2) ω1 ω2, or lets it rest, does not know."""
-    law, working = scenario.law.declaration, sum(not one.failed for one in scenario.wheel)
-    if law.torques != 2 or not working:
+    makers = TorqueMakers.of(scenario)
+    working = len(makers.working_wheels)
+    if makers.law.torques != 2 or not working:
         return
-    left = left_by_wheels(scenario.wheel, 2, directions_of_wheels(scenario.wheel, law))
+    left = makers.left
     if left.any() and np.abs(left - np.eye(2)).max() > ROUNDING:
         message = (
             f'should make both torques that the law "{scenario.control.law}" commands, or none: '
@@ -69,19 +64,18 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     Of the torques from outside the constant one is counted. Beside magnetorquers, which take
     momentum out in time, it is that at the start alone; gyros hold some themselves.
     """
-    wheels, law = scenario.wheel, scenario.law.declaration
-    limits = [one.momentum_limit_N_m_s for one in wheels if not one.failed]
+    makers = TorqueMakers.of(scenario)
+    limits = [one.momentum_limit_N_m_s for one in makers.working_wheels]
     if (
         not limits
         or None in limits
         or any(getattr(scenario, name) for name in STEERED if name != MAGNETORQUER.name)
-        or not law.regulates_attitude
+        or not makers.law.regulates_attitude
     ):
         return
-    has_relief = relieved_by_thrusters(scenario)
-    if has_relief or (law.torques and not wheels_make_all(wheels, law)):
+    if makers.relieved or (makers.law.torques and not makers.wheels_make_all):
         return  # thrusters take part
-    axes, limit = wheel_axes(tuple(one for one in wheels if not one.failed)), np.array(limits)
+    axes, limit = makers.axes, np.array(limits)
     times, momenta = _momenta_to_hold(scenario)
     if scenario.magnetorquer:
         times, momenta = times[:1], momenta[:1]

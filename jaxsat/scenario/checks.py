@@ -17,7 +17,7 @@ from jaxsat.scenario.derived import (
     uses_error_coordinates,
 )
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.parts.wheels import limit_of_wheels
+from jaxsat.scenario.parts.torque_makers import TorqueMakers
 from jaxsat.scenario.rules import STEPS, at, is_multiple, key_of_fixed_steps, rule, rule_over
 from jaxsat.scenario.tables import ADAPTIVE_STEP_KEYS, FIXED_STEP_KEYS, working_axes
 from jaxsat.scenario.wording import shown
@@ -197,7 +197,7 @@ def _gains_need_a_limit(law, limit, thrusters, wheels):
     declaration = law.declaration
     if not declaration.needs_torque_limit or limit is not None or thrusters:
         return
-    if limit_of_wheels(wheels, declaration.torques or 0) is not None:
+    if TorqueMakers(wheels, (), declaration).wheel_limit is not None:
         return
     message = f'must be given in N m under the law "{law}", whose gains depend on it, got nothing'
     for number, one in enumerate(wheels):

@@ -21,16 +21,7 @@ from jaxsat.core.allocation import (
 from jaxsat.core.declaration.actuators import PASSIVE, STEERED
 from jaxsat.core.declaration.sensors import HOLD_SAMPLES
 from jaxsat.core.ranges import STATE_LIMIT
-from jaxsat.scenario.parts.thrusters import make_all_alone, signs, working_torques
-from jaxsat.scenario.parts.wheels import (
-    UNBOUNDED,
-    directions_of_wheels,
-    limit_of_wheels,
-    relieved_by_thrusters,
-    some_work,
-    wheel_axes,
-    wheels_make_all,
-)
+from jaxsat.scenario.parts.torque_makers import TorqueMakers, signs
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.rules import Values
 from jaxsat.scenario.tables import working_axes
@@ -40,16 +31,15 @@ def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
     """A unit column for each torque that a law of one torque, or of two in any plane, counts on.
 
     `scenario` is a checked one. Of thrusters that push these are the directions in which they make
-    torques of either sign, of wheels their `directions_of_wheels`.
+    torques of either sign, of wheels the `directions` of `TorqueMakers`.
     """
-    table = scenario.spacecraft
-    if some_work(scenario.wheel):
-        return directions_of_wheels(scenario.wheel, scenario.law.declaration)[:, :2]
-    if scenario.thruster:
-        torques = working_torques(scenario.thruster)
-        if scenario.law.declaration.torques == 1:
-            return torque_axis(unit_columns(torques))[:, None]
-        return pushed_directions(torques)
+    table, makers = scenario.spacecraft, TorqueMakers.of(scenario)
+    if makers.working_wheels:
+        return makers.directions[:, :2]
+    if makers.thrusters:
+        if makers.law.torques == 1:
+            return torque_axis(unit_columns(makers.pushes))[:, None]
+        return pushed_directions(makers.pushes)
     return working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
 
 
@@ -83,31 +73,18 @@ def torque_limit(scenario: Any) -> float | None:
 
     By default it is what wheels and thrusters can make about all commanded axes at once.
     """
-    limit = scenario.spacecraft.torque_limit_N_m
-    wheels, declaration = scenario.wheel, scenario.law.declaration
-    torques = declaration.torques
+    limit, makers = scenario.spacecraft.torque_limit_N_m, TorqueMakers.of(scenario)
+    torques = makers.law.torques
     if limit is not None or not torques:
         return limit
-    if relieved_by_thrusters(scenario) and not make_all_alone(scenario.thruster):
-        return _limit_of_both(scenario)
-    limits = []
-    if wheels:
-        limits.append(limit_of_wheels(wheels, torques, directions_of_wheels(wheels, declaration)))
-    if scenario.thruster and not (wheels and wheels_make_all(wheels, declaration)):
+    if makers.relieved and not makers.thrusters_make_all:
+        return makers.limit_of_both
+    limits = [makers.wheel_limit]
+    if makers.thrusters and not makers.wheels_make_all:
         torque, cost, command = command_torques(scenario, torques)
         least_propellant(torque, cost, command)  # raises where some command cannot be made
         limits.append(largest_torque(torque, 0.0, 1.0, command))
     return min((one for one in limits if one is not None), default=None)
-
-
-def _limit_of_both(scenario: Any) -> float:
-    """The largest torque (N m) about all three axes that wheels and thrusters make together."""
-    working = tuple(one for one in scenario.wheel if not one.failed)
-    torque, axes = working_torques(scenario.thruster), wheel_axes(working)
-    full = np.sqrt(np.sum(torque**2, axis=0))
-    limits = np.array([one.torque_limit_N_m or UNBOUNDED * full.max() for one in working])
-    columns = np.concatenate([unit_columns(torque), axes], axis=1)
-    return largest_torque(columns, np.r_[0 * full, -limits], np.r_[full, limits], np.eye(3))
 
 
 def command_torques(scenario: Any, torques: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -115,9 +92,9 @@ def command_torques(scenario: Any, torques: int) -> tuple[np.ndarray, np.ndarray
 
     All are at full thrust.
     """
-    torque = working_torques(scenario.thruster)
-    any_plane = scenario.law.declaration.any_plane and not some_work(scenario.wheel)
-    return torque, thruster_costs(scenario), plane_map(torque, torques, any_plane)
+    makers = TorqueMakers.of(scenario)
+    any_plane = makers.law.any_plane and not makers.working_wheels
+    return makers.pushes, thruster_costs(scenario), plane_map(makers.pushes, torques, any_plane)
 
 
 def ideal_shares(scenario: Any, axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "m torques"]:
@@ -126,7 +103,7 @@ def ideal_shares(scenario: Any, axes: Float[np.ndarray, "3 m"]) -> Float[np.ndar
     Raises `ValueError` where they cannot make these, and nothing else makes torques.
     """
     law = scenario.law.declaration
-    if some_work(scenario.wheel) or any(getattr(scenario, name) for name in STEERED):
+    if TorqueMakers.of(scenario).working_wheels or any(getattr(scenario, name) for name in STEERED):
         return least_squares_map(axes, law.torques)
     if law.any_plane:
         return direction_matrix(axes, torque_directions(axes))
@@ -141,7 +118,7 @@ def thruster_costs(scenario: Any) -> np.ndarray:
     working = [one for one in scenario.thruster if not one.failed for _ in signs(one)]
     costs = np.array([one.propellant_flow() for one in working])
     if not costs.all():
-        costs = np.sqrt(np.sum(working_torques(scenario.thruster) ** 2, axis=0))
+        costs = np.sqrt(np.sum(TorqueMakers.of(scenario).pushes ** 2, axis=0))
     return costs * [one.price for one in working]
 
 

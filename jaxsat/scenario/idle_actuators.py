@@ -10,13 +10,7 @@ from jaxsat.core.allocation import BASIS_TOLERANCE, least_squares_map
 from jaxsat.scenario.derived import command_torques, ideal_shares
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.parts.actuator import names_of
-from jaxsat.scenario.parts.thrusters import signs
-from jaxsat.scenario.parts.wheels import (
-    directions_of_wheels,
-    left_by_wheels,
-    relieved_by_thrusters,
-    wheel_axes,
-)
+from jaxsat.scenario.parts.torque_makers import TorqueMakers, signs
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.tables import working_axes
 
@@ -32,10 +26,11 @@ def idle_actuators(scenario: Scenario) -> Iterator[Issue]:
 
 
 def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
-    working = [place for place, one in enumerate(scenario.thruster) if not one.failed]
-    if not working or relieved_by_thrusters(scenario):
+    makers = TorqueMakers.of(scenario)
+    working = [place for place, one in enumerate(makers.thrusters) if not one.failed]
+    if not working or makers.relieved:
         return
-    left = _left(scenario)
+    left = makers.left
     if not left.any():
         message = (
             "should leave the thrusters a torque to make: the wheels make all that the law "
@@ -44,10 +39,10 @@ def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
         yield Issue(("thruster",), message)
         return
     torque, _, command = command_torques(scenario, 2)
-    owners = np.array([place for place in working for _ in signs(scenario.thruster[place])])
+    owners = np.array([place for place in working for _ in signs(makers.thrusters[place])])
     used = owners[columns_in_use(torque, command @ left)]
     idle = [place for place in working if place not in used]
-    names = names_of(scenario.thruster)
+    names = names_of(makers.thrusters)
     yield from _issues(scenario, ("thruster",), (names[place] for place in idle))
 
 
@@ -58,7 +53,7 @@ def _idle_ideal_thrusters(scenario: Scenario, torques: int) -> Iterator[Issue]:
     """
     table = scenario.spacecraft
     axes = working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
-    left = _left(scenario)
+    left = TorqueMakers.of(scenario).left
     if not axes.size:
         return
     used = np.zeros(axes.shape[1], bool)
@@ -75,24 +70,16 @@ def _idle_ideal_thrusters(scenario: Scenario, torques: int) -> Iterator[Issue]:
 
 
 def _idle_wheels(scenario: Scenario) -> Iterator[Issue]:
-    working = np.array([place for place, one in enumerate(scenario.wheel) if not one.failed], int)
+    makers = TorqueMakers.of(scenario)
+    working = np.array([place for place, one in enumerate(makers.wheels) if not one.failed], int)
     if not working.size:
         return
-    axes = wheel_axes(scenario.wheel)[:, working]
-    directions = directions_of_wheels(scenario.wheel, scenario.law.declaration)
+    axes, directions = makers.axes, makers.directions
     used = columns_in_use(np.hstack([axes, -axes]), directions).reshape(2, -1).any(axis=0)
     shares = least_squares_map(axes, 2, directions=directions)
     used |= np.abs(shares).max(axis=1) > BASIS_TOLERANCE
-    names = names_of(scenario.wheel)
+    names = names_of(makers.wheels)
     yield from _issues(scenario, ("wheel",), (names[place] for place in working[~used]))
-
-
-def _left(scenario: Scenario) -> Float[np.ndarray, "torques torques"]:
-    """The part of a command that wheels do not make, which is all of it without any."""
-    wheels, declaration = scenario.wheel, scenario.law.declaration
-    if not wheels:
-        return np.eye(declaration.torques)
-    return left_by_wheels(wheels, declaration.torques, directions_of_wheels(wheels, declaration))
 
 
 def _issues(scenario: Scenario, location: Location, idle: Iterable[str]) -> Iterator[Issue]:

@@ -11,8 +11,8 @@ from jaxsat.core.declaration.three_torques import CALM
 from jaxsat.core.ranges import SETTLED_W
 from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.parts.thrusters import ModulationTable, modulation_kind, signs, working_torques
-from jaxsat.scenario.parts.wheels import wheel_axes
+from jaxsat.scenario.parts.thrusters import ModulationTable, modulation_kind
+from jaxsat.scenario.parts.torque_makers import TorqueMakers, signs
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown
@@ -34,7 +34,7 @@ def pulse_cautions(scenario: Scenario) -> Iterator[Issue]:
     three = scenario.law.declaration.torques == 3
     if not scenario.thruster or kind == "ideal" or not three or frequency is None:
         return
-    axes = wheel_axes(tuple(one for one in scenario.wheel if not one.failed))
+    axes = TorqueMakers.of(scenario).axes
     if np.linalg.matrix_rank(axes, tol=PLANE) == 2:
         yield from _coarse_for_the_band(scenario, np.linalg.svd(axes)[0][:, 2])
     elif not scenario.wheel:
@@ -89,7 +89,7 @@ def _coarse_pulses(scenario: Scenario) -> Iterator[Issue]:
     """Pulses of which each leaves a rate, or a turn in a period, beyond what counts as settled."""
     pushes = _pushes(scenario)
     inverse = np.linalg.inv(inertia_matrix(scenario.spacecraft.inertia_kg_m2))
-    steps = np.linalg.norm(inverse @ working_torques(scenario.thruster), axis=0)
+    steps = np.linalg.norm(inverse @ TorqueMakers.of(scenario).pushes, axis=0)
     steps *= [one.shortest for one in pushes]
     finest = [
         np.where(duties > ROUNDING * duties.max(), steps, np.inf).argmin()
@@ -117,7 +117,7 @@ def _coarse_for_the_band(scenario: Scenario, axis: np.ndarray) -> Iterator[Issue
         return
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     shortest = np.array([one.shortest for one in _pushes(scenario)])
-    steps = axis @ working_torques(scenario.thruster) * shortest / (axis @ inertia @ axis)
+    steps = axis @ TorqueMakers.of(scenario).pushes * shortest / (axis @ inertia @ axis)
     sides = [steps[steps > 0], -steps[steps < 0]]
     if not all(len(side) for side in sides):
         return
@@ -141,7 +141,7 @@ class _Push(NamedTuple):
 
 
 def _pushes(scenario: Scenario) -> list[_Push]:
-    """A push for each column of `working_torques`."""
+    """A push for each column of `TorqueMakers.pushes`."""
     return [
         _Push(number, one.min_on_time_s)
         for number, one in enumerate(scenario.thruster)
@@ -152,7 +152,7 @@ def _pushes(scenario: Scenario) -> list[_Push]:
 
 def _duties_of_axes(scenario: Scenario) -> np.ndarray:
     """The duties (6, m) that accelerate the body by 1 rad/s² about each body axis, either way."""
-    torque = working_torques(scenario.thruster)
+    torque = TorqueMakers.of(scenario).pushes
     bases = least_propellant(torque, np.ones(torque.shape[1]), plane_map(torque, 3, False))
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     duties = []

@@ -10,8 +10,8 @@ import numpy as np
 from jaxsat.scenario.dispersion_tables import DistributionTable
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.flexibility import oscillations
-from jaxsat.scenario.parts.wheels import rotors, wheel_axes
-from jaxsat.scenario.quantities import inertia_matrix
+from jaxsat.scenario.parts.torque_makers import wheel_axes
+from jaxsat.scenario.parts.wheels import inertia_of
 from jaxsat.scenario.schema import Scenario
 
 ORDERS = {
@@ -203,7 +203,6 @@ def _periodic(scenario: Scenario) -> Iterator[Fast]:
 
 def _spin(scenario: Scenario) -> Iterator[Fast]:
     """The rate of the start, and the momentum of body and rotors over the least mean moment."""
-    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     omega = np.linalg.norm(scenario.initial.omega_rad_s)
     omega = max(omega, np.linalg.norm(_dispersed_size(scenario, "omega", 3)))
     omega += np.linalg.norm(_dispersed_size(scenario, "rate_error", 2))
@@ -211,7 +210,7 @@ def _spin(scenario: Scenario) -> Iterator[Fast]:
     of_wheels = np.maximum(of_wheels, _dispersed_size(scenario, "wheel_momentum", of_wheels.size))
     of_gyros = [one.rotor_momentum_N_m_s for one in scenario.gimbal]
     of_gyros = np.multiply(of_gyros, 1 + _dispersed_size(scenario, "rotor_momentum", len(of_gyros)))
-    moments = np.linalg.eigvalsh(inertia - rotors(scenario.wheel))
+    moments = np.linalg.eigvalsh(inertia_of(scenario))
     momentum = moments[2] * omega + np.linalg.norm(of_wheels, 1) + np.linalg.norm(of_gyros, 1)
     location = ("initial", "omega_rad_s")
     yield Fast("spin", float(omega), location)
@@ -219,7 +218,7 @@ def _spin(scenario: Scenario) -> Iterator[Fast]:
 
 
 def _friction(scenario: Scenario) -> Iterator[Fast]:
-    inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2) - rotors(scenario.wheel)
+    inertia = inertia_of(scenario)
     more = max([1.0, *(one.factor or 1.0 for one in scenario.failure)])
     for number, one in enumerate(scenario.wheel):
         axis, rotor = wheel_axes((one,))[:, 0], one.rotor_inertia_kg_m2

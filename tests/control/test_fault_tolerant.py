@@ -17,7 +17,7 @@ from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.scenario.build.study import build_study
 from jaxsat.scenario.derived import thruster_costs
-from jaxsat.scenario.parts.thrusters import working_torques
+from jaxsat.scenario.parts.torque_makers import working_torques
 from jaxsat.simulation.engine.single import simulate
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.least_propellant import LeastPropellant

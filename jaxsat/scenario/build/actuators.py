@@ -17,16 +17,8 @@ from jaxsat.scenario.build.plugin_trial import made_part, require_events, requir
 from jaxsat.scenario.build.sensors import tachometer_noise
 from jaxsat.scenario.build.thrusters import failing, pulsed_thrusters, rate_noise
 from jaxsat.scenario.derived import ideal_shares, thruster_costs
-from jaxsat.scenario.parts.thrusters import make_all_alone, working_torques
+from jaxsat.scenario.parts.torque_makers import TorqueMakers, left_by_wheels, wheel_axes
 from jaxsat.scenario.parts.unloading import UnloadingTable
-from jaxsat.scenario.parts.wheels import (
-    directions_of_wheels,
-    failed_wheels,
-    left_by_wheels,
-    relieved_by_thrusters,
-    wheel_axes,
-    wheels_make_all,
-)
 from jaxsat.scenario.plugins import ACTUATORS, find_part
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
@@ -47,15 +39,16 @@ def build_thrusters(scenario: Scenario) -> AbstractEffector | None:
 
     None where the law commands others, or they make all that it commands.
     """
-    torques, wheels = scenario.law.declaration.torques, scenario.wheel
-    none = not (scenario.thruster or scenario.spacecraft.thruster_torque_axes)
-    idle = wheels and torques and (none or wheels_make_all(wheels, scenario.law.declaration))
-    if wheels and scenario.law.declaration.commands_actuators:
-        if not scenario.thruster:
+    makers = TorqueMakers.of(scenario)
+    torques = makers.law.torques
+    none = not (makers.thrusters or scenario.spacecraft.thruster_torque_axes)
+    idle = makers.wheels and torques and (none or makers.wheels_make_all)
+    if makers.wheels and makers.law.commands_actuators:
+        if not makers.thrusters:
             return None
-    elif idle and not relieved_by_thrusters(scenario):
+    elif idle and not makers.relieved:
         return None
-    if scenario.thruster:
+    if makers.thrusters:
         return pulsed_thrusters(scenario, torques)
     if none and any(getattr(scenario, name) for name in STEERED):
         return None
@@ -87,36 +80,35 @@ def build_distribution(scenario: Scenario, plant: RigidBody) -> AbstractDistribu
 
 def _wheels_first(scenario: Scenario) -> WheelsFirst:
     """Wheels that make what they can of the law's command; thrusters, if any, get the rest."""
-    tables, torques = scenario.wheel, scenario.law.declaration.torques
-    limits = np.array([one.torque_limit_N_m or np.inf for one in tables])
+    makers = TorqueMakers.of(scenario)
+    wheels, whole = makers.wheels, makers.wheels_make_all
+    limits = np.array([one.torque_limit_N_m or np.inf for one in wheels])
     friction = _known_friction(scenario)
     if friction is not None:  # what is left of a motor that also turns its wheel
         spare = limits - np.asarray(friction.coulomb)
         limits = np.where(spare > 0, spare, limits)
-    limit = limits if np.isfinite(limits).any() else None
-    whole = wheels_make_all(tables, scenario.law.declaration)
     distribution = WheelsFirst.of(
-        wheel_axes(tables),
-        torques,
-        limit,
-        failed_wheels(tables),
+        wheel_axes(wheels),
+        makers.law.torques,
+        limits if np.isfinite(limits).any() else None,
+        tuple(number for number, one in enumerate(wheels, 1) if one.failed),
         not whole,
-        directions_of_wheels(tables, scenario.law.declaration),
+        makers.directions,
     )
     distribution = dataclasses.replace(distribution, friction=friction)
-    if not relieved_by_thrusters(scenario):
+    if not makers.relieved:
         return distribution
-    torque, price = working_torques(scenario.thruster), thruster_costs(scenario)
+    torque, price = makers.pushes, thruster_costs(scenario)
     relief = Relief(
         Reach(as_float(torque), jnp.zeros(price.size), jnp.ones(price.size), as_float(price)),
         distribution.axes,
         distribution.wheel_map,
         limits,
-        np.array([one.momentum_limit_N_m_s or np.inf for one in tables]),
+        np.array([one.momentum_limit_N_m_s or np.inf for one in wheels]),
         inertia_matrix(scenario.spacecraft.inertia_kg_m2),
         scenario.control.period_s,
     )
-    together = not whole and not make_all_alone(scenario.thruster)
+    together = not whole and not makers.thrusters_make_all
     return dataclasses.replace(distribution, relief=relief, together=together)
 
 
@@ -138,7 +130,7 @@ def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
     """The thrusters left as makers of torques; any will do where no torque is commanded."""
     table = scenario.spacecraft
     if scenario.thruster:
-        axes = unit_columns(working_torques(scenario.thruster))
+        axes = unit_columns(TorqueMakers.of(scenario).pushes)
     else:
         rows = np.array(table.thruster_torque_axes or (), dtype=float).reshape(-1, 3)
         axes = np.asarray(Thrusters(rows.T).without(table.failed_thrusters).torque_axes)

@@ -25,7 +25,7 @@ from jaxsat.scenario.build.actuator_set import all_actuators
 from jaxsat.scenario.build.plant import build_plant, orbit_rate, place_of
 from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.holding import missing_torque, nearest_balance, rotation
-from jaxsat.scenario.parts.wheels import wheel_axes
+from jaxsat.scenario.parts.torque_makers import TorqueMakers
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.dynamics import RigidBody
 from jaxsat.spacecraft.environment.disturbances import (
@@ -130,10 +130,8 @@ def undriven_balance(scenario: Scenario) -> Balance | None:
     """
     if orbit_rate(scenario) != 0:
         return None
-    wheels = [one for one in scenario.wheel if not one.failed]
-    if wheels:
-        axes = wheel_axes(wheels)
-    else:
+    axes = wheels = TorqueMakers.of(scenario).axes
+    if not wheels.size:
         actuators, working = all_actuators(scenario)
         axes = unit_columns(actuators.only(working).torques)
     if axes.shape[1] < 2:
@@ -144,7 +142,8 @@ def undriven_balance(scenario: Scenario) -> Balance | None:
     normal = np.where(np.abs(directions[:, 2]) < NOTHING, 0.0, directions[:, 2])
     normal = normal * np.sign(normal[np.argmax(np.abs(normal))])
     balance = balance_about(scenario, normal)
-    return None if balance is None else balance._replace(drivers="wheel" if wheels else "actuator")
+    drivers = "wheel" if wheels.size else "actuator"
+    return None if balance is None else balance._replace(drivers=drivers)
 
 
 def balance_about(scenario: Scenario, normal: Float[np.ndarray, "3"]) -> Balance | None:

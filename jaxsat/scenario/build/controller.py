@@ -15,7 +15,8 @@ from jaxsat.scenario.build.thrusters import rate_noise, thruster_context
 from jaxsat.scenario.control import ModelTable, is_plugin
 from jaxsat.scenario.derived import believed_axes, torque_limit
 from jaxsat.scenario.errors import Issue
-from jaxsat.scenario.parts.wheels import free_inertia, left_by_wheels, rotors, wheel_axes
+from jaxsat.scenario.parts.torque_makers import TorqueMakers, left_by_wheels, wheel_axes
+from jaxsat.scenario.parts.wheels import free_inertia, rotors
 from jaxsat.scenario.quantities import values_of
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.dynamics import RigidBody
@@ -91,9 +92,10 @@ def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) ->
 
 def _wheels_hold_the_third_rate(scenario: Scenario) -> bool:
     """Whether wheels alone make the two torques: without momentum they turn nothing about z."""
-    if not scenario.wheel or scenario.law.declaration.torques != 2:
+    makers = TorqueMakers.of(scenario)
+    if not makers.wheels or makers.law.torques != 2:
         return False
-    return not left_by_wheels(scenario.wheel, 2).any()
+    return not left_by_wheels(makers.wheels, 2).any()
 
 
 def _model_issue(law: Law, table: ModelTable, error: UnsuitableModel) -> Issue:

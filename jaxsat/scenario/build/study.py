@@ -21,7 +21,7 @@ from jaxsat.scenario.build.run import Run, build, build_tolerances
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.errors import MissingTable
 from jaxsat.scenario.parts.actuator import names_of
-from jaxsat.scenario.parts.thrusters import signs
+from jaxsat.scenario.parts.torque_makers import signs
 from jaxsat.scenario.resolution import Errors, refined
 from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation.assessment import IntegrationError

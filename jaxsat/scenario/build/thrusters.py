@@ -15,15 +15,8 @@ from jaxsat.scenario.build.plant import sensor_context
 from jaxsat.scenario.derived import command_torques, has_invalid_samples, thruster_costs
 from jaxsat.scenario.parts.actuator import number_of
 from jaxsat.scenario.parts.failures import FailureTable
-from jaxsat.scenario.parts.thrusters import (
-    ModulationTable,
-    ThrusterTable,
-    make_all_alone,
-    modulation_kind,
-    signs,
-    working_torques,
-)
-from jaxsat.scenario.parts.wheels import relieved_by_thrusters, wheels_make_all
+from jaxsat.scenario.parts.thrusters import ModulationTable, ThrusterTable, modulation_kind
+from jaxsat.scenario.parts.torque_makers import TorqueMakers, signs, working_torques
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.failures import FailureEvents
@@ -47,11 +40,9 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
     thrusters = _thruster_set(working)
     draws_kinds = getattr(scenario.dispersion, "failure_kind", None) is not None
     late = delay or draws_kinds or any(one.kind == "delayed" for one in scenario.failure)
-    law = scenario.law.declaration
-    as_commanded = law.commands_actuators
-    behind = relieved_by_thrusters(scenario) and (
-        wheels_make_all(scenario.wheel, law) or not make_all_alone(scenario.thruster)
-    )
+    makers = TorqueMakers.of(scenario)
+    as_commanded = makers.law.commands_actuators
+    behind = makers.relieved and (makers.wheels_make_all or not makers.thrusters_make_all)
     command = command_torques(scenario, torques or 3)
     return PulsedThrusters(
         thrusters=thrusters,

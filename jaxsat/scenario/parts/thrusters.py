@@ -12,7 +12,7 @@ from jaxsat.core.declaration.thrusters import THRUSTER
 from jaxsat.core.ranges import SECONDS
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import table_of_device
-from jaxsat.scenario.parts.wheels import both_ways, some_work, takes_both, wheels_make_all
+from jaxsat.scenario.parts.torque_makers import TorqueMakers
 from jaxsat.scenario.quantities import Number, ScenarioTable, choice, quantity, within
 from jaxsat.scenario.rules import at, rule, rule_over, sampled_laws
 from jaxsat.scenario.wording import shown
@@ -83,26 +83,6 @@ def modulation_kind(
     if table is not None and table.kind is not None:
         return table.kind
     return "delta-sigma" if all(one.min_on_time_s > 0 for one in thrusters) else "pwm"
-
-
-def working_torques(thrusters: tuple[ThrusterTable, ...]) -> np.ndarray:
-    """Torques (3, m) at full thrust of what works at the start, both ways of two-sided ones."""
-    columns = [sign * one.torque() for one in thrusters if not one.failed for sign in signs(one)]
-    return np.array(columns).reshape(-1, 3).T
-
-
-def make_all_alone(thrusters: tuple[ThrusterTable, ...]) -> bool:
-    """Whether those that work make torques of either sign about all three axes by themselves."""
-    try:
-        require_all_ways(working_torques(thrusters))
-    except ValueError:
-        return False
-    return True
-
-
-def signs(thruster: ThrusterTable) -> tuple[float, ...]:
-    """Which way it pushes: 1 and, where it is two-sided, -1."""
-    return (1.0, -1.0) if thruster.two_sided else (1.0,)
 
 
 @rule_over(
@@ -176,20 +156,21 @@ def _whole(thrusters) -> bool:
 
 @rule("thruster", "control.law", "wheel")
 def _thrusters_make_what_the_law_commands(thrusters, law, wheels):
-    declaration = law.declaration
-    torques, beside = declaration.torques, some_work(wheels)
-    any_plane = declaration.any_plane and not beside
-    if beside and torques and wheels_make_all(wheels, declaration):
+    makers = TorqueMakers(wheels, thrusters, law.declaration)
+    torques, beside = law.declaration.torques, bool(makers.working_wheels)
+    any_plane = law.declaration.any_plane and not beside
+    if beside and torques and makers.wheels_make_all:
         return
     if not torques or not thrusters or not _whole(thrusters) or len(thrusters) > MAX_THRUSTERS:
         return
-    torque = working_torques(thrusters)
-    together = beside and takes_both(declaration)
+    torque = makers.pushes
+    together = beside and makers.together
     try:
         if not torque.size:
             raise ValueError("all have failed")
         if together:
-            require_all_ways(np.concatenate([unit_columns(torque), both_ways(wheels)], axis=1))
+            axes = makers.axes
+            require_all_ways(np.concatenate([unit_columns(torque), axes, -axes], axis=1))
         else:
             command_map = plane_map(torque, torques, any_plane)
             least_propellant(torque, np.ones(torque.shape[1]), command_map)

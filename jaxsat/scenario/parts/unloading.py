@@ -5,7 +5,7 @@ from typing import Annotated
 import numpy as np
 
 from jaxsat.core.ranges import SECONDS
-from jaxsat.scenario.parts.wheels import MISSING, left_by_wheels
+from jaxsat.scenario.parts.torque_makers import MISSING, left_by_wheels
 from jaxsat.scenario.quantities import Number, ScenarioTable, quantity, within
 from jaxsat.scenario.rules import at, rule
 from jaxsat.scenario.wording import shown

@@ -1,39 +1,30 @@
 """`[[wheel]]`: rules of reaction wheels, and what their numbers come to."""
 
-from collections.abc import Sequence
 from typing import Annotated, Any
 
 import numpy as np
 from annotated_types import Gt, Le
 
-from jaxsat.core.allocation import (
-    largest_torque,
-    least_squares_map,
-    torque_directions,
-    unit_columns,
-    what_is_left,
-)
+from jaxsat.core.allocation import least_squares_map, what_is_left
 from jaxsat.core.declaration.actuators import ACTUATORS, STEERED
 from jaxsat.core.declaration.wheels import WHEEL
 from jaxsat.core.ranges import Range
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.parts.actuator import number_of, table_of_device
+from jaxsat.scenario.parts.torque_makers import (
+    MISSING,
+    Tables,
+    TorqueMakers,
+    left_by_wheels,
+    wheel_axes,
+)
 from jaxsat.scenario.quantities import STAND_IN, Number, inertia_matrix, quantity, within
 from jaxsat.scenario.rules import STEPS, at, key_of_fixed_steps, rule, rule_over
 from jaxsat.scenario.tables import working_axes
 from jaxsat.scenario.wording import shown
 
-MISSING = 1e-9
-"""A part of a command, relative to it, that counts as not made."""
-
-UNBOUNDED = 1e9
-"""The limit of a wheel that has none, over the largest limit of the others."""
-
 WHEEL_SPEED = Range(-1e6, 1e6)
 """Speeds of a rotor, rad/s."""
-
-Tables = Sequence[Any]
-"""Checked tables `[[wheel]]`."""
 
 
 class WheelTable(table_of_device(WHEEL)):
@@ -68,93 +59,9 @@ def free_inertia(inertia: tuple, wheels: Tables) -> np.ndarray:
     return inertia_matrix(inertia) - rotors(wheels)
 
 
-def wheel_axes(wheels: Tables) -> np.ndarray:
-    """A unit column for each wheel."""
-    return unit_columns(np.array([one.axis for one in wheels], float).reshape(-1, 3).T)
-
-
-def some_work(wheels: Tables) -> bool:
-    """Whether any of the wheels has not failed before the start."""
-    return any(not one.failed for one in wheels)
-
-
-def failed_wheels(wheels: Tables) -> tuple[int, ...]:
-    """Numbers, from 1, of the wheels that have failed."""
-    return tuple(number for number, one in enumerate(wheels, 1) if one.failed)
-
-
-def left_by_wheels(
-    wheels: Tables, torques: int, directions: np.ndarray | None = None
-) -> np.ndarray:
-    """The part (torques, torques) of a command that the working wheels do not make.
-
-    It is about the first body axes, or about `directions` (3, torques).
-    """
-    axes = wheel_axes(tuple(one for one in wheels if not one.failed))
-    shares = least_squares_map(axes, torques, directions=directions)
-    return what_is_left(axes, shares, directions)
-
-
-def wheels_make_all(wheels: Tables, declaration: Any) -> bool:
-    """Whether the working wheels make every command of a law, so that thrusters beside them do
-    nothing. A law that commands no torque counts as one that commands three."""
-    directions = directions_of_wheels(wheels, declaration)
-    return not left_by_wheels(wheels, directions.shape[1], directions).any()
-
-
-def relieved_by_thrusters(scenario: Any) -> bool:
-    """Whether tables `[[thruster]]` make what its wheels lack in torque or momentum.
-
-    They do under a law that commands three torques, or each of the actuators; of two torques they
-    make only what wheels do not make at all.
-    """
-    working = [one for one in scenario.thruster if not one.failed]
-    return bool(scenario.wheel and working and takes_both(scenario.law.declaration))
-
-
-def takes_both(declaration: Any) -> bool:
-    """Whether wheels and thrusters together make the torques of a law."""
-    return declaration.torques == 3 or declaration.commands_actuators
-
-
-def both_ways(wheels: Tables) -> np.ndarray:
-    """Unit columns (3, 2 m) of the torques of the working wheels, of both signs."""
-    axes = wheel_axes(tuple(one for one in wheels if not one.failed))
-    return np.concatenate([axes, -axes], axis=1)
-
-
-def directions_of_wheels(wheels: Tables, declaration: Any) -> np.ndarray:
-    """The directions (3, torques) about which a law commands wheels.
-
-    They are `torque_directions` of working wheels in a plane under a law for any plane, else the
-    first body axes.
-    """
-    axes = wheel_axes(tuple(one for one in wheels if not one.failed))
-    if declaration.any_plane and axes.size and np.linalg.matrix_rank(axes, tol=MISSING) == 2:
-        return torque_directions(axes)
-    return np.eye(3)[:, : declaration.torques or 3]
-
-
-def limit_of_wheels(
-    wheels: Tables, torques: int, directions: np.ndarray | None = None
-) -> float | None:
-    """The largest command (N m) about all axes at once that working wheels make within limits.
-
-    It is about `directions` (3, torques). The part of it that they do not make does not count; None
-    for no limit.
-    """
-    working = tuple(one for one in wheels if not one.failed)
-    if torques not in (2, 3):
-        return None
-    axes = wheel_axes(working)
-    torque_limits = [one.torque_limit_N_m for one in working]
-    largest = max((one for one in torque_limits if one is not None), default=None)
-    if largest is None:
-        return None
-    limits = np.array([UNBOUNDED * largest if one is None else one for one in torque_limits])
-    shares = least_squares_map(axes, torques, directions=directions)
-    most = largest_torque(axes, -limits, limits, axes @ shares)
-    return most if most < largest * UNBOUNDED / 2 else None
+def inertia_of(scenario: Any) -> np.ndarray:
+    """What turns under a torque of a checked scenario, kg m²."""
+    return free_inertia(scenario.spacecraft.inertia_kg_m2, scenario.wheel)
 
 
 @rule("wheel")
@@ -241,7 +148,7 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
         return
     working = working_axes(axes or (), values["spacecraft.failed_thrusters"])
     missing = what_is_left(working, least_squares_map(working, torques))
-    missing = missing @ left_by_wheels(wheels, torques, directions_of_wheels(wheels, declaration))
+    missing = missing @ TorqueMakers(wheels, (), declaration).left
     if abs(missing).max() > MISSING:
         count = sum(not one.failed for one in wheels)
         which = "x and y" if torques == 2 else "x, y and z"

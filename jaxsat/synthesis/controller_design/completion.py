@@ -11,7 +11,7 @@ from jaxsat.scenario.build.run import build
 from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.scenario.domain import dimensionless_numbers
 from jaxsat.scenario.parts.sensors import SamplingTable
-from jaxsat.scenario.parts.wheels import wheels_make_all
+from jaxsat.scenario.parts.torque_makers import TorqueMakers
 from jaxsat.synthesis.comparison.acceptance import horizon
 from jaxsat.synthesis.controller_design.lost_holds import holds_last
 from jaxsat.synthesis.controller_design.vehicle import Scale, VehicleVerdict
@@ -93,13 +93,12 @@ def _distributions(
     scenario: Scenario, verdict: VehicleVerdict, scale: Scale
 ) -> dict[str, dict[str, Any]]:
     """The dispersions of the level hard by key, times in τ."""
-    alone = bool(scenario.wheel) and (
-        not verdict.judgement.actuators.torques.any()
-        or wheels_make_all(scenario.wheel, scenario.law.declaration)
-    )
+    makers = TorqueMakers.of(scenario)
+    no_thrusters = not verdict.judgement.actuators.torques.any()
+    alone = bool(makers.wheels) and (no_thrusters or makers.wheels_make_all)
     rate, start = RATE / scale.time, {"attitude": {"distribution": "random-attitude"}}
     if alone:
-        limits = [one.momentum_limit_N_m_s for one in scenario.wheel if not one.failed]
+        limits = [one.momentum_limit_N_m_s for one in makers.working_wheels]
         finite_limits = [limit for limit in limits if limit is not None]
         rate = min([rate, *(WHEEL_SHARE * limit / scale.moment for limit in finite_limits)])
         if verdict.judgement.laws == "two wheels":

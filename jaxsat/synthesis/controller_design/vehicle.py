@@ -27,7 +27,7 @@ from jaxsat.scenario.build.run import build_start
 from jaxsat.scenario.cautions import HELD_TURN
 from jaxsat.scenario.derived import believed_axes, torque_limit
 from jaxsat.scenario.holding import nearest_held
-from jaxsat.scenario.parts.wheels import free_inertia
+from jaxsat.scenario.parts.wheels import inertia_of
 from jaxsat.scenario.quantities import inertia_matrix
 
 DRAWN_FAILURES = ("failure_time", "failed_thruster", "failure_kind", "failure_amount")
@@ -140,7 +140,7 @@ def scale_of(scenario: Scenario) -> Scale:
     Raises `UnsuitableVehicle` where no torque limit is known.
     """
     limit = torque_limit(scenario)
-    inertia = free_inertia(scenario.spacecraft.inertia_kg_m2, scenario.wheel)
+    inertia = inertia_of(scenario)
     if scenario.law.declaration.takes_orbits:
         moments = np.linalg.eigvalsh(inertia)[1:]
         torque = float(np.sqrt(np.prod(moments))) * orbit_rate(scenario) ** 2

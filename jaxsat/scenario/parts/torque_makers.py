@@ -1,0 +1,156 @@
+"""The wheels and thrusters that make a law's torques: wheels what they can, thrusters the rest."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxsat.core.allocation import (
+    largest_torque,
+    least_squares_map,
+    require_all_ways,
+    torque_directions,
+    unit_columns,
+    what_is_left,
+)
+from jaxsat.core.declaration.law import LawDeclaration
+
+MISSING = 1e-9
+"""A part of a command, relative to it, that counts as not made."""
+
+UNBOUNDED = 1e9
+"""The limit of a wheel that has none, over the largest limit of the others."""
+
+Tables = Sequence[Any]
+"""Checked tables of one kind of actuator."""
+
+
+@dataclass(frozen=True)
+class TorqueMakers:
+    """Tables `[[wheel]]` and `[[thruster]]`, and the declaration of the law that they serve."""
+
+    wheels: Tables
+    thrusters: Tables
+    law: LawDeclaration
+
+    @staticmethod
+    def of(scenario: Any) -> "TorqueMakers":
+        """Those of a checked scenario."""
+        return TorqueMakers(scenario.wheel, scenario.thruster, scenario.law.declaration)
+
+    @property
+    def working_wheels(self) -> Tables:
+        """The wheels that have not failed before the start."""
+        return [one for one in self.wheels if not one.failed]
+
+    @property
+    def axes(self) -> Float[np.ndarray, "3 k"]:
+        """A unit column for each wheel that works."""
+        return wheel_axes(self.working_wheels)
+
+    @property
+    def pushes(self) -> Float[np.ndarray, "3 m"]:
+        """Torques (N m) at full thrust of thrusters that work, both ways of two-sided ones."""
+        return working_torques(self.thrusters)
+
+    @property
+    def directions(self) -> Float[np.ndarray, "3 torques"]:
+        """The directions about which the law commands wheels.
+
+        They are `torque_directions` of working wheels in a plane under a law for any plane, else
+        the first body axes. A law that commands no torque counts as one that commands three.
+        """
+        axes = self.axes
+        if self.law.any_plane and axes.size and np.linalg.matrix_rank(axes, tol=MISSING) == 2:
+            return torque_directions(axes)
+        return np.eye(3)[:, : self.law.torques or 3]
+
+    @property
+    def left(self) -> Float[np.ndarray, "torques torques"]:
+        """The part of a command about `directions` that wheels do not make; all without any."""
+        directions = self.directions
+        if not self.wheels:
+            return np.eye(directions.shape[1])
+        return left_by_wheels(self.wheels, directions.shape[1], directions)
+
+    @property
+    def wheels_make_all(self) -> bool:
+        """Whether wheels make every command, so that thrusters beside them do nothing."""
+        return bool(self.wheels) and not self.left.any()
+
+    @property
+    def thrusters_make_all(self) -> bool:
+        """Whether thrusters make torques of either sign about all three axes by themselves."""
+        try:
+            require_all_ways(self.pushes)
+        except ValueError:
+            return False
+        return True
+
+    @property
+    def together(self) -> bool:
+        """Whether wheels and thrusters together make the torques of the law."""
+        return self.law.torques == 3 or self.law.commands_actuators
+
+    @property
+    def relieved(self) -> bool:
+        """Whether thrusters make what wheels lack in torque or momentum.
+
+        Of two torques they make only what wheels do not make at all.
+        """
+        return bool(self.wheels and self.pushes.size and self.together)
+
+    @property
+    def wheel_limit(self) -> float | None:
+        """The largest command (N m) about all axes at once that wheels make within limits.
+
+        The part of it that they do not make does not count; None for no limit.
+        """
+        torque_limits = [one.torque_limit_N_m for one in self.working_wheels]
+        largest = max((one for one in torque_limits if one is not None), default=None)
+        if largest is None or self.law.torques not in (2, 3):
+            return None
+        axes, directions = self.axes, self.directions
+        limits = np.array([UNBOUNDED * largest if one is None else one for one in torque_limits])
+        shares = least_squares_map(axes, self.law.torques, directions=directions)
+        most = largest_torque(axes, -limits, limits, axes @ shares)
+        return most if most < largest * UNBOUNDED / 2 else None
+
+    @property
+    def limit_of_both(self) -> float:
+        """The largest torque (N m) about all three axes that wheels and thrusters make together."""
+        full = np.sqrt(np.sum(self.pushes**2, axis=0))
+        unbounded = UNBOUNDED * full.max()
+        limits = np.array([one.torque_limit_N_m or unbounded for one in self.working_wheels])
+        columns = np.concatenate([unit_columns(self.pushes), self.axes], axis=1)
+        return largest_torque(columns, np.r_[0 * full, -limits], np.r_[full, limits], np.eye(3))
+
+
+def wheel_axes(wheels: Tables) -> Float[np.ndarray, "3 k"]:
+    """A unit column for each wheel."""
+    return unit_columns(np.array([one.axis for one in wheels], float).reshape(-1, 3).T)
+
+
+def left_by_wheels(
+    wheels: Tables, torques: int, directions: np.ndarray | None = None
+) -> Float[np.ndarray, "torques torques"]:
+    """The part of a command that the wheels which work do not make.
+
+    It is about the first body axes, or about `directions` (3, torques).
+    """
+    axes = wheel_axes([one for one in wheels if not one.failed])
+    shares = least_squares_map(axes, torques, directions=directions)
+    return what_is_left(axes, shares, directions)
+
+
+def signs(thruster: Any) -> tuple[float, ...]:
+    """Which way it pushes: 1 and, where it is two-sided, -1."""
+    return (1.0, -1.0) if thruster.two_sided else (1.0,)
+
+
+def working_torques(thrusters: Tables) -> Float[np.ndarray, "3 m"]:
+    """Torques (N m) at full thrust of what works at the start, both ways of two-sided ones."""
+    columns = [sign * one.torque() for one in thrusters if not one.failed for sign in signs(one)]
+    return np.array(columns).reshape(-1, 3).T
