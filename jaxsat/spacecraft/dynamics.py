@@ -7,7 +7,6 @@ How a body and its effectors exchange torque and momentum: `jaxsat.spacecraft.ef
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -23,9 +22,6 @@ from jaxsat.spacecraft.spacecraft import OfEach, PlantState, Spacecraft, inverse
 
 Struck = tuple[Bool[Array, " _"], ...]
 """Which failures of each effector have struck."""
-
-
-Kind = TypeVar("Kind", bound=AbstractEffector)
 
 
 class RigidBody(eqx.Module):
@@ -57,10 +53,6 @@ class RigidBody(eqx.Module):
     def stores_momentum(self) -> bool:
         """Whether any of the effectors stores momentum."""
         return any(one.storage() is not None for one in self.effectors)
-
-    def find(self, kind: type[Kind]) -> Kind | None:
-        """Its effector of this class; None without one."""
-        return next((one for one in self.effectors if isinstance(one, kind)), None)
 
     def relative_rate(self, state: PlantState) -> Vector:
         """Equation (11): ω_r, the angular velocity relative to the orbit frame, rad/s."""

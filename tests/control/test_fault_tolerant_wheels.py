@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from helpers.effectors import effector_of
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
 from jaxsat.control.diagnosis.residual import Reading
 from jaxsat.control.tolerant_actuators import Sample, TolerantMode
@@ -52,14 +53,14 @@ def test_law_and_detector_see_estimates_readings_and_commands_alone():
     other = eqx.tree_at(
         lambda loop: (
             loop.plant.spacecraft.inertia,
-            loop.plant.find(Wheels).axes,
-            loop.plant.find(Wheels).failures.at,
+            effector_of(loop.plant, Wheels).axes,
+            effector_of(loop.plant, Wheels).failures.at,
         ),
         one,
         (
             0.7 * one.plant.spacecraft.inertia,
-            one.plant.find(Wheels).axes[:, ::-1],
-            one.plant.find(Wheels).failures.at - 300.0,
+            effector_of(one.plant, Wheels).axes[:, ::-1],
+            effector_of(one.plant, Wheels).failures.at - 300.0,
         ),
     )
     first, second = (

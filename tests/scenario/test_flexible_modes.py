@@ -5,6 +5,7 @@ import pytest
 import scipy.linalg
 from pydantic import ValidationError
 
+from helpers.effectors import effector_of
 from helpers.gyros import document as of_gyros
 from jaxsat.report.controllability_study import controllability_study
 from jaxsat.scenario import Scenario
@@ -42,7 +43,7 @@ def test_modes_of_a_scenario_are_parts_of_the_plant_that_the_law_does_not_know()
     data = document()
     data["flexible_mode"][1]["angle_rad"] = 0.03
     run = build(Scenario.model_validate(data))
-    modes = run.loop.plant.find(FlexibleModes)
+    modes = effector_of(run.loop.plant, FlexibleModes)
     assert modes is not None
     np.testing.assert_allclose(modes.axes * modes.coupling[None], COUPLINGS.T, rtol=1e-14)
     np.testing.assert_array_equal(modes.frequency, FREQUENCIES)

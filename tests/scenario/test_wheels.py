@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from helpers.effectors import effector_of
 from jaxsat.control.controller import AbstractController
 from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import ScenarioError, ScenarioWarning, dump
@@ -34,7 +35,7 @@ def test_the_telescope_flies_the_law_whose_third_rate_its_wheels_hold():
     assert isinstance(loop, ContinuousLoop)
     assert isinstance(loop.controller, AbstractController)
     assert loop.controller.model.third_rate_held
-    wheels = loop.plant.find(Wheels)
+    wheels = effector_of(loop.plant, Wheels)
     assert not loop.plant.third_rate_held
     np.testing.assert_array_equal(wheels.axes, np.eye(3))
     np.testing.assert_array_equal(wheels.momentum_limit, [20.0, 20.0, 20.0])
@@ -190,7 +191,7 @@ def test_the_limit_of_a_law_is_what_wheels_make_about_both_axes_at_once():
 
 def test_what_needs_no_law_needs_no_law_that_bears_friction():
     loop, _ = build_uncontrolled(load("wheels-fail", purpose="motion"))
-    assert loop.plant.find(Wheels).coulomb_friction is None
+    assert effector_of(loop.plant, Wheels).coulomb_friction is None
 
 
 @pytest.mark.parametrize(

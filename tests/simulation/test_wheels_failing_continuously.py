@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
+from helpers.effectors import effector_of
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.wheels import WheelFailureKind
 from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
@@ -58,7 +59,7 @@ class Struck(AbstractCaseFactory):
     def __call__(self, case, gains):
         del gains
         events = WheelFailures(*case.reshape(4, 2))
-        loop = eqx.tree_at(lambda loop: loop.plant.find(Wheels).failures, self.loop, events)
+        loop = eqx.tree_at(lambda loop: effector_of(loop.plant, Wheels).failures, self.loop, events)
         return Case(loop, self.start, {"failure": case}, jnp.array(True))
 
 

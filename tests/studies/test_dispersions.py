@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from helpers.effectors import effector_of
 from helpers.paper import (
     PAPER_THREE_AXIS,
     three_axis_loop,
@@ -281,7 +282,7 @@ def test_rotors_are_dispersed_in_the_plant_alone_and_stay_a_part_of_the_body():
         loop, plant=dataclasses.replace(loop.plant, effectors=(*loop.plant.effectors, wheels))
     )
     copy = copies_of(loop, 60, rotor_inertia=Uniform([-0.5, -0.9], [0.5, 9.0]))
-    found = np.asarray(copy.loop.plant.find(Wheels).rotor_inertia)
+    found = np.asarray(effector_of(copy.loop.plant, Wheels).rotor_inertia)
     np.testing.assert_allclose(found, [100.0, 50.0] * (1 + np.asarray(copy.drawn["rotor_inertia"])))
     assert found[:, 1].max() < 264.6
     assert np.ptp(found[:, 1]) > 150

@@ -4,6 +4,7 @@ import jax
 import numpy as np
 import pytest
 
+from helpers.effectors import effector_of
 from jaxsat.core.declaration.wheels import WheelFailureKind
 from jaxsat.scenario import ScenarioError, dump
 from jaxsat.scenario.build.load import load
@@ -62,7 +63,7 @@ def test_each_failure_strikes_its_own_part_and_a_file_reads_back(tmp_path):
     scenario = mixed(tmp_path)
     assert load(written(tmp_path, dump(scenario))) == scenario
     loop = build(scenario).loop
-    wheels, thrusters = loop.plant.find(Wheels).failures, loop.plant.effectors[0].failures
+    wheels, thrusters = effector_of(loop.plant, Wheels).failures, loop.plant.effectors[0].failures
     assert isinstance(wheels, WheelFailures)
     np.testing.assert_array_equal(wheels.number, [0, 1, 1])
     np.testing.assert_array_equal(wheels.at, [8.05, 4, 6])
@@ -74,7 +75,7 @@ def test_each_failure_strikes_its_own_part_and_a_file_reads_back(tmp_path):
     assert isinstance(thrusters, FailureEvents)
     np.testing.assert_array_equal(thrusters.at, [3])
     alone = mixed(tmp_path, FAILURES.split('[[failure]]\nof = "wheel 2"')[0])
-    assert build(alone).loop.plant.find(Wheels).failures.count == 1
+    assert effector_of(build(alone).loop.plant, Wheels).failures.count == 1
 
 
 DRAWN = """
@@ -105,7 +106,7 @@ def test_failures_of_both_kinds_of_part_are_drawn_in_one_study(tmp_path):
     outputs = study.evaluate(cases)
     copies = jax.vmap(lambda case: study.case_factory(case, None))(study.cases(cases))
     wheels, thrusters = (
-        copies.loop.plant.find(Wheels).failures,
+        effector_of(copies.loop.plant, Wheels).failures,
         copies.loop.plant.effectors[0].failures,
     )
     drawn = outputs.drawn

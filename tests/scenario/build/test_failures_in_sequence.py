@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from helpers.effectors import effector_of
 from jaxsat.core.checks import as_float
 from jaxsat.scenario import ScenarioError, ScenarioWarning, dump
 from jaxsat.scenario.build.load import load
@@ -127,6 +128,8 @@ def test_a_wheel_that_has_seized_is_not_freed_under_a_continuous_law():
     with pytest.raises(ScenarioError, match="only a sampled law lets one that has seized turn"):
         load("two-wheel-telescope", [stopped.replace("AT", "9.0")])
     loop = build(load("two-wheel-telescope", [stopped.replace("AT", "4.0")])).loop
-    later = eqx.tree_at(lambda one: one.plant.find(Wheels).failures.at, loop, as_float([5.0, 9.0]))
+    later = eqx.tree_at(
+        lambda one: effector_of(one.plant, Wheels).failures.at, loop, as_float([5.0, 9.0])
+    )
     with pytest.raises(ValueError, match="has seized must not fail once more"):
         dataclasses.replace(later)

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from helpers.effectors import effector_of
 from helpers.thruster_layouts import allocated, pairs, thruster_set
 from jaxsat.core.attitude import Quaternion
 from jaxsat.core.declaration.failures import FailureKind
@@ -42,7 +43,7 @@ class Struck(AbstractCaseFactory):
         loop = eqx.tree_at(
             lambda loop: (
                 loop.plant.effectors[0].failures,
-                loop.plant.find(Wheels).failures,
+                effector_of(loop.plant, Wheels).failures,
             ),
             self.loop,
             (events, wheels),
