@@ -7,6 +7,8 @@ from typing import NamedTuple, TypeVar, cast
 
 import numpy as np
 
+from jaxsat.core.declaration.actuators import PARTS
+from jaxsat.core.declaration.quantities import DISPERSIBLE
 from jaxsat.scenario.dispersion_tables import DistributionTable
 from jaxsat.scenario.errors import Issue, Location
 from jaxsat.scenario.flexibility import oscillations
@@ -206,15 +208,25 @@ def _spin(scenario: Scenario) -> Iterator[Fast]:
     omega = np.linalg.norm(scenario.initial.omega_rad_s)
     omega = max(omega, np.linalg.norm(_dispersed_size(scenario, "omega", 3)))
     omega += np.linalg.norm(_dispersed_size(scenario, "rate_error", 2))
-    of_wheels = np.abs([one.momentum_N_m_s for one in scenario.wheel])
-    of_wheels = np.maximum(of_wheels, _dispersed_size(scenario, "wheel_momentum", of_wheels.size))
-    of_gyros = [one.rotor_momentum_N_m_s for one in scenario.gimbal]
-    of_gyros = np.multiply(of_gyros, 1 + _dispersed_size(scenario, "rotor_momentum", len(of_gyros)))
     moments = np.linalg.eigvalsh(inertia_of(scenario))
-    momentum = moments[2] * omega + np.linalg.norm(of_wheels, 1) + np.linalg.norm(of_gyros, 1)
+    momentum = moments[2] * omega + _stored_momentum(scenario)
     location = ("initial", "omega_rad_s")
     yield Fast("spin", float(omega), location)
     yield Fast("nutation", float(momentum / np.sqrt(moments[0] * moments[1])), location)
+
+
+def _stored_momentum(scenario: Scenario) -> float:
+    """The sum of all momenta that devices may store at the start, N m s."""
+    total = 0.0
+    for part in PARTS:
+        if part.momentum is not None:
+            key, name = part.momentum
+            sizes = np.abs([getattr(one, key) for one in getattr(scenario, part.name)])
+            drawn = _dispersed_size(scenario, name, sizes.size)
+            relative = DISPERSIBLE[name].unit == "1"
+            sizes = sizes * (1 + drawn) if relative else np.maximum(sizes, drawn)
+            total += float(sizes.sum())
+    return total
 
 
 def _friction(scenario: Scenario) -> Iterator[Fast]:

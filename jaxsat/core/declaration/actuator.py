@@ -58,6 +58,8 @@ class EffectorDeclaration:
       `dispersible` what they change.
     - `signals`: what results have of its devices.
     - `called`: one of them in words, by default the name.
+    - `momentum`: of devices that store momentum at the start, the key that tells it (N m s) and
+      the dispersible quantity that changes it; None for others.
 
     One that is no `ActuatorDeclaration` is passive: nothing commands it, and it does not fail.
     """
@@ -72,6 +74,7 @@ class EffectorDeclaration:
     dispersible: tuple[DispersibleQuantity, ...] = ()
     signals: tuple[Signal, ...] = ()
     called: str = ""
+    momentum: tuple[str, str] | None = None
 
     def __post_init__(self):
         require_own_keys(self.keys, "actuator", ("name", "type", "failed"))

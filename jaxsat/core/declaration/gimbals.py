@@ -79,4 +79,5 @@ GIMBAL = ActuatorDeclaration(
         Signal("gimbal_rate", "rad s-1", "rate of each gimbal", peak=True),
     ),
     called="control moment gyro",
+    momentum=("rotor_momentum_N_m_s", "rotor_momentum"),
 )

@@ -150,4 +150,5 @@ WHEEL = ActuatorDeclaration(
         ),
         Signal("wheel_torque", "N m", "wheel torque on the body along its axis"),
     ),
+    momentum=("momentum_N_m_s", "wheel_momentum"),
 )
