@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import IntScalar, Matrix, RealScalar, Vector
-from jaxsat.core.checks import as_float, positive
+from jaxsat.core.checks import as_float, positive, require_counts
 from jaxsat.core.inertia import LEAST_TORQUE_TILT
 from jaxsat.spacecraft.axes import directions_across
 
@@ -124,8 +124,7 @@ class InertiaFit(eqx.Module):
     samples: int = eqx.field(static=True, default=10)
 
     def __check_init__(self):
-        if self.samples < 1:
-            raise ValueError(f"Argument `samples` must be at least 1, but got {self.samples}.")
+        require_counts(samples=self.samples)
 
     @property
     def prior(self) -> Float[Array, "8"]:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxsat.core.array_types import IntScalar, RealScalar, Vector
-from jaxsat.core.checks import positive
+from jaxsat.core.checks import positive, require_counts
 from jaxsat.core.quotients import reciprocal
 from jaxsat.core.trees import Symmetric
 
@@ -45,8 +45,7 @@ class RecursiveLeastSquares(eqx.Module):
     mean: Float[Array, " n"] | None = None
 
     def __check_init__(self):
-        if self.samples < 1:
-            raise ValueError(f"Argument `samples` must be at least 1, but got {self.samples}.")
+        require_counts(samples=self.samples)
 
     def init(self, omega: Vector) -> Fit:
         """The memory of a fit that knows no error yet."""

@@ -18,16 +18,6 @@ from jaxtyping import Array, Float
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
 
 
-def symmetric_product(inertia: Matrix, x: Vector, y: Vector) -> Vector:
-    """⟨x:y⟩ = J⁻¹(x^×Jy + y^×Jx), the rate part of [[f, x], y] (eqs. (21), (28), (31)).
-
-    x^× is the cross matrix of the paper, the negative of the usual one. Any unit of inertia; x and
-    y are accelerations in rad/s².
-    """
-    torque = jnp.cross(x, inertia @ y) + jnp.cross(y, inertia @ x)
-    return -jnp.linalg.solve(inertia, torque)
-
-
 def _length(vector: Vector) -> RealScalar:
     """Norm with derivative zero, not NaN, at the zero vector."""
     square = vector @ vector

@@ -67,7 +67,9 @@ def _figure(
 ) -> Figure:
     """Panels under the title that is given, or that of the run and a subject."""
     title, timeline = title or subject_title(dataset, subject), timeline_of(dataset)
-    return paint(plots, title, height, timeline if shaded else timeline.unshaded())
+    if not shaded:
+        timeline = dataclasses.replace(timeline, shades={})
+    return paint(plots, title, height, timeline)
 
 
 def attitude_figure(dataset: xr.Dataset, *, title: str = "") -> Figure:

@@ -5,7 +5,7 @@ the extremes of every interval kept.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -108,10 +108,6 @@ class Timeline:
     times: np.ndarray
     marks: Sequence[tuple[float, str]] = ()
     shades: Mapping[str, np.ndarray] = field(default_factory=dict)
-
-    def unshaded(self) -> "Timeline":
-        """The timeline without its spans."""
-        return replace(self, shades={})
 
 
 MOST = 4000

@@ -43,10 +43,6 @@ class PluginKind:
     key: str = "kind"
     own: tuple[str, ...] = ()
 
-    def resolved(self) -> tuple[type, ...]:
-        """The base classes, which import JAX."""
-        return tuple(pkgutil.resolve_name(base) for base in self.bases)
-
 
 LAW = PluginKind(
     "a law",
@@ -281,7 +277,7 @@ def _check_class(kind: PluginKind, name: str, module: ModuleType, attribute: str
         hint = f", did you mean {classes[close[0]]}?" if close else ""
         message = f"must name a class of {module.__name__}, got {name}, which is none{hint}"
         raise PluginError(kind, message)
-    bases = kind.resolved()
+    bases = tuple(pkgutil.resolve_name(base) for base in kind.bases)  # which imports JAX
     if not issubclass(part_class, bases):
         base_names = " or ".join(base.__name__ for base in bases)
         message = f"must name {kind.what}, a subclass of {base_names}, got {name}, which is none"

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.controller import AbstractBacksteppingLaw, AbstractIntegratingFactor, Memory
-from jaxsat.core.array_types import Pair, RealScalar, Vector
+from jaxsat.core.array_types import Pair, RealScalar
 from jaxsat.core.attitude import AbstractAttitude
 from jaxsat.core.checks import concrete
 from jaxsat.core.quotients import reciprocal
@@ -83,7 +83,8 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         plant_state = self._with_rates(state, reference)
         relative_rate = self.plant.relative_rate(plant_state)
         attitude_rate = state.attitude.rate(relative_rate)
-        unmodelled = self._unmodelled(t, plant_state)
+        unmodelled = self.plant.disturbance_torque(t, plant_state)
+        unmodelled = unmodelled - self.law.model.disturbance_torque(t, plant_state)
         feedback = self.law.feedback(plant_state, state.rate_error, state.memory)
         moments = self.plant.spacecraft.moments
         error_rate = (feedback + unmodelled[:2]) * reciprocal(moments[:2])
@@ -135,6 +136,3 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
     def _with_rates(self, state: ErrorState, reference: Pair) -> PlantState:
         omega1, omega2 = reference + state.rate_error
         return PlantState(state.attitude, jnp.stack([omega1, omega2, state.omega3]))
-
-    def _unmodelled(self, t: RealScalar, state: PlantState) -> Vector:
-        return self.plant.disturbance_torque(t, state) - self.law.model.disturbance_torque(t, state)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from jaxsat.core.array_types import RealScalar
-from jaxsat.core.checks import concrete, positive
+from jaxsat.core.checks import concrete, positive, require_counts
 
 
 class Pulses(NamedTuple):
@@ -146,8 +146,7 @@ class PulseWidthPulseFrequency(AbstractModulation):
                 "Arguments `off_level`, `on_level` and `gain` must ascend, but got "
                 f"{low}, {high} and {gain}."
             )
-        if self.switchings < 1:
-            raise ValueError(f"Argument `switchings` must be at least 1, got {self.switchings}.")
+        require_counts(switchings=self.switchings)
 
     @classmethod
     def of(

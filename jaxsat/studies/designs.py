@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.core import noise
+from jaxsat.core.checks import require_counts
 from jaxsat.core.once import latest
 
 MAX_CASE_SIZE = 2**32 - 1
@@ -101,8 +102,7 @@ class LatinHypercube(AbstractDesign):
     size: int = eqx.field(static=True)
 
     def __check_init__(self):
-        if self.size < 1:
-            raise ValueError(f"Argument `size` must be at least 1, but got {self.size}.")
+        require_counts(size=self.size)
 
     def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
         """Rows of the hypercube; raises `ValueError` for a case beyond its size."""

@@ -11,6 +11,7 @@ from typing import Any
 
 import jax
 
+from jaxsat.core.checks import require_counts
 from jaxsat.core.errors import ArgumentError, JaxsatError
 
 Work = Callable[[int], Any]
@@ -85,8 +86,7 @@ class Threads(AbstractExecutor):
     workers: int
 
     def __post_init__(self):
-        if self.workers < 1:
-            raise ValueError(f"Argument `workers` must be at least 1, but got {self.workers}.")
+        require_counts(workers=self.workers)
 
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
         """The results as they are ready. The first chunk goes alone, so that it compiles once."""

@@ -3,6 +3,7 @@
 import itertools
 from fractions import Fraction
 
+import jax.numpy as jnp
 from sympy import QQ, Matrix
 from sympy.polys.rings import ring
 
@@ -204,3 +205,13 @@ class GibbsAlgebra:
             layer = [self.bracket(x, w) for x in (self.drift, *self.controls) for w in layer]
             layer = list({field for field in layer if any(field)})
         return ranks
+
+
+def symmetric_product(inertia, x, y):
+    """⟨x:y⟩ = J⁻¹(x^×Jy + y^×Jx), the rate part of [[f, x], y] (eqs. (21), (28), (31)).
+
+    x^× is the cross matrix of the paper, the negative of the usual one. Any unit of inertia; x and
+    y are accelerations in rad/s².
+    """
+    torque = jnp.cross(x, inertia @ y) + jnp.cross(y, inertia @ x)
+    return -jnp.linalg.solve(inertia, torque)

@@ -13,11 +13,11 @@ from jaxsat.controllability.closure import (
     generating_vectors,
     generator_names,
     singular_values,
-    symmetric_product,
 )
 from jaxsat.controllability.decision import one_thruster_condition, two_thruster_condition
 from jaxsat.controllability.layout import make_layout
 from jaxsat.controllability.rank import analyse
+from tests.controllability.oracles import symmetric_product
 
 PAPER = np.array([449.5, 264.6, 312.5])
 

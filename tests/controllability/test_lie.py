@@ -8,7 +8,6 @@ import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxsat.controllability.closure import symmetric_product
 from jaxsat.controllability.lie import (
     ControlField,
     DriftField,
@@ -19,6 +18,7 @@ from jaxsat.controllability.lie import (
     tangent_matrix,
     to_tangent,
 )
+from tests.controllability.oracles import symmetric_product
 
 from .fields import JA, fields, paper_cross, random_state, rotating_disturbance
 

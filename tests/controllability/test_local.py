@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm, solve_continuous_are
 
-from jaxsat.controllability.closure import symmetric_product
 from jaxsat.controllability.lie import DriftField, pack, to_tangent
 from jaxsat.controllability.linear import (
     gramian_time_scales,
@@ -18,6 +17,7 @@ from jaxsat.controllability.linear import (
 )
 from jaxsat.controllability.local import small_time_local_controllability
 from jaxsat.controllability.rank import analyse
+from tests.controllability.oracles import symmetric_product
 
 PAPER = np.array([449.5, 264.6, 312.5])
 XY = np.eye(3)[:, :2]

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
-from jaxsat.core.checks import positive
+from jaxsat.core.checks import positive, require_counts
 from jaxsat.core.solvers import NamedSolver, Solver, class_name, solver_of
 from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.engine.dense_output import require_dense_output
@@ -70,8 +70,7 @@ class Tolerance(eqx.Module):
     max_steps: int = eqx.field(static=True, default=2**17)
 
     def __check_init__(self):
-        if self.max_steps < 1:
-            raise ValueError(f"Argument `max_steps` must be at least 1, but got {self.max_steps}.")
+        require_counts(max_steps=self.max_steps)
 
 
 class AdaptiveState(NamedTuple):

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from jaxsat.core.array_types import BoolScalar, RealScalar
-from jaxsat.core.checks import as_float, positive
+from jaxsat.core.checks import as_float, positive, require_counts
 from jaxsat.core.ranges import STATE_LIMIT
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation.engine.progress import RunningCost
@@ -64,8 +64,7 @@ class Program(eqx.Module):
             raise ValueError(
                 f"Argument `error_every` must not be negative, but got {self.error_every}."
             )
-        if self.intervals < 1:
-            raise ValueError(f"Argument `intervals` must be at least 1, but got {self.intervals}.")
+        require_counts(intervals=self.intervals)
 
     def instants(self, every: int = 1) -> np.ndarray:
         """Numbers of the intervals that begin at every so many intervals, and of the end."""

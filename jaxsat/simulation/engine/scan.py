@@ -63,7 +63,8 @@ class ScanEngine(AbstractBatchEngine):
         for before, number in itertools.pairwise([0, *stops(instants.tolist(), behind)]):
             first, count = jnp.array(before), jnp.array(number - before)
             progress = _advance(*work, progress, first, count)
-            history.append(_to_host(_observe(*work, progress, jnp.array(number))))
+            signals = _observe(*work, progress, jnp.array(number))
+            history.append(jax.tree.map(np.asarray, signals))  # JAX would compile a stack of them
         signals = jax.tree.map(lambda *parts: np.stack(parts, axis=1), *history)
         outputs = _finish(*work, progress, jnp.array(program.intervals))
         return outputs, with_ranges_ahead(signals, behind)
@@ -78,11 +79,6 @@ class ScanEngine(AbstractBatchEngine):
                 'but got "reverse"; the diffrax engine has both.'
             )
         return _gradient(self.stepper, program, cases, gains, mode)
-
-
-def _to_host(signals: Signals) -> Signals:
-    """NumPy arrays: thousands of instants are not to be stacked by a compiled program."""
-    return jax.tree.map(np.asarray, signals)
 
 
 def _map_cases(method, stepper, program, cases, gains, *progress):

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxsat.control.planning.planner import Plan, Planner, PlanStatus
+from jaxsat.core.checks import require_counts
 from jaxsat.core.tolerances import Tolerances
 from jaxsat.simulation.loops import AbstractLoop, ContinuousLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
@@ -158,8 +159,7 @@ def best_of_starts(
     of starts done and the best value so far. Raises `ValueError` for no starts and
     `ModuleNotFoundError` without CasADi.
     """
-    if starts < 1:
-        raise ValueError(f"Argument `starts` must be at least 1, but got {starts}.")
+    require_counts(starts=starts)
     transcription = BoundTranscription(manoeuvre, objective, longest, intervals)
     solver = transcription.solver()
     optima: list[tuple[Solution, EndError]] = []

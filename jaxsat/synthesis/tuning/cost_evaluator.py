@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
+from jaxsat.core.checks import require_counts
 from jaxsat.simulation.engine.fixed import FixedStepper
 from jaxsat.simulation.engine.interface import AbstractEngine, program_identity
 from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, Program
@@ -89,8 +90,7 @@ class CostEvaluator:
     def __post_init__(self):
         if not isinstance(self.program.case_factory, Dispersed):
             raise TypeError("Argument `program` must run dispersed cases.")
-        if self.workers < 1:
-            raise ValueError(f"Argument `workers` must be at least 1, but got {self.workers}.")
+        require_counts(workers=self.workers)
 
     def evaluate(
         self, points: Values, numbers: np.ndarray, intervals: int | None = None

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
+from jaxsat.core.checks import require_counts
 from jaxsat.core.errors import ArgumentError
 from jaxsat.studies.statistics import Interval, WhenDecided
 
@@ -28,8 +29,7 @@ class Criterion:
         for name, low in (("fraction", 0.0), ("confidence", 0.5)):
             if not low < getattr(self, name) < 1:
                 raise ArgumentError(name, f"must be between {low:g} and 1", getattr(self, name))
-        if self.cases < 1:
-            raise ArgumentError("cases", "must be at least 1", self.cases)
+        require_counts(cases=self.cases)
 
     def rule(self, decisions: int) -> WhenDecided:
         """What decides each of so many questions."""
