@@ -24,7 +24,7 @@ from jaxsat.control.periodic_gain import (
 )
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
-from jaxsat.core.checks import as_float, as_optional_float, require_positive
+from jaxsat.core.checks import as_optional_float, positive
 from jaxsat.core.declaration import LawDeclaration
 from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
@@ -93,16 +93,12 @@ class MagneticLaw(AbstractSampledController):
     model: RigidBody
     steering: MagneticSteering
     gain: PeriodicGain
-    stiffness: RealScalar = eqx.field(converter=as_float)
-    slew_damping: RealScalar = eqx.field(converter=as_float)
+    stiffness: RealScalar = eqx.field(converter=positive("stiffness"))
+    slew_damping: RealScalar = eqx.field(converter=positive("slew_damping"))
     wheel_axes: Float[Array, "3 wheels"] | None = eqx.field(converter=as_optional_float)
-    damping: RealScalar = eqx.field(converter=as_float)
-    pointing_rate: RealScalar = eqx.field(converter=as_float)
-    period: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        for name in ("stiffness", "slew_damping", "damping", "pointing_rate", "period"):
-            require_positive(name, getattr(self, name))
+    damping: RealScalar = eqx.field(converter=positive("damping"))
+    pointing_rate: RealScalar = eqx.field(converter=positive("pointing_rate"))
+    period: RealScalar = eqx.field(converter=positive("period"))
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "MagneticLaw":

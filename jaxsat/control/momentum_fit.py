@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from jaxsat.control.inertia_fit import BASIS, BELIEVED, MOMENT_ERROR, PLACES, PRODUCT_ERROR
 from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar, Vector
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import positive
 from jaxsat.core.trees import Symmetric
 from jaxsat.spacecraft.spacecraft import Spacecraft
 
@@ -39,14 +39,9 @@ class MomentumFit(eqx.Module):
     """
 
     spacecraft: Spacecraft
-    unknown: RealScalar = eqx.field(converter=as_float)
-    noise: RealScalar = eqx.field(converter=as_float)
-    walk: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_positive("unknown", self.unknown)
-        require_positive("noise", self.noise)
-        require_positive("walk", self.walk)
+    unknown: RealScalar = eqx.field(converter=positive("unknown"))
+    noise: RealScalar = eqx.field(converter=positive("noise"))
+    walk: RealScalar = eqx.field(converter=positive("walk"))
 
     def init(self) -> MomentumMemory:
         """The memory of a fit that knows no momentum yet."""

@@ -25,7 +25,7 @@ from jaxsat.control.what_is_left import LEFT
 from jaxsat.control.wheel_allocation import WheelAllocation, Wheeled
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.attitude import DCM, Quaternion
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import not_negative
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
 
@@ -91,10 +91,7 @@ class TolerantWheels(AbstractTolerantActuators):
     two_wheels: TwoWheels
     fit: MomentumFit
     known: Bool[Array, " m"]
-    delay: RealScalar = eqx.field(converter=as_float)
-
-    def __check_init__(self):
-        require_positive("delay", self.delay, zero_allowed=True)
+    delay: RealScalar = eqx.field(converter=not_negative("delay"))
 
     @property
     def failed_before(self) -> Bool[Array, " m"]:

@@ -10,7 +10,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 
 from jaxsat.core.allocation import unit_columns
 from jaxsat.core.array_types import Matrix, RealScalar, Vector
-from jaxsat.core.checks import as_float, as_optional_float, require_positive
+from jaxsat.core.checks import as_float, as_optional_float, not_negative, positive, require_positive
 from jaxsat.core.declaration.failures import AbstractFailureKind, FailureKind
 from jaxsat.core.ranges import MISALIGNMENT
 from jaxsat.spacecraft.allocation import allocate
@@ -161,9 +161,9 @@ class MagneticSteering(AbstractSteering):
     field: AbstractMagneticField
     axes: Float[Array, "3 k"] = eqx.field(converter=as_float)
     shares: Float[Array, "k 3"] = eqx.field(converter=as_float)
-    dipole_limit: Float[Array, " k"] = eqx.field(converter=as_float)
+    dipole_limit: Float[Array, " k"] = eqx.field(converter=positive("dipole_limit"))
     wanted: Matrix = eqx.field(converter=as_float)
-    unloading: RealScalar = eqx.field(converter=as_float, default=0.0)
+    unloading: RealScalar = eqx.field(converter=not_negative("unloading"), default=0.0)
     wheel_axes: Float[Array, "3 wheels"] | None = eqx.field(
         converter=as_optional_float, default=None
     )
@@ -182,10 +182,6 @@ class MagneticSteering(AbstractSteering):
         shares[working] = np.linalg.pinv(axes[:, working])
         limit, (wheels, left, unloading, bias) = effector.dipole_limit, context
         return cls(effector.field, axes, shares, limit, left, unloading, wheels, bias)
-
-    def __check_init__(self):
-        require_positive("dipole_limit", self.dipole_limit)
-        require_positive("unloading", self.unloading, zero_allowed=True)
 
     def __call__(
         self, t: RealScalar, state: PlantState, command: Vector

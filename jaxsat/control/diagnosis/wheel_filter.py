@@ -35,7 +35,7 @@ from jaxsat.control.diagnosis.residual import (
     Reading,
 )
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
-from jaxsat.core.checks import as_float, require_positive
+from jaxsat.core.checks import positive
 from jaxsat.spacecraft.wheel_friction import STILL
 from jaxsat.spacecraft.wheels import Wheels
 
@@ -103,10 +103,9 @@ class WheelFilter(AbstractResidualFilter):
     restarts_at_losses: ClassVar[bool] = True
 
     wheels: Wheels
-    momentum_noise: OfEach = eqx.field(converter=as_float)
+    momentum_noise: OfEach = eqx.field(converter=positive("momentum_noise"))
 
     def __check_init__(self):
-        require_positive("momentum_noise", self.momentum_noise)
         if self.wheels.torque_limit is None:
             raise ValueError("Argument `wheels` must have a torque limit each.")
 
