@@ -34,14 +34,22 @@ quaternion = [0.8, 0.6, 0.0, 0.0]
 omega_rad_s = [0.03, 0.01, -0.02]
 
 [control]
-law = "strangers:@LAW@"
+law = "@LAW@"
 @KEYS@
 
 [simulation]
 duration_s = 100
 """
 
-LAWS = {"RecedingRiccati": "weight = 50", "Moody": "kp = 0.3\nkd = 2.0", "PartlyNew": "kd = 2.0"}
+LAWS = {
+    "strangers:RecedingRiccati": "weight = 50",
+    "strangers:Moody": "kp = 0.3\nkd = 2.0",
+    "strangers:PartlyNew": "kd = 2.0",
+    "oddities:RingBuffer": "gain = 2.0",
+    "oddities:Quantised": "gain = 2.0",
+    "oddities:Tabulated": "gain = 2.0",
+    "oddities:Long": "gain = 2.0",
+}
 
 SAMPLED = (
     "one-torque-damping", "oscillatory-dispersed", "switching", "switching-rounded",
@@ -79,7 +87,8 @@ def _one_flight_of_a_loop(monkeypatch):
 def folder(tmp_path_factory):
     """Where the laws are: a module is imported once."""
     place = tmp_path_factory.mktemp("strangers")
-    shutil.copy(Path(__file__).with_name("strangers.py"), place)
+    for file in ("strangers.py", "oddities.py"):
+        shutil.copy(Path(__file__).with_name(file), place)
     return place
 
 
@@ -104,12 +113,18 @@ def _agrees(folder: Path, scenario, compilers, precisions=(False, True)) -> None
 
 
 @needs("clang")
+@needs("cppcheck")
 @pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_a_plug_in_law_agrees_to_the_bit(tmp_path, folder, law):
-    place = folder / f"{law}.toml"
+    """Without a warning, under the sanitizers and the rules of MISRA C, too."""
+    place = folder / f"{law.split(':')[1]}.toml"
     place.write_text(SCENARIO.replace("@LAW@", law).replace("@KEYS@", LAWS[law]))
     _agrees(tmp_path, load(place), ["gcc", "clang"])
+    for target in ("sanitize", "cppcheck"):
+        command = ["make", target]
+        done = subprocess.run(command, cwd=tmp_path / "double", capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
 
 
 @needs("gcc")

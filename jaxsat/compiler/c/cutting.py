@@ -112,7 +112,7 @@ class _Cutter:
                         inner[:] = self._cut(inner, depth + 1)
 
     def _cut(self, block: Sequence[Statement], depth: int) -> list[Statement]:
-        """The block as calls of parts, and what must stay."""
+        """The block as at most a page of calls of parts, and what must stay."""
         cuts = _best_cuts(block, depth, self._room, self._kinds)
         remaining: list[Statement] = []
         for begin, end in pairwise(cuts):
@@ -125,6 +125,8 @@ class _Cutter:
             number = next(self._numbers)
             self._parts[number] = part
             remaining.append(Statement(part=number))
+        if len(remaining) < len(block) and not _fits(remaining, depth, self._room):
+            return self._cut(remaining, depth)  # calls of so many parts are parts, too
         return remaining
 
     def parts(self) -> Parts:

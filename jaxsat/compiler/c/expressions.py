@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxsat.compiler.c.helpers import TYPES, unsigned
+from jaxsat.compiler.c.helpers import TYPES, least, unsigned
 from jaxsat.compiler.ir import NativeBug
 
 PRIMARY, UNARY, PRODUCT, SUM, RELATION, EQUALITY, BOTH, EITHER, CHOICE = range(9)
@@ -62,7 +62,7 @@ def literal(x: Any) -> Expression:
     if dtype.kind == "u":
         return Expression(f"UINT{bits}_C({number})" if bits > 16 else f"({TYPES[dtype]}){number}u")
     if number == np.iinfo(dtype).min:
-        return Expression(f"INT{bits}_MIN")
+        return Expression(least(dtype), UNARY)
     text = str(number) if bits <= 32 else f"INT64_C({abs(number)})"
     text = f"-{text}" if bits > 32 and number < 0 else text
     return Expression(text, UNARY if number < 0 else PRIMARY)

@@ -28,6 +28,11 @@ def unsigned(dtype: np.dtype) -> np.dtype:
     return np.dtype(f"u{dtype.itemsize}")
 
 
+def least(dtype: np.dtype) -> str:
+    """The least number of a signed type, whose macro is an expression of another type."""
+    return f"({TYPES[dtype]})INT{8 * dtype.itemsize}_MIN"
+
+
 def _signature(result: str, name: str, params: str) -> str:
     return f"static {result} {name}({params})"
 
@@ -141,7 +146,6 @@ def _saturated(name: str, dtype: np.dtype, other: np.dtype) -> str:
     c, whole, info = TYPES[dtype], TYPES[other], np.iinfo(other)
     top, bottom = (repr(float(end)) + ("F" if c == "float" else "") for end in (info.max, info.min))
     word = f"{'U' * (other.kind == 'u')}INT{info.bits}"
-    least = "0" if other.kind == "u" else f"{word}_MIN"
     lines = [
         f"{_signature(whole, name, f'{c} x')}",
         "{",
@@ -149,7 +153,7 @@ def _saturated(name: str, dtype: np.dtype, other: np.dtype) -> str:
         f"  if (x >= {top}) {{",
         f"    found = {word}_MAX;",
         f"  }} else if (x <= {bottom}) {{",
-        f"    found = {least};",
+        f"    found = {'0' if other.kind == 'u' else least(other)};",
         "  } else if (x == x) {",
         f"    found = ({whole})x;",
         "  } else {",

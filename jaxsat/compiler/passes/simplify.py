@@ -136,9 +136,9 @@ class Ranges:
         """What an operation gives, or None where that is not known before."""
         if name not in _DECIDED and name not in ("min", "max"):
             return None
-        x, y = (self._of(arg) for arg in args)
-        if x is None or y is None:
+        if args[0].dtype.kind not in "iu":
             return None
+        x, y = (self._within(arg) for arg in args)
         if name in ("eq", "ne") and self._is_between_steps(args[0], y):
             return np.bool_(name == "ne")
         if name in _DECIDED:
