@@ -297,13 +297,15 @@ class FaultTolerant(AbstractSampledController):
         each = [one.failed_before for one in self.actuators]
         return next((one for one in each if one is not None), None)
 
-    def holds_by_rods(self, axes: Float[np.ndarray, "3 k"]) -> bool:
-        """Whether magnetorquers make the torques that wheels along these axes do not."""
+    def holds_by_rods(
+        self, axes: Float[np.ndarray, "3 k"], rods: Bool[np.ndarray, " rods"]
+    ) -> bool:
+        """Whether these magnetorquers make the torques that wheels along these axes do not."""
         directions, sizes, _ = np.linalg.svd(axes)
         if self.rods is None or np.sum(sizes > PARALLEL) != 2:
             return False
         inertia = self.healthy.model.spacecraft.inertia
-        return bool(self.rods.holds(inertia, as_float(directions[:, 2])))
+        return bool(self.rods.left(rods).holds(inertia, as_float(directions[:, 2])))
 
     def false_alarm_rate(self, reference: float, threshold: float) -> float:
         """False alarms in a sample at most, of all tests of all actuators; both in sigmas."""

@@ -80,9 +80,11 @@ class AbstractSampledController(eqx.Module):
         none."""
         return None
 
-    def holds_by_rods(self, axes: Float[np.ndarray, "3 k"]) -> bool:
-        """Whether, over an orbit, magnetorquers make the torques that wheels along these axes do
-        not; here, always."""
+    def holds_by_rods(
+        self, axes: Float[np.ndarray, "3 k"], rods: Bool[np.ndarray, " rods"]
+    ) -> bool:
+        """Whether, over an orbit, these magnetorquers make the torques that wheels along these axes
+        do not; here, always."""
         return True
 
     def mode(self, memory: Memory) -> IntScalar:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
 from jaxsat.control.tolerant_actuators import Sample
@@ -91,6 +91,15 @@ class TolerantRods(eqx.Module):
         across = np.cross(fields[..., None, :], np.eye(3)).swapaxes(-1, -2)  # B × n of n
         across = np.asarray(steering.dipole_limit)[working].min() * axes @ shares @ across
         return cls(steering, delay, np.mean(across.swapaxes(-1, -2) @ across, axis=(0, 1)))
+
+    def left(self, working: Bool[np.ndarray, " k"]) -> "TolerantRods":
+        """Those that make what they are commanded, if the law knows which these are."""
+        axes, asked = np.asarray(self.steering.axes), np.any(self.steering.shares != 0, axis=1)
+        asked = np.asarray(asked) & working
+        shares = np.zeros((len(asked), 3))
+        shares[asked] = np.linalg.pinv(axes[:, asked])
+        steering = dataclasses.replace(self.steering, shares=shares)
+        return TolerantRods.of(steering, float(self.delay))
 
     @property
     def bias(self) -> Vector:

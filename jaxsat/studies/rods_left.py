@@ -1,7 +1,7 @@
 """What magnetorquers add to what is left in a case of a study, and whether the law uses it."""
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.controllability.rods import NORMAL, RodSet
@@ -40,10 +40,13 @@ def sampled_law(loop: AbstractLoop) -> AbstractSampledController | None:
     return loop.controller if isinstance(loop, SampledLoop) else None
 
 
-def law_uses_rods(loop: AbstractLoop, axes: Float[np.ndarray, "3 k"]) -> bool:
-    """Whether the law holds an orbit's attitude by magnetorquers beside wheels along these axes."""
+def law_uses_rods(
+    loop: AbstractLoop, axes: Float[np.ndarray, "3 k"], rods: Bool[np.ndarray, " rods"]
+) -> bool:
+    """Whether the law holds an orbit's attitude by these magnetorquers beside wheels along these
+    axes."""
     law = sampled_law(loop)
-    return law is None or law.holds_by_rods(axes)
+    return law is None or law.holds_by_rods(axes, rods)
 
 
 def wheels_hold_turned(loop: AbstractLoop, runaway: Float[np.ndarray, "3 k"], least: float) -> bool:

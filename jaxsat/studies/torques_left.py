@@ -174,12 +174,11 @@ def torques_left(
         if torque_reserve(*one) > least > 0:
             continue
         here = [each.case(case) for each in exchangers]
-        left = np.flatnonzero(rods.healthy[case]).tolist()
         parts = [part for each in here for part in each[1:]]
         key = b"".join(part.tobytes() for part in (*one, *parts, rods.healthy[case]))
         if key not in codes_by_key:
             held = all(_holds_momentum(loop, each) for each in here)
-            found = _judge(loop, momentum, *one, here, rods.rods, left)
+            found = _judge(loop, momentum, *one, here, rods.rods, rods.healthy[case])
             codes_by_key[key] = found if held else (int(TorquesLeft.UNHELD_MOMENTUM), None)
         code, normal = codes_by_key[key]
         if normal is not None and asked is not None:
@@ -299,7 +298,7 @@ def _judge(
     high: np.ndarray,
     here: list[_Exchanger],
     rods: RodSet | None,
-    left: list[int],
+    left: Bool[np.ndarray, " rods"],
 ) -> tuple[int, np.ndarray | None]:
     """The code, and the normal of two wheels where they alone are left."""
     inertia = np.asarray(loop.plant.spacecraft.inertia)
@@ -319,8 +318,8 @@ def _judge(
     if judgement is None:
         return TorquesLeft.UNOPPOSED_TORQUE, None
     if rods is not None:
-        judgement = judge_with_rods(judgement, rods, left, TOLERANCE)
-    if judgement.without_rods is not None and not law_uses_rods(loop, axes):
+        judgement = judge_with_rods(judgement, rods, np.flatnonzero(left).tolist(), TOLERANCE)
+    if judgement.without_rods is not None and not law_uses_rods(loop, axes, left):
         judgement = judgement.without_rods
     if judgement.laws == "magnetic" and judgement.verdict == "controllable":
         held = _turns_runaways(loop, here)

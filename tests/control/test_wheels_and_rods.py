@@ -48,6 +48,26 @@ def test_magnetorquers_turn_bodies_of_every_size_alike(size):
     np.testing.assert_allclose(np.cross(change, inertia @ axis / size), 0, atol=1e-14)
 
 
+def test_rods_that_are_left_have_the_mean_torque_of_their_projection():
+    """Of x and y, and of less than two nothing; studies ask with the rods of a case."""
+    run = build(load("cubesat-3w3m"))
+    law, table = run.loop.controller, load("cubesat-3w3m").orbit
+    turn = table.ascending_node_rad
+    orbit = (float(run.loop.plant.orbit.rate), np.deg2rad(51.6), turn)
+    onto, total = np.diag([1.0, 1.0, 0.0]), np.zeros((3, 3))
+    for along in np.arange(16) * 2 * np.pi / 16:
+        for turn in np.arange(16) * 2 * np.pi / 16:
+            across = onto @ oracle.cross(oracle.field(0.0, (*orbit, along, turn)))
+            total += 0.2**2 * across.T @ across / 256
+    left = law.rods.left(np.array([True, True, False]))
+    np.testing.assert_allclose(left.power, total, atol=1e-9 * total.max())
+    np.testing.assert_allclose(law.rods.left(np.ones(3, bool)).power, law.rods.power, rtol=1e-9)
+    assert np.all(np.asarray(law.rods.left(np.array([False, True, False])).power) == 0)
+    two = np.eye(3)[:, :2]
+    assert law.holds_by_rods(two, np.array([True, True, False]))
+    assert not law.holds_by_rods(two, np.array([True, False, False]))
+
+
 def feedback(c, omega, inertia, rate, frequency, most):
     """The acceleration of quaternion feedback with critical damping, rad/s²."""
     frame = c @ [0, -rate, 0]
