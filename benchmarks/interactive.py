@@ -5,8 +5,10 @@
 
 User and system time of whole processes: once with empty caches of jaxsat, then warm, the least of
 several rounds, each beside `import jax`, by which machines and hours are compared. Byte code is
-there, as `pip install` leaves it. Every command runs once before anything is measured.
-Basilisk flies a 12U CubeSat beside it where it is installed (extra `basilisk`).
+there, as `pip install` leaves it: every kind of command runs once before it is measured. Rows "in
+Python" are of `jaxsat.build(...).simulate()` in a session, and of a cell of a notebook that changes
+a gain and plots, imports and the first `load` aside. Basilisk flies a 12U CubeSat beside it where
+it is installed (extra `basilisk`).
 """
 
 import argparse
@@ -27,15 +29,36 @@ REFERENCE = 0.51
 """Processor seconds of `import jax` on the machine that the targets are given for."""
 
 IN_PYTHON = """
-import sys, time, jax, jaxsat
+import io, sys, time, jax, jaxsat
+import matplotlib.pyplot as plt
 jax.config.update("jax_enable_x64", True)
-from jaxsat.scenario.build.load import load
-for overrides in ([], [], ["control.{gain}={value}"]):
+jaxsat.build  # imports
+name, change = sys.argv[1:]
+
+def cell():
+    trajectory = jaxsat.build(jaxsat.load(name, [change])).simulate()
+    figure, axes = plt.subplots(3, 1, figsize=(7, 6), sharex=True, layout="constrained")
+    for panel, values in zip(axes, trajectory.signals.omega.T):
+        panel.plot(trajectory.times, values)
+    figure.savefig(io.BytesIO(), format="png")
+    plt.close(figure)
+
+scenario, changed = jaxsat.load(name), jaxsat.load(name, [change])
+first, again = (lambda one=one: jaxsat.build(one).simulate() for one in (scenario, changed))
+for work in (first, again, cell, cell):
     begin = time.process_time()
-    jaxsat.build(load("{name}", overrides)).simulate()
+    work()
     print(time.process_time() - begin)
 """
 
+IN_PYTHON_NAMES = ("first run of a session", "with a changed gain", "first plot", "cell")
+IN_PYTHON_TARGETS = (0.3, 0.3, 1.0, 1.0)
+CHANGES = {
+    "two-torque-free": "initial.w=[0.2, -0.1]",
+    "paper-three-axis": "control.k3=0.06",
+    "cubesat-3w3m": "control.damping=0.9",
+    "hybrid-wheels": "control.damping=0.9",
+}
 
 BARE = """
 [spacecraft]
@@ -60,6 +83,9 @@ class Task:
     statuses: tuple[int, ...] = (0,)
     until: str | None = None
     """Beginning of a line on standard error with which the measurement ends."""
+
+    rounds: int | None = None
+    """Of warm runs, where they take long."""
 
     before: list[str] | None = None
     """A command that makes what this one reads; it is not measured."""
@@ -126,7 +152,7 @@ def tasks(folder: Path, scenarios: list[str]) -> Iterator[Task]:
     bare.write_text(BARE, encoding="utf-8")
     design = [*jaxsat, "design", str(bare)]  # into the folder it runs in
     yield Task("design, first answer", design, 20, until="first answer")
-    yield Task("design", design, 180, statuses=(0, 1))
+    yield Task("design", design, 180, statuses=(0, 1), rounds=1)
     for name, target in (("two-torque-free", 8), ("thruster-dies", 20)):
         yield Task(f"export {name}", [*jaxsat, "export", name, *out, at()], target)
 
@@ -166,29 +192,42 @@ def row(task: Task, folder: Path, flags: dict[str, str], rounds: int) -> Row:
     """One command measured."""
     if task.before is not None:
         subprocess.run(task.before, cwd=folder, env=flags, check=True)
-    measured(task, flags | {"JAXSAT_CACHE_DIR": str(folder / "first")})
     with tempfile.TemporaryDirectory(dir=folder) as cache:
         own = flags | {"JAXSAT_CACHE_DIR": cache}
         cold = measured(task, own)
-        turns = [(measured(None, own), measured(task, own)) for _ in range(rounds)]
+        turns = [(measured(None, own), measured(task, own)) for _ in range(task.rounds or rounds)]
     base, warm = (min(times) for times in zip(*turns, strict=True))
     return Row(task.name, cold, warm, base, task.target, task.cold_target)
 
 
-def in_python(flags: dict[str, str]) -> list[float]:
-    """Processor seconds of `build(...).simulate()`: first, again, with a changed gain."""
-    text = IN_PYTHON.format(name="paper-three-axis", gain="k3", value=0.06)
-    command = [sys.executable, "-c", text]
-    done = subprocess.run(command, env=flags, capture_output=True, text=True, check=True)
-    return [float(line) for line in done.stdout.split()]
+def in_python(
+    name: str, change: str, folder: Path, flags: dict[str, str], rounds: int
+) -> list[Row]:
+    """What takes how long in a session of Python: with empty caches, then with full ones."""
+    with tempfile.TemporaryDirectory(dir=folder) as cache:
+        own = flags | {"JAXSAT_CACHE_DIR": cache, "MPLBACKEND": "agg"}
+
+        def session() -> list[float]:
+            command = [sys.executable, "-c", IN_PYTHON, name, change]
+            done = subprocess.run(command, env=own, capture_output=True, text=True, check=True)
+            return [float(line) for line in done.stdout.split()]
+
+        cold = session()
+        base = min(measured(None, own) for _ in range(rounds))
+        warm = [min(times) for times in zip(*(session() for _ in range(rounds)), strict=True)]
+    found = zip(IN_PYTHON_NAMES, cold, warm, IN_PYTHON_TARGETS, strict=True)
+    return [
+        Row(f"in Python, {name}: {what}", empty, full, base, target, None)
+        for what, empty, full, target in found
+    ]
 
 
-def basilisk_task() -> Task | None:
+def basilisk_tasks() -> list[Task]:
     """Basilisk's flight of a 12U CubeSat by its own modules, if it is installed."""
     if importlib.util.find_spec("Basilisk") is None:
-        return None
+        return []
     script = Path(__file__).with_name("contenders") / "basilisk_12u.py"
-    return Task("Basilisk: 12U slew of 900 s", [sys.executable, str(script)], 2.5)
+    return [Task("Basilisk: 12U slew of 900 s", [sys.executable, str(script)], 2.5)]
 
 
 def main() -> None:
@@ -203,31 +242,44 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         flags = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
-        if flags.keys() != os.environ.keys():
+        if flags.keys() != os.environ.keys() and "PYTHONPYCACHEPREFIX" not in flags:
             flags["PYTHONPYCACHEPREFIX"] = str(folder / "bytecode")
-        peer = basilisk_task()
         chosen = [
             task
-            for task in (*tasks(folder, names), *([] if peer is None else [peer]))
+            for task in (*tasks(folder, names), *basilisk_tasks())
             if not options.only or task.name.startswith(tuple(options.only))
+        ]
+        sessions = [
+            name
+            for name in CHANGES
+            if not options.only or f"in Python, {name}".startswith(tuple(options.only))
         ]
         if options.list:
             print("\n".join(task.name for task in chosen))
             return
         print(HEAD)
         rows = []
-        for task in chosen:
-            rows.append(row(task, folder, flags, options.rounds))
-            print(rows[-1].line, flush=True)
-        found = {"rows": [dataclasses.asdict(one) for one in rows], "reference": REFERENCE}
-        if not options.only or "python" in options.only:
-            found["in_python"] = in_python(flags)
-            first, again, gain = found["in_python"]
-            print(f"in Python: {first:.2f} s, again {again:.3f} s, changed gain {gain:.3f} s")
-        if peer is None:
-            print("Basilisk is not installed.")
+        for one in _rows(chosen, sessions, folder, flags, options.rounds):
+            rows.append(one)
+            print(one.line, flush=True)
     if options.json is not None:
+        found = {"rows": [dataclasses.asdict(one) for one in rows], "reference": REFERENCE}
         options.json.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+
+
+def _rows(
+    chosen: list[Task], sessions: list[str], folder: Path, flags: dict[str, str], rounds: int
+) -> Iterator[Row]:
+    """Those of commands, each kind of which runs once before, then those of sessions of Python."""
+    first, kinds = flags | {"JAXSAT_CACHE_DIR": str(folder / "first")}, set()
+    for task in chosen:
+        kind = task.name.split()[0]
+        if kind not in kinds and task.before is None:
+            measured(task, first)
+            kinds.add(kind)
+        yield row(task, folder, flags, rounds)
+    for name in sessions:
+        yield from in_python(name, CHANGES[name], folder, flags, rounds)
 
 
 if __name__ == "__main__":

@@ -49,10 +49,46 @@ from jaxsat.core.text import fixed_text
 def nonnegative_least_squares(
     columns: Float[np.ndarray, "n k"], target: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " k"], float]:
-    """Weights λ ≥ 0 that minimise |columns λ - target|, and that least distance."""
-    from scipy.optimize import nnls  # takes its time, and most studies have no use for it
+    """Weights λ ≥ 0 that minimise |columns λ - target|, and that least distance.
 
-    return nnls(columns, target, maxiter=200 * columns.shape[1])
+    The active set of Lawson and Hanson, *Solving Least Squares Problems* (1974), section 23.3, in
+    NumPy: the import of SciPy's takes longer than all that a scenario asks of it.
+    """
+    count = columns.shape[1]
+    weights, support = np.zeros(count), np.zeros(count, bool)
+    futile = support.copy()  # columns whose slope is rounding, as they leave as soon as they enter
+    norm = np.linalg.norm(columns, 1) if columns.size else 0.0
+    rounding = 10 * max(columns.shape) * np.finfo(float).eps * norm
+    for _ in range(200 * count):
+        slope = np.where(support | futile, 0.0, columns.T @ (target - columns @ weights))
+        steepest = int(np.argmax(slope))
+        if slope[steepest] <= rounding:
+            break
+        support[steepest] = True
+        weights, support = _least_squares_of(columns, target, weights, support)
+        futile = futile & ~support[steepest]
+        futile[steepest] = not support[steepest]
+    return weights, float(np.linalg.norm(columns @ weights - target))
+
+
+def _least_squares_of(
+    columns: Float[np.ndarray, "n k"],
+    target: Float[np.ndarray, " n"],
+    weights: Float[np.ndarray, " k"],
+    support: Bool[np.ndarray, " k"],
+) -> tuple[Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
+    """The least squares of the columns in the support, without those whose weight would be < 0."""
+    while True:
+        best = np.zeros_like(weights)
+        best[support] = np.linalg.lstsq(columns[:, support], target, rcond=None)[0]
+        negative = support & (best <= 0)
+        if not negative.any():
+            return best, support
+        shares = np.full(len(weights), np.inf)
+        distance = np.maximum(weights - best, np.finfo(float).tiny)
+        shares[negative] = weights[negative] / distance[negative]
+        support = support & (shares > shares.min())
+        weights = np.where(support, np.maximum(weights + shares.min() * (best - weights), 0.0), 0.0)
 
 
 ROUNDING = 1e-9

@@ -3,10 +3,9 @@
 import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from jaxsat.control.what_is_left import LEFT
 from jaxsat.controllability.cone import direction_words, torque_cone
@@ -25,6 +24,9 @@ from jaxsat.controllability.wording import (
 from jaxsat.core.text import clean, number_text
 from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.store.provenance import provenance_attributes
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 COLUMNS = {
     "failed": "failed",
@@ -248,11 +250,13 @@ def failure_dataset(
     scenario: str,
     verdict: str,
     findings: Sequence[str],
-) -> xr.Dataset:
+) -> "xr.Dataset":
     """Every failure case with rank, margin and what is lost; the judgement in the attributes.
 
     `verdict` is a sentence, `findings` are sentences of the document, a line each in an attribute.
     """
+    import xarray as xr  # takes its time, and the document has no use for it
+
     names = cases[0].working  # the first case has no failure
     arrays = failure_arrays(cases, names)
     meaning = {

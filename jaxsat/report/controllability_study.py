@@ -47,7 +47,6 @@ from jaxsat.scenario.build.plant import build_effectors, build_plant, orbit_rate
 from jaxsat.scenario.parts.wheels import inertia_of
 from jaxsat.spacecraft.gimbals import ControlMomentGyros
 from jaxsat.store.folder import OutputFolder
-from jaxsat.store.netcdf import dataset_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -100,6 +99,8 @@ class ControllabilityStudy(NamedTuple):
 
     def write(self, folder: OutputFolder) -> None:
         """Tables, maps and the page; raises `OutputError`."""
+        from jaxsat.store.netcdf import dataset_bytes  # takes its time
+
         text, cases, document = dump(self.scenario), self.cases, self.document()
         folder.write("scenario.toml", text)
         folder.write("controllability.md", markdown_page(document))

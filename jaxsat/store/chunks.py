@@ -10,14 +10,11 @@ from typing import Any, NamedTuple
 
 import google_crc32c
 import numpy as np
-from numcodecs.vlen import VLenUTF8
-from numcodecs.zstd import Zstd
 
 from jaxsat.store.files import content_hash
 
 CASE = "case"
 METADATA = "zarr.json"
-_ZSTD = Zstd(level=0)
 _CHECKSUM_BYTES = 4
 
 
@@ -96,17 +93,21 @@ def encoded(column: Column, values: np.ndarray, size: int) -> bytes:
 
 
 def _compress(plain: bytes) -> bytes:
-    compressed = bytes(_ZSTD.encode(plain))
+    from numcodecs.zstd import Zstd  # as below
+
+    compressed = bytes(Zstd(level=0).encode(plain))
     return compressed + google_crc32c.value(compressed).to_bytes(_CHECKSUM_BYTES, "little")
 
 
 def decoded(column: Column, data: bytes, size: int) -> np.ndarray:
     """The values (size, ...) in a chunk's file; raises `ValueError` for what is none."""
+    from numcodecs.zstd import Zstd  # takes its time, and most commands write no store
+
     compressed, checksum = data[:-_CHECKSUM_BYTES], data[-_CHECKSUM_BYTES:]
     if google_crc32c.value(compressed).to_bytes(_CHECKSUM_BYTES, "little") != checksum:
         raise ValueError("the checksum is another one")
     try:
-        plain = _ZSTD.decode(compressed)
+        plain = Zstd().decode(compressed)
     except RuntimeError as error:
         raise ValueError(str(error)) from error
     values = np.frombuffer(plain, _stored_type(column)).reshape(size, *column.shape)
@@ -127,6 +128,8 @@ def array_metadata(column: Column, rows: int, size: int) -> dict[str, Any]:
 
 def coordinate_files(name: str, coordinate: Coordinate) -> dict[str, bytes]:
     """The files of the array of a coordinate: its `zarr.json` and one chunk."""
+    from numcodecs.vlen import VLenUTF8  # as above
+
     texts = isinstance(coordinate.values[0], str)
     count = len(coordinate.values)
     values = np.array(coordinate.values, object if texts else "<f8")

@@ -2,9 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog
+from scipy.optimize import linprog, nnls
 
-from jaxsat.controllability.cone import KINDS, direction_words, torque_cone
+from jaxsat.controllability.cone import (
+    KINDS,
+    direction_words,
+    nonnegative_least_squares,
+    torque_cone,
+)
 from jaxsat.controllability.layout import TOLERANCE
 
 
@@ -119,3 +124,24 @@ def test_what_the_data_leave_open_is_borderline(size):
     certain = abs(size) > TOLERANCE
     assert cone.borderline == (1e-9 < abs(size) < TOLERANCE)
     assert cone.kind == (("pointed cone" if size > 0 else "space") if certain else "half space")
+
+
+def columns_and_target(random, number):
+    """Random columns, many of them of few integers, equal, opposed, or zero, of any size."""
+    shape = random.integers(1, 7), random.integers(1, 13)
+    columns = random.normal(size=shape) if number % 3 else random.integers(-1, 2, shape) * 1.0
+    if number % 4 == 0 and shape[1] > 2:
+        columns[:, 1:3] = np.stack([columns[:, 0], -columns[:, 0]], axis=1)
+    reachable = columns @ random.integers(0, 3, shape[1])
+    target = reachable if number % 5 == 0 else random.normal(size=shape[0])
+    return columns * 10.0 ** random.integers(-6, 3), target
+
+
+def test_nonnegative_least_squares_are_those_of_scipy():
+    random = np.random.default_rng(0)
+    for number in range(300):
+        columns, target = columns_and_target(random, number)
+        weights, distance = nonnegative_least_squares(columns, target)
+        assert (weights >= 0).all()
+        np.testing.assert_allclose(distance, np.linalg.norm(columns @ weights - target))
+        np.testing.assert_allclose(distance, nnls(columns, target)[1], rtol=1e-9, atol=1e-12)

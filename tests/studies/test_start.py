@@ -32,18 +32,3 @@ def test_a_study_starts_without_slow_imports_and_compilations():
         [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True
     )
     assert done.stdout.splitlines() == ["[] 0", "True"]
-
-
-CHECK = """
-import sys
-from jaxsat.cli.app import run
-assert run(["scenarios", "check", "thruster-dies"]) == 0
-slow = {"matplotlib", "optax", "pandas", "scipy", "xarray"} & set(sys.modules)
-print(sorted(slow))
-"""
-
-
-@pytest.mark.slow
-def test_a_check_of_a_scenario_imports_nothing_of_what_it_is_good_for():
-    done = subprocess.run([sys.executable, "-c", CHECK], capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines()[-1] == "[]"

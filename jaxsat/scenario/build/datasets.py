@@ -1,6 +1,7 @@
 """Runs of scenarios, and cases of their studies, as datasets."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
@@ -14,7 +15,9 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.simulation.assessment import Assessment
 from jaxsat.simulation.trajectory import Trajectory
 from jaxsat.store.dataset import errors_of, trajectory_dataset
-from jaxsat.studies.ensemble import Study
+
+if TYPE_CHECKING:  # a single run needs nothing of studies
+    from jaxsat.studies.ensemble import Study
 
 
 def simulated(
@@ -38,7 +41,7 @@ def simulated_finely(
     return refined(scenario, lambda one: simulated(one, tell), errors_of, tell)
 
 
-def replay_case(scenario: Scenario, study: Study, number: int) -> xr.Dataset:
+def replay_case(scenario: Scenario, study: "Study", number: int) -> xr.Dataset:
     """Case `number` of the study of a scenario with its complete history.
 
     The dataset is that of `jaxsat simulate`. Its attributes hold the number of the case (`case`)
