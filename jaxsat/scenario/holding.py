@@ -139,7 +139,8 @@ class RestDrift(NamedTuple):
 
     `drift` is that of the target attitude, `attitude` how much of it the attitudes within the
     tolerances take away to first order, and `oscillation` how much two rates in phase do that
-    together are the tolerance of the rate ω: c ω²/4.
+    together are the tolerance of the rate ω: c ω²/4. They are sines, as those of the laws; square
+    waves would do c ω²/2, the most of all periodic rates.
     """
 
     drift: float
@@ -148,7 +149,7 @@ class RestDrift(NamedTuple):
 
     @property
     def balanced(self) -> float:
-        """The largest drift against which an attitude within the tolerances can be held."""
+        """The largest drift against which the laws can hold an attitude within the tolerances."""
         return self.attitude + self.oscillation
 
 

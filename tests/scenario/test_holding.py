@@ -11,7 +11,7 @@ from jaxsat.core.declaration.domain import sweeps_of
 from jaxsat.scenario import ScenarioWarning
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
-from jaxsat.scenario.holding import _iterate, missing_torque, nearest_held
+from jaxsat.scenario.holding import _iterate, missing_torque, nearest_held, rest_drift
 
 J = np.array([449.5, 264.6, 312.5])
 Z = np.array([0.0, 0.0, 1.0])
@@ -118,3 +118,31 @@ def test_an_end_game_beyond_the_tolerances_is_told(law):
         assert told_of_end_game([*changes, f"settled.{key}={1.001 * reached}"])[0] == []
         (text,) = told_of_end_game([*changes, f"settled.{key}={0.999 * reached}"])[0]
         assert f"settled.{key}: should be above" in text
+
+
+def test_an_oscillation_of_sines_balances_half_of_what_any_periodic_rates_do():
+    """The largest mean of c p1 p2 of periodic rates without a mean, |p| within the tolerance, by
+    SciPy from random rates: square waves have c ω²/2, two sines in phase the c ω²/4 told."""
+    inertia, plane = np.diag([3.0, 2.0, 4.0]), np.eye(3)[:, :2]
+    rate, coupling, count = 1e-3, 0.25, 16
+
+    def mean_product(x):
+        first, second = x.reshape(2, count)
+        return -np.mean(first * second)
+
+    def slope(x):
+        first, second = x.reshape(2, count)
+        return -np.concatenate([second, first]) / count
+
+    within = {"type": "ineq", "fun": lambda x: 1 - np.sum(x.reshape(2, count) ** 2, axis=0)}
+    no_mean = {"type": "eq", "fun": lambda x: x.reshape(2, count).mean(axis=1)}
+    start = 0.3 * np.random.default_rng(0).normal(size=2 * count)
+    best = minimize(mean_product, start, jac=slope, constraints=[within, no_mean], method="SLSQP")
+    assert best.success
+    most = coupling * rate**2 * -best.fun
+    assert most == pytest.approx(coupling * rate**2 / 2, rel=1e-5)
+    told = rest_drift(inertia, plane, 1e-3, gravity_gradient=True, tolerances=(0.1, 0.05, rate))
+    assert told.oscillation == pytest.approx(most / 2, rel=1e-5)
+    phase = np.linspace(0, 2 * np.pi, 1000, endpoint=False)
+    sines = rate / np.sqrt(2) * np.sin(phase)
+    assert told.oscillation == pytest.approx(coupling * np.mean(sines**2))

@@ -39,8 +39,9 @@ def lost_holds(scenario: Scenario) -> str | None:
         f"axis of {spread:.1e} rad/s² (standard deviation). Attitudes within the tolerances "
         f"balance {nominal.attitude:.1e} rad/s² and oscillations of the tolerated rate "
         f"{nominal.oscillation:.1e}, together {left / spread:.2g} standard deviations. No law "
-        "holds a body beyond that for ever: a hold ends after some time and begins again, so fewer "
-        "than 99 % of the cases may settle, however long the run. A better known inertia helps."
+        "of jaxsat holds a body beyond that for ever: a hold ends after some time and begins "
+        "again, so fewer than 99 % of the cases may settle, however long the run. A better known "
+        "inertia helps."
     )
 
 
