@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxsat.report.comparison_document import settling_comparison
+from jaxsat.report.comparison_figures import settling_comparison
 from jaxsat.report.figure_painter import paint_grid
 from jaxsat.report.style import MARKERS
 from jaxsat.report.tuning_document import methods_plot

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as xml
 import numpy as np
 import pytest
 
-from jaxsat.report.comparison_document import settling_comparison
+from jaxsat.report.comparison_figures import settling_comparison
 from jaxsat.report.controllability_figures import inertia_map
 from jaxsat.report.figure_painter import paint_grid
 from jaxsat.report.study_figures import study_figures

@@ -253,7 +253,7 @@ def write_record(
 
 def acceptance_figures(rows: Sequence[ComparisonRow]) -> "dict[str, Figure]":
     """Settling times on the acceptance set, a panel for every limit and level."""
-    from jaxsat.report.comparison_document import settling_comparison
+    from jaxsat.report.comparison_figures import settling_comparison
 
     panels: dict[Panel, dict[str, Any]] = {}
     for row in rows:
@@ -267,7 +267,7 @@ def scenario_figures(
     title: str, duration: float, rows: Sequence[ComparisonRow], recoveries: Mapping[str, Any]
 ) -> "dict[str, Figure]":
     """Settling times in a scenario that lasts `duration` s, and what recovered under each law."""
-    from jaxsat.report.comparison_document import recovery_comparison, settling_comparison
+    from jaxsat.report.comparison_figures import recovery_comparison, settling_comparison
 
     panel: Panel = ("the same cases under every law", None)
     times = {row.setting.law: row.settling_times for row in rows}

@@ -105,7 +105,7 @@ def _figures(design: ControllerDesign) -> "dict[str, Figure]":
 
 
 def _laws_figure(design: ControllerDesign) -> "Figure":
-    from jaxsat.report.comparison_document import settling_comparison
+    from jaxsat.report.comparison_figures import settling_comparison
 
     steps: dict[str, Step | None] = {"screening": design.screening, "validation": design.validation}
     panels, horizons = {}, {}
