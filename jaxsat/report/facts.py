@@ -3,9 +3,7 @@
 import hashlib
 import tomllib
 from collections.abc import Mapping
-from typing import Any
-
-import xarray as xr
+from typing import TYPE_CHECKING, Any
 
 from jaxsat.core.declaration.actuators import PARTS
 from jaxsat.core.text import number_text
@@ -14,8 +12,11 @@ from jaxsat.report.document import Facts
 from jaxsat.scenario.control import known_law
 from jaxsat.scenario.parts.orbit import OrbitTable
 
+if TYPE_CHECKING:  # studies are told without it
+    import xarray as xr
 
-def scenario_tables(dataset: xr.Dataset) -> dict[str, Any]:
+
+def scenario_tables(dataset: "xr.Dataset") -> dict[str, Any]:
     """The scenario that a dataset carries; empty where it has none."""
     try:
         return tomllib.loads(str(dataset.attrs.get("scenario", "")))

@@ -2,10 +2,9 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from jaxsat.core.declaration.requirements import comparisons
 from jaxsat.core.text import number_text
@@ -17,6 +16,9 @@ from jaxsat.simulation.requirements import raw_signals, saved_margin
 from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 from jaxsat.studies.statistics import fraction_text
 from jaxsat.studies.summary import RequirementSummary
+
+if TYPE_CHECKING:  # studies are told without it
+    import xarray as xr
 
 NOTE = (
     "A margin is how far the deciding signal is on the right side of its limit. It is judged at "
@@ -52,7 +54,7 @@ class RunMargin(NamedTuple):
         return self.margin >= 0
 
 
-def judgements(dataset: xr.Dataset) -> list[RunMargin]:
+def judgements(dataset: "xr.Dataset") -> list[RunMargin]:
     """Every requirement of the scenario of a run, by the signals at its saved times."""
     scenario = scenario_tables(dataset)
     return [
@@ -61,7 +63,7 @@ def judgements(dataset: xr.Dataset) -> list[RunMargin]:
     ]
 
 
-def _judgement(dataset: xr.Dataset, scenario: dict, requirement: RequirementTable) -> RunMargin:
+def _judgement(dataset: "xr.Dataset", scenario: dict, requirement: RequirementTable) -> RunMargin:
     formula = requirement.parsed
     sentence = requirement.text or requirement.formula
     if missing := raw_signals(formula) - set(dataset.data_vars):
