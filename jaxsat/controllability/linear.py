@@ -130,6 +130,19 @@ def reachable_rank(
     return basis.shape[1], shortest
 
 
+def _exponentials(matrices: Float[np.ndarray, "k n n"]) -> Float[np.ndarray, "k n n"]:
+    """Exponentials of small matrices, all at once: Taylor's polynomial, scaled and squared."""
+    largest = np.max(np.sum(np.abs(matrices), axis=1), initial=0.5)
+    squarings = int(np.ceil(np.log2(largest / 0.5)))
+    scaled_matrices, one = matrices / 2.0**squarings, np.eye(matrices.shape[1])
+    power = one + scaled_matrices / 16.0
+    for order in range(15, 0, -1):  # what is left out is below 0.5^17 / 17! = 2e-20
+        power = one + scaled_matrices @ power / order
+    for _ in range(squarings):
+        power = power @ power
+    return power
+
+
 def gramian_time_scales(
     linear: LinearControllability,
     *,
@@ -145,8 +158,6 @@ def gramian_time_scales(
     `longest` seconds are needed or the error cannot be removed at all. Pitch answers in seconds;
     roll and yaw, which only the orbit rate couples, take minutes.
     """
-    from scipy.linalg import expm  # takes its time
-
     times = np.full(6, np.nan)
     nodes, weights = np.polynomial.legendre.leggauss(64)
     for horizon in np.geomspace(1e-2, longest, 200):
@@ -157,7 +168,7 @@ def gramian_time_scales(
             break  # many revolutions: 64 nodes no longer resolve them
         inputs = stretch[:, None] * linear.input_matrix * horizon
         # A factor of the Gramian: its singular values are not squared.
-        parts = expm(-0.5 * (nodes[:, None, None] + 1.0) * state) @ inputs
+        parts = _exponentials(-0.5 * (nodes[:, None, None] + 1.0) * state) @ inputs
         factor = np.concatenate(list(np.sqrt(0.5 * weights)[:, None, None] * parts), axis=1)
         directions, values, _ = np.linalg.svd(factor, full_matrices=False)
         solid = values > 1e-13 * values[:1]

@@ -11,6 +11,7 @@ from scipy.linalg import expm, solve_continuous_are
 
 from jaxsat.controllability.lie import DriftField, pack, to_tangent
 from jaxsat.controllability.linear import (
+    _exponentials,
     gramian_time_scales,
     linear_controllability,
     lvlh_linearisation,
@@ -205,3 +206,14 @@ def test_one_thruster_is_not_stlc_at_rest_yet_linear_in_orbit():
     tilted = np.diag(PAPER) + 5.0 * (1 - np.eye(3))
     assert analyse(tilted, axis, orbit_rate=ORBIT).linear is None
     assert analyse(tilted, axis).linear is not None
+
+
+def test_exponentials_of_all_nodes_are_scipys():
+    rng = np.random.default_rng(4)
+    matrices = rng.standard_normal((7, 6, 6))
+    for size in (0.0, 0.1, 3.0, 40.0):
+        scaled = matrices * size / np.max(np.sum(np.abs(matrices), axis=1))
+        expected = expm(scaled)
+        np.testing.assert_allclose(
+            _exponentials(scaled), expected, rtol=0, atol=1e-12 * np.max(np.abs(expected))
+        )
