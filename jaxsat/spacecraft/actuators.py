@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
@@ -218,7 +219,10 @@ class Actuators(AbstractEffector):
 
 
 class PluginActuators(AbstractEffector):
-    """Actuators that do not come with jaxsat, as an effector that takes so many `torques`."""
+    """Actuators that do not come with jaxsat, as an effector that takes so many `torques`.
+
+    Of those that store the ideal thrusters of their context, the same is dispersible as of these.
+    """
 
     kind: ClassVar[str] = "thruster"
     even: ClassVar[bool] = True
@@ -226,6 +230,13 @@ class PluginActuators(AbstractEffector):
     actuators: AbstractActuators
     torques: int = eqx.field(static=True)
     failures: None = None
+
+    @property
+    def dispersible(self) -> Mapping[str, Dispersible]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """What is dispersible in the thrusters that are stored; nothing without exactly one set."""
+        if len(_stored(self)) != 1:
+            return {}
+        return {name: _of_stored(one) for name, one in DISPERSIBLE.items()}
 
     @property
     def count(self) -> int:
@@ -259,6 +270,30 @@ class PluginActuators(AbstractEffector):
         """The actuators held on the side of each corner that `signs` tells."""
         held = self.actuators.smooth_piece(signs)
         return PluginActuators(actuators=held, torques=self.torques)
+
+
+def _is_thrusters(part: object) -> bool:
+    return isinstance(part, Actuators)
+
+
+def _stored(effector: PluginActuators) -> list[Actuators]:
+    """The sets of ideal thrusters that actuators store."""
+    return [one for one in jax.tree.leaves(effector, is_leaf=_is_thrusters) if _is_thrusters(one)]
+
+
+def _of_stored(own: Dispersible) -> Dispersible:
+    """What changes the one set of thrusters that actuators store."""
+
+    def changed(effector: PluginActuators, state, values):
+        def change(part):
+            return own.changed(part, state, values)[0] if _is_thrusters(part) else part
+
+        return jax.tree.map(change, effector, is_leaf=_is_thrusters), state
+
+    def thrusters(effector: PluginActuators) -> Actuators:
+        return _stored(effector)[0]
+
+    return Dispersible(changed, lambda one: own.limits(thrusters(one)), own.each, thrusters)
 
 
 class ActuatorContext(NamedTuple):

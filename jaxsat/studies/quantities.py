@@ -136,7 +136,7 @@ def _of_effector(kind: str, one: DispersibleQuantity) -> Quantity:
     return Quantity(
         apply,
         lambda loop: dispersible(loop).limits(effector(loop)),
-        lambda loop: dispersible(loop).each * effector(loop).count,
+        lambda loop: dispersible(loop).size(effector(loop)),
         obstacle,
     )
 
