@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
 from scipy.spatial.transform import Rotation
 
-from helpers.effectors import effector_of
 from jaxsat.control.magnetic import MagneticMode
 from jaxsat.control.periodic_gain import (
     FLOOR,
@@ -231,7 +230,7 @@ def test_a_tumble_is_stopped_and_three_axes_are_held(name, samples, degrees, rat
     law, plant, start = run.loop.controller, run.loop.plant, run.start
     inertia, period = plant.spacecraft.inertia, float(law.period)
     limit = np.asarray(law.steering.dipole_limit)
-    wheels = effector_of(plant, Wheels)
+    wheels = next((one for one in plant.effectors if isinstance(one, Wheels)), None)
     axes = np.zeros((3, 0)) if wheels is None else np.asarray(wheels.axes)
 
     def sample(carry, number):
