@@ -54,7 +54,7 @@ from jaxsat.core.errors import JaxsatError
 from jaxsat.core.text import at_least_digits, clean
 
 MAX_MESSAGE_LENGTH = 300
-"""Characters of an exception's message that are told; the file has all of it."""
+"""Characters of an exception's message that are reported; the file has all of it."""
 
 OUT_OF_MEMORY_TEXTS = ("RESOURCE_EXHAUSTED", "can't start new thread", "Cannot allocate memory")
 """How libraries call a lack of memory or threads where they have no exception for it."""

@@ -16,7 +16,7 @@ Result = TypeVar("Result")
 def use_double_precision() -> None:
     """Switch JAX to 64-bit floats, as every command that computes does first.
 
-    JAX is not imported for it: a mistake in a scenario is told before.
+    JAX is not imported for it: a mistake in a scenario is reported before.
     """
     os.environ["JAX_ENABLE_X64"] = "1"
     if "jax" in sys.modules:

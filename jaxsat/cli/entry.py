@@ -52,7 +52,7 @@ def _status(tokens: Sequence[str] | None, received: list[int]) -> int:
 
 @contextmanager
 def _no_exit_unsaid() -> Iterator[None]:
-    """Inside, `os._exit` raises `SystemExit`, as `sys.exit` does, so that it is told.
+    """Inside, `os._exit` raises `SystemExit`, as `sys.exit` does, so that it is reported.
 
     Code of a user's own could end a command with status 0 otherwise. Processes that are forked
     inside end by it as ever.

@@ -19,7 +19,7 @@ MAX_MEMORY = 8 * 10**9
 MAX_DISK = 20 * 10**9
 MAX_FILES = 10**6
 REPORT_FACTOR = 100
-"""Work within this factor of a limit is told in a line of its own."""
+"""Work within this factor of a limit gets a line of its own."""
 
 
 def require_approval(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet: bool) -> None:

@@ -160,7 +160,7 @@ class Builder:
         body: Callable[[list[ir.Scalar]], list[ir.Scalar]],
         varying: bool,
     ) -> list[ir.Scalar]:
-        """A loop over scalars of which `uniform` tells what they stay, with a `varying` condition.
+        """A loop over scalars of which `uniform` says what they stay, with a `varying` condition.
 
         Raises `AssertionError` where the body makes a uniform one varying.
         """

@@ -171,7 +171,7 @@ class Source:
 
 @dataclass(slots=True)
 class Function:
-    """A program of its own, called from others; what is stored is told by `Store` steps alone.
+    """A program of its own, called from others; what is stored is in `Store` steps alone.
 
     `parts` are functions for single results, for who needs one only, or nothing.
     """

@@ -16,7 +16,7 @@ BOOL, INT = np.dtype(bool), np.dtype(np.int32)
 class Arithmetic:
     """NumPy's function, and LLVM's words for floats, signed and unsigned (or bool) operands.
 
-    A word that begins with "llvm." is an intrinsic function. `compares` tells that the result is
+    A word that begins with "llvm." is an intrinsic function. `compares` says that the result is
     a bool.
     """
 

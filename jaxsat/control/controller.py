@@ -27,10 +27,10 @@ from jaxsat.spacecraft.wheels import Wheels
 
 
 class ThrusterContext(NamedTuple):
-    """What a law that commands the duties of thrusters is told of them.
+    """What a law that commands the duties of thrusters knows of them.
 
     `cost` is what full thrust of each costs, `rate_noise` (rad/s) the standard deviation of the
-    rates that the law is told, zero where they are exact. `pulse` (s) is the least on-time, of
+    rates that the law is given, zero where they are exact. `pulse` (s) is the least on-time, of
     which each gives whole multiples, zero where any on-time will do.
     """
 
@@ -41,11 +41,11 @@ class ThrusterContext(NamedTuple):
 
 
 class WheelContext(NamedTuple):
-    """What a law that commands the torque of each wheel is told of them.
+    """What a law that commands the torque of each wheel knows of them.
 
     `wheels` have the limits and the friction that are declared, and no failures in flight. `failed`
     tells which had failed before the start. `momentum_noise` (N m s) is the standard deviation of
-    each tachometer, `rate_noise` (rad/s) that of the rates that the law is told, zero where they
+    each tachometer, `rate_noise` (rad/s) that of the rates that the law is given, zero where they
     are exact. Commands act `delay` (s) late.
     """
 
@@ -57,7 +57,7 @@ class WheelContext(NamedTuple):
 
 
 class MagneticContext(NamedTuple):
-    """What a law is told of the magnetorquers that make its torques with wheels, if there are any.
+    """What a law knows of the magnetorquers that make its torques with wheels, if there are any.
 
     `steering` makes their dipoles of its torque, and `momentum` (N m s, body axes) is that
     of the wheels at their bias, and of those that have failed at the start.
@@ -68,7 +68,7 @@ class MagneticContext(NamedTuple):
 
 
 class LawContext(NamedTuple):
-    """What a scenario tells a law besides the law's own keys.
+    """What a scenario gives a law besides the law's own keys.
 
     `model` is what the controller believes of the plant, with the disturbance that it measures. Its
     inertia is the one that turns under a torque: with wheels it is without that of their rotors.
@@ -77,7 +77,7 @@ class LawContext(NamedTuple):
     columns of `torque_axes` are the torque axes of the working thrusters. `thrusters` is None but
     for laws that command their duties, `wheels` but for those that command the torque of each. The
     unit columns of `wheel_axes` are those of all wheels, None where there are none.
-    `gravity_gradient` tells whether that torque acts. `magnetic` is None without magnetorquers that
+    `gravity_gradient` says whether that torque acts. `magnetic` is None without magnetorquers that
     work. `rate_noise` (rad/s) is the standard deviation of the measured rates.
     """
 
@@ -153,7 +153,7 @@ class AbstractController(eqx.Module):
         return jnp.zeros(0, state.omega.dtype)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractController":
-        """The smooth law that this one is where its event functions are positive as told.
+        """The smooth law that this one is where its event functions are positive as given.
 
         It is evaluated a little beyond that region too, where it goes on smoothly.
         """

@@ -36,14 +36,14 @@ STILL = 1e-30
 
 
 class ThirdAxis(NamedTuple):
-    """What a law is told of the third axis.
+    """What a law knows of the third axis.
 
     `rate` is s less its value at rest in the orbit frame (rad/s), `lean` are the (ε1, ε2) by which
     the turn about n is that of s, p1 and p2, and the ripples of rate (rad/s) and turn (rad) are
     those to ignore. `products` are the six factors of ds/dt. The first two, a of p1 p2 and b of
     p1² - p2², are those of one product `coupling` = √(a² + 4b²) of the rates about the axes of the
     reduced inertia; `axes` is (cos, sin) of the angle about n from x and y to these.
-    Where the wanted attitude cannot be held, the laws go to the nearest that can be, at most
+    Where the target attitude cannot be held, the laws go to the nearest that can be, at most
     `MOST_TILT` or `MOST_TURN` away: `turn` is the rotation vector to it along (x, y, n) (rad),
     `orbit_rate` and `rest` are the orbit frame's rate along (x, y, n) and (p1, p2, s) at rest there
     (rad/s), and `drift` is what ds/dt (rad/s²) is left.
@@ -93,8 +93,8 @@ class ThirdAxisEstimator(eqx.Module):
 
     The observer predicts the measured ω3 with the fitted errors in it, so that a new estimate
     does not look like a disturbance. A drift at rest within ± `balanced` (rad/s²), unless that is
-    None, is no reason to leave the wanted attitude. `gradient` is √3 ω0 times the direction to the
-    Earth's centre along (x, y, n) in the wanted attitude (rad/s), None where no gravity gradient
+    None, is no reason to leave the target attitude. `gradient` is √3 ω0 times the direction to the
+    Earth's centre along (x, y, n) in the target attitude (rad/s), None where no gravity gradient
     acts: its torque 3 ω0² o × J o is that of -ω × J ω at ω = √3 ω0 o with the other sign, so it
     changes s by the same products. If it `balances_steady`, the observer's steady acceleration
     counts as a part of the drift at rest: what errors of the products leave of it. `most_turn`

@@ -114,7 +114,7 @@ class UnbalancedDrift(NamedTuple):
         return jnp.where(self.drifts, jnp.abs(self.drift) + 2 * self.sure, own)
 
     def opposed(self, slow: Slow, turn: RealScalar | float) -> Slow:
-        """What the end game is told of a hold against the drift.
+        """What the end game knows of a hold against the drift.
 
         A `turn` (rad) that asks for all that it can do, and by how much the slow rate exceeds the
         one aimed at, as a hold that begins too fast must not turn too far.
@@ -153,15 +153,15 @@ class Handover(eqx.Module):
     """When the end game takes over and when it hands back.
 
     It takes over when |w|, the slow turn and the turn at which the end game will have stopped the
-    slow rate are below `enter_angle`, the same turns from the wanted attitude are below
+    slow rate are below `enter_angle`, the same turns from the target attitude are below
     `enter_turn`, and |p1|, |p2| less their values at rest below `enter_rate`; it hands back when
-    |w| exceeds `leave_tilt` or one of the turns from the wanted attitude `leave_turn` (rad, rad/s).
+    |w| exceeds `leave_tilt` or one of the turns from the target attitude `leave_turn` (rad, rad/s).
     If it `coasts`, a hold begins against a drift that the end game cannot balance, and ends only
     when the turn itself exceeds `leave_turn` (see `UnbalancedDrift`): each hand-back takes rates
     far above those of the end game; it may begin within `aim_slack` (rad/s) of the slow rate aimed
     at, if that is given. The first one is judged, as it begins before the drift is known. A hold
     that the drift allows also ends as far from the attitude that is held as `leave_held` (rad), if
-    that is given: it may be held far from the wanted one, but beyond that gravity gradient soon
+    that is given: it may be held far from the target, but beyond that gravity gradient soon
     turns the body faster than the oscillation. `slack` is what of the slow rate counts for nothing,
     None for nothing of it.
     """
@@ -190,7 +190,7 @@ class Handover(eqx.Module):
         """Whether the end game is to work now, given whether it did.
 
         `excess` is (p1, p2, s) less its value at rest (rad/s), `deceleration` that of the slow rate
-        of which the end game is capable (rad/s²), `held` the turn about n from the wanted attitude
+        of which the end game is capable (rad/s²), `held` the turn about n from the target attitude
         to the one that is held (rad), from which the slow turn counts, and `clock` the time since
         the stage began (s).
         """
@@ -224,7 +224,7 @@ def _farthest(
     slow: Slow, held: RealScalar, deceleration: RealScalar
 ) -> tuple[RealScalar, RealScalar]:
     """The larger of the turn now and when the slow rate is stopped, from the attitude that is held
-    and from the wanted one."""
+    and from the target."""
     stopping = slow.rate * jnp.abs(slow.rate) / (2 * deceleration)
     from_held, from_wanted = (
         jnp.maximum(jnp.abs(turn), jnp.abs(turn + stopping))

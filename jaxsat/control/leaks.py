@@ -127,7 +127,7 @@ class Leaks(eqx.Module):
         """After a period in which the thrusters had these on-times (s).
 
         Where the law `holds` and cannot push, the mean of all that acts about n is what it needs
-        to know, and a constant torque must not be taken for leaks: nothing is told of the thrust.
+        to know, and a constant torque must not be taken for leaks: it says nothing of the thrust.
         """
         untold = holds & (jnp.max(memory.push) <= 0)
         thrust = jnp.where(untold, 0.0, self.basis @ on_time)

@@ -76,7 +76,7 @@ class MomentumFit(eqx.Module):
         again: BoolScalar,
     ) -> MomentumMemory:
         """One sample more: the attitude, ω (rad/s) and the `total` momentum Cᵀ(Jω + A h) (N m s)
-        as believed. `again` tells that H is new: something has failed."""
+        as believed. `again` says that H is new: something has failed."""
         due = (memory.samples + 1 >= SAMPLES) | again
 
         def corrected() -> MomentumMemory:

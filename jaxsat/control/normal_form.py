@@ -158,19 +158,19 @@ class NormalForm(eqx.Module):
 
     @property
     def orbit_rate(self) -> Vector:
-        """Angular velocity of the orbit frame along (x, y, n) at the wanted attitude, rad/s."""
+        """Angular velocity of the orbit frame along (x, y, n) at the target attitude, rad/s."""
         return -self.model.orbit.rate * self.axes[:, 1]
 
     @property
     def gradient_rate(self) -> Vector:
-        """√3 ω0 times the direction to the Earth's centre along (x, y, n) at the wanted attitude,
+        """√3 ω0 times the direction to the Earth's centre along (x, y, n) at the target attitude,
         rad/s, see `ThirdAxisEstimator`."""
         _, axes, rate = numpy_if_known(self.axes, self.model.orbit.rate)
         return as_float(math.sqrt(3) * rate * axes[:, 2])
 
     @property
     def rest(self) -> Vector:
-        """(p1, p2, s) at rest in the orbit frame in the wanted attitude, rad/s."""
+        """(p1, p2, s) at rest in the orbit frame in the target attitude, rad/s."""
         return self.slow(self.orbit_rate)
 
     def slow(self, rate: Vector) -> Vector:

@@ -107,7 +107,7 @@ def oscillatory_settling(
 ) -> OscillatorySettling:
     """The Morin-Samson law and the end game.
 
-    `model` is what the controller believes of the plant. `observe` tells whether it estimates the
+    `model` is what the controller believes of the plant. `observe` says whether it estimates the
     ripple of d3 (by `ripple`, `ripple_filter(model, ...)` unless given), `estimate` whether it
     estimates the errors of axes and inertia. The two torques are about the orthonormal
     `directions`; `holding_amplitude` (rad/s) is the largest of the end game, `gravity_gradient`

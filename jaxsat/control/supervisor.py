@@ -40,7 +40,7 @@ class Phase(enum.IntEnum):
 class SettlingMemory(NamedTuple):
     """The phase but `HOLDING`, the memories of its parts, and when the phase began (s).
 
-    `samples` counts those since the law began, from which all its times count. `lost` tells whether
+    `samples` counts those since the law began, from which all its times count. `lost` says whether
     a fine stage has ended without success, and `slew_axes` are (cos, sin) of the angle about n from
     x and y to the axes of the slews, None where these stay x and y.
     """

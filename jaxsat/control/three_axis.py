@@ -159,7 +159,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         return steering[:0] if self.saturation_width is not None else steering**2 - self.a**2
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ThreeAxisLaw":
-        """The law whose sat saturates, or does not, as told."""
+        """The law whose sat saturates, or does not, as given."""
         return self if not signs.size else dataclasses.replace(self, saturated=signs)
 
     def relative_reference_rate(self, state: PlantState) -> Pair:

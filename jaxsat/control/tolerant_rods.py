@@ -107,7 +107,7 @@ class TolerantRods(eqx.Module):
         return self.steering.bias
 
     def field(self, sample: Sample) -> Vector:
-        """The Earth's field (T, body axes) at the attitude that the law is told."""
+        """The Earth's field (T, body axes) at the attitude that the law is given."""
         return self.steering.field.in_body(sample.t, sample.state.attitude)
 
     def natural_frequency(self, inertia: Matrix, axis: Vector) -> RealScalar:

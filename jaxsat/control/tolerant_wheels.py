@@ -83,7 +83,7 @@ class TolerantWheels(AbstractTolerantActuators):
     """Reaction wheels, whose command is the torque of each on the body, N m.
 
     Two of them settle all axes by `two_wheels` where no momentum about the third is left; else
-    rates are damped, which takes energy out whatever is left. `known` tells which had failed before
+    rates are damped, which takes energy out whatever is left. `known` says which had failed before
     the start. Commands act `delay` (s) late.
     """
 

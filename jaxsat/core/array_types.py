@@ -7,10 +7,10 @@ IntScalar = Int[Array, ""]
 BoolScalar = Bool[Array, ""]
 
 Pair = Float[Array, "2"]
-"""Two components, about the first two body axes unless told."""
+"""Two components, about the first two body axes unless stated."""
 
 Vector = Float[Array, "3"]
-"""Three components, in body axes unless told."""
+"""Three components, in body axes unless stated."""
 
 Matrix = Float[Array, "3 3"]
 """Rows and columns are those of the same axes."""

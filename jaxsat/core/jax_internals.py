@@ -2,7 +2,7 @@
 
 `jaxsat.core.jaxprs` makes a stable form of JAX's traced programs with it, which all else reads.
 `layout_of` gives what an equation computes under names of our own. An equation that has other
-parameters than those of the versions in `TESTED` is told as unknown, and nothing is guessed.
+parameters than those of the versions in `TESTED` is reported as unknown, and nothing is guessed.
 """
 
 from collections.abc import Callable, Mapping

@@ -39,7 +39,7 @@ def sat(
 
     `width` in [0, 1] is the part of `bound` over which the corner is rounded, 1 being
     bound·tanh(x / bound); it differs from the printed function by at most 0.24 width·bound.
-    The printed function stays on the side of its corner that `beyond` tells.
+    The printed function stays on the side of its corner that `beyond` gives.
     """
     if width is None:
         outside = jnp.abs(x) > bound if beyond is None else beyond

@@ -2,7 +2,7 @@
 
 XLA for processors fuses operations into loops over a batch, and repeats what several loops need in
 each of them where it holds that for cheap: sines, and the rates of a whole state for every row of a
-concatenation. A call that it is told not to take apart (`apart`) is computed once.
+concatenation. A call that it must not take apart (`apart`) is computed once.
 """
 
 from collections.abc import Callable

@@ -41,8 +41,8 @@ class CannotExport(JaxsatError):
 
 
 class Seen(NamedTuple):
-    """What the law is told: attitude relative to the orbit frame, inertial angular velocity in body
-    axes (rad/s), and the momentum of each wheel (N m s) if there are wheels."""
+    """What the law is given: attitude relative to the orbit frame, inertial angular velocity in
+    body axes (rad/s), and the momentum of each wheel (N m s) if there are wheels."""
 
     attitude: AbstractAttitude
     omega: Vector
@@ -132,7 +132,7 @@ class FlightController(eqx.Module):
         return FlightController(*parts, navigation.estimator, navigation.attitude_sigma)
 
     def estimate(self, now: Input, memory: PyTree) -> tuple[Seen, PyTree]:
-        """What the law is told, and the estimator's memory."""
+        """What the law is given, and the estimator's memory."""
         assert self.estimator is not None
         measured = now.measured
         measurement = Measurement(measured.rate, Quaternion(measured.attitude), measured.seen)
@@ -186,7 +186,7 @@ class Measured(NamedTuple):
     star tracker (unit quaternion, scalar first, relative to the orbit frame).
 
     `seen` is false where no attitude has arrived. If there are wheels, `wheel_momentum` is the
-    momentum of each as its tachometer tells it (N m s).
+    momentum of each as its tachometer measures it (N m s).
     """
 
     rate: Vector

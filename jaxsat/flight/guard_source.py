@@ -81,7 +81,7 @@ def _arrays_usable(fields: Sequence[Field], name: str, real: str, condition: str
 
 
 def _check(program: FlightProgram, name: str, part: str, condition: str) -> list[str]:
-    """A function that tells whether all floats of a structure fulfil a condition."""
+    """A function that returns whether all floats of a structure fulfil a condition."""
     struct = program.structs[part]
     fields = _floats(struct)
     lines = _arrays_usable(fields, f"{name}_array", real_type(program), condition)
@@ -128,7 +128,7 @@ def _unit_quaternion(program: FlightProgram) -> list[str]:
 
 
 def _judge(program: FlightProgram, group: Group) -> list[str]:
-    """The function that tells whether a measurement is valid in itself."""
+    """The function that returns whether a measurement is valid in itself."""
     suffix = "f" if program.single else ""
     lines = [
         f"static bool is_valid_{group.name}(const controller_input *x,",

@@ -42,7 +42,7 @@ def step_functions(program: FlightProgram) -> list[str]:
 
 
 def _judged(program: FlightProgram) -> list[str]:
-    """What is told of the measurements."""
+    """What is said of the measurements."""
     lines = [
         "static uint32_t judged(const controller_input *in, const controller_validity *valid,",
         "                       const controller_guard_parameters *limits)",
@@ -158,7 +158,7 @@ def _finished() -> list[str]:
 
 
 def _substitutes() -> list[str]:
-    """What an estimator is told in the place of invalid measurements."""
+    """What an estimator is given in the place of invalid measurements."""
     return [
         "static void substitute(const controller_input *in, const controller_validity *valid,",
         "                       const controller_guard_parameters *limits, uint32_t status,",

@@ -113,7 +113,7 @@ def library_source(program: FlightProgram, intro: Sequence[str]) -> str:
     """The text of controller_library.c, which includes controller.c for its static stages.
 
     A row of parameters, inputs and state goes in for each case; the next state and the law's torque
-    and mode (`control`), or what the law is told (`estimate`), come out. `controller_identity`
+    and mode (`control`), or what the law is given (`estimate`), come out. `controller_identity`
     returns ABI, program, precision and the SHA-256 of controller.h and controller.c, which the
     build files compute; `controller_defaults` writes the compiled parameters as a row.
     """

@@ -73,7 +73,7 @@ class FlightProgram:
 
 
 def flight_program(loop: object, start: PlantState, *, single: bool = False) -> FlightProgram:
-    """The program of a loop's controller; `start` is a state as the law may be told.
+    """The program of a loop's controller; `start` is a state as the law may be given.
 
     With `single` all floats are of 32 bits. Raises `CannotExport` for a loop that is not sampled,
     and `CannotLower` for an operation that cannot be written.

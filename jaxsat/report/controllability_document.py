@@ -38,7 +38,7 @@ COLUMNS = {
     "torques": "attainable torques",
     "lost": "lost",
 }
-"""Headings of what is told of a failure, by its name in the records."""
+"""Headings of the sections on a failure, by their names in the records."""
 
 COUNT_WORDS = ("single", "double", "triple")
 ERRORS = ("roll 1°", "pitch 1°", "yaw 1°", "ω1 1 mrad/s", "ω2 1 mrad/s", "ω3 1 mrad/s")

@@ -132,7 +132,7 @@ def controllability_study(
     """Judge what the working actuators can do, and those left after every failure.
 
     Margins below `tolerance` are borderline. With `drift` simulation follows the drift, which takes
-    seconds. `report` is told what is under way.
+    seconds. `report` receives what is under way.
     """
     report("deciding controllability")
     judgement, analysis, cases = _analyse(scenario, tolerance)

@@ -12,7 +12,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Axis:
-    """A quantity, its unit ("1" for a pure number, "" where none is told), and what is shown of it.
+    """A quantity, its unit ("1" for a pure number, "" where it has none), and what is shown of it.
 
     `limits` are its ends, None for one that follows the data. On paper an axis is logarithmic
     beyond `linear_to` on either side of zero; a page, which can be enlarged, stays linear. `names`
@@ -86,7 +86,7 @@ class Strips:
 class Plot:
     """One panel: its title, what it tells in a sentence, and what is drawn.
 
-    Without a sentence the numbers of its lines are told where nobody sees them.
+    Without a sentence the numbers of its lines stand where only a screen reader finds them.
     """
 
     title: str

@@ -1,4 +1,4 @@
-"""Figures to files. A figure that fails is told and left out; matplotlib is imported here at last.
+"""Figures to files. A figure that fails is reported and left out; matplotlib is imported here.
 
 What a user has set for matplotlib has no part in it: equal results give equal figures.
 """

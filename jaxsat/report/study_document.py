@@ -34,7 +34,7 @@ PERCENTILES = {
     "peak_torque_unmade": "largest unmet torque (N m), over completed cases",
     "unmade_fraction": "fraction of samples with unmet torque, over completed cases",
 }
-"""What is told in percentiles, by its name in the summary."""
+"""What is reported in percentiles, by its name in the summary."""
 
 MUTE = {*UNMADE, *(name for name, (one, _) in STUDIED.items() if one.mute)}
 """Names of these that are left out where all their numbers are zero."""

@@ -12,7 +12,7 @@ from jaxsat.report.plot import Axis, Line, Plot
 from jaxsat.report.study_document import INTERVALS, fraction_cell, interval_cell, interval_of
 
 DOMINANT_FRACTION = 0.5
-"""Part of the cost from which on it is told where it comes from."""
+"""Part of the cost from which on its source is reported."""
 
 EVALUATIONS = {
     "before": "held out, before",

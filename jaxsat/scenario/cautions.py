@@ -37,7 +37,7 @@ HELD_TURN = 0.02
 
 
 def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
-    """Everything about a valid scenario that a person should be told, if told of its law too."""
+    """Everything about a valid scenario that a person should know, with `law` of its law too."""
     if not law:
         return [*_inertia_cautions(scenario), *_origin_cautions(scenario)]
     return [

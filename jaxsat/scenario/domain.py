@@ -16,7 +16,7 @@ from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.scenario.schema import Scenario
 
 MARGIN = 0.01
-"""Part of itself by which a number may be beyond what was verified before it is told."""
+"""Part of itself by which a number may exceed what was verified before that is reported."""
 
 
 def domain_cautions(scenario: Scenario) -> Iterator[Issue]:

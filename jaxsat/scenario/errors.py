@@ -31,7 +31,7 @@ class Issue:
 
 @dataclass(frozen=True)
 class Problem:
-    """An issue as a person is told it: the file (or the option), the line and the key."""
+    """An issue as a person reads it: the file (or the option), the line and the key."""
 
     source: str
     message: str
@@ -83,7 +83,7 @@ def key_of(location: Location) -> str | None:
 
 def entry_of(location: Location) -> str:
     """The position inside the value of a key as a clause, " as entry 2 of row 1" (from 1), or
-    nothing; which of several tables has the key is told by the line."""
+    nothing; the line says which of several tables has the key."""
     key = max((place for place, part in enumerate(location) if isinstance(part, str)), default=-1)
     positions = [part + 1 for part in location[key + 1 :] if isinstance(part, int)]
     if not positions:

@@ -38,7 +38,7 @@ def oscillations(scenario: Scenario) -> list[StructuralMode]:
     """The oscillations of all parts with the body free, the slowest first; without damping.
 
     With d² η/dt² + Ω² η = -Dᵀ dω/dt and J dω/dt = -D d²η/dt² they are the eigenvalues of
-    Ω (1 - Dᵀ J⁻¹ D)⁻¹ Ω. One is told by the part that has most of its motion.
+    Ω (1 - Dᵀ J⁻¹ D)⁻¹ Ω. Each is named by the part that has most of its motion.
     """
     modes = scenario.flexible_mode
     if not modes:

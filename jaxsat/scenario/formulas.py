@@ -1,4 +1,4 @@
-"""The text of a requirement becomes a formula; a mistake is told with its column.
+"""The text of a requirement becomes a formula; a mistake is reported with its column.
 
 formula    = conjunction { "or" conjunction }
 conjunction = clause { "and" clause }

@@ -64,7 +64,7 @@ def read(
     text), checked like the file. An override displaces what the file says to the contrary: the
     orbit's altitude its rate, another `control.law` the gains of the law before.
 
-    Without `law` the rules that concern the control law are left out. `trial` tells what else
+    Without `law` the rules that concern the control law are left out. `trial` says what else
     stands against a scenario whose keys are all right. Raises `ScenarioError` with every problem at
     once; tells `caution` of what is allowed but likely a mistake, by default a `ScenarioWarning`.
     """

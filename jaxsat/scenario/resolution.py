@@ -124,7 +124,7 @@ def refined(
 ) -> tuple[Scenario, Flight]:
     """What `fly` makes of a scenario whose substeps leave no larger `errors` than it allows.
 
-    The scenario has the number of these substeps. Substeps that it names stay. `tell` is told what
+    The scenario has the number of these substeps. Substeps that it names stay. `tell` receives what
     was changed.
     """
     keeps_substeps, flight = scenario.simulation.solver.substeps is not None, fly(scenario)

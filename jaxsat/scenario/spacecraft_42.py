@@ -17,7 +17,7 @@ from jaxsat.scenario.toml_text import toml_document, toml_value
 AXES = str.maketrans("123", "xyz")
 
 SENSORS = ("Gyro", "Magnetometer", "Coarse Sun Sensor", "Fine Sun Sensor", "Star Tracker", "GPS")
-"""Sections of which only the number of their devices is told."""
+"""Sections of which only the number of their devices is reported."""
 
 
 class SpacecraftFileError(JaxsatError, ValueError):

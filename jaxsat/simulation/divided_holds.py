@@ -33,7 +33,7 @@ SLOW = 8
 class _Bracket(NamedTuple):
     """Where an instant is searched, in s from the begin of the hold, and the least margins there.
 
-    `open` tells whether there is one, `side` at which end (-1 or 1) the last try came to lie. After
+    `open` says whether there is one, `side` at which end (-1 or 1) the last try came to lie. After
     `tries` the bracket may be `closed`: `correction` (s) is zero, and has the derivative of the
     instant.
     """

@@ -123,7 +123,7 @@ NEVER = 1e9
 class ContinuousLoop(AbstractContinuousLoop):
     """A plant under a continuous controller.
 
-    The `distribution` makes of a command that of each effector of the plant. `struck` tells which
+    The `distribution` makes of a command that of each effector of the plant. `struck` says which
     failures have struck, effector by effector, see `smooth_piece`; None is those whose time has
     come. Raises `ValueError` for an effector whose command must be held.
     """

@@ -97,7 +97,7 @@ def fixed(step: float, solver: Solver | None = None) -> Method:
 
 
 def checkpoints() -> Adjoint:
-    """How diffrax differentiates unless told otherwise: reverse mode with checkpoints."""
+    """How diffrax differentiates unless stated otherwise: reverse mode with checkpoints."""
     import diffrax  # takes its time
 
     return diffrax.RecursiveCheckpointAdjoint()

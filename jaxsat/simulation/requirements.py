@@ -293,7 +293,7 @@ def saved_margin(
 class Requirements(eqx.Module):
     """What every case of a program must show, judged while it runs up to its `end` (s).
 
-    `names` are those of the `formulas`; `light` tells where the Sun is, which those with a
+    `names` are those of the `formulas`; `light` says where the Sun is, which those with a
     `sun_angle` need.
     """
 

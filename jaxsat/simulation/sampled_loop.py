@@ -41,7 +41,7 @@ class SampledState(NamedTuple):
 
 
 class _Planned(NamedTuple):
-    """A sample: what the law was told, what is asked for, the plans of effectors, and memories."""
+    """A sample: what the law was given, what is asked for, the plans of effectors, and memories."""
 
     told: Told
     shares: Shares
@@ -60,8 +60,8 @@ class SampledLoop(AbstractLoop):
 
     The `distribution` makes of a command what each effector of the plant is asked for. The plant is
     integrated over each time without an instant at which an effector changes, in `substeps` equal
-    steps. `sensors` stand between the true state and what the controller is told, or `navigation`
-    does, whose sensors and estimator have a state; with None of either it is told the truth. A
+    steps. `sensors` stand between the true state and what the controller is given, or `navigation`
+    does, whose sensors and estimator have a state; with None of either it is given the truth. A
     `delay` (s, at most one period) is the time the controller takes to compute: for so long after
     each sample effectors continue from what they did; None is a loop without. `tachometers` tell
     the momenta of wheels; None for those that are exact. A `guard` says what is done at samples at
@@ -123,7 +123,7 @@ class SampledLoop(AbstractLoop):
         return begin._replace(guard=self.guard.init(shares))
 
     def told(self, number: IntScalar, state: SampledState) -> Told:
-        """What the controller is told at sample `number` of the run when the truth is `state`."""
+        """What the controller is given at sample `number` of the run when the truth is `state`."""
         measurement = self._with_exact_momenta(number, state)
         if self.tachometers is None:
             return measurement
@@ -135,7 +135,7 @@ class SampledLoop(AbstractLoop):
         return told._replace(valid=valid if told.valid is None else valid & told.valid)
 
     def _with_exact_momenta(self, number: IntScalar, state: SampledState) -> Told:
-        """What the controller is told, with the momenta of wheels as they are."""
+        """What the controller is given, with the momenta of wheels as they are."""
         if self.navigation is not None and state.navigation is not None:
             period = self.controller.period
             return self.navigation.told(number, period, state.plant, state.navigation)

@@ -55,7 +55,7 @@ class Signals(eqx.Module):
     tells which part of a sampled controller is at work, by its own numbers (zero for continuous
     ones). `torque_unmade` is the torque that the law commands beyond what actuators make within
     their limits, None where it commands devices. Of thrusters that push, `torque` is the mean over
-    the period that begins here. `torque_range` is told by engines alone, of sampled loops.
+    the period that begins here. Only engines fill `torque_range`, of sampled loops.
 
     `parts` has by name what effectors, estimator and law tell of themselves: the signals that
     actuators declare, such as `wheel_momentum` (N m s); with `jaxsat.control.navigation` truth less
@@ -92,7 +92,7 @@ class Trajectory(eqx.Module):
 
     `final` is the loop's own state at the last of these times, from which a run can go on.
     `assessment` is of the whole run and does not depend on the times between its ends.
-    `torque_range` tells what a sampled loop's torque was between these times, of every hold; None
+    `torque_range` says what a sampled loop's torque was between these times, of every hold; None
     for other loops. `integration_error` is the estimate of equal steps; None for adaptive ones,
     which are held to their tolerances.
     """

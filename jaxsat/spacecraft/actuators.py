@@ -47,7 +47,7 @@ class AbstractActuators(eqx.Module):
 
     @abc.abstractmethod
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractActuators":
-        """These actuators held on the side of each corner that `signs` tells."""
+        """These actuators held on the side of each corner that `signs` gives."""
 
 
 class AbstractSmoothActuators(AbstractActuators):
@@ -214,7 +214,7 @@ class Actuators(AbstractEffector):
         return (shares / self.limit) ** 2 - 1
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "Actuators":
-        """These thrusters, at their limits or not as told."""
+        """These thrusters, at their limits or not as given."""
         return dataclasses.replace(self, saturated=signs)
 
 
@@ -267,7 +267,7 @@ class PluginActuators(AbstractEffector):
         return self.actuators.event_functions(command)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "PluginActuators":
-        """The actuators held on the side of each corner that `signs` tells."""
+        """The actuators held on the side of each corner that `signs` gives."""
         held = self.actuators.smooth_piece(signs)
         return PluginActuators(actuators=held, torques=self.torques)
 
@@ -297,7 +297,7 @@ def _of_stored(own: Dispersible) -> Dispersible:
 
 
 class ActuatorContext(NamedTuple):
-    """What a scenario tells actuators besides their own keys.
+    """What a scenario gives actuators besides their own keys.
 
     `ideal` are the working thrusters as jaxsat has them without actuators of another kind: torque
     axes, how the command is shared among them, and their limit. The law commands `torques` torques,

@@ -72,7 +72,7 @@ def allocate_unloading(
     """Uses that make a `torque`, of which devices that store no momentum make `unloading` first,
     beside a part of the torque that they make `before` that.
 
-    Those that store momentum, as `stores` tells, make up for `unloading` (N m), which takes it out
+    Those that store momentum, as `stores` says, make up for `unloading` (N m), which takes it out
     of them. All three are allocated as by `allocate`. Of `unloading` only a `part` is made, which
     may depend on the uses for all of it; without it all.
     """

@@ -42,7 +42,7 @@ class Dispersible(NamedTuple):
     For quantities that are more than one field of the effector, which their declaration names.
     `changed` takes the effector, its state and the numbers, `each` so many for every device, and
     gives effector and state. `within` gives the part of the effector that has the devices. The law
-    is not told of what is drawn.
+    is unaware of what is drawn.
     """
 
     changed: Callable[[Any, Any, Float[Array, " size"]], tuple[Any, Any]]

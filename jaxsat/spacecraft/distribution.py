@@ -54,7 +54,7 @@ class AbstractDistribution(eqx.Module):
     ) -> Shares:
         """What each of the effectors is asked for at time `t` (s), in the order of the body.
 
-        `state` is what the law is told of the plant.
+        `state` is what the law knows of the plant.
         """
 
     def out_of_reach(
@@ -65,7 +65,7 @@ class AbstractDistribution(eqx.Module):
         return jnp.zeros_like(command)
 
     def tells_left(self, effectors: tuple[AbstractEffector, ...]) -> bool:
-        """Whether `Shares.left` is told of these effectors."""
+        """Whether `Shares.left` counts these effectors."""
         return False
 
     @property
@@ -78,7 +78,7 @@ class AbstractDistribution(eqx.Module):
         return jnp.zeros(0, command.dtype)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractDistribution":
-        """The distribution held on the side of each corner that `signs` tells."""
+        """The distribution held on the side of each corner that `signs` gives."""
         return self
 
 
@@ -212,7 +212,7 @@ class WheelsFirst(AbstractDistribution):
         return self.rest @ command if alone and self.rest is not None else jnp.zeros_like(command)
 
     def tells_left(self, effectors) -> bool:
-        """Whether `Shares.left` is told: it always is."""
+        """Whether `Shares.left` is known: it always is."""
         return True
 
     def wheels(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"]:

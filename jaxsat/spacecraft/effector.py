@@ -46,7 +46,7 @@ class Effect(NamedTuple):
 
 
 class EffectorContext(NamedTuple):
-    """What a scenario tells an effector besides its own tables.
+    """What a scenario gives an effector besides its own tables.
 
     `field` is the magnetic field along the circular orbit. `failures` in flight are the number,
     from 0, of the device that each strikes, and its checked table `[[failure]]`.
@@ -162,7 +162,7 @@ class AbstractEffector(AbstractHeldEffector):
         return None
 
     def storage(self) -> Storage | None:
-        """What each device can store, without limit unless told; None for nothing ever."""
+        """What each device can store, without limit unless stated; None for nothing ever."""
         if self.momentum(self.init()) is None:
             return None
         return Storage(jnp.zeros(self.count), jnp.full(self.count, jnp.inf))
@@ -271,7 +271,7 @@ class AbstractEffector(AbstractHeldEffector):
         return jnp.zeros(0, acceleration.dtype)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractEffector":
-        """This effector with each event function on the side that `signs` tells."""
+        """This effector with each event function on the side that `signs` gives."""
         return self
 
     def without_corners(self) -> "AbstractEffector":

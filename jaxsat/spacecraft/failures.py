@@ -132,7 +132,7 @@ class FailureEvents(AbstractFailures):
         return self._condition(last, torque, _paused(last, t))
 
     def opens(self, t: RealScalar, on: Float[Array, " m"]) -> Bool[Array, " m"]:
-        """Whether valves open that are told to `on` seconds after a sample at time `t` (s).
+        """Whether valves open that are commanded `on` seconds after a sample at time `t` (s).
 
         None does that is dead, stuck, or intermittent and in its pause.
         """

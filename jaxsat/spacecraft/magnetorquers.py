@@ -152,7 +152,7 @@ class MagneticSteering(AbstractSteering):
     the same torque these have the least sum of squares over the `dipole_limit` (A m²) of each,
     within the limits; of a torque that cannot be made, the greatest part is. What they then make is
     left out of the command of all other actuators, so that the body feels the law's torque. B is
-    that of the `field` at the attitude that the law is told. Sidi, Spacecraft Dynamics and Control,
+    that of the `field` at the attitude that the law has. Sidi, Spacecraft Dynamics and Control,
     1997, sections 7.4 and 7.5: the cross-product law.
     """
 

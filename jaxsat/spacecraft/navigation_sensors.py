@@ -1,4 +1,4 @@
-"""What a navigation is told: a rate gyro at every sample, and a star tracker now and then.
+"""What a navigation is given: a rate gyro at every sample, and a star tracker now and then.
 
 The attitude of a star tracker comes some time after it was true.
 """
@@ -31,7 +31,7 @@ from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 
 
 class SensorContext(NamedTuple):
-    """What a scenario tells a sensor besides its own keys: the time (s) from sample to sample of
+    """What a scenario gives a sensor besides its own keys: the time (s) from sample to sample of
     its law, the Earth's magnetic field, and where the Sun is."""
 
     period: float

@@ -26,7 +26,7 @@ class ThrusterMemory(NamedTuple):
     """The modulator's memory, the pulses of the last period, and what was used since the start.
 
     `level` is the thrust of each thruster in parts of its full one, None where it takes no time to
-    rise and fall; `open` tells which valves were open at the end as told. `pulses` is None where
+    rise and fall; `open` says which valves were open at the end as given. `pulses` is None where
     no valve can be late. `openings` counts the times that each valve opened.
     """
 

@@ -1,4 +1,4 @@
-"""What a sampled controller is told of the state, and of the momenta of reaction wheels."""
+"""What a sampled controller knows of the state, and of the momenta of reaction wheels."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -96,7 +96,7 @@ def in_parameters_of(attitude: AbstractAttitude, other: Quaternion) -> AbstractA
 
 
 class Tachometers(eqx.Module):
-    """White Gaussian noise on the momentum that each wheel's tachometer tells, at each sample.
+    """White Gaussian noise on the momentum that each wheel's tachometer measures, at each sample.
 
     `noise` (N m s) is the standard deviation for each wheel. It is a function of `key` (two 32-bit
     words, which other sensors may share) and of the sample's number. What the tachometer of a wheel

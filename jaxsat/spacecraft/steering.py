@@ -29,7 +29,7 @@ class AbstractSteering(eqx.Module):
     ) -> tuple[Float[Array, " k"], Vector]:
         """The command of each at time `t` (s), and what of a torque (N m) is left to others.
 
-        `state` is what the law is told of the plant.
+        `state` is what the law knows of the plant.
         """
 
     def within_reach(self, t: RealScalar, state: PlantState, torque: Vector) -> Vector:
@@ -39,7 +39,7 @@ class AbstractSteering(eqx.Module):
 
 
 class SteeringContext(NamedTuple):
-    """What a scenario tells a steering besides its effector and the tables of that.
+    """What a scenario gives a steering besides its effector and the tables of that.
 
     `left` (3, 3) is the part of a command of three torques that wheels do not make. Wheels along
     unit `wheel_axes`, zero for those that have failed, are to lose what momentum they have beyond
@@ -85,5 +85,5 @@ class Steered(AbstractDistribution):
         return Shares(uses, left)
 
     def tells_left(self, effectors) -> bool:
-        """Whether `Shares.left` is told: that of steering alone is, else the rest says so."""
+        """Whether `Shares.left` is known: that of steering alone is, else the rest says so."""
         return self.rest is None or self.rest.tells_left(effectors)

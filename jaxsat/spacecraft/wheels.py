@@ -209,7 +209,7 @@ class Wheels(AbstractEffector):
 
     @property
     def mode_passes(self) -> int:
-        """How often `mode_after` is asked: never where `limited` tells which wheels are held."""
+        """How often `mode_after` is called: never where `limited` says which wheels are held."""
         if self.limited is not None:
             return 0
         return 1 if self.rotor_inertia is None else STATE_PASSES
@@ -394,7 +394,7 @@ class Wheels(AbstractEffector):
         return arrives if self.limited is None else jnp.where(self.limited, growth, arrives)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "Wheels":
-        """These wheels, at their momentum limits or not as told."""
+        """These wheels, at their momentum limits or not as given."""
         if not self.event_count:
             return self
         return eqx.tree_at(lambda x: x.limited, self, signs, is_leaf=lambda x: x is None)

@@ -44,7 +44,7 @@ def trajectory_dataset(
     """The history of one run over `time` (s), body axes, with units as attributes.
 
     `scenario` is the scenario as TOML text. Global attributes hold it with the outcome, the seed
-    and what `provenance` tells; `modes` go to the attributes of `mode`. Values after the end
+    and what `provenance` holds; `modes` go to the attributes of `mode`. Values after the end
     of a failed run are NaN. The attitude is also told in degrees, by `pointing`. Where the torque
     changes between the saved times, `torque_min`, `torque_max` and `torque_mean` tell what it was
     from each to the next. Beside the history stand the `TOTALS` of the whole run.

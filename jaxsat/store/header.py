@@ -171,7 +171,7 @@ def _hash(data: Any) -> str:
 
 
 MOST_DIFFERENCES = 6
-"""Differences between two studies that are told."""
+"""Differences between two studies that are reported."""
 
 PROGRAM = "program"
 """The part of an identity that a scenario does not name, or names better."""

@@ -24,7 +24,7 @@ PARTS = tuple(one.name for one in DECLARED)
 """The axes along which actuators and passive parts stand, by their kind in a scenario."""
 
 ALL_PARTS = "actuator"
-"""The axis of what is told of thrusters and wheels together, in this order."""
+"""The axis of quantities of thrusters and wheels together, in this order."""
 
 DIAGNOSED_PARTS = {"thruster": "thrust_level", "wheel": "wheel_momentum"}
 """The kinds along `ALL_PARTS`, each with a variable that has a component for every part of it."""
@@ -166,7 +166,7 @@ def part_names(scenario: str, kind: str, count: int) -> list[str]:
 
 
 def distinct(names: Sequence[str]) -> list[str]:
-    """Names of which one that stands twice, for both ways of a part, is told with + and -."""
+    """Names of which one that stands twice, for both ways of a part, gets + and -."""
     return [
         name if names.count(name) == 1 else name + ("-" if name in names[:place] else "+")
         for place, name in enumerate(names)

@@ -178,7 +178,7 @@ class Marker:
 
     def foreign_files(self, is_made_of_it: NameTest = nothing) -> list[str]:
         """What is in the folder and not proven to be as jaxsat wrote it, nor what a build makes of
-        that, as `is_made_of_it` tells of a name; raises `OSError`."""
+        that, as `is_made_of_it` says of a name; raises `OSError`."""
         folders = {parent.as_posix() for name in self._hashes for parent in Path(name).parents}
         foreign = []
         for name, mode in walk(self.folder):

@@ -63,7 +63,7 @@ def _processor() -> str:
 
 
 def provenance_attributes() -> dict[str, str]:
-    """What `provenance` tells as flat text attributes of a dataset, named by CF conventions."""
+    """What `provenance` holds as flat text attributes of a dataset, named by CF conventions."""
     made_by = provenance()
     versions = {f"{name}_version": version for name, version in made_by["versions"].items()}
     return {

@@ -51,11 +51,11 @@ class Scheduler(AbstractExecutor):
     """The workers of the dask scheduler at an address, which may come and go while a study runs.
 
     What is to be computed is sent to every worker once, so that it compiles once there, and to
-    those that come later. The chunks of a worker that died are computed again. `tell` is told that
-    there are no workers yet, or no longer. Raises `ClusterError` where no scheduler answers within
-    `timeout` seconds, or no longer does, or is of another version; where there are no workers for
-    `patience` seconds; where they cannot import jaxsat; and where one chunk's workers die again
-    and again.
+    those that come later. The chunks of a worker that died are computed again. `tell` reports
+    that there are no workers yet, or no longer. Raises `ClusterError` where no scheduler answers
+    within `timeout` seconds, or no longer does, or is of another version; where there are no
+    workers for `patience` seconds; where they cannot import jaxsat; and where one chunk's workers
+    die again and again.
     """
 
     address: str

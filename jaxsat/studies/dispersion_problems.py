@@ -44,7 +44,7 @@ def dispersion_problems(
 
     A quantity that the loop lacks, a distribution that is not for it, another number of components,
     or one that gives numbers out of the quantity's limits. Of a normal distribution only the mean
-    is looked at: its tails are told from each draw. Numbers that are traced are not looked at.
+    is checked: its tails are told from each draw. Numbers that are traced are not checked.
     """
     for name, distribution in distributions.items():
         obstacle = QUANTITIES[name].obstacle(loop)

@@ -34,7 +34,7 @@ class Processes(AbstractExecutor):
 
     They talk to this process through anonymous pipes: nothing listens, and no other process can
     send them work. What is to be computed is sent to every worker once, so that it compiles once
-    there. A worker that dies is replaced, which `tell` is told, and its chunks are computed again,
+    there. A worker that dies is replaced, which `tell` reports, and its chunks are computed again,
     now one at a time, so that a chunk is not blamed for another one. Raises `ClusterError` where
     `ATTEMPTS` workers died on a chunk, or before they could compute any, or where none can be
     started.

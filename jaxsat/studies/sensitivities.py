@@ -36,7 +36,7 @@ class Sensitivity(NamedTuple):
 
 
 def numbers_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """What was drawn under a name, (cases, components), as numbers by the names they are told by.
+    """What was drawn under a name, (cases, components), as numbers by the names in reports.
 
     A quantity of one number may have shape (cases,). Components are numbered from 1. A quaternion,
     whose components depend on one another and whose sign means nothing, becomes the angle (rad, 0

@@ -135,7 +135,8 @@ class Splitting:
     def pilot(self, least: float) -> tuple[list[Level], bool]:
         """The levels, and whether the last population reaches the event.
 
-        It does not if the margin goes no lower, or if its probability is surely below `least`.
+        It does not if the margin goes no lower, or if its probability is below `least`, with
+        confidence.
         """
         population, size = self._draws(self._cases), FIRST_SIZE
         levels: list[Level] = []

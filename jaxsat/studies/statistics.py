@@ -79,7 +79,7 @@ class StopRule(AbstractStopRule):
 
 @dataclass(frozen=True)
 class WhenDecided(AbstractStopRule):
-    """Stop once the settled fraction is surely above, or surely below, `fraction`.
+    """Stop once the settled fraction is above, or below, `fraction` with confidence.
 
     It may be asked after any number of cases, and for each of so many `candidates`: with a
     probability of at most (1 - level) / 2 is any of those that settle no larger fraction ever told
@@ -93,12 +93,12 @@ class WhenDecided(AbstractStopRule):
     level: float = LEVEL
 
     def met(self, successes: int, count: int) -> bool:
-        """Whether the fraction is surely above, or surely below."""
+        """Whether the fraction is above or below, with confidence."""
         below = self._decides(count - successes, count, 1 - self.fraction)
         return below or self.above(successes, count)
 
     def above(self, successes: int, count: int) -> bool:
-        """Whether the fraction is surely above."""
+        """Whether the fraction is above with confidence."""
         return self._decides(successes, count, self.fraction)
 
     def interval(self, successes: int, count: int) -> Interval:
@@ -170,7 +170,7 @@ def percentile(values: np.ndarray, percent: float) -> Interval:
 
 @latest(256)
 def _order_statistics(count: int, percent: float) -> tuple[int, int]:
-    """How many order statistics are surely below a percentile, and from which on one is above."""
+    """How many order statistics are below a percentile with confidence, and the first above it."""
     from scipy import special  # takes its time, and a study that is computed has no use for it
 
     tail = (1 - LEVEL) / 2

@@ -1,4 +1,4 @@
-"""How a tuning, a comparison or a design runs, who is told of it, and the folder that keeps it."""
+"""How a tuning, a comparison or a design runs, who listens to it, and the folder that keeps it."""
 
 import json
 import tempfile
@@ -67,8 +67,8 @@ def run_columns(
 ) -> dict[str, np.ndarray]:
     """The columns of a study by name, all or those of `names`; its store gets what it lacks.
 
-    With `until` they have as many cases as that rule asks for. `what` runs is told to the listener,
-    and so is an error of the steps that is larger than the `scenario` of the study allows.
+    With `until` they have as many cases as that rule asks for. The listener is given `what` runs
+    and an error of the steps that is larger than the `scenario` of the study allows.
     """
     if study.remark is not None:
         listener.remark(study.remark)

@@ -24,7 +24,7 @@ class Context:
     """Texts of a function's parameters and of its results by the values' numbers, where they are
     fields.
 
-    `left` are results that must be written to fields when all is done, `results` tells which arrays
+    `left` are results that must be written to fields when all is done, `results` says which arrays
     of results are fields, and `wishes` are names for the array parameters, one each.
     """
 

@@ -80,7 +80,7 @@ def tidied(lines: list[str], own: str | None, single: Mapping[str, str]) -> list
 def _with_few_comments(lines: list[str], own: str | None) -> list[str]:
     """Without the comments that tell where a line or two come from.
 
-    That the function's `own` statements go on is told after those of another one alone.
+    Only after statements of another function is it said that the function's `own` go on.
     """
     places = [i for i, line in enumerate(lines) if line.lstrip().startswith("/*")]
     left_out = set()

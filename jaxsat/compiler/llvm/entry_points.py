@@ -203,7 +203,7 @@ class _EntryPointEmitter(FunctionEmitter):
             self.line(f"{out} = icmp ne {cells} {cell}, zeroinitializer")
 
     def copy(self, kind: str, source: PerCase, slot: Slot, count: int) -> None:
-        """Copy elements of an array of cases that follow each other, for the wanted lanes."""
+        """Copy elements of an array of cases that follow each other, for the selected lanes."""
         lanes, name, gather = self.module.lanes, f"@copy.{kind}", f"@gather.{kind}"
         self.module.functions.setdefault(gather, gather_text(gather, kind, lanes))
         self.module.functions.setdefault(name, copy_text(name, kind, lanes))
@@ -223,7 +223,7 @@ class _EntryPointEmitter(FunctionEmitter):
         return moved
 
     def _lanes(self, conditions: Sequence[ir.Scalar]) -> str:
-        """The wanted lanes in which conditions hold."""
+        """The selected lanes in which conditions hold."""
         mask, bits = "%lane", f"<{self.module.lanes} x i1>"
         for condition in conditions:
 
@@ -235,7 +235,7 @@ class _EntryPointEmitter(FunctionEmitter):
         return mask
 
     def write(self, result: ir.Scalar, conditions: Sequence[ir.Scalar], location: Location) -> None:
-        """Put a result where it belongs, for the wanted lanes in which conditions hold."""
+        """Put a result where it belongs, for the selected lanes in which conditions hold."""
         dtype, lanes = result.dtype, self.module.lanes
         wide = vector_type(dtype, lanes)
         if isinstance(location, Slot):

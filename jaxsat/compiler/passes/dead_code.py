@@ -1,7 +1,7 @@
 """Dead-code elimination: steps whose results nobody uses, results of switches and calls, and
 carries of loops on which nothing depends but themselves.
 
-`dependencies` tells which inputs every result needs: data flow forward, by bits of whole numbers.
+`dependencies` says which inputs every result needs: data flow forward, by bits of whole numbers.
 """
 
 from collections import defaultdict

@@ -12,7 +12,7 @@ from jaxsat.core.jaxprs import Equation, Jaxpr, Literal, Variable
 class Values:
     """Numbers of the values of a jaxpr's variables: equal where the same operations make them.
 
-    `uses` tells where variables are read, by the numbers of equations; the results after all of
+    `uses` says where variables are read, by the numbers of equations; the results after all of
     them.
     """
 

@@ -112,9 +112,9 @@ class DiagnosisMemory(NamedTuple):
 
     `statistic` (tests, m) has the CUSUMs of loss, of flow for each sign that it may have, and of a
     full loss.
-    `condition` and `kind` (a `DiagnosedKind`, or -1) are the verdicts, `returns` tells how often an
+    `condition` and `kind` (a `DiagnosedKind`, or -1) are the verdicts, `returns` says how often an
     actuator came back. `age` (s) is the time since the last alarm, verdict or dismissal, `suspect`
-    the likeliest actuator, and `rival` tells which explain the residuals nearly as well. `doubt`
+    the likeliest actuator, and `rival` says which explain the residuals nearly as well. `doubt`
     (in the residuals' unit) is the standard deviation of the last residual, errors of the model
     included.
     """

@@ -40,7 +40,7 @@ class Hypotheses(NamedTuple):
     torques.
     Of those that are `free` a number is fitted; the kind `full` makes its full torque, b = `level`
     but for the uncertainty. `tests` are the signs of flow for which there is a CUSUM test, and
-    `weak_losses` tells whether small signatures tell of a full loss, too: friction, which holds
+    `weak_losses` says whether small signatures tell of a full loss, too: friction, which holds
     back what little a wheel at rest is commanded, looks like one. An actuator with a failure of a
     kind in `in_service` stays in use, and is diagnosed further.
     """

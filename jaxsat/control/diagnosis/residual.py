@@ -29,7 +29,7 @@ TRACKING = 0.1
 
 
 class Reading(NamedTuple):
-    """The rate of the body (rad/s), and what tachometers tell of wheels (N m s), None without.
+    """The rate of the body (rad/s), and what tachometers measure of wheels (N m s), None without.
 
     `unwatched` is the torque (N m) that actuators which no filter watches are believed to have made
     on average since the last reading, None without them.

@@ -1,6 +1,6 @@
 """Momenta of wheels that were not commanded: innovations of one filter for each wheel.
 
-A wheel's tachometer tells its momentum h relative to the body. Its motor is commanded the torque c
+A wheel's tachometer gives its momentum h relative to the body. Its motor is commanded the torque c
 on the body, friction f brakes the rotor, so that dh/dt = -(c + f) - J_w a·dω/dt with the inertia
 J_w of a rotor about its axis a. The last term is known from the rates, so what failures leave is
 told by each wheel alone, whatever the body does.
@@ -264,7 +264,7 @@ def moved(before: OfEach, motor: OfEach, friction: OfEach) -> tuple[OfEach, OfEa
 
 
 def _momentum(reading: Reading) -> OfEach:
-    """What tachometers tell, N m s."""
+    """What tachometers measure, N m s."""
     if reading.momentum is None:
         raise ValueError("Argument `reading` must have the momenta of wheels, but has none.")
     return reading.momentum

@@ -1,4 +1,4 @@
-"""From what sensors measure to what a sampled law is told: estimators, and sensors with a state."""
+"""From measurements to what a sampled law is given: estimators, and sensors with a state."""
 
 from jaxsat.control.navigation.estimator import AbstractEstimator as AbstractEstimator
 from jaxsat.control.navigation.estimator import Estimate as Estimate

@@ -95,7 +95,7 @@ class Estimate(NamedTuple):
 
 
 class EstimatorContext(NamedTuple):
-    """What a scenario tells an estimator besides its own keys: the sensors as they are declared,
+    """What a scenario gives an estimator besides its own keys: the sensors as they are declared,
     the orbit, and the time (s) from sample to sample.
 
     `tracker` is None without a star tracker; `vectors` are those of magnetometer, Sun sensor

@@ -51,7 +51,7 @@ class NavigationState(NamedTuple):
 
 
 class Told(NamedTuple):
-    """What a law is told at one sample; with sensors and estimator that have a state, the next one.
+    """What a law is given at a sample; with sensors and estimator that have a state, the next one.
 
     `errors` are those of the estimate by the names of signals: truth less estimate, and three of
     the deviations claimed, of what is estimated. `valid` is whether the law may use it, None where
@@ -110,7 +110,7 @@ class Navigation(eqx.Module):
     ) -> tuple[Estimate, NavigationState]:
         """The estimate at a sample of the run when the truth is `plant`, and the next state.
 
-        Samples are `period` s apart. In place of an invalid rate, the estimator is told the last
+        Samples are `period` s apart. In place of an invalid rate, the estimator is given the last
         valid one.
         """
         noise = sample_noise(self.key, sample, 9, plant.omega.dtype)
@@ -168,7 +168,7 @@ class Navigation(eqx.Module):
     def told(
         self, sample: IntScalar, period: RealScalar, plant: PlantState, state: NavigationState
     ) -> Told:
-        """What the law is told, the attitude in the parameters of the true one; as `step`."""
+        """What the law is given, the attitude in the parameters of the true one; as `step`."""
         estimate, following = self.step(sample, period, plant, state)
         attitude = in_parameters_of(plant.attitude, estimate.attitude)
         errors = _errors(plant, state.bias, estimate)

@@ -147,7 +147,7 @@ def choice(name: str, meaning: str, among: tuple[str, ...], default: Any = ...) 
 class Finding(NamedTuple):
     """What breaks a rule: a dotted key of the scenario, and "must …, got …" about it.
 
-    Tables of an array are told apart by their numbers from 0: "wheel.0.axis". `missing` tells that
+    Tables of an array are told apart by their numbers from 0: "wheel.0.axis". `missing` says that
     the key is not given.
     """
 

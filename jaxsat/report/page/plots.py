@@ -71,7 +71,7 @@ class TimeWindow:
 
 
 def chart_of(plot: Plot, window: TimeWindow | None = None) -> Chart:
-    """The plot with what a pointer is told of the nearest point; one over time in its window."""
+    """The plot with a tooltip for the nearest point; one over time in its window."""
     axes = (("x", plot.x), ("y", plot.y))
     options: dict[str, Any] = {f"{name}_axis_type": "log" for name, axis in axes if axis.log}
     if window is None:
@@ -189,7 +189,7 @@ def _key(label: str, stroke: Mapping[str, Any]) -> LegendKey:
 
 
 def _lines(drawing: Any, plot: Plot) -> None:
-    """Lines over the same points are told together, others each by itself."""
+    """Lines over the same points share a tooltip, others have one each."""
     for line in plot.lines:
         if line.faint:
             drawing.line(line.x, _drawable(line.y, plot.y), **FAINT)
@@ -298,7 +298,7 @@ def _value_text(column: str, axis: Axis) -> str:
 
 
 def _hover(drawing: Any, renderer: Any, rows: Sequence[tuple[str, str]], mode: Any) -> None:
-    """What a pointer is told of the nearest point, every number printed as C does."""
+    """The tooltip of the nearest point, every number printed as C does."""
     tooltips = [(plain(label), text) for label, text in rows]
     columns = {
         word.partition("{")[0] for _, text in tooltips for word in text.split() if "{" in word

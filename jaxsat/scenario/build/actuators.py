@@ -149,7 +149,7 @@ def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
 
 
 def wheel_context(scenario: Scenario) -> WheelContext | None:
-    """What a law that commands each wheel is told of them; None for others."""
+    """What a law that commands each wheel knows of them; None for others."""
     if not scenario.law.declaration.commands_actuators or not scenario.wheel:
         return None
     wheels = _declared_wheels(scenario)
@@ -159,7 +159,7 @@ def wheel_context(scenario: Scenario) -> WheelContext | None:
 
 
 def magnetic_context(scenario: Scenario) -> MagneticContext | None:
-    """What a law is told of the magnetorquers that work; None without any."""
+    """What a law knows of the magnetorquers that work; None without any."""
     tables, wheels = scenario.magnetorquer, scenario.wheel
     if all(one.failed for one in tables):
         return None
@@ -172,7 +172,7 @@ def magnetic_context(scenario: Scenario) -> MagneticContext | None:
 
 
 def _steering_context(scenario: Scenario) -> SteeringContext:
-    """What steerings are told of wheels."""
+    """What steerings know of wheels."""
     unloading, wheels = scenario.unloading or UnloadingTable(), scenario.wheel
     working = np.array([not one.failed for one in wheels], float)
     return SteeringContext(

@@ -51,7 +51,7 @@ BATCH = 512
 class Balance(NamedTuple):
     """A body about the unit vector `normal` (body axes), which none of its `drivers` drives.
 
-    `torque` (N m) is what the environment makes about it in the wanted attitude, in the mean of an
+    `torque` (N m) is what the environment makes about it in the target attitude, in the mean of an
     orbit; `turn` the rotation vector (rad) from there to the nearest attitude in which that
     vanishes, None where there is none. There `stiffness` (N m/rad) drives a turn about the normal
     back, or away where it is negative, and `moment` (kg m²) is n·Jn.

@@ -24,7 +24,7 @@ def load(
     """The scenario of that name in the library, or of that TOML file, with overrides.
 
     It is read as by `jaxsat.scenario.read`, and can be built for the `purpose`: "run", for which
-    everything is looked at; "study", for which the dispersions must also be such as the loop has;
+    everything is checked; "study", for which the dispersions must also be such as the loop has;
     "motion", without the control law; "text", for which nothing is built. `also` raises
     `BuildError` where a scenario that can be built will not do.
     Raises `ScenarioError` with every problem at once; tells `caution` of what is allowed but likely

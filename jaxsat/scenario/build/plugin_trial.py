@@ -60,7 +60,7 @@ def broken(
     error: BaseException,
     rule: str = "can be run",
 ) -> Issue:
-    """What an exception of a part's own code is told as."""
+    """The report of an exception of a part's own code."""
     text = str(error).strip().split("\n", 1)[0]
     hint = ""
     if isinstance(error, jax.errors.ConcretizationTypeError):

@@ -1,4 +1,4 @@
-"""From a scenario to what a sampled law is told."""
+"""From a scenario to what a sampled law is given."""
 
 import dataclasses
 from typing import Any

@@ -123,7 +123,7 @@ def refined_study(
 
     The substeps stay where the scenario names them. Which they are depends on scenario, seed and
     design alone, so a study that is resumed or larger, or flies a controller's library, has the
-    same. `tell` is told what was changed.
+    same. `tell` receives what was changed.
     """
     own = {**keys, "controller": None}
     study_of = lambda finer: build_study(finer, count, **own)  # noqa: E731

@@ -1,4 +1,4 @@
-"""From tables `[[thruster]]` to thrusters that push, and what a law is told of them."""
+"""From tables `[[thruster]]` to thrusters that push, and what a law knows of them."""
 
 import dataclasses
 import math
@@ -54,7 +54,7 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
 
 
 def thruster_context(scenario: Scenario) -> ThrusterContext | None:
-    """What a law that commands each thruster is told of those that work; None for others."""
+    """What a law that commands each thruster knows of those that work; None for others."""
     if not scenario.law.declaration.commands_actuators or not scenario.thruster:
         return None
     working = [one for one in scenario.thruster if not one.failed]
@@ -79,7 +79,7 @@ def thruster_context(scenario: Scenario) -> ThrusterContext | None:
 
 
 def rate_noise(scenario: Scenario) -> float:
-    """Standard deviation (rad/s) of the rates that a sampled law is told, from sample to sample."""
+    """Standard deviation (rad/s) of the rates that a sampled law is given, sample by sample."""
     if scenario.gyro is not None:
         context = sensor_context(scenario)
         gyro = GYRO.made(dict(scenario.gyro), context)

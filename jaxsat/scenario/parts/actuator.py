@@ -66,7 +66,7 @@ def names_of(tables: Sequence[Any]) -> list[str]:
 def number_of(of: str, actuator: str, tables: Sequence[Any]) -> int | None:
     """Which of an actuator's tables, from 0, "NAME 3" or "NAME name" is; None if there is none.
 
-    Of what has no name, such as torque axes, the number is told.
+    Of what has no name, such as torque axes, the number is given.
     """
     kind, _, which = of.partition(" ")
     names = names_of(tables)

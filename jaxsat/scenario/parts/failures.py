@@ -55,7 +55,7 @@ class _Failure(ScenarioTable):
 
 
 class FailureTable(table_with(fields_of(_AMOUNTS.values()), _Failure)):
-    """`[[failure]]`: what happens to an actuator in flight; the law is not told.
+    """`[[failure]]`: what happens to an actuator in flight; the law does not know.
 
     Of several failures of one actuator the later one replaces the earlier.
     """
@@ -208,7 +208,7 @@ def _drawn(scenario: Any, key: str) -> Any:
 
 
 def _least(key: str, distribution: Any) -> dict[Location, float]:
-    """The least number that is drawn, and where it is told; nothing where there is none."""
+    """The least number that is drawn, and the key that says so; nothing where there is none."""
     for name in ("low", "values"):
         bound = getattr(distribution, name)
         if bound is not None:

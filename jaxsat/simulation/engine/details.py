@@ -1,4 +1,4 @@
-"""What is told of a single run beside the outputs that every case of a study has."""
+"""Outputs of a single run beside those that every case of a study has."""
 
 from typing import TYPE_CHECKING, NamedTuple
 

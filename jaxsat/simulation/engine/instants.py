@@ -150,7 +150,7 @@ def settled_along_step(
     does it if begin, middle and end are further inside than they differ, by `BETWEEN`. In other
     steps the excess is observed at the ends of equal parts, as many as for events, and the instant
     at which the case comes inside is located between them. Nothing of it is differentiated. A step
-    that is not `active` costs no search. `excess_of` tells the excess of a flat state,
+    that is not `active` costs no search. `excess_of` gives the excess of a flat state,
     `excess_at` unless given.
     """
     ode, step, until, at_end = stop_gradient((ode, step, until, at_end))

@@ -115,7 +115,7 @@ class _LoopBody:
         self.body, self._compiled, self._first = body, jax.jit(jaxpr_as_fun(body)), True
 
     def __call__(self, operands: list[_Value], before: Sequence[Origin | None]) -> list[_Value]:
-        """One pass; `before` tells where the NaN of each result of the last pass was from."""
+        """One pass; `before` says where the NaN of each result of the last pass was from."""
         if self._first:
             self._first = False
             return _compute(self.body, operands)

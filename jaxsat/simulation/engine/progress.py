@@ -1,4 +1,4 @@
-"""What is kept of a trajectory while it runs and what is told of it at the end."""
+"""What is kept of a trajectory while it runs, and its outputs at the end."""
 
 from collections.abc import Mapping
 from typing import Literal, NamedTuple, get_args
@@ -132,7 +132,7 @@ class Progress(NamedTuple):
     effectors store, by the column of a study. `failures` is kept of sampled loops that have some.
     `error` is the estimate of equal steps, where the program has one.
     `held` is what the torque of a sampled loop was since it was last observed, None for others.
-    `rest` tells since when the inertial rate has been small, and `forced` counts the smallest steps
+    `rest` says since when the inertial rate has been small, and `forced` counts the smallest steps
     taken in spite of their error, where steps are adaptive; both in a detailed program alone.
     `unmade` is kept of sampled loops that tell it. `seen` are the signals of a sampled loop at the
     instant from which it came here at last, in a detailed program alone. `monitors` are those of
@@ -159,15 +159,15 @@ class Progress(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """What is told of a case; NaN (never settled: infinite) where it did not reach its end.
+    """The outputs of a case; NaN (never settled: infinite) where it did not reach its end.
 
     Code (see `Outcome`), settling time (s), effort (N m s), cost (of a run that failed as well
     where the running cost has a limit), peak |ω| at the instants observed (rad/s), end of the good
     part (s); attitude and ω (rad/s) at the end of the horizon; and what was drawn, by name. `parts`
     has by column what effectors used, and the peaks, at the instants observed, of what they store,
-    see `jaxsat.core.declaration.actuator.Signal`, and what `Unmade` tells. `failures` is what
-    `FailureRecord` tells, of sampled loops with failures in flight, and `details` are told by a
-    detailed program. `integration_error`, up to the end of the good part, is told by a program that
+    see `jaxsat.core.declaration.actuator.Signal`, and what `Unmade` holds. `failures` is what
+    `FailureRecord` holds, of sampled loops with failures in flight, and `details` are those of a
+    detailed program. `integration_error`, up to the end of the good part, is that of a program that
     estimates it, and `requirements` by one that has some: the margin of each. With a leading axis
     these are the outputs of many cases.
     """

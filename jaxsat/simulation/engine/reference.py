@@ -28,7 +28,7 @@ class ReferenceEngine(AbstractBatchEngine):
 
     `method` is what suits the loop unless given; a sampled loop takes its solver with equal steps,
     `substeps` in each period. Adaptive steps run a batch at the pace of its slowest case. Reverse
-    mode of a continuous loop goes by `adjoint`, with checkpoints unless told otherwise; it must
+    mode of a continuous loop goes by `adjoint`, with checkpoints unless stated otherwise; it must
     differentiate what a term closes over, as all but `diffrax.BacksolveAdjoint` do.
     """
 

@@ -52,7 +52,7 @@ def simulate(
     """Run a closed loop from `start` at `times[0]` and save its signals at `times` (s).
 
     Without a `method` the loop's default is used. `adjoint` chooses how diffrax differentiates
-    a continuous loop (reverse mode with checkpoints unless told otherwise; `diffrax.ForwardMode()`
+    a continuous loop (by default reverse mode with checkpoints; `diffrax.ForwardMode()`
     for few gains); a sampled loop takes both modes and needs none.
     When the run settled, by `tolerances`, is judged on the integrator's own steps and their dense
     output, so it does not depend on what is saved; nothing of that is differentiated. A run that

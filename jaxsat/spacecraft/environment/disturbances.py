@@ -20,7 +20,7 @@ from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractP
 
 
 class DisturbanceContext(NamedTuple):
-    """What a scenario tells a disturbance besides its own keys.
+    """What a scenario gives a disturbance besides its own keys.
 
     The nominal `inertia` (kg m²), the `orbit_rate` (rad/s) of the reference frame, the magnetic
     `field` along the orbit, and checked tables `[[panel]]`.

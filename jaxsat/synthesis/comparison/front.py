@@ -47,7 +47,7 @@ class Front(NamedTuple):
     """The front under a torque limit (N m), and the laws beside it.
 
     `points` begin with the least time; each takes longer than the one before it and less effort.
-    `failed` are the durations (s) for which no plan arrives. `end` tells where plans end, laws
+    `failed` are the durations (s) for which no plan arrives. `end` says where plans end, laws
     where they settle.
     """
 
@@ -88,7 +88,7 @@ def front(
     the disturbance and use the whole torque; they end where laws do, within the scenario's
     tolerances, or exactly at rest. Each duration of `STRETCHES` is planned from `guesses`
     ways to the target, near the plan of the next shorter duration and near that of the next longer
-    one. DOP853 flies every plan again; those that miss the target do not count. `report` is told
+    one. DOP853 flies every plan again; those that miss the target do not count. `report` receives
     what is under way. Every law of `laws` (as `scenario_under` takes them) flies from the same
     start; one that settles before every plan ends is itself the first point. Where no plan arrives
     there is no point. Raises as `manoeuvre_of` and `scenario_under` do.

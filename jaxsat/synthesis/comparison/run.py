@@ -176,7 +176,7 @@ def _tell_of_untuned(limits: Sequence[float], listener: Listener) -> None:
 
 
 def _work(setting: ComparisonSetting, count: int) -> Work:
-    """What the cases of one setting take, about: a law is looked at ten times a second."""
+    """What the cases of one setting take, about: a law runs ten times a second."""
     steps = round(horizon(setting.torque_limit) / PERIOD)
     return Work(count + 1, (count + 1) * steps, count * CASE, count * CASE)
 

@@ -60,7 +60,7 @@ def read_vehicle(
     """The scenario of a file whose vehicle is to get a controller.
 
     What `jaxsat.load` needs and a vehicle does not have may be left out: title, orbit (inertial
-    pointing then), start (at rest in the wanted attitude), law (those of `QUICK`; so with "coast"),
+    pointing then), start (at rest in the target attitude), law (those of `QUICK`; so with "coast"),
     duration. A body in orbit without `[disturbance]` and without wheels gets gravity gradient.
     Raises `ScenarioError` and tells `caution` as `jaxsat.load` does.
     """
@@ -113,7 +113,7 @@ class DesignSettings:
     those of the verification, `steps` those of the tuner (0 leaves tuning out). With `attitude`
     "nearest" the controller is designed for the nearest attitude that can be held. The `goal`
     "quickest" is the quickest law of those that settle most; "settled" is done with the first one
-    that surely settles the wanted fraction. Raises `ArgumentError` for what cannot be.
+    that settles the required fraction with confidence. Raises `ArgumentError` for what cannot be.
     """
 
     law: str

@@ -187,7 +187,7 @@ def design(
     scenario's own if left out) and the three that follow. The first law's fraction of 500 cases is
     a remark to the `listener` while the design goes on. With `attitude` "nearest" the target is the
     nearest attitude that can be held. The `goal` "settled" is done with the first law that surely
-    settles the wanted fraction, and tunes only where none does. With `out` the design is kept in
+    settles the required fraction, and tunes only where none does. With `out` the design is kept in
     that folder, as by `jaxsat design`, and the same call resumes it.
 
     Raises `ValueError` for arguments that cannot be and `OutputError` for a folder that cannot be

@@ -117,8 +117,8 @@ class DesignRun:
     def _screening(self, fitting: tuple[Candidate, ...]) -> Screening:
         """The candidates on the same cases, and the first that is enough where one is asked for.
 
-        Where settling is the goal and none surely settles the wanted fraction, each flies once more
-        with a larger end game.
+        Where settling is the goal and no candidate settles the required fraction with
+        confidence, each flies once more with a larger end game.
         """
         if self.settings.goal == "quickest":
             flights = list(self._announce_first(self._fly("screening", 2, fitting)))
@@ -133,7 +133,7 @@ class DesignRun:
         return Screening(self._compare("screening", flights), candidates, enough)
 
     def _announce_first(self, flights: Iterator[Flight]) -> Iterator[Flight]:
-        """The flights as they are; the first one is told as a first answer."""
+        """The flights as they are; the first one is the first answer."""
         for number, (candidate, columns) in enumerate(flights):
             if number == 0:
                 self.studies.listener.remark(first_answer(candidate.name, columns))
@@ -142,8 +142,8 @@ class DesignRun:
     def _validation(self, contenders: tuple[Candidate, ...]) -> tuple[Step, tuple[Candidate, ...]]:
         """The contenders on the same cases, and all that flew there.
 
-        Where none surely settles the wanted fraction, each flies once more with a larger end game,
-        as in the screening where settling is the goal.
+        Where none settles the required fraction with confidence, each flies once more with a
+        larger end game, as in the screening where settling is the goal.
         """
         flights = list(self._fly("validation", 4, contenders))
         level = 1 - (1 - LEVEL) / len(contenders)
@@ -157,7 +157,7 @@ class DesignRun:
     def _compare(self, step: str, flights: list[Flight]) -> Step:
         """The candidates on the cases that all of them flew, under one torque limit.
 
-        The quickest is taken of those that settle the wanted fraction; the surest where none does,
+        The quickest is taken of those that settle the required fraction; the surest if none does,
         or where settling is the goal.
         """
         torque = scale_of(flights[0][0].scenario).torque
@@ -266,7 +266,7 @@ class DesignRun:
 def _up_to_enough(
     flights: Iterator[Flight], rule: WhenDecided
 ) -> tuple[list[Flight], Candidate | None]:
-    """The flights up to the first law that surely settles the wanted fraction, and that law."""
+    """The flights up to the first law that settles the required fraction, and that law."""
     first_flights = []
     for candidate, columns in flights:
         first_flights.append((candidate, columns))

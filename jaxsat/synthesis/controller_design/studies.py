@@ -44,7 +44,7 @@ class Studies:
     ) -> Columns:
         """The columns of `count` cases of a scenario, or as many as `until` asks for.
 
-        `what` is told, and `name` is that of the step.
+        `what` is the step in words, `name` its name.
         """
         self.listener.progress(what, None)
         chunk = CHUNK if until is None else RULED_CHUNK

@@ -112,7 +112,7 @@ def tune_candidate(
 ) -> Tuned:
     """Descend from a candidate's gains; resumes what the folder of the studies has of it.
 
-    `what` is told, with how far it is. `row` is the candidate's in the screening. Raises
+    `what` is its name in progress reports. `row` is the candidate's in the screening. Raises
     `ValueError` where it cannot be tuned.
     """
     explicit = written_out(candidate.scenario)

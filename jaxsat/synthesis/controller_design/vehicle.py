@@ -1,6 +1,6 @@
 """What is left of a vehicle: its verdict, what attitude it can hold, and its unit of time.
 
-`turned` is the same vehicle with another attitude as the wanted one.
+`turned` is the same vehicle with another attitude as the target.
 """
 
 import math
@@ -44,7 +44,7 @@ class VehicleVerdict:
 
     `lost` is what the failures took away, `turn` the rotation vector (rad, body axes) from the
     wanted attitude to the nearest one that can be held without torque about the axis that nothing,
-    or no wheel, drives: zeros where the wanted one can be, None where none can. `balance` tells of
+    or no wheel, drives: zeros where the target can be, None where none can. `balance` tells of
     the torque of the environment about that axis, `in_flight` of failures that strike later,
     `orbit` whether gravity gradient acts.
     """
@@ -58,14 +58,14 @@ class VehicleVerdict:
 
     @property
     def holds(self) -> bool:
-        """Whether the wanted attitude can be held, to within what settling allows."""
+        """Whether the target attitude can be held, to within what settling allows."""
         if self.judgement.laws == "three torques":
             return True
         return self.turn is not None and max(map(abs, self.turn)) <= HELD_TURN
 
     @property
     def _need(self) -> str:
-        """What the wanted attitude needs and actuators do not give."""
+        """What the target attitude needs and actuators do not give."""
         if self.judgement.laws == "nearest attitude":
             return "another momentum about the axis that no wheel drives"
         return "a torque about the unactuated axis"

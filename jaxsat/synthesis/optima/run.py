@@ -22,7 +22,7 @@ Report = Callable[[str], None]
 class UnsuitableScenario(JaxsatError, ValueError):
     """A scenario of which a bound or a front cannot be found; the message names its key.
 
-    `lacking` tells that the key is not there and may be given.
+    `lacking` says that the key is not there and may be given.
     """
 
     lacking: bool

@@ -155,7 +155,7 @@ def best_of_starts(
 ) -> Bound | None:
     """The best local optimum from `plans` and `starts` random guesses, or None where none arrives.
 
-    It is never above that of a plan. `longest` (s) bounds the duration. `report` is told the number
+    It is never above that of a plan. `longest` (s) bounds the duration. `report` gets the number
     of starts done and the best value so far. Raises `ValueError` for no starts and
     `ModuleNotFoundError` without CasADi.
     """

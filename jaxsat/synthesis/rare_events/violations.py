@@ -15,10 +15,10 @@ from jaxsat.synthesis.rare_events.flights import ROUNDED, Batch
 from jaxsat.synthesis.rare_events.result import Difference
 
 PERCENTS = (1.0, 5.0, 10.0, 25.0, 50.0, 75.0, 90.0, 95.0, 99.0)
-"""Percentiles by which a distribution is told."""
+"""Percentiles by which a distribution is described."""
 
 MOST_VALUES = 40
-"""Different values up to which a quantity that counts is told by their shares."""
+"""Most different values of a count that are described by their shares."""
 
 
 class Violations(NamedTuple):

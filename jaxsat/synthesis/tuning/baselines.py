@@ -36,7 +36,7 @@ class BaselineResult(NamedTuple):
     """One method: what it spent, the best point, and its evaluation on held-out cases.
 
     `trace` has rows of trajectories spent and the loss on the validation cases of the best point
-    so far; `loss` is the last of these. `reached` tells whether that is the target's.
+    so far; `loss` is the last of these. `reached` says whether that is the target's.
     """
 
     method: str

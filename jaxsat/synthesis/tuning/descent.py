@@ -69,7 +69,7 @@ class DescentState:
 
 
 class DescentProgress(NamedTuple):
-    """What is told while a run descends: the start that is best in training just now."""
+    """Progress of a run that descends: the start that is best in training just now."""
 
     step: int
     steps: int

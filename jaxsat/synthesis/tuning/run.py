@@ -48,7 +48,7 @@ FOLDER = 10**7
 class TuningResult:
     """What tuning found: the scenario with the best gains, and whether to trust them.
 
-    `receipt` tells whether the gradients were right, `verdict` how both scenarios do on cases that
+    `receipt` says whether the gradients were right, `verdict` how both scenarios do on cases that
     were never tuned on, `baselines` what other methods found; they are computed when they are first
     asked for. `plan.remark` says why an engine was not taken. `kept` is the document of a run
     that was complete before, in its folder, None for another one.

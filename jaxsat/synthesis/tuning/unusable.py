@@ -15,7 +15,7 @@ from jaxsat.synthesis.tuning.cost_evaluator import CaseGradients, CostEvaluator
 from jaxsat.synthesis.tuning.plan import usable_cases
 
 LISTED = 8
-"""Numbers of cases that are told one by one."""
+"""Numbers of cases that are listed one by one."""
 
 
 class NoGradient(JaxsatError):

@@ -1,4 +1,4 @@
-"""What a package is in memory, by which code that a program has changed there is told.
+"""What a package is in memory, which shows code that a program has changed there.
 
 A program may replace functions, methods and constants of jaxsat: a notebook that tries something
 out, a test, a tool that loads edited modules again. The hash of a module is over the code of its

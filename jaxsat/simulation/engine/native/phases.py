@@ -53,7 +53,7 @@ class AbstractPhases(abc.ABC):
 
     @abc.abstractmethod
     def finish(self, fixed, moving, numbers, first, count) -> PyTree:
-        """What is told of the trajectory at its end, `count` intervals after number `first`."""
+        """The outputs of the trajectory at its end, `count` intervals after number `first`."""
 
     @abc.abstractmethod
     def observe(self, fixed, moving, numbers, number) -> PyTree:

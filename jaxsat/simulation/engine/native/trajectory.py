@@ -36,7 +36,7 @@ class LoweredTrajectory:
     Arrays from outside are numbered in the order: those of cases, of the program, of the gains
     (the `arguments`), the outputs, what is observed. Where every trajectory has its
     own pace, `going` is the location of the bytes in the state that tell which lanes are to go on.
-    `behind` tells whether signals lie behind the state, see `interface.stops`.
+    `behind` says whether signals lie behind the state, see `interface.stops`.
     """
 
     entry_points: list[EntryPoint]
