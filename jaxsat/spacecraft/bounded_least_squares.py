@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, Vector
+from jaxsat.core.array_types import BoolScalar, IntScalar, Matrix, RealScalar, Vector
 from jaxsat.core.smooth import within
-from jaxsat.spacecraft.least_propellant import inverse_of_columns, part_up_to
+from jaxsat.spacecraft.least_propellant import part_up_to
 
 OfEach = Float[Array, " m"]
 
@@ -119,7 +119,7 @@ def _at(devices: Bounded, torque: Vector, first: Vector, held: Held) -> tuple[Of
     bounds = (low, high)
     total = part_up_to(held.facets[0], devices.units, bounds, 0 * first, first)
     total = total + part_up_to(held.facets[1], devices.units, bounds, total, torque + first - total)
-    inverse = _inverse(devices, free, _span(devices, free))
+    inverse = _inverse(devices, free, _basis(devices, free))
 
     def nearer(_, each: OfEach) -> OfEach:
         lacks = total - devices.units @ each
@@ -160,11 +160,12 @@ def _free(devices: Bounded, held: Held) -> Bool[Array, " m"]:
     return (held.side == 0) & (devices.high > devices.low)
 
 
-def _span(devices: Bounded, free: Bool[Array, " m"]) -> Matrix:
-    """The projector on the torques that these make together; the identity where they make all."""
+def _basis(devices: Bounded, free: Bool[Array, " m"]) -> Matrix:
+    """Rows are an orthonormal basis of the torques that these make together, along the strongest
+    first; rows of zeros are left where that is not all."""
 
-    def with_one_more(_, so_far):
-        span, across = so_far
+    def with_one_more(row, so_far):
+        basis, across = so_far
         sizes = jnp.where(free, jnp.sum(across**2, axis=0), 0.0)
         most = jnp.argmax(jax.lax.stop_gradient(sizes * devices.weight))
         chosen = jnp.arange(sizes.shape[0]) == most
@@ -172,20 +173,44 @@ def _span(devices: Bounded, free: Bool[Array, " m"]) -> Matrix:
         there = size > FLAT**2
         one = jnp.sum(jnp.where((chosen & there)[None], across, 0.0), axis=1)
         one = one / jnp.sqrt(jnp.where(there, size, 1.0))
-        return span + jnp.outer(one, one), across - jnp.outer(one, one @ across)
+        place = jnp.where(jnp.arange(3) == row, 1.0, 0.0)
+        return basis + jnp.outer(place, one), across - jnp.outer(one, one @ across)
 
     none = jnp.zeros((3, 3), devices.units.dtype)
-    span, _ = jax.lax.fori_loop(0, 3, with_one_more, (none, devices.units))
+    return jax.lax.fori_loop(0, 3, with_one_more, (none, devices.units))[0]
+
+
+def _span(basis: Matrix) -> Matrix:
+    """The projector on the torques of a `basis`, exactly the identity where they are all."""
+    span = basis.T @ basis
     whole = jax.lax.stop_gradient(jnp.trace(span)) > 2.5
     return jnp.where(whole, jnp.eye(3, dtype=span.dtype), span)
 
 
-def _inverse(devices: Bounded, free: Bool[Array, " m"], span: Matrix) -> Matrix:
-    """Of A W Aᵀ on what these devices span, with any number across it."""
-    gram = (jnp.where(free, devices.weight, 0.0)[None] * devices.units) @ devices.units.T
-    size = jax.lax.stop_gradient(jnp.trace(gram))
-    size = jnp.where(size > 0, size, 1.0)
-    return inverse_of_columns(gram / size + jnp.eye(3, dtype=gram.dtype) - span) / size
+def _inverse(devices: Bounded, free: Bool[Array, " m"], basis: Matrix) -> Matrix:
+    """Of A W Aᵀ on what these devices span, zero across it.
+
+    By A W Aᵀ = L D Lᵀ in their `basis`, in which strong devices come first: this keeps the digits
+    of weak ones, where cofactors lose them all.
+    """
+    along = basis @ devices.units
+    gram = (jnp.where(free, devices.weight, 0.0)[None] * along) @ along.T
+    first = _reciprocal(gram[0, 0])
+    second = _reciprocal(gram[1, 1] - first * gram[0, 1] ** 2)
+    mixed = gram[1, 2] - first * gram[0, 1] * gram[0, 2]
+    third = _reciprocal(gram[2, 2] - first * gram[0, 2] ** 2 - second * mixed**2)
+    one = basis[0]
+    two = basis[1] - first * gram[0, 1] * one
+    three = basis[2] - first * gram[0, 2] * one - second * mixed * two
+    return (
+        first * jnp.outer(one, one) + second * jnp.outer(two, two) + third * jnp.outer(three, three)
+    )
+
+
+def _reciprocal(pivot: RealScalar) -> RealScalar:
+    """1 / x, and zero of what is not positive."""
+    there = pivot > 0
+    return jnp.where(there, 1 / jnp.where(there, pivot, 1.0), 0.0)
 
 
 def _round(devices: Bounded, torque: Vector, first: Vector, at: Active) -> Active:
@@ -195,13 +220,16 @@ def _round(devices: Bounded, torque: Vector, first: Vector, at: Active) -> Activ
     they make, until one at a bound leaves it; if none does, no more can be made.
     """
     free = _free(devices, at.held)
-    span = _span(devices, free)
+    basis = _basis(devices, free)
+    span = _span(basis)
     across = at.ahead - span @ at.ahead
     square = jnp.sum(across**2)
     stands = square > NONE**2 * jnp.sum(at.ahead**2)
     across = across / jnp.sqrt(jnp.where(stands, square, 1.0))
-    way = jnp.where(stands, across, _inverse(devices, free, span) @ at.ahead)
+    across = across - span @ across  # what rounding has left of a small one
+    way = jnp.where(stands, across, _inverse(devices, free, basis) @ at.ahead)
     along = way @ devices.units
+    along = jnp.where(stands & (jnp.abs(along) <= FLAT), 0.0, along)
     rate = devices.weight * along
     now = devices.weight * (at.multiplier @ devices.units)
     pace = jnp.sqrt(devices.weight) * jnp.abs(along)

@@ -11,6 +11,7 @@ from jaxsat.compiler import Mapped
 from jaxsat.core.attitude import Quaternion
 from jaxsat.spacecraft.actuators import Actuators
 from jaxsat.spacecraft.allocation import allocate, allocate_unloading
+from jaxsat.spacecraft.bounded_least_squares import least_squares_within
 from jaxsat.spacecraft.distribution import Direct, WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
@@ -96,6 +97,34 @@ def cases(rng, mix, number):
         most = reachable.x[-1] if reachable.status == 0 else 0.0
         number -= 1
         yield columns, low, high, price, way * (most or 1.0) * rng.choice(AMOUNTS)
+
+
+def test_rods_beside_wheels_make_all_that_they_can_together():
+    """Rods as weak as 1e-5 of wheels, of which two may be parallel; all, or all but one, are at the
+    bound to which a direction points, so that no other uses make their torque."""
+    rng, count = np.random.default_rng(35), 300
+    units, low, high, torque = [], [], [], []
+    for _ in range(count):
+        axes = rng.normal(size=(3, 4))
+        axes[:, 1] = axes[:, 0] * rng.choice([1.0, -1.0]) if rng.random() < 0.7 else axes[:, 1]
+        axes[:, 2:] *= rng.random() < 0.5  # two wheels alone
+        columns = np.hstack([axes, np.cross(np.eye(3), rng.normal(size=3)).T])
+        strength = np.r_[np.ones(4), np.full(3, 10 ** rng.uniform(-5, 0))]
+        high.append(10 ** rng.uniform(-1, 1, 7) * strength)
+        low.append(-high[-1] * np.where(rng.random(7) < 0.3, rng.random(7), 1.0))
+        size = np.linalg.norm(columns, axis=0)
+        units.append(columns / np.where(size > 0, size, 1.0))
+        use = np.where(rng.normal(size=3) @ units[-1] > 0, high[-1], low[-1])
+        between = rng.integers(7)
+        use[between] = rng.uniform(low[-1][between], use[between])
+        torque.append(units[-1] @ use)
+    uses, _ = jax.vmap(lambda *x: least_squares_within(*x, 0 * x[3]))(
+        *map(np.stack, (units, low, high, torque))
+    )
+    error = np.einsum("kij,kj->ki", units, uses) - torque
+    np.testing.assert_array_less(
+        np.linalg.norm(error, axis=1), 1e-6 * np.linalg.norm(torque, axis=1)
+    )
 
 
 MIXES = [(4, 0, 0), (3, 4, 0), (4, 8, 0), (2, 6, 0), (0, 8, 0), (3, 0, 3), (2, 4, 3)]
