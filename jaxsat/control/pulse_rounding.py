@@ -36,7 +36,7 @@ class PulseRounding(eqx.Module):
         period: RealScalar,
         besides: Vector | None = None,
     ) -> Float[Array, " m"]:
-        """Duties (parts of a period, s) that are whole pulses.
+        """Duties (parts of a period, s) that are whole pulses, or all the period long.
 
         They also make the rate change `besides` (rad/s), for which duties have no room, if given.
         Thrusters make the part `limit` of their thrust, and none if it is zero. The duties of those
@@ -44,18 +44,19 @@ class PulseRounding(eqx.Module):
         """
         free = self.least <= 0
         least = jnp.where(free, period, self.least)
-        most = jnp.floor(period / least * (1 + 1e-12))
-        count = jnp.clip(jnp.floor(duty * period / least * (1 + 1e-12)), 0.0, most)
-        pulse = self.effect * (limit * least)[None]
-        square = jnp.sum(pulse**2, axis=0)
-        remainder = duty * period - count * least
+        most = jnp.ceil(period / least * (1 - 1e-12))
+        count = jnp.floor(duty * period / least * (1 + 1e-12))
+        count = jnp.where(duty < 1 - 1e-12, jnp.maximum(count, 0.0), most)
+        remainder = duty * period - jnp.minimum(count * least, period)
         owed = self.effect @ jnp.where(free, 0.0, limit * remainder)
         owed = owed if besides is None else owed + besides
         for _ in range(ROUNDS):
+            pulse = self.effect * (limit * jnp.minimum(least, period - count * least))[None]
+            square = jnp.sum(pulse**2, axis=0)
             along = jnp.sum(pulse * owed[:, None], axis=0)
             gives = (along > WORTH * square) & (count < most) & (limit > 0) & ~free
             best = jnp.argmax(jnp.where(gives, 2 * along - square, -1.0))
             one = gives & (jnp.arange(least.shape[0]) == best)
             count = count + one.astype(count.dtype)
             owed = owed - jnp.sum(jnp.where(one[None], pulse, 0.0), axis=1)
-        return jnp.where(free, duty, count * least / period)
+        return jnp.where(free, duty, jnp.minimum(count * least, period) / period)

@@ -102,7 +102,8 @@ class PulseWidth(AbstractModulation):
 
 
 class DeltaSigma(AbstractModulation):
-    """ΔΣ modulation: on-time is summed and given out in whole multiples of the minimum on-time.
+    """ΔΣ modulation: on-time is summed and given out in whole multiples of the minimum on-time, or
+    all the period long.
 
     What is not given out yet stays in the sum, so that the mean thrust has no dead zone.
     """
@@ -114,8 +115,8 @@ class DeltaSigma(AbstractModulation):
     def __call__(self, duty, memory, period, min_on_time):
         """One pulse, which begins with the period."""
         owed = memory + duty * period
-        whole = jnp.floor(jnp.minimum(owed, period) / min_on_time * (1 + 1e-12))
-        width = whole * min_on_time
+        whole = jnp.floor(owed / min_on_time * (1 + 1e-12))
+        width = jnp.where(owed >= period * (1 - 1e-12), period, whole * min_on_time)
         return _one_pulse(width), jnp.minimum(owed - width, period)
 
     def edges(self, between: int, count: int) -> int:

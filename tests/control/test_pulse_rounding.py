@@ -7,6 +7,7 @@ import pytest
 
 from helpers.thruster_layouts import canted
 from jaxsat.control.pulse_rounding import PulseRounding
+from jaxsat.spacecraft.modulation import DeltaSigma
 
 MOMENTS = np.array([0.30, 0.55, 0.62])
 EFFECT = canted()[0] / MOMENTS[:, None]
@@ -70,3 +71,18 @@ def test_thrusters_that_hardly_have_torque_to_spare_make_all_of_it_on_average():
     assert worst < 1.3 * pulse
     drift = effect @ (np.mean(given, axis=0) - duty)
     assert np.linalg.norm(drift) < 2 * pulse / (300 * PERIOD)
+
+
+def test_a_thruster_can_push_all_the_period_long_where_pulses_do_not_fill_it():
+    """Of 0.25 s pulses of 0.02 s fill 0.24 s: a duty of 0.99 comes as one of 0.96 or of 1."""
+    rounded = eqx.filter_jit(PulseRounding(EFFECT, np.full(8, LEAST)))
+    modulate, memory = DeltaSigma(), jnp.zeros(8)
+    period, only = 0.25, np.arange(8) == 3
+    given, owed = [], 0.0
+    for _ in range(200):
+        duty = rounded(SOUND, jnp.asarray(only * min(0.99 + owed, 1.0)), jnp.array(period))
+        owed += 0.99 - float(duty[3])
+        pulses, memory = modulate(duty, memory, period, np.full(8, LEAST))
+        given.append(float((pulses.off - pulses.on)[0, 3]) / period)
+        assert np.min(np.abs(given[-1] - np.array([0.96, 1.0]))) < 1e-12
+    assert np.mean(given) == pytest.approx(0.99, abs=0.04 / 200)
