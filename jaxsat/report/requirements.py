@@ -126,6 +126,8 @@ def _of_cases(requirement: RequirementTable, summary: RequirementSummary | None)
     margin = summary.margin / decisive.size
     row = RunMargin(requirement.id, sentence, margin, decisive.unit, decisive.signal, summary.time)
     met = Shown(fraction_text(summary.met), summary.met.value)
+    if summary.margin == math.inf:
+        met = Shown("nothing to judge", None, None)
     return [requirement.id, sentence, met, _margin(row), summary.worst, _time(row)]
 
 

@@ -9,7 +9,7 @@ from jaxsat.studies.statistics import Interval, fraction_text
 
 Record = Mapping[str, Any]
 
-GOOD = {"met": True, "violated": False, "undecided": None, "not judged": None}
+GOOD = {"met": True, "violated": False, **dict.fromkeys(("undecided", "not judged", "not tried"))}
 """How verdicts are shown."""
 
 FIRST = 12
@@ -53,7 +53,9 @@ def _verdict(record: Record) -> Verdict:
         f"under each condition, shown with {100 * demand['confidence']:.6g} % confidence for all "
         "together."
     ]
-    for verdict in ("violated", "undecided", "not judged"):
+    for verdict in GOOD:
+        if verdict == "met":
+            continue
         names = ", ".join(name for name, one in verdicts.items() if one == verdict)
         if names:
             more.append(f"{verdict.capitalize()}: {names}.")
@@ -65,7 +67,10 @@ def _requirements(record: Record) -> Table:
         [one["id"], one["text"], Shown(one["verdict"], None, GOOD[one["verdict"]])]
         for one in record["requirements"]
     ]
-    note = "The verdict is the worst one under any condition."
+    note = (
+        "The verdict is the worst one under any condition that tries the requirement: where none "
+        "of its windows begins, as where nothing fails, there is nothing to judge."
+    )
     return Table("Requirements", ["requirement", "text", "verdict"], rows, note)
 
 

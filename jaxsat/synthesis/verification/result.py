@@ -7,10 +7,11 @@ from jaxsat.core.checks import require_counts
 from jaxsat.core.errors import ArgumentError
 from jaxsat.studies.statistics import Interval, WhenDecided
 
-VerdictName = Literal["met", "violated", "undecided", "not judged"]
+VerdictName = Literal["met", "violated", "undecided", "not judged", "not tried"]
 
-ORDER: tuple[VerdictName, ...] = ("violated", "undecided", "not judged", "met")
-"""Verdicts, the worst first."""
+ORDER: tuple[VerdictName, ...] = ("violated", "undecided", "not judged", "met", "not tried")
+"""Verdicts, the worst first; a condition that does not try a requirement takes nothing away from
+what others show."""
 
 
 @dataclass(frozen=True)

@@ -110,9 +110,10 @@ def _of_nominal(
     folder.write(f"{NOMINAL}.toml", dump(scenario))
     command = f"jaxsat simulate {folder.path / f'{NOMINAL}.toml'}"
     for one in judgements(dataset):
-        verdict = "not judged" if math.isnan(one.margin) else "met" if one.met else "violated"
+        verdict: VerdictName = "met" if one.met else "violated"
+        verdict = "not judged" if math.isnan(one.margin) else verdict
         yield Demonstration(
-            one.id, NOMINAL, verdict, 1, int(one.met), None,
+            one.id, NOMINAL, _if_tried(verdict, one.margin), 1, int(one.met), None,
             one.margin, one.unit, one.signal, one.time, None, command,
         )  # fmt: skip
 
@@ -172,8 +173,9 @@ class _Study:
                 continue
             met = round(one.met.value * count)
             decisive = comparisons(formula)[one.comparison]
+            verdict = _if_tried(_verdict(rule, met, count), one.margin)
             yield Demonstration(
-                name, condition, _verdict(rule, met, count), count, met, rule.interval(met, count),
+                name, condition, verdict, count, met, rule.interval(met, count),
                 one.margin / decisive.size, decisive.unit, decisive.signal, one.time, one.worst,
                 again.format(one.worst),
             )  # fmt: skip
@@ -206,6 +208,11 @@ class _Study:
                 worst=worst,
                 command=again.format(worst),
             )
+
+
+def _if_tried(verdict: VerdictName, margin: float) -> VerdictName:
+    """A verdict, by the least margin of a condition: an infinite one is of no window that began."""
+    return "not tried" if margin == math.inf else verdict
 
 
 def _verdict(rule: WhenDecided, met: int, count: int) -> VerdictName:

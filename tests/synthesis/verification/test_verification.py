@@ -11,6 +11,8 @@ import pytest
 from jaxsat.cli.app import run
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.errors import ArgumentError
+from jaxsat.report.printers import terminal_text
+from jaxsat.report.verification_document import verification_document
 from jaxsat.scenario.build.load import load
 from jaxsat.store.dataset import open_trajectory
 from jaxsat.studies.statistics import WhenAllDecided, WhenDecided
@@ -49,6 +51,10 @@ seed = 3
 distribution = "uniform"
 low = -0.01
 high = 0.01
+[[failure]]
+of = "wheel x"
+at_s = 1000
+kind = "dead"
 [[requirement]]
 id = "HALF"
 text = "The spacecraft does not start with a positive rate about x."
@@ -59,6 +65,9 @@ formula = "always rate < 1e6 rpm"
 [[requirement]]
 id = "TORQUE"
 formula = "always torque < 1 N m"
+[[requirement]]
+id = "AFTER"
+formula = "within 10 s of failure rate < 1e6 rpm"
 """
 
 
@@ -85,6 +94,8 @@ def test_the_record_follows_its_schema_and_its_verdicts_are_the_right_ones(folde
         "not judged",
         "not judged",
     ]
+    after = [verdicts["AFTER", one]["verdict"] for one in conditions]
+    assert after == ["not tried", "not tried", "met"]
     half = verdicts["HALF", "dispersed"]
     assert half["fraction"]["low"] < 0.5 < half["fraction"]["high"]
     assert half["met"] < half["cases"] < 1000
@@ -92,7 +103,24 @@ def test_the_record_follows_its_schema_and_its_verdicts_are_the_right_ones(folde
         "violated",
         "met",
         "not judged",
+        "met",
     ]
+
+
+@pytest.mark.slow
+def test_what_nothing_tries_is_not_verified(tmp_path):
+    """Nothing fails, so that no window of the requirement begins."""
+    (tmp_path / "s.toml").write_text(
+        SCENARIO[: SCENARIO.index("[[requirement]]")]
+        + SCENARIO[SCENARIO.rindex("[[requirement]]") :]
+    )
+    arguments = ["--no-failures", "--cases", "300", "--quiet", "--out", str(tmp_path / "out")]
+    assert run(["verify", str(tmp_path / "s.toml"), *arguments]) == 1
+    record = json.loads((tmp_path / "out" / "verification.json").read_text())
+    assert {one["verdict"] for one in record["shown"]} == {"not tried"}
+    text = terminal_text(verification_document(record))
+    assert "0 of 1 requirements are verified." in text
+    assert "Not tried: AFTER." in text
 
 
 @pytest.mark.slow
@@ -145,7 +173,7 @@ def test_what_the_page_and_the_terminal_say(folder, tmp_path, capsys):
     page = tmp_path / "page.html"
     assert run(["report", str(folder), "--out", str(page), "--quiet"]) == 0
     text = page.read_text()
-    assert "1 of 3 requirements are verified" in text
+    assert "2 of 4 requirements are verified" in text
     assert "Violated: HALF" in text
     capsys.readouterr()
 
