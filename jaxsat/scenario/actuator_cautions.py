@@ -5,17 +5,18 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from jaxsat.core.allocation import unit_columns
 from jaxsat.core.declaration.actuators import STEERED
 from jaxsat.core.declaration.magnetorquers import MAGNETORQUER
 from jaxsat.scenario.control import is_plugin
 from jaxsat.scenario.errors import Issue
 from jaxsat.scenario.holding import rotation
 from jaxsat.scenario.idle_actuators import idle_actuators
-from jaxsat.scenario.parts.torque_makers import TorqueMakers, wheel_axes
+from jaxsat.scenario.parts.torque_makers import TorqueMakers, wheel_axes, working_torques
 from jaxsat.scenario.pulse_cautions import pulse_cautions
 from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
-from jaxsat.scenario.tables import InitialTable
+from jaxsat.scenario.tables import InitialTable, working_axes
 from jaxsat.scenario.wording import shown
 
 PHASES = 25
@@ -27,18 +28,58 @@ MOST_TURNS = 20
 NOTHING = 1e6
 """A momentum over what wheels hold along it that is as good as infinite."""
 
+UNLIMITED = 1e3
+"""Of a torque from outside: what a device without a limit makes."""
+
 ROUNDING = 1e-9
 """Relative excess that rounding alone makes of a momentum at the limit."""
 
 
 def actuator_cautions(scenario: Scenario) -> Iterator[Issue]:
     """What will never be used, what is too slow or too coarse, and too much momentum."""
+    if scenario.law.declaration.torques or scenario.law.declaration.commands_actuators:
+        yield from torque_beyond_actuators(scenario)
     yield from idle_actuators(scenario)
     yield from _wheels_for_a_part(scenario)
     yield from _momentum_beyond_wheels(scenario)
     yield from pulse_cautions(scenario)
     if not is_plugin(scenario.control.law):  # whose keys may mean something else
         yield from _slow_samples(scenario)
+
+
+def torque_beyond_actuators(scenario: Scenario) -> Iterator[Issue]:
+    """A constant torque from outside of which actuators that work at the start oppose a part only.
+
+    Where they make torques in a plane alone, its part in that counts. Magnetorquers, gyros and
+    actuators of packages have no limit that is known here.
+    """
+    torque = np.array(scenario.disturbance.constant_N_m)
+    others = [getattr(scenario, name) for name in STEERED] + [scenario.actuators]
+    units, low, high = _reach(scenario, UNLIMITED * float(np.linalg.norm(torque)))
+    if not torque.any() or any(others) or not units.size:
+        return
+    directions, sizes, _ = np.linalg.svd(units)
+    along = directions[:, : int(np.sum(sizes > ROUNDING * sizes[0]))]
+    share, _ = _largest_load(units, low, high, -along @ (along.T @ torque))
+    if share > 1 + ROUNDING:
+        part = f"at most {100 / share:.3g} %" if share < NOTHING else "nothing"
+        message = f"should be a torque that the actuators can oppose, which they do of {part}, got"
+        yield Issue(("disturbance", "constant_N_m"), f"{message} {shown(tuple(torque))}")
+
+
+def _reach(scenario: Scenario, unlimited: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Unit axes (3, m) of what works at the start, and the least and most torque along each (N m).
+
+    What has no limit makes `unlimited`.
+    """
+    body, wheels = scenario.spacecraft, tuple(one for one in scenario.wheel if not one.failed)
+    ideal = working_axes(body.thruster_torque_axes or (), body.failed_thrusters)
+    pushes = working_torques(scenario.thruster)
+    limits = [body.torque_limit_N_m] * ideal.shape[1] + [one.torque_limit_N_m for one in wheels]
+    both_ways = np.array([unlimited if one is None else one for one in limits], float)
+    one_way = np.linalg.norm(pushes, axis=0)
+    axes = np.hstack([ideal, wheel_axes(wheels), unit_columns(pushes)])
+    return axes, np.r_[-both_ways, 0 * one_way], np.r_[both_ways, one_way]
 
 
 def _wheels_for_a_part(scenario: Scenario) -> Iterator[Issue]:
@@ -79,7 +120,7 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     times, momenta = _momenta_to_hold(scenario)
     if scenario.magnetorquer:
         times, momenta = times[:1], momenta[:1]
-    loads = [_largest_load(axes, limit, momentum) for momentum in momenta]
+    loads = [_largest_load(axes, -limit, limit, momentum) for momentum in momenta]
     shares = np.array([share for share, _ in loads])
     worst = int(np.argmax(shares))
     most = shares[worst]
@@ -141,20 +182,24 @@ def _turn(half: float, axis: tuple[float, ...]) -> np.ndarray:
     return 2 * half * np.array(axis) / size if size else np.zeros(3)
 
 
-def _largest_load(axes: np.ndarray, limit: np.ndarray, momentum: np.ndarray):
-    """The largest of momentum over what wheels hold along a direction, and that direction.
+def _largest_load(
+    axes: np.ndarray, low: np.ndarray, high: np.ndarray, demand: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """The largest of a demand over what devices make of it along a direction, and that direction.
 
-    The momenta that wheels hold are a zonotope, whose faces are normal to two of their axes.
+    Each makes from `low` to `high` along its axis, together a zonotope, whose faces are normal to
+    two of the axes.
     """
     columns = np.vstack([axes.T, np.eye(3)])
     first, second = np.triu_indices(len(columns), 1)
     normals = np.cross(columns[first], columns[second])
     sizes = np.linalg.norm(normals, axis=1)
     normals = normals[sizes > ROUNDING] / sizes[sizes > ROUNDING, None]
-    capacity = np.abs(normals @ axes) @ limit
-    demand = np.abs(normals @ momentum)
-    small = ROUNDING * max(np.linalg.norm(momentum), float(limit.max()))
-    share = np.where(demand > small, demand / np.maximum(capacity, small), 0.0)
+    normals = np.vstack([normals, -normals])
+    along, wanted = normals @ axes, normals @ demand
+    capacity = np.maximum(along * low, along * high).sum(axis=1)
+    small = ROUNDING * max(np.linalg.norm(demand), float(high.max()), float(-low.min()))
+    share = np.where(wanted > small, wanted / np.maximum(capacity, small), 0.0)
     worst = int(np.argmax(share))
     return float(share[worst]), normals[worst]
 

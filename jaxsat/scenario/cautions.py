@@ -9,7 +9,7 @@ from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE, TUNED_PERIOD, ho
 from jaxsat.core.declaration.tuned_gains import MORIN_SAMSON, TWO_CHANNEL, Scaling, tuned_frequency
 from jaxsat.core.inertia import torque_axis_frame
 from jaxsat.core.ranges import SETTLED_W
-from jaxsat.scenario.actuator_cautions import actuator_cautions
+from jaxsat.scenario.actuator_cautions import actuator_cautions, torque_beyond_actuators
 from jaxsat.scenario.derived import believed_axes, is_upside_down, torque_limit
 from jaxsat.scenario.domain import believed_normal_form, domain_cautions
 from jaxsat.scenario.errors import Issue
@@ -39,7 +39,11 @@ HELD_TURN = 0.02
 def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
     """Everything about a valid scenario that a person should know, with `law` of its law too."""
     if not law:
-        return [*_inertia_cautions(scenario), *_origin_cautions(scenario)]
+        return [
+            *_inertia_cautions(scenario),
+            *_origin_cautions(scenario),
+            *torque_beyond_actuators(scenario),
+        ]
     return [
         *_inertia_cautions(scenario),
         *_origin_cautions(scenario),

@@ -244,8 +244,8 @@ def _unknown_key(root: type[BaseModel], data: Any, location: Location) -> str:
     place = f"{'[' * (1 + is_array)}{'.'.join(parents)}{']' * (1 + is_array)}"
     place = place if parents else "the scenario"
     message = f"must be one of the keys of {place} ({', '.join(keys)}), got {shown(name)}"
-    is_beginning = any(key.startswith(name) for key in keys)
-    hint = "" if is_beginning else _elsewhere(root, name, parents)
+    is_part = any(key.startswith(name) or f"_{name}_" in f"_{key}_" for key in keys)
+    hint = "" if is_part else _elsewhere(root, name, parents)
     return message + (hint or suggestion(name, keys))
 
 

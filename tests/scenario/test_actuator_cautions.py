@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.optimize import linprog
+from scipy.optimize import linprog, lsq_linear
 from scipy.spatial.transform import Rotation
 
 from jaxsat.core.attitude import Quaternion
@@ -75,11 +75,13 @@ def test_wheels_hold_what_a_linear_programme_holds(seed):
         b_eq=np.zeros(3),
         bounds=[*zip(-limit, limit, strict=True), (0, None)],
     ).x[-1]
-    assert _largest_load(axes, limit, momentum)[0] == pytest.approx(1 / most, rel=1e-9)
+    assert _largest_load(axes, -limit, limit, momentum)[0] == pytest.approx(1 / most, rel=1e-9)
 
 
 def test_wheels_in_a_plane_hold_nothing_across_it():
-    share, direction = _largest_load(np.eye(3)[:, :2], np.ones(2), np.array([0.1, 0.1, 0.5]))
+    share, direction = _largest_load(
+        np.eye(3)[:, :2], -np.ones(2), np.ones(2), np.array([0.1, 0.1, 0.5])
+    )
     assert share > 1e6
     np.testing.assert_allclose(np.abs(direction), [0, 0, 1])
 
@@ -339,3 +341,47 @@ def test_pulses_too_coarse_for_the_band_about_the_third_axis_are_told():
     three = told("k2", f"control.third_axis_band_rad={0.5 * least}", f"wheel=[{wheel}]")[0]
     assert not any(message in one for one in three)
     assert not any(message in one for one in told("k2")[0])
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_constant_torque_beyond_the_actuators_is_told(seed):
+    """The share by bisection of SciPy's least squares within bounds, of wheels and of thrusters."""
+    rng = np.random.default_rng(seed)
+    torque = rng.normal(size=3) * 0.3
+    axes, limits = np.array(WHEELS, float).T / np.sqrt(2), rng.uniform(0.05, 0.2, 4)
+    tables = ", ".join(
+        f"{{axis={axis}, torque_limit_N_m={limit}}}"
+        for axis, limit in zip(WHEELS, limits, strict=True)
+    )
+
+    def opposes(share):
+        nearest = lsq_linear(axes, -share * torque, (-limits, limits), tol=1e-14, method="bvls")
+        return np.linalg.norm(nearest.fun) < 1e-10
+
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (middle, high) if opposes(middle) else (low, middle)
+    own = (*OWN, f"wheel=[{tables}]")
+    messages = told("wheels-fail", *own, f"disturbance.constant_N_m={torque.tolist()}")[0]
+    about_torque = [one for one in messages if "disturbance.constant_N_m" in one]
+    assert len(about_torque) == (low < 0.999)
+    assert all(f"of at most {100 * low:.3g} %, got" in one for one in about_torque)
+
+
+@pytest.mark.parametrize(
+    ("torque", "words"),
+    [("1.5", None), ("-1.5", "66.7 %"), ("-0.9", None), ("2.5", "80 %")],
+)
+def test_thrusters_that_push_one_way_oppose_a_torque_of_the_other(torque, words):
+    """Two about x: 2 N m at most towards -x, and 1 N m towards x."""
+    push = "position_m=[0,1,0], direction=[0,0,{}], force_N={}"
+    pair = ", ".join("{" + push.format(*one) + "}" for one in ((1, 1.0), (-1, 2.0)))
+    changes = [f"thruster=[{pair}]", f"disturbance.constant_N_m=[{torque},0,0]"]
+    changes += ["spacecraft={inertia_kg_m2=[1,1,1]}"]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ScenarioWarning)
+        load("two-torque-free", changes, purpose="motion")
+    about_torque = [str(one.message) for one in caught if "constant_N_m" in str(one.message)]
+    assert len(about_torque) == (words is not None)
+    assert all(words in one for one in about_torque)

@@ -266,3 +266,10 @@ def test_what_is_odd_but_allowed_is_a_warning(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         load("paper-rate")
+
+
+def test_a_part_of_a_key_of_the_table_itself_is_taken_for_that_key(tmp_path):
+    """And not for the key of the same name of another table: a wheel has `momentum_N_m_s`."""
+    text = THREE_AXIS.replace("[orbit]", "[[gimbal]]\nmomentum_N_m_s = 1\n[orbit]")
+    messages = {one.key: one.message for one in problems_of(text, tmp_path)}
+    assert messages["gimbal.momentum_N_m_s"].endswith("did you mean rotor_momentum_N_m_s?")
