@@ -1,6 +1,6 @@
 """Which law to take and how all did, as a document of the record `comparison.json`."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from jaxsat.core.text import capitalised
@@ -20,6 +20,15 @@ LAWS_NOTE = (
     "largest. Intervals are of 95 %, those of times by the number of cases below."
 )
 
+PRICES = {"propellant_kg_day": "propellant (kg a day)", "momentum_margin": "momentum margin",
+          "pointing_error_deg": "pointing error at the end (deg)"}  # fmt: skip
+"""The prices of a law in a scenario, and their headings."""
+
+PRICES_NOTE = (
+    "Medians over completed cases. Propellant: a day's at the mean use of a case, manoeuvres and "
+    "failures included; momentum margin: the part of its limit that the fullest wheel never holds."
+)
+
 Record = Mapping[str, Any]
 
 
@@ -33,6 +42,7 @@ def comparison_document(record: Record) -> Document:
     verdict = Verdict(None, sentences[0] if sentences else "Nothing was compared.", sentences[1:])
     blocks = [
         _laws(rows, record.get("median_least_times", ())),
+        *price_table(rows),
         *_recovery_tables(rows),
         *_bounds(record.get("bounds_from_papers_start", ())),
     ]
@@ -57,6 +67,25 @@ def law_cells(row: Record) -> list[Cell]:
         row["effort_N_m_s"],
         row["peak_rate_rad_s"],
     ]
+
+
+def price_table(rows: Iterable[Record], place: Sequence[str] = ()) -> Iterator[Table]:
+    """What each law takes of its actuators, and how it points; none of rows without prices.
+
+    `place` names the entries of a row by which it is found beside its law.
+    """
+    rows = [row for row in rows if any(one is not None for one in row.get("prices", {}).values())]
+    prices = {
+        name: heading
+        for name, heading in PRICES.items()
+        if any(row["prices"][name] is not None for row in rows)
+    }
+    if prices:
+        cells = [
+            [*(row[key] for key in (*place, "law")), *(row["prices"][name] for name in prices)]
+            for row in rows
+        ]
+        yield Table("Prices of the laws", [*place, "law", *prices.values()], cells, PRICES_NOTE)
 
 
 def _recommendation(verdict: Record) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from jaxsat.core.text import capitalised, number_text, vector_text
-from jaxsat.report.comparison_document import LAW_COLUMNS, LAWS_NOTE, law_cells
+from jaxsat.report.comparison_document import LAW_COLUMNS, LAWS_NOTE, law_cells, price_table
 from jaxsat.report.document import Block, Cell, Document, Lines, Shown, Table, Verdict
 from jaxsat.report.study_document import interval_of, percentile_table
 
@@ -45,6 +45,9 @@ def _choice(record: Record) -> Iterator[Block]:
     steps = {name: record[name] for name in ("screening", "validation") if record[name]}
     rows = [[name, *law_cells(row)] for name, step in steps.items() for row in step["rows"]]
     yield Table("Laws in screening and validation", ["step", *LAW_COLUMNS], rows, LAWS_NOTE)
+    yield from price_table(
+        ({"step": name, **row} for name, step in steps.items() for row in step["rows"]), ["step"]
+    )
     sentences = [
         f"{capitalised(name)}, seed {record['seeds'][name]}: {step['taken'] or 'none'} is best. "
         f"{capitalised(step['reason'])}."

@@ -3,7 +3,7 @@
 import json
 import tempfile
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,9 +63,8 @@ def run_columns(
     listener: Listener = Listener(),
     *,
     until: AbstractStopRule | None = None,
-    names: Iterable[str] | None = None,
 ) -> dict[str, np.ndarray]:
-    """The columns of a study by name, all or those of `names`; its store gets what it lacks.
+    """The columns of a study by name; its store gets what it lacks.
 
     With `until` they have as many cases as that rule asks for. The listener is given `what` runs
     and an error of the steps that is larger than the `scenario` of the study allows.
@@ -87,7 +86,7 @@ def run_columns(
     excess = excessive_error((errors["rate_error"], errors["attitude_error"]), scenario)
     if excess:
         listener.warn(f"{what}: {excess}")
-    return {name: np.asarray(columns[name][:count]) for name in names or columns}
+    return {name: np.asarray(columns[name][:count]) for name in columns}
 
 
 @contextmanager

@@ -34,7 +34,8 @@ def test_the_same_failures_strike_under_every_law(command_line, tmp_path):
     assert "quaternion-feedback: recovered" in out
     assert (tmp_path / "c" / "recovered.png").is_file()
     section = comparison_section(tmp_path / "c")
-    laws_table, recovered = (block for block in section.blocks if isinstance(block, Table))
+    laws_table, prices, recovered = (block for block in section.blocks if isinstance(block, Table))
     assert [row[0] for row in laws_table.rows] == list(LAWS)
+    assert [row[0] for row in prices.rows] == list(LAWS)
     assert [row[0] for row in recovered.rows] == list(record["rows"][0]["recovered"])
     assert recovered.columns[3:] == [f"{law}: recovered" for law in LAWS]

@@ -18,6 +18,7 @@ from jaxsat.studies.ensemble import Study
 from jaxsat.studies.recovery_summary import RecoverySummary, summarise_recovery
 from jaxsat.studies.work import study_work
 from jaxsat.synthesis.comparison.acceptance import FILE, validated
+from jaxsat.synthesis.comparison.prices import prices_of
 from jaxsat.synthesis.comparison.run import (
     KIND,
     ComparisonRun,
@@ -137,7 +138,8 @@ def _compare(
     for law, (under, study) in studies.items():
         store = named_store(run.folder, law)
         columns = run.columns(study, under, law, store)
-        rows.append(comparison_row(ScenarioSetting(scenario.title, law), columns))
+        setting, prices = ScenarioSetting(scenario.title, law), prices_of(under, columns)
+        rows.append(comparison_row(setting, columns, prices=prices))
         recoveries.append(summarise_recovery(open_study(store), np.arange(run.count)))
     return ScenarioComparison(rows, recoveries, ScenarioVerdict(scenario.title, *chosen_law(rows)))
 

@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 KIND = "comparison"
 """The kind of the output folder."""
 
-COLUMNS = ("settling_time", "effort", "peak_rate", "code")
-
 CASE = 400
 """Bytes of a case in memory and on the disk, about."""
 
@@ -222,9 +220,9 @@ class ComparisonRun:
     def columns(
         self, study: Study, scenario: Scenario, what: str, store: Path
     ) -> dict[str, np.ndarray]:
-        """The `COLUMNS` of the study of a scenario, run as far as its store lacks cases."""
+        """The columns of the study of a scenario, run as far as its store lacks cases."""
         work = (study, scenario, store, what)
-        return run_columns(*work, self.execution, self.listener, names=COLUMNS)
+        return run_columns(*work, self.execution, self.listener)
 
 
 def _several(values: Any) -> tuple:

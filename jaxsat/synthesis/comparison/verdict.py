@@ -9,6 +9,7 @@ from scipy import special
 from jaxsat.core.text import number_text
 from jaxsat.studies.statistics import LEVEL, Interval, percentile, wilson
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
+from jaxsat.synthesis.comparison.prices import NO_PRICES, Prices
 from jaxsat.synthesis.plain_data import plain_data
 
 
@@ -38,6 +39,7 @@ class ComparisonRow(NamedTuple):
     peak_rate: float
     paper_start: float
     settling_times: np.ndarray
+    prices: Prices = NO_PRICES
 
     def as_data(self) -> dict[str, Any]:
         """Everything but the single times as plain data; None for what is infinite or unknown."""
@@ -49,6 +51,7 @@ class ComparisonRow(NamedTuple):
             "effort_N_m_s": self.effort,
             "peak_rate_rad_s": self.peak_rate,
             "paper_start_settled_s": self.paper_start,
+            "prices": self.prices,
         }
         return plain_data(self.setting._asdict() | numbers)
 
@@ -66,6 +69,7 @@ def comparison_row(
     setting: ComparisonSetting | ScenarioSetting,
     random: Mapping[str, Any],
     paper: Mapping[str, Any] | None = None,
+    prices: Prices = NO_PRICES,
 ) -> ComparisonRow:
     """The row of one law from the columns of its studies; `paper` may be left out."""
     times = np.asarray(random["settling_time"], float)
@@ -81,6 +85,7 @@ def comparison_row(
         peak_rate=_or_nan(np.max, rates[np.isfinite(rates)]),
         paper_start=np.inf if paper is None else float(np.asarray(paper["settling_time"])[0]),
         settling_times=times,
+        prices=prices,
     )
 
 

@@ -47,6 +47,7 @@ GAINS: Mapping[str, Mapping[str, Gains]] = {
     "magnetic": {"": ({}, {}), ", quick": ({}, {"control_weight": 0.01})},
     FAULT_TOLERANT: {
         "": ({"natural_frequency_rad_s": 0.4, "max_rate_rad_s": 0.2}, {"damping": 1.0}),
+        ", quick": ({"natural_frequency_rad_s": 0.8, "max_rate_rad_s": 0.4}, {"damping": 1.0}),
     },
     "three-axis": {
         "": (
@@ -193,11 +194,11 @@ def _tables(scenario: Scenario, names: list[str], law: str) -> Iterator[tuple[st
     """Names of candidates of these laws, and what makes the `[control]` table of each."""
     own = scenario.control.model_dump(exclude_none=True)
     for name in names:
-        is_own = name == own["law"] == law
-        default = is_own and _is_default(own, name)
+        default = name == own["law"] and _is_default(own, name)
+        is_own = name == own["law"] and (law == name or (law == QUICK and not default))
         if is_own:
             yield name if default else f"{name}, as given", lambda scale: own
-        if default:
+        if is_own and default:
             continue
         for variant, gains in GAINS.get(name, {}).items():
             yield name + variant, _maker(name, gains, own)

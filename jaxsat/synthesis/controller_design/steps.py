@@ -163,7 +163,7 @@ class DesignRun:
         torque = scale_of(flights[0][0].scenario).torque
         count = min(len(columns["settling_time"]) for _, columns in flights)
         rows = tuple(
-            row_of(step, torque, one.name, {key: values[:count] for key, values in columns.items()})
+            row_of(step, torque, one, {key: values[:count] for key, values in columns.items()})
             for one, columns in flights
         )
         least_fraction = max(row.settled.value for row in rows)

@@ -13,7 +13,9 @@ from jaxsat.store.resumable import ResumableFolder
 from jaxsat.studies.executors import Serial
 from jaxsat.studies.statistics import AbstractStopRule, fraction_text, percentile, wilson
 from jaxsat.synthesis.comparison.acceptance import ComparisonSetting
+from jaxsat.synthesis.comparison.prices import prices_of
 from jaxsat.synthesis.comparison.verdict import ComparisonRow, comparison_row
+from jaxsat.synthesis.controller_design.candidates import Candidate
 from jaxsat.synthesis.execution import Execution, Listener, run_columns
 
 CHUNK = 256
@@ -78,6 +80,7 @@ def first_answer(name: str, columns: Columns) -> str:
     )
 
 
-def row_of(step: str, torque: float, name: str, columns: Columns) -> ComparisonRow:
+def row_of(step: str, torque: float, candidate: Candidate, columns: Columns) -> ComparisonRow:
     """What a candidate did in one step, as a row by which laws are compared."""
-    return comparison_row(ComparisonSetting(step, torque, name), columns)
+    setting = ComparisonSetting(step, torque, candidate.name)
+    return comparison_row(setting, columns, prices=prices_of(candidate.scenario, columns))

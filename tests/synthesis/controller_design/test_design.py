@@ -103,6 +103,12 @@ def test_validation_has_all_that_may_be_the_surest():
     assert [one.name for one in kept] == ["sure", "unsure"]
 
 
+def studied(times):
+    ones = np.ones(len(times))
+    columns = dict.fromkeys(("effort", "peak_rate", "pointing_error"), ones)
+    return {"settling_time": times, "code": 0 * ones, **columns}
+
+
 @pytest.fixture
 def studies(tmp_path):
     with ResumableFolder(tmp_path / "studies", "design", {}) as folder:
@@ -119,7 +125,7 @@ def test_the_screening_for_a_settled_fraction_ends_with_the_first_law_that_has_i
         asked.append(name.removeprefix("screening-"))
         settled = int(count * fractions[asked[-1]])
         times = np.concatenate([np.full(settled, 9.0), np.full(count - settled, np.inf)])
-        return {"settling_time": times, "effort": np.ones(count), "peak_rate": np.ones(count)}
+        return studied(times)
 
     monkeypatch.setattr(Studies, "columns", columns)
     scenario = jaxsat.load("two-torque-free", purpose="text")
@@ -148,7 +154,7 @@ def test_where_none_surely_settles_enough_each_flies_again_with_a_larger_end_gam
         asked.append(name.removeprefix(f"{step}-"))
         settled = count if asked[-1] == sure else int(0.99 * count)
         times = np.concatenate([np.full(settled, 9.0), np.full(count - settled, np.inf)])
-        return {"settling_time": times, "effort": np.ones(count), "peak_rate": np.ones(count)}
+        return studied(times)
 
     def larger(one):
         return None if one.name == "b" else Candidate(f"{one.name}, larger", one.scenario)
@@ -193,8 +199,7 @@ def test_what_settles_the_wanted_fraction_comes_before_what_is_quick(studies):
             settled = round(200 * fraction)
             times = np.full(200, np.inf)
             times[:settled] = 50.0 + number
-            columns = {"settling_time": times, "effort": np.ones(200), "peak_rate": np.ones(200)}
-            flown.append((Candidate(f"{number}", scenario), columns))
+            flown.append((Candidate(f"{number}", scenario), studied(times)))
         return run._compare("validation", flown).verdict.law
 
     assert taken([0.98, 0.995]) == "1"
