@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from jaxsat.flight.calls import drawn_calls, expected_of_calls
 from jaxsat.flight.cfs import cfs_app, table_cautions
 from jaxsat.flight.fprime import fprime_component
 from jaxsat.flight.function_calls import function_calls
-from jaxsat.flight.guard import guard_header
+from jaxsat.flight.guard import groups, guard_header, real_type
 from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.harness import (
     MAGIC_OF_CALLS,
@@ -29,11 +29,9 @@ from jaxsat.flight.harness import (
 from jaxsat.flight.measure import ProcessorUse, measured
 from jaxsat.flight.parameters import parameters_header, parameters_source
 from jaxsat.flight.program import FlightProgram, flight_program
-from jaxsat.flight.proof import prove_source
 from jaxsat.flight.readme import readme
 from jaxsat.flight.search import NoSearch, found_calls
 from jaxsat.flight.source import header, source
-from jaxsat.flight.tasks import freertos_task
 from jaxsat.flight.templates import DEVIATIONS, template
 from jaxsat.flight.vectors import Reference, Vectors, vectors
 from jaxsat.simulation.loops import AbstractLoop
@@ -171,3 +169,47 @@ def _record(request: Request, program: FlightProgram, code: str) -> str:
         **request.provenance,
     }
     return json.dumps(record, indent=2, ensure_ascii=False) + "\n"
+
+
+def freertos_task(program: FlightProgram) -> str:
+    """The text of freertos_task.c, an example of a task that runs an exported controller.
+
+    Its period is that of the law in whole milliseconds.
+    """
+    period, real = float(np.asarray(program.period)), real_type(program)
+    begin = f"  const {real} attitude[4] = {{0}}; /* begin with the first that is measured */\n"
+    return template(
+        "freertos_task.c",
+        PERIOD=f"{period:.9g}",
+        PERIOD_MS=max(1, round(1000 * period)),
+        BEGIN=begin * program.estimates,
+        ATTITUDE="attitude, " * program.estimates,
+    )
+
+
+def prove_source(program: FlightProgram, intro: Sequence[str]) -> str:
+    """prove_controller.c: calls with any numbers, for a proof of no run-time error.
+
+    `make prove` has Frama-C's Eva analyse them. Eva takes variables outside of functions for any
+    values of their types, infinities and numbers that are none included.
+    """
+
+    def any_truths(struct: str, variable: str) -> list[str]:
+        fields = (one for one in program.structs[struct].fields if one.dtype.kind == "b")
+        return [text for one in fields for text in one.elements(f"{variable}.")]
+
+    def statements(places: Sequence[str]) -> str:
+        return "".join(f"  {place} = choice != 0;\n" for place in places)
+
+    inputs = [*any_truths("input", "in"), *(f"valid.{one.name}" for one in groups(program))]
+    arguments = {"parameters": "p", "state": "state", "output": "out"}
+    coast = "  case 1:\n    controller_coast(&p, &in, &state);\n    break;\n"
+    text = template(
+        "prove_controller.c",
+        VARIABLE=f"static {real_type(program)} attitude[4];\n" * program.estimates,
+        INPUT=statements(inputs),
+        ARGUMENTS=statements([one for item in arguments.items() for one in any_truths(*item)]),
+        ATTITUDE="attitude, " * program.estimates,
+        COAST=coast * program.estimates,
+    )
+    return "\n".join([*intro, text])

@@ -13,9 +13,10 @@ from jaxsat.flight.guard import (
     is_quaternion,
     is_rate,
     real_type,
+    step_head,
 )
-from jaxsat.flight.guard_step import step_functions
 from jaxsat.flight.program import FlightProgram
+from jaxsat.flight.templates import template
 
 
 def guard_source(
@@ -32,7 +33,7 @@ def guard_source(
     lines += _check(program, "is_usable_output", "output", "isfinite({})")
     lines += _check(program, "is_usable_state", "state", "!isnan({})")
     lines += _zero_commands(program)
-    lines += _begin(program) + step_functions(program)
+    lines += [*_begin(program), _step(program)]
     return "\n".join(lines)
 
 
@@ -159,3 +160,29 @@ def _begin(program: FlightProgram) -> list[str]:
     if program.estimates:
         lines.append("  (void)memcpy(guard->attitude, attitude, sizeof(guard->attitude));")
     return [*lines, "}", ""]
+
+
+def _step(program: FlightProgram) -> str:
+    """The step behind the guard, after the functions that it is made of."""
+    estimates = program.estimates
+    is_vital = {group: not (estimates and group.name == "attitude") for group in groups(program)}
+    judgements = [
+        f"  if ({'' if vital else 'in->seen && '}"
+        f"!(valid->{group.name} && is_valid_{group.name}(in, limits))) {{\n"
+        f"    status |= {group.bit};\n  }}"
+        for group, vital in is_vital.items()
+    ]
+    init = "controller_init(p, &checked, &after);"
+    begins = "steps = has_begun(p, limits, guard, &checked, &after);"
+    substitute = "  substitute(in, valid, limits, status, guard, &checked);\n"
+    coast = "  if (!steps && guard->begun && !repeated) {\n    coast(p, &checked, guard);\n  }\n"
+    return template(
+        "guard_step.c",
+        JUDGEMENTS="\n".join(judgements),
+        ESTIMATOR=template("guard_estimator.c") * estimates,
+        HEAD="\n".join(step_head("")),
+        VITAL=" | ".join(group.bit for group, vital in is_vital.items() if vital),
+        SUBSTITUTE=substitute * estimates,
+        BEGIN=begins if estimates else init,
+        COAST=coast * estimates,
+    )

@@ -21,22 +21,8 @@ def checksum(of_parameters: Sequence[Parameter]) -> int:
 
 def parameters_header(of_parameters: Sequence[Parameter], intro: Sequence[str]) -> str:
     """The text of controller_parameters.h."""
-    lines = [*intro, "#ifndef CONTROLLER_PARAMETERS_H", "#define CONTROLLER_PARAMETERS_H", ""]
-    lines += ['#include "controller.h"', ""]
-    lines += comment("controller_parameter_checksum of the scenario's numbers.")
-    lines += [f"#define CONTROLLER_DEFAULT_CHECKSUM (0x{checksum(of_parameters):08X}u)", ""]
-    lines += comment(
-        "The number of the first parameter, counted from 1 in the order of the structure, that has "
-        "an element out of range or not a number; 0 if there is none. controller_parameters.c has "
-        "the ranges."
-    )
-    lines += ["int32_t controller_check_parameters(const controller_parameters *p);", ""]
-    lines += comment(
-        "CRC-32/ISO-HDLC (reversed polynomial 0xEDB88320, begin and final exclusive or 0xFFFFFFFF) "
-        "of all elements in order, as little-endian bytes without padding."
-    )
-    lines += ["uint32_t controller_parameter_checksum(const controller_parameters *p);", ""]
-    return "\n".join([*lines, "#endif /* CONTROLLER_PARAMETERS_H */", ""])
+    number = f"{checksum(of_parameters):08X}"
+    return "\n".join([*intro, template("controller_parameters.h", CHECKSUM=number)])
 
 
 def parameters_source(
@@ -44,19 +30,7 @@ def parameters_source(
 ) -> str:
     """The text of controller_parameters.c."""
     real = real_type(program)
-    lines = [*intro, '#include "controller_parameters.h"', ""]
-    lines += ["#include <math.h>", "#include <stddef.h>", "#include <string.h>", ""]
-    lines += [f"#define PARAMETERS ({len(of_parameters)})", ""]
-    lines += ["typedef enum { FREE, NUMBER, TRUTH } parameter_kind;", ""]
-    lines += ["typedef struct {", "  size_t offset;", "  uint32_t count;", "  uint32_t size;"]
-    lines += [
-        "  parameter_kind kind;",
-        f"  {real} least;",
-        f"  {real} most;",
-        "} parameter_row;",
-        "",
-    ]
-    lines += ["static const parameter_row rows[] = {"]
+    lines: list[str] = []
     zero = np.zeros((), np.float32 if program.single else np.float64)[()]
     for number, one in enumerate(of_parameters, 1):
         field, (least, most) = one.field, one.bounds or (zero, zero)
@@ -71,4 +45,7 @@ def parameters_source(
         lines.append(f"   {kind}, {literal(least).text}, {literal(most).text}}},")
     if not of_parameters:
         lines.append("  {0u, 0u, 0u, FREE, 0, 0},")
-    return "\n".join([*lines, "};", template("controller_parameters.c", REAL=real)])
+    text = template(
+        "controller_parameters.c", REAL=real, COUNT=len(of_parameters), ROWS="\n".join(lines)
+    )
+    return "\n".join([*intro, text])

@@ -110,12 +110,6 @@ def test_analysis_in_32_bit_mode_is_the_same():
     assert result.margin == pytest.approx(5e-10, rel=1e-6)
 
 
-def condition_by_scan(matrix_of, count=721):
-    """Best smallest singular value over a scan of the circle of coefficients."""
-    angles = np.linspace(0.0, np.pi, count)
-    return max(svdvals(matrix_of(np.cos(a), np.sin(a)))[2] for a in angles)
-
-
 @given(st.integers(0, 10_000))
 @settings(max_examples=15, deadline=None)
 def test_conditions_25_and_35_on_random_layouts(seed):

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from helpers.tools import needs
+from jaxsat.flight.files import freertos_task
 from jaxsat.flight.guard import guard_header, status_bits
 from jaxsat.flight.guard_source import guard_source
 from jaxsat.flight.program import flight_program
 from jaxsat.flight.source import header, source
-from jaxsat.flight.tasks import freertos_task
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from tests.flight.laws import Clocked, loop_of, start

@@ -1,3 +1,25 @@
+#include "controller_parameters.h"
+
+#include <math.h>
+#include <stddef.h>
+#include <string.h>
+
+#define PARAMETERS (@COUNT@)
+
+typedef enum { FREE, NUMBER, TRUTH } parameter_kind;
+
+typedef struct {
+  size_t offset;
+  uint32_t count;
+  uint32_t size;
+  parameter_kind kind;
+  @REAL@ least;
+  @REAL@ most;
+} parameter_row;
+
+static const parameter_row rows[] = {
+@ROWS@
+};
 static uint32_t with_byte(uint32_t sum, uint8_t byte)
 {
   uint32_t next = sum ^ (uint32_t)byte;

@@ -8,7 +8,6 @@ import contextlib
 import csv
 import dataclasses
 import io
-import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -31,7 +30,7 @@ from jaxsat.report.tuning_document import gain_plots, loss_plots, tuning_documen
 from jaxsat.report.verification_document import verification_document
 from jaxsat.store.dataset import open_trajectory
 from jaxsat.store.files import OutputError, parse_json
-from jaxsat.store.labels import store_of_row
+from jaxsat.store.labels import named_store, store_of_row
 from jaxsat.store.ledger import study_columns
 from jaxsat.store.marker import read_unchanged
 
@@ -187,8 +186,7 @@ def design_section(folder: Path) -> Document:
 
 def _charts(folder: Path, record: Mapping[str, Any]) -> Iterator[Chart]:
     """Settling of the cases of the verification, from its store if that is there."""
-    name = re.sub(r"[^\w.-]+", "-", f"verification-{record['chosen']}")
-    store = folder / "studies" / f"{name}.zarr"
+    store = named_store(folder, f"verification-{record['chosen']}")
     if record["verification"] is None or not (store / "zarr.json").is_file():
         return
     times = np.asarray(study_columns(store)["settling_time"])[: record["verification"]["cases"]]

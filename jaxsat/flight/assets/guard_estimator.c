@@ -1,0 +1,42 @@
+static void substitute(const controller_input *in, const controller_validity *valid,
+                       const controller_guard_parameters *limits, uint32_t status,
+                       controller_guard *guard, controller_input *checked)
+{
+  if ((status & CONTROLLER_STATUS_INVALID_RATE) != 0u) {
+    (void)memcpy(checked->rate, guard->rate, sizeof(guard->rate));
+  } else {
+    (void)memcpy(guard->rate, in->rate, sizeof(guard->rate));
+  }
+  if (!is_valid_attitude(in, limits) || !valid->attitude) {
+    checked->seen = false; /* as in an outage of the star tracker */
+    (void)memcpy(checked->attitude, guard->attitude, sizeof(guard->attitude));
+  }
+}
+
+static bool has_begun(const controller_parameters *p,
+                      const controller_guard_parameters *limits, controller_guard *guard,
+                      const controller_input *checked, controller_state *after)
+{
+  bool begins;
+
+  if (!is_unit(guard->attitude, limits->norm_tolerance) && checked->seen) {
+    (void)memcpy(guard->attitude, checked->attitude, sizeof(guard->attitude));
+  }
+  begins = is_unit(guard->attitude, limits->norm_tolerance);
+  if (begins) {
+    controller_init(p, guard->attitude, checked, after);
+  }
+  return begins;
+}
+
+static void coast(const controller_parameters *p, const controller_input *checked,
+                  controller_guard *guard)
+{
+  controller_state after = guard->state;
+
+  controller_coast(p, checked, &after);
+  if (is_usable_state(&after)) {
+    guard->state = after;
+  }
+}
+
