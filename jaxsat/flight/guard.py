@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from jaxsat.compiler.c.layout import Field
 from jaxsat.compiler.c.naming import comment
 from jaxsat.flight.program import FlightProgram
+from jaxsat.flight.templates import template
 
 RATE_LIMIT = 100.0
 """Default of the largest valid rate about an axis, rad/s."""
@@ -75,51 +76,28 @@ def status_bits(program: FlightProgram) -> dict[str, tuple[int, str]]:
 
 def guard_header(program: FlightProgram, intro: Sequence[str]) -> str:
     """The text of controller_guard.h."""
-    real = real_type(program)
-    lines = [*intro, "#ifndef CONTROLLER_GUARD_H", "#define CONTROLLER_GUARD_H", ""]
-    lines += ['#include "controller.h"', "", "/* Bits of a status; a sample without any is 0. */"]
-    for name, (number, words) in status_bits(program).items():
-        lines += [*comment(words), f"#define {name} ({number}u)"]
-    lines += ["", "/* Which measurements the caller takes for valid. */", "typedef struct {"]
-    lines += [f"  bool {group.name};" for group in groups(program)]
-    lines += ["} controller_validity;", "", "typedef struct {"]
-    about = {
-        "int32_t hold_samples": "calls in a row without a step for which commands are held, "
-        "before they are zero; 0: they are zero at once",
-        f"{real} rate_limit": "largest valid rate about an axis (rad/s)",
-        f"{real} norm_tolerance": "how far the square of a unit quaternion's norm may be from 1",
-    }
-    for field, words in about.items():
-        lines += [*comment(words, "  "), f"  {field};"]
-    lines += ["} controller_guard_parameters;", ""]
-    lines += ["extern const controller_guard_parameters controller_default_guard_parameters;", ""]
-    lines += ["typedef struct {", "  controller_state state;"]
-    lines += ["  controller_output last; /* the commands of the last call */"]
-    if program.estimates:
-        lines += [f"  {real} rate[3]; /* the last valid one (rad/s) */"]
-        lines += [f"  {real} attitude[4]; /* the first estimate */"]
-    lines += ["  int32_t sample; /* number of the last sample */"]
-    lines += ["  int32_t missed; /* calls in a row without a step */"]
-    lines += ["  uint32_t without_step; /* calls without a step since controller_guard_init */"]
-    lines += ["  bool called; /* whether there was a call */"]
-    lines += ["  bool begun; /* whether the controller has begun */", "} controller_guard;", ""]
-    lines += comment(
-        "Begins anew. The controller itself begins at the first sample whose measurements are "
-        "valid, from which time and samples count; commands are zero until then."
+    real, bits = real_type(program), status_bits(program).items()
+    defines = [[*comment(words), f"#define {name} ({bit}u)"] for name, (bit, words) in bits]
+    seen = (
+        f"  {real} rate[3]; /* the last valid one (rad/s) */\n"
+        f"  {real} attitude[4]; /* the first estimate */\n"
     )
-    if program.estimates:
-        lines += comment(
-            "attitude is the first estimate (unit quaternion, scalar first, relative to the orbit "
-            "frame). If it is not valid, the controller begins with the first valid measurement "
-            "of the attitude."
-        )
-    lines += [f"{init_head(program)};", ""]
-    lines += comment(
-        "One sample in the place of controller_step: returns its status, and always writes finite "
-        "commands. in->sample must count the periods."
+    attitude = comment(
+        "attitude is the first estimate (unit quaternion, scalar first, relative to the orbit "
+        "frame). If it is not valid, the controller begins with the first valid measurement of "
+        "the attitude."
     )
-    lines += [*step_head(";"), "", "#endif /* CONTROLLER_GUARD_H */", ""]
-    return "\n".join(lines)
+    text = template(
+        "controller_guard.h",
+        STATUS="\n".join(line for lines in defines for line in lines),
+        VALIDITY="\n".join(f"  bool {group.name};" for group in groups(program)),
+        REAL=real,
+        SEEN=seen * program.estimates,
+        ATTITUDE="".join(f"{line}\n" for line in attitude) * program.estimates,
+        INIT=init_head(program),
+        STEP="\n".join(step_head(";")),
+    )
+    return "\n".join([*intro, text])
 
 
 def real_type(program: FlightProgram) -> str:

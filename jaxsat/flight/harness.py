@@ -3,12 +3,12 @@ controller_library.c, its stages for many cases at once, for software in the loo
 
 import re
 from collections.abc import Sequence
+from itertools import accumulate
 
 import numpy as np
 
 from jaxsat.compiler.c.helpers import TYPES
 from jaxsat.compiler.c.layout import Field, Struct
-from jaxsat.compiler.c.naming import comment
 from jaxsat.flight.calls import call_sizes
 from jaxsat.flight.guard import real_type
 from jaxsat.flight.program import FlightProgram
@@ -117,86 +117,50 @@ def library_source(program: FlightProgram, intro: Sequence[str]) -> str:
     returns ABI, program, precision and the SHA-256 of controller.h and controller.c, which the
     build files compute; `controller_defaults` writes the compiled parameters as a row.
     """
-    structs = program.structs
-    precision = "single" if program.single else "double"
-    lines = [*intro, '#include "controller.c"', '#include "controller_records.h"', ""]
-    lines += [*reader(structs["parameters"]), *writer(structs["parameters"])]
-    if program.estimates:
-        lines += [*reader(structs["seen"]), *writer(structs["seen"])]
-    lines += [
-        "#ifndef CONTROLLER_SHA256",
-        '#error "build with make or CMake, which define CONTROLLER_SHA256"',
-        "#endif",
-        "",
-        "const char *controller_identity(void);",
-        "const char *controller_identity(void)",
-        "{",
-        f'  return "{ABI} {program.hash} {precision} " CONTROLLER_SHA256;',
-        "}",
-        "",
-        "void controller_defaults(double *row);",
-        "void controller_defaults(double *row)",
-        "{",
-        "  write_controller_parameters(&controller_default_parameters, row);",
-        "}",
-        "",
-    ]
-    if program.estimates:
-        lines += _batch(program, "estimate", seen_in=False)
-    lines += _batch(program, "control", seen_in=program.estimates)
-    return "\n".join(lines)
+    rows = ("parameters", *("seen",) * program.estimates)
+    records = [one(program.structs[name]) for name in rows for one in (reader, writer)]
+    stages = ("estimate",) * program.estimates + ("control",)
+    text = template(
+        "controller_library.c",
+        RECORDS="\n".join(line for lines in records for line in lines),
+        ABI=ABI,
+        PROGRAM=program.hash,
+        PRECISION="single" if program.single else "double",
+        STAGES="\n".join(_batch(program, one) for one in stages).removesuffix("\n"),
+    )
+    return "\n".join([*intro, text])
 
 
-def _batch(program: FlightProgram, stage: str, *, seen_in: bool) -> list[str]:
-    structs = program.structs
-    head = f"void controller_{stage}_batch(int64_t count, const double *rows, double *found)"
-    sizes = [structs["parameters"].size, structs["input"].size]
-    sizes += [structs["seen"].size] if seen_in else []
-    sizes += [structs["state"].size]
-    writes_seen = stage == "estimate"
-    out: Struct = structs["seen"] if writes_seen else structs["output"]
-    lines = [
-        f"{head};",
-        head,
-        "{",
-        "  for (int64_t case_number = 0; case_number < count; case_number++) {",
-    ]
-    lines += [
-        "    controller_parameters parameters;",
-        "    controller_input input;",
-        "    controller_state before;",
-        "    controller_state after;",
-    ]
-    uses_out = not writes_seen
-    if uses_out:
-        lines += ["    controller_output output;"]
-    if program.estimates:
-        lines += ["    controller_seen told;"]
-    needs_clock = reads_clock(program.calls[stage])
-    lines += ["    controller_clock clock;"] if needs_clock else []
-    place = 0
-    names = [("parameters", "parameters"), ("input", "input")]
-    names += [("seen", "told")] if seen_in else []
-    names += [("state", "before")]
-    for (struct, variable), size in zip(names, sizes, strict=True):
-        lines.append(f"    read_controller_{struct}(rows + {place}, &{variable});")
-        place += size
-    if uses_out:
-        lines.append("    (void)memset(&output, 0, sizeof(output));")
-    if needs_clock:
-        lines.append("    clock.sample = input.sample;")
-    lines += ["    after = before;", f"    {_call(program, stage)}"]
-    source = "told" if writes_seen else "output"
-    lines += [
-        f"    write_controller_{'seen' if writes_seen else 'output'}(&{source}, found);",
-        f"    write_controller_state(&after, found + {out.size});",
-        f"    rows += {place};",
-        f"    found += {out.size + structs['state'].size};",
-        "  }",
-        "}",
-        "",
-    ]
-    return lines
+def _batch(program: FlightProgram, stage: str) -> str:
+    """The functions of a stage for many cases; the law reads what the estimator has seen."""
+    variables = {"parameters": "parameters", "input": "input", "seen": "told", "state": "before"}
+    estimates = stage == "estimate"
+    if estimates or not program.estimates:
+        del variables["seen"]
+    reads, place = [], 0
+    for name, variable in variables.items():
+        reads.append(f"read_controller_{name}(rows + {place}, &{variable});")
+        place += program.structs[name].size
+    declared = [("output", "output")] * (not estimates) + [("seen", "told")] * program.estimates
+    if not estimates:
+        reads.append("(void)memset(&output, 0, sizeof(output));")
+    if reads_clock(program.calls[stage]):
+        declared.append(("clock", "clock"))
+        reads.append("clock.sample = input.sample;")
+    kind, result = ("seen", "told") if estimates else ("output", "output")
+    size = program.structs[kind].size
+    return template(
+        "batch.c",
+        STAGE=stage,
+        VARIABLES="".join(f"    controller_{one} {variable};\n" for one, variable in declared),
+        READS="".join(f"    {read}\n" for read in reads),
+        CALL=_call(program, stage),
+        KIND=kind,
+        RESULT=result,
+        STATE=size,
+        ROW=place,
+        NEXT=size + program.structs["state"].size,
+    )
 
 
 def _call(program: FlightProgram, stage: str) -> str:
@@ -212,42 +176,24 @@ def _call(program: FlightProgram, stage: str) -> str:
 
 def calls_header(program: FlightProgram, intro: Sequence[str]) -> str:
     """controller_calls.h: a call of an entry point by a row of doubles, for tests."""
-    sizes, place = call_sizes(program), 0
-    real = real_type(program)
-    lines = [*intro, "#ifndef CONTROLLER_CALLS_H", "#define CONTROLLER_CALLS_H", ""]
-    lines += ['#include "controller_records.h"', "", "#include <string.h>", ""]
-    lines += [f"#define CALL_SIZE ({sum(sizes.values())})", f"#define CALL_REAL {real}"]
-    lines += [f"#define CALL_PARAMETERS ({sizes['parameters']})", ""]
-    lines += reader(program.structs["parameters"])
-    lines += comment(
-        "Calls what the first number of the row tells: 0 controller_step, 1 controller_init, "
-        "2 controller_coast. found gets the outputs (zero where there are none), then the state."
+    sizes, real = call_sizes(program), real_type(program)
+    ends = accumulate(sizes.values())
+    places = {name: end - size for end, (name, size) in zip(ends, sizes.items(), strict=True)}
+    attitude = f"  for (int i = 0; i < 4; i++)\n    attitude[i] = ({real})row[{{}} + i];\n"
+    coast = "  } else {\n    controller_coast(&p, &in, &state);\n"
+    text = template(
+        "controller_calls.h",
+        SIZE=sum(sizes.values()),
+        REAL=real,
+        PARAMETERS=sizes["parameters"],
+        READER="\n".join(reader(program.structs["parameters"])),
+        VARIABLE=f"  {real} attitude[4];\n" * program.estimates,
+        AT_PARAMETERS=places["parameters"],
+        READ_ATTITUDE=attitude.format(places["attitude"]) * program.estimates,
+        AT_INPUT=places["input"],
+        AT_STATE=places["state"],
+        WHETHER="if (row[0] == 1.0) " * program.estimates,
+        ATTITUDE="attitude, " * program.estimates,
+        COAST=coast * program.estimates,
     )
-    lines += [
-        "static inline void make_call(const double *row, double *found)",
-        "{",
-        "  controller_parameters p;",
-        "  controller_input in;",
-        "  controller_state state;",
-        "  controller_output out;",
-    ]
-    reads = []
-    for name, size in sizes.items():
-        if name in ("parameters", "input", "state"):
-            variable = {"parameters": "p", "input": "in", "state": "state"}[name]
-            reads.append(f"  read_controller_{name}(row + {place}, &{variable});")
-        elif name == "attitude" and size:
-            lines.append(f"  {real} attitude[4];")
-            reads.append("  for (int i = 0; i < 4; i++)")
-            reads.append(f"    attitude[i] = ({real})row[{place} + i];")
-        place += size
-    lines += ["", "  (void)memset(&out, 0, sizeof(out));", *reads]
-    attitude = "attitude, " * program.estimates
-    lines += ["  if (row[0] == 0.0) {", "    controller_step(&p, &in, &state, &out);"]
-    lines += ["  } else if (row[0] == 1.0) {"] if program.estimates else ["  } else {"]
-    lines += [f"    controller_init(&p, {attitude}&in, &state);"]
-    if program.estimates:
-        lines += ["  } else {", "    controller_coast(&p, &in, &state);"]
-    lines += ["  }", "  write_controller_output(&out, found);"]
-    lines += ["  write_controller_state(&state, found + CONTROLLER_OUTPUT_SIZE);", "}", ""]
-    return "\n".join([*lines, "#endif /* CONTROLLER_CALLS_H */", ""])
+    return "\n".join([*intro, text])
