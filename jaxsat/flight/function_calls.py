@@ -12,6 +12,7 @@ from jaxsat.compiler.c.tidying import in_lines
 from jaxsat.compiler.interpreter import interpret
 from jaxsat.flight.guard import real_type
 from jaxsat.flight.program import FlightProgram
+from jaxsat.flight.templates import template
 
 SIZES = (0.0, 5e-324, 1e-310, 1e-220, 1e-12, 0.3, 0.5, 1.0, 2.5, 1e7, 1e22, 1e38, 1.7e308, np.inf)
 """Arguments, with both signs, and what is not a number. Numbers that single precision does not have
@@ -41,32 +42,14 @@ def function_calls(program: FlightProgram, intro: Sequence[str]) -> str:
         ]
         calls += ["  }"]
     most = max((len(one.results) for one in program.functions.values()), default=1)
-    return "\n".join(
-        [
-            *intro,
-            "#ifndef CONTROLLER",
-            '#define CONTROLLER "controller.c"',
-            "#endif",
-            "#include CONTROLLER",
-            "",
-            *tables,
-            f"static bool same({real} x, {real} y)",
-            "{",
-            "  return (memcmp(&x, &y, sizeof(x)) == 0) || ((x != x) && (y != y));",
-            "}",
-            "",
-            "/* How many results differ. */",
-            "int test_functions(void);",
-            "int test_functions(void)",
-            "{",
-            f"  {real} found[{most}] = {{0}};",
-            "  int wrong = same(found[0], found[0]) ? 0 : 1;",
-            *calls,
-            "  return wrong;",
-            "}",
-            "",
-        ]
+    text = template(
+        "test_functions.c",
+        TABLES="".join(f"{line}\n" for line in tables),
+        REAL=real,
+        MOST=most,
+        CALLS="".join(f"{line}\n" for line in calls),
     )
+    return "\n".join([*intro, text])
 
 
 def _arguments(function: ir.Function) -> list[tuple[np.generic, ...]]:

@@ -12,9 +12,9 @@ from jaxsat.compiler.c.naming import Names, comment, identifier
 from jaxsat.compiler.c.python_functions import python_function
 from jaxsat.compiler.c.tidying import wrapped
 from jaxsat.compiler.ir import Value
+from jaxsat.flight.guard import real_type
 from jaxsat.flight.program import FlightProgram, ProgramStage
-
-GUARD = "CONTROLLER_H"
+from jaxsat.flight.templates import template
 
 TYPES_OF_POINTERS = {
     "p": "const controller_parameters *p",
@@ -41,58 +41,34 @@ STRUCTURES = {
 
 def header(program: FlightProgram, intro: Sequence[str]) -> str:
     """The text of controller.h."""
-    lines = [*intro, f"#ifndef {GUARD}", f"#define {GUARD}", ""]
-    lines += ["#include <stdbool.h>", "#include <stdint.h>", ""]
+    modes, names = "", Names(fields=True)
     if len(program.modes) > 1:
-        lines += ["/* The numbers of controller_output.mode */"]
-        names = Names(fields=True)
-        lines += [
-            f"#define CONTROLLER_{names.new(identifier('mode', name)).upper()} ({number})"
+        defines = [
+            f"#define CONTROLLER_{names.new(identifier('mode', name)).upper()} ({number})\n"
             for name, number in program.modes.items()
         ]
-        lines.append("")
-    for name in ("parameters", "input", "state", "output"):
-        lines += [*program.structs[name].declaration(), ""]
-    real = "float" if program.single else "double"
-    lines += [
-        "/* The scenario's numbers. */",
-        "extern const controller_parameters controller_default_parameters;",
-        "",
+        modes = f"/* The numbers of controller_output.mode */\n{''.join(defines)}\n"
+    structures = [
+        "".join(f"{line}\n" for line in program.structs[name].declaration())
+        for name in ("parameters", "input", "state", "output")
     ]
+    about = "Sets the state before the first sample, of which in is the measurement."
     if program.estimates:
-        lines += comment(
+        about = (
             "Sets the state before the first sample; attitude is the first estimate (unit "
             "quaternion, scalar first, relative to the orbit frame), in the first measurement."
         )
-        attitude = f"const {real} attitude[4], "
-    else:
-        lines += comment("Sets the state before the first sample, of which in is the measurement.")
-        attitude = ""
-    lines += [
-        f"void controller_init(const controller_parameters *p, {attitude}"
-        "const controller_input *in,",
-        "                     controller_state *state);",
-        "",
-        *comment(
-            "One sample: reads the measurement, writes the commands and the next state. The "
-            "sample's number may begin anywhere: time and samples count from controller_init."
-        ),
-        "void controller_step(const controller_parameters *p, const controller_input *in,",
-        "                     controller_state *state, controller_output *out);",
-        "",
-        *(_coast_declaration() if program.estimates else []),
-        f"#endif /* {GUARD} */",
-        "",
-    ]
-    return "\n".join(lines)
-
-
-def _coast_declaration() -> list[str]:
-    return [
-        *comment("One sample of the estimator alone, in which the controller makes no commands."),
-        *_coast_head(";"),
-        "",
-    ]
+    about_coast = "One sample of the estimator alone, in which the controller makes no commands."
+    coast = "\n".join([*comment(about_coast), *_coast_head(";"), "", ""])
+    text = template(
+        "controller.h",
+        MODES=modes,
+        STRUCTURES="\n".join(structures),
+        ABOUT_INIT="\n".join(comment(about)),
+        ATTITUDE=f"const {real_type(program)} attitude[4], " * program.estimates,
+        COAST=coast * program.estimates,
+    )
+    return "\n".join([*intro, text])
 
 
 def _coast_head(end: str) -> list[str]:
@@ -104,7 +80,7 @@ def _coast_head(end: str) -> list[str]:
 
 def source(program: FlightProgram, intro: Sequence[str], *, libm: bool) -> str:
     """The text of controller.c."""
-    real = "float" if program.single else "double"
+    real = real_type(program)
     types = {name: text.format(real=real) for name, text in TYPES_OF_POINTERS.items()}
     if not program.estimates:
         del types["seen"], types["attitude"]
@@ -219,7 +195,7 @@ def _clock(sample: str) -> list[str]:
 
 
 def _entry_points(program: FlightProgram, calls: dict[str, str]) -> list[str]:
-    real = "float" if program.single else "double"
+    real = real_type(program)
     attitude = f"const {real} attitude[4], " if program.estimates else ""
     begin = [
         f"void controller_init(const controller_parameters *p, {attitude}"
