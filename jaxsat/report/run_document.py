@@ -9,6 +9,7 @@ import xarray as xr
 
 from jaxsat.core.declaration.actuators import PARTS
 from jaxsat.core.text import capitalised, number_text, vector_text
+from jaxsat.report.actuator_table import AT_LIMIT, share_sentence
 from jaxsat.report.document import Document, Facts, Verdict
 from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude, step_error
 from jaxsat.report.requirements import judgements, requirement_table
@@ -16,9 +17,6 @@ from jaxsat.report.run_plots import has_effectors, shown_unit
 from jaxsat.report.shares import momentum_budget
 from jaxsat.report.timeline import failures_of
 from jaxsat.store.dataset import errors_of, time_at_rest, time_to_settle
-
-AT_LIMIT = 1 - 1e-6
-"""The part of a limit from which on a device counts as being at it."""
 
 UNMADE = 1e-9
 """The part of the largest torque below which unmet torque counts as none."""
@@ -66,6 +64,9 @@ def run_verdict(
         )
     end = f"{number_text(float(dataset['time'][-1]), 6)} s"
     more = [f"{capitalised(what)} at {number_text(at, 6)} s." for at, what in failures]
+    more += share_sentence(dataset)
+    if unmet := _unmet_torque(dataset, scenario, _peak_torque(dataset)):
+        more.append(f"Unmet torque: {unmet}.")
     if int(dataset.attrs.get("outcome_code", 0)) != 0:
         reason = dataset.attrs.get("outcome_explanation", "it failed")
         return Verdict(False, f"The run ended early, at {end}: {reason}.", more)
@@ -92,25 +93,11 @@ def _final_state(dataset: xr.Dataset) -> dict[str, str]:
 def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, str]:
     """Torque, effort, what each device did and, told apart, the ideal torque that holds the third
     rate; the steps."""
-    has_range = "torque_max" in dataset
-    torques = ("torque_min", "torque_max") if has_range else ("torque",)
-    peak = np.nanmax(np.abs(np.concatenate([dataset[one].values for one in torques])), axis=0)
+    peak, when = _peak_torque(dataset), "" if "torque_max" in dataset else " at the saved times"
     rows = {
-        "torque": f"at most {vector_text(peak)} N m{'' if has_range else ' at the saved times'}"
+        "torque": f"at most {vector_text(peak)} N m{when}",
+        "unmet torque": _unmet_torque(dataset, scenario, peak),
     }
-    if "torque_unmade" in dataset:
-        unmade = np.linalg.norm(dataset["torque_unmade"].values, axis=1)
-        lacking = unmade > UNMADE * np.max(peak, initial=0.0)
-        if lacking.any():
-            rows["unmet torque"] = (
-                f"at most {number_text(np.nanmax(unmade), 3)} N m beyond what the actuators make, "
-                f"at {number_text(100 * lacking.mean(), 3)} % of the saved times"
-            )
-            if scenario.get("magnetorquer"):
-                rows["unmet torque"] += (
-                    "; what is asked of magnetorquers along the field, which none makes, does not "
-                    "count"
-                )
     if "effort" in dataset:
         by = "all actuators" if has_effectors(dataset) else "the thrusters"
         rows["effort"] = f"{vector_text(dataset['effort'])} N m s by {by}"
@@ -143,6 +130,31 @@ def _actuation(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> dict[str, st
     error = step_error(*errors_of(dataset))
     rows["steps"] = f"{dataset.attrs.get('steps', '')}{f'; errors of {error}' if error else ''}"
     return {label: text for label, text in rows.items() if text}
+
+
+def _peak_torque(dataset: xr.Dataset) -> np.ndarray:
+    """The largest torque about each body axis, N m: of a sampled law that between saved times."""
+    torques = ("torque_min", "torque_max") if "torque_max" in dataset else ("torque",)
+    return np.nanmax(np.abs(np.concatenate([dataset[one].values for one in torques])), axis=0)
+
+
+def _unmet_torque(dataset: xr.Dataset, scenario: Mapping[str, Any], peak: np.ndarray) -> str:
+    """How much torque the actuators do not make of the command, and how often; nothing of none."""
+    if "torque_unmade" not in dataset:
+        return ""
+    unmade = np.linalg.norm(dataset["torque_unmade"].values, axis=1)
+    lacking = unmade > UNMADE * np.max(peak, initial=0.0)
+    if not lacking.any():
+        return ""
+    text = (
+        f"at most {number_text(np.nanmax(unmade), 3)} N m beyond what the actuators make, at "
+        f"{number_text(100 * lacking.mean(), 3)} % of the saved times"
+    )
+    if not scenario.get("magnetorquer"):
+        return text
+    return (
+        f"{text}; what is asked of magnetorquers along the field, which none makes, does not count"
+    )
 
 
 def _peaks(history: xr.DataArray, units: str, limits: Sequence[float | None]) -> str:

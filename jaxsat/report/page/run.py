@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 
 from jaxsat.core.text import capitalised
+from jaxsat.report.actuator_table import actuator_tables
 from jaxsat.report.document import Charts, Document, Facts, Lines, Listing, ReplayScene, Table
 from jaxsat.report.facts import provenance_facts, scenario_facts, scenario_tables
 from jaxsat.report.page.plots import TimeWindow, chart_of, overview_of
@@ -33,9 +34,13 @@ def run_section(dataset: xr.Dataset, name: str, command: str = "") -> Document:
     document = run_document(dataset, name)
     dataset = until_end(dataset)
     times, window = dataset["time"].values, None
-    blocks: list[Any] = [Facts("Scenario", scenario_facts(scenario))]
+    failures = failures_of(scenario, times)
+    blocks: list[Any] = [
+        *actuator_tables(dataset, scenario, failures),
+        Facts("Scenario", scenario_facts(scenario)),
+    ]
     if len(times) > 1:
-        window = TimeWindow(Timeline(times, failures_of(scenario, times)))
+        window = TimeWindow(Timeline(times, failures))
         blocks.append(ReplayScene("3-D replay", [craft(dataset, scenario, document.title)]))
         blocks.append(Charts("Time window", [overview_of(pointing_plots(dataset)[0], window)]))
         for heading, plots in _plots(dataset).items():

@@ -17,7 +17,7 @@ NASTY = '</script><script>alert("1")</script><b>&amp; $$x$$ \\[y\\]'
 
 
 def craft_of(page):
-    (craft,) = json_of(page, "r0-1")
+    (craft,) = json_of(page, "r0-2")
     return craft
 
 
