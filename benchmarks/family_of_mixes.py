@@ -254,7 +254,8 @@ def mix_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
         style = {"color": color, "edgecolor": "black", "hatch": hatch, "linewidth": 0.6}
         axis.barh(list(bars), parts[:, number], left=left, label=label, **style)
     axis.set_xlabel("cases")
-    axis.legend(fontsize=7)
+    where = {"loc": "lower center", "bbox_to_anchor": (0.4, 1.0)}
+    axis.legend(**where, ncols=4, fontsize=7, frameon=False)
     return figure
 
 
