@@ -1,4 +1,4 @@
-"""Differentiable simulator and gain tuner for spacecraft that have lost thrusters.
+"""Differentiable simulator and gain tuner for spacecraft that have lost thrusters or wheels.
 
 The names for users are those of `__init__.pyi`, each imported when it is first used, so that
 `import jaxsat` takes no time and imports no JAX. Modules come the same way:

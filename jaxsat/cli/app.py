@@ -65,7 +65,7 @@ PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
 app = App(
     name="jaxsat",
     version=jaxsat.__version__,
-    help="Simulate and tune spacecraft that have lost thrusters.",
+    help="Simulate and tune spacecraft that have lost thrusters or wheels.",
     help_format="plaintext",
     suppress_keyboard_interrupt=False,
 )
