@@ -1,6 +1,6 @@
-"""Closed loops and how they are integrated.
+"""Closed loops and their integration.
 
-The engines, which stand above the loops, are imported when `simulate` is first used.
+The engines, which import the loops, are imported when `simulate` is first used.
 """
 
 import importlib

@@ -1,6 +1,6 @@
-"""What a whole run was, judged on its integrator's own steps, whatever instants are saved.
+"""Assessment of a whole run on its integrator's own steps, independent of the saved instants.
 
-That is when it settled and what that took, and how far its steps are from the motion.
+The assessment contains settling time, effort and the estimate of the integration error.
 """
 
 from typing import NamedTuple
@@ -16,14 +16,14 @@ from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
 class Assessment(eqx.Module):
-    """When a run settled, and what that took.
+    """Settling time and effort of a run.
 
-    `settled_from` (s) is the instant from which attitude and relative rate, `at_rest_from` that
-    from which the inertial rate alone, stayed within the tolerances to the end; infinite where that
-    began after 0.9 of the horizon or never. `effort` is ∫|T_i| dt of the thrusters by body axis
-    and `constraint_effort` that of the ideal torque by which the third rate is held, None where it
-    is free, both in N m s; NaN where the run did not reach its end. A case that an engine has
-    replayed tells `settled_from` alone, the others are None.
+    `settled_from` (s) is the instant from which attitude and relative rate, `at_rest_from` the
+    instant from which the inertial rate alone, stayed within the tolerances to the end; infinite if
+    that began after 0.9 of the horizon or never. `effort` is ∫|T_i| dt of all effectors by body
+    axis and `constraint_effort` that of the ideal torque by which the third rate is held, None
+    where it is free, both in N m s; NaN where the run did not reach its end. A case that an engine
+    has replayed has `settled_from` alone, the others are None.
     """
 
     settled_from: RealScalar
@@ -33,7 +33,7 @@ class Assessment(eqx.Module):
 
 
 class JudgedSignals(NamedTuple):
-    """What of the signals settling is judged by; see `Signals`."""
+    """The signals that decide settling; see `Signals`."""
 
     w: Pair
     z: RealScalar
@@ -47,16 +47,16 @@ class JudgedSignals(NamedTuple):
         return JudgedSignals(wz.w, wz.z, plant.relative_rate(state), state.omega)
 
     def excess(self, tolerances: Tolerances) -> Vector:
-        """How far outside the tolerances, see `jaxsat.core.tolerances.excess`."""
+        """Relative excess over the tolerances, see `jaxsat.core.tolerances.excess`."""
         return excess(self.w, self.z, self.relative_rate, tolerances)
 
     def rest_excess(self, tolerances: Tolerances) -> Float[Array, "1"]:
-        """How far the inertial rate alone is outside its tolerance."""
+        """Relative excess of the inertial rate alone over its tolerance."""
         return jnp.sqrt(jnp.sum(self.omega**2))[None] / tolerances.relative_rate - 1
 
 
 def stop_gradient(tree: PyTree) -> PyTree:
-    """The tree with nothing to be differentiated."""
+    """The tree with `stop_gradient` applied to every array."""
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if eqx.is_array(x) else x, tree)
 
 
@@ -64,9 +64,9 @@ class IntegrationError(eqx.Module):
     """The error estimate of a run's steps: of the inertial rate (rad/s) and the attitude (rad).
 
     Each part of a run is integrated once more from the same state under the same commands with
-    steps of half the length. The differences at its end are summed by size, and an error of the
-    rate turns the attitude until the end of the run. So the sums are what the plant would be off by
-    under the same commands; a law that sees the difference takes some of it back.
+    steps of half the length. The norms of the differences at its end are summed, and an error of
+    the rate turns the attitude until the end of the run. The sums are therefore the plant's error
+    under the same commands; feedback of a law reduces it.
     """
 
     rate: Float[Array, "*n"]
@@ -74,7 +74,7 @@ class IntegrationError(eqx.Module):
 
     @staticmethod
     def none(like: Float[Array, "..."]) -> "IntegrationError":
-        """No error yet, in the precision of the array `like`."""
+        """Zero error, in the precision of the array `like`."""
         zero = jnp.zeros((), like.dtype)
         return IntegrationError(zero, zero)
 
@@ -86,10 +86,10 @@ class IntegrationError(eqx.Module):
         halved: PlantState,
         weight: float = 1.0,
     ) -> "IntegrationError":
-        """The sums with a part of `length` s, at whose end whole and halved steps give two states.
+        """The sums after a part of `length` s, at whose end whole and halved steps give two states.
 
         The momenta of effectors count as the rate that they give a body of the mean moment. The
-        part stands for `weight` parts.
+        part represents `weight` parts.
         """
         whole, halved = stop_gradient((whole, halved))
         rate = _norm(whole.omega - halved.omega)
@@ -102,7 +102,7 @@ class IntegrationError(eqx.Module):
         return IntegrationError(previous.rate + weight * rate, previous.attitude + weight * turn)
 
     def later(self, length: RealScalar) -> "IntegrationError":
-        """The sums after so many seconds that add no error of their own."""
+        """The sums after `length` s without further error."""
         return IntegrationError(self.rate, self.attitude + self.rate * stop_gradient(length))
 
 

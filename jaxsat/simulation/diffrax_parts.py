@@ -1,6 +1,6 @@
-"""What diffrax is given: a solver that judges a run on its own steps, and a choice of steps.
+"""Parts for diffrax: a solver that assesses a run on its own steps, and a step-size controller.
 
-The choice judges momenta of effectors in a unit of the body's own. Importing this imports diffrax.
+The controller scales momenta of effectors by a unit of the body. This module imports diffrax.
 """
 
 from collections.abc import Callable
@@ -19,16 +19,16 @@ from jaxsat.simulation.units import in_units, out_of_units
 from jaxsat.spacecraft.dynamics import RigidBody
 
 CHECKS = 4
-"""Equal parts of a step at whose ends a run is monitored."""
+"""Number of equal parts of a step at whose ends a run is monitored."""
 
 HALVINGS = 40
-"""Bisections of such a fraction: what is left of a step of 1 s is less than its rounding."""
+"""Number of bisections of a fraction: the rest of a step of 1 s is below its round-off."""
 
 
 class MonitorSample(NamedTuple):
-    """What a monitor sees at one instant.
+    """Output of a monitor at one instant.
 
-    `excess` is how far outside each group of conditions a run is, and `rate` is to be integrated.
+    `excess` is the relative excess over the tolerances by group of conditions, `rate` an integrand.
     """
 
     excess: tuple[Float[Array, " _"], ...]
@@ -36,13 +36,13 @@ class MonitorSample(NamedTuple):
 
 
 Monitor = Callable[[RealScalar, PyTree], MonitorSample]
-"""Takes a time (s) and the state that is integrated."""
+"""Function of a time (s) and of the integrated state."""
 
 
 class EntryBracket(NamedTuple):
-    """The step in which all of a group's conditions were met again, and between which fractions.
+    """The last step in which a group's conditions all became true, and its bracketing fractions.
 
-    `low` is infinite before the first one.
+    `low` is infinite before the first entry.
     """
 
     begin: RealScalar
@@ -53,7 +53,7 @@ class EntryBracket(NamedTuple):
 
 
 class MonitorRecord(NamedTuple):
-    """What a monitor has seen up to the end of the last step."""
+    """Record of a monitor up to the end of the last step."""
 
     since: tuple[SettlingTracker, ...]
     entries: tuple[EntryBracket, ...]
@@ -68,9 +68,9 @@ class MonitoredState(NamedTuple):
 
 
 class MonitoredSolver(diffrax.AbstractWrappedSolver):
-    """A solver with a monitor on the dense output of every accepted step; the steps are its own.
+    """A solver with a monitor on the dense output of every accepted step; its steps are unchanged.
 
-    Nothing of it is differentiated. The record is `solver_state.record` of the solution.
+    The record is not differentiated. The solution contains it as `solver_state.record`.
     """
 
     solver: diffrax.AbstractSolver  # pyright: ignore[reportIncompatibleVariableOverride]
@@ -88,12 +88,12 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
 
     @property
     def term_compatible_contr_kwargs(self):  # pyright: ignore[reportIncompatibleVariableOverride]
-        """What diffrax asks of the terms' contractions, as the solver has it."""
+        """The solver's own keyword arguments of the terms' contractions."""
         return self.solver.term_compatible_contr_kwargs
 
     @property
     def scan_kind(self):
-        """How the solver loops over its stages, which diffrax replaces for forward mode."""
+        """The kind of loop over the solver's stages, which diffrax replaces for forward mode."""
         return self.solver.scan_kind  # pyright: ignore[reportAttributeAccessIssue]
 
     def order(self, terms):
@@ -105,11 +105,11 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
         return self.solver.strong_order(terms)
 
     def error_order(self, terms):
-        """The order of the solver's error."""
+        """The order of the solver's error estimate."""
         return self.solver.error_order(terms)
 
     def func(self, terms, t0, y0, args):
-        """The rate of the state, as the solver has it."""
+        """The rate of the state, as the solver computes it."""
         return self.solver.func(terms, t0, y0, args)
 
     def init(self, terms, t0, t1, y0, args) -> MonitoredState:
@@ -125,7 +125,7 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
         return MonitoredState(inner, record)
 
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
-        """The solver's step, monitored."""
+        """The solver's step, with its record."""
         y1, error, dense, inner, result = self.solver.step(
             terms, t0, t1, y0, args, solver_state.solver, made_jump
         )
@@ -158,7 +158,7 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
         return self.monitor(t, self.interpolation_cls(t0=t0, t1=t1, **dense).evaluate(t))
 
     def since(self, record: MonitorRecord, group: int) -> SettlingTracker:
-        """Since when a group's conditions hold, the instant located on the dense output."""
+        """The time since which a group's conditions hold, located on the dense output."""
         since, entry = record.since[group], record.entries[group]
         never = jnp.isinf(entry.low)
         begin, end, dense = entry.begin, jnp.where(never, entry.end + 1, entry.end), entry.dense
@@ -176,7 +176,7 @@ class MonitoredSolver(diffrax.AbstractWrappedSolver):
 
 
 class StepControl(diffrax.PIDController):
-    """A `PIDController` of a loop's state whose momenta are in units of the `body`."""
+    """A `PIDController` that scales a state's momenta by the unit of the `body`."""
 
     body: RigidBody | None = None
 
@@ -191,7 +191,7 @@ class StepControl(diffrax.PIDController):
     def adapt_step_size(
         self, t0, t1, y0, y1_candidate, args, y_error, error_order, controller_state
     ):
-        """The next step, judged by states and error with momenta in units of the body."""
+        """The next step, controlled by states and error with momenta in units of the body."""
         before, after, error = (self._of(in_units, y) for y in (y0, y1_candidate, y_error))
         return super().adapt_step_size(
             t0, t1, before, after, args, error, error_order, controller_state

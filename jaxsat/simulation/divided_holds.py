@@ -1,9 +1,9 @@
-"""Holds of a sampled loop divided where something fails, or an effector comes to an edge or leaves
-its mode: a wheel comes to rest or its limit, or goes.
+"""Holds of a sampled loop, divided at failures and where an effector reaches an edge or changes its
+mode: a wheel stops, starts, or reaches its momentum limit.
 
-When a mode is left depends on how the body turns. So a hold is integrated to its end, and where an
-effector has left the mode that it was in the instant is searched by false position (the Illinois
-rule), each time integrated from the last such instant on.
+The instant of a mode change depends on the body's rotation. A hold is therefore integrated to its
+end; if an effector has left its mode by then, false position (the Illinois rule) locates the
+instant, each trial integrated from the last located instant.
 """
 
 from collections.abc import Callable
@@ -21,20 +21,20 @@ from jaxsat.spacecraft.held_effector import Hold
 Integrate = Callable[[RealScalar, Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
 
 RESOLUTION = 1e-13
-"""Of a hold: how well instants are located in it."""
+"""Tolerance on located instants, relative to the length of the hold."""
 
 TRIES = 12
-"""Integrations for each part of a hold, at most on the average."""
+"""Largest average number of integrations per part of a hold."""
 
 SLOW = 8
-"""After so many tries to locate an instant every other one halves the bracket."""
+"""Number of trials for an instant after which every other one halves the bracket."""
 
 
 class _Bracket(NamedTuple):
-    """Where an instant is searched, in s from the begin of the hold, and the least margins there.
+    """Bracket of an instant, in s from the begin of the hold, and the smallest margins at its ends.
 
-    `open` says whether there is one, `side` at which end (-1 or 1) the last try came to lie. After
-    `tries` the bracket may be `closed`: `correction` (s) is zero, and has the derivative of the
+    `open` is true if there is a bracket; `side` (-1 or 1) is the end that the last trial replaced.
+    After `tries` the bracket may be `closed`: `correction` (s) is zero, with the derivative of the
     instant.
     """
 
@@ -49,7 +49,7 @@ class _Bracket(NamedTuple):
     closed: BoolScalar
 
     def following(self, x: RealScalar, margin: RealScalar, correction: RealScalar, tolerance):
-        """The bracket after a try at x, `closed` once it is no wider than twice the tolerance."""
+        """The bracket after a trial at x, `closed` once no wider than twice the tolerance."""
         outside = margin < 0
         again = jnp.where(outside, 1.0, -1.0) == self.side  # the Illinois rule
         at_low = jnp.where(outside & again, self.at_low / 2, self.at_low)
@@ -68,7 +68,7 @@ class _Bracket(NamedTuple):
         )
 
     def next_try(self, end: RealScalar, tolerance: RealScalar) -> RealScalar:
-        """Where to integrate to: the `end` of the hold without a bracket."""
+        """The end of the next integration: the `end` of the hold without a bracket."""
         slope = self.at_high - self.at_low
         share = self.at_low / jnp.where(slope < 0, -slope, 1.0)
         halves = (self.tries > SLOW) & (self.tries % 2 == 0)
@@ -80,7 +80,7 @@ class _Bracket(NamedTuple):
 
 
 class _HoldSearch(NamedTuple):
-    """How far a hold has come: an instant (s from its begin), all there, and what is searched."""
+    """Progress through a hold: an instant (s from its begin), the state there, and the bracket."""
 
     begin: RealScalar
     plant: PlantState
@@ -90,7 +90,7 @@ class _HoldSearch(NamedTuple):
 
 
 class _Judgement(NamedTuple):
-    """Margins of each effector and of all in a row, d/dt of those before a jump, and dω/dt."""
+    """Margins by effector and concatenated, d/dt of margins before a jump, and dω/dt."""
 
     margins: OfEach
     flat: Float[Array, " m"]
@@ -109,8 +109,8 @@ def through_located_parts(
 ) -> tuple[PlantState, PyTree]:
     """The plant and the carry at the end of a hold that begins at time `t` (s).
 
-    The effectors of the `body` fail no more. The hold is integrated at most `TRIES` times for each
-    of its edges and once more, the last time to its end.
+    The effectors of the `body` have no further failures. Each edge of the hold takes at most
+    `TRIES` integrations; a last one goes to its end.
     """
     end = hold.length
     edges = sum(one.edge_count for one in body.effectors)
@@ -166,9 +166,9 @@ def _flat(parts: OfEach) -> Float[Array, " margins"]:
 
 
 def _correction(margins: Float[Array, " m"], speeds: Float[Array, " m"]) -> RealScalar:
-    """Zero (s), with the derivative of the instant at which the least margin of all is zero.
+    """Zero (s), with the derivative of the instant at which the smallest margin of all is zero.
 
-    One without a speed needs none: nothing jumps there.
+    A margin of zero speed has no correction, as nothing jumps there.
     """
     decides = (margins == jnp.min(margins)) & (speeds != 0)
     speeds = jax.lax.stop_gradient(jnp.where(decides, speeds, 1.0))
@@ -187,10 +187,9 @@ def through_hold(
 ) -> tuple[PlantState, PyTree]:
     """The plant and the carry at the end of a hold that begins at time `t` (s).
 
-    `integrate` goes through each part in which nothing fails and no effector of the `body` changes
-    its mode under its command.
+    `integrate` covers each part without a failure or a mode change of an effector of the `body`.
     """
-    times = [one - t for one in body.failure_times]  # from the begin of the hold on
+    times = [one - t for one in body.failure_times]  # from the begin of the hold
     at = jnp.concatenate([*times, jnp.zeros(0)])
 
     def through(elapsed, t, hold, plant, carry):
@@ -224,9 +223,9 @@ def _between_failures(
     integrate: Integrate,
     carry: PyTree,
 ) -> tuple[PlantState, PyTree]:
-    """The plant and the carry at the end of a hold in which nothing fails.
+    """The plant and the carry at the end of a hold without failures.
 
-    Where edges do not depend on how the body turns they are closed forms of the state at the begin.
+    Edges that do not depend on the body's rotation are closed forms of the initial state.
     """
     if any(one.follows_body for one in body.effectors):
         return through_located_parts(body, commands, t, hold, plant, integrate, carry)

@@ -1,4 +1,4 @@
-"""The loop of (43): rate errors in place of rates, so that a law with corners has no jumps."""
+"""The closed loop in error coordinates (43): a law with corners has no jumps in rate errors."""
 
 import dataclasses
 from typing import NamedTuple
@@ -33,8 +33,8 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
 
     With unlimited torques about body x and y and the same inertia and orbit in law and plant, the
     derivative of the reference cancels, so no derivative of sat appears and the loop is Lipschitz
-    away from w = 0. Only a disturbance of ω3 that the law does not know brings it back, through
-    the dependence of the reference on ω3. Raises `ValueError` where law and plant differ.
+    away from w = 0. Only a disturbance of ω3 that the law does not model reintroduces it, because
+    the reference depends on ω3. Raises `ValueError` where law and plant differ.
     """
 
     plant: RigidBody
@@ -60,17 +60,17 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
             raise ValueError("Law and plant must agree on whether the third rate is held.")
 
     def start(self, state: PlantState) -> ErrorState:
-        """The plant's state with rates turned into rate errors, and the law's first memory."""
+        """The plant's state with rate errors in place of rates, and the law's initial memory."""
         error, memory = self.law.rate_error(state), self.law.init(state)
         return ErrorState(state.attitude, state.omega[2], error, memory)
 
     @property
     def torque_count(self) -> int:
-        """Two: the torques about body x and y."""
+        """Number of torque components: 2, about body x and y."""
         return 2
 
     def plant_state(self, t: RealScalar, state: ErrorState) -> PlantState:
-        """The state of the plant, the rate errors turned back into rates."""
+        """The state of the plant, with rates reconstructed from the rate errors."""
         return self._with_rates(state, self._reference(state.attitude, state.omega3))
 
     def motion(self, t: RealScalar, state: ErrorState) -> Motion:
@@ -108,7 +108,7 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         return Motion(rate, plant_state, relative_rate, state.rate_error, torque)
 
     def signals(self, t: RealScalar, state: ErrorState) -> Signals:
-        """Everything worth saving at one instant, the torque by (39) or (42)."""
+        """All signals at one instant, with the torque by (39) or (42)."""
         motion = self.motion(t, state)
         return continuous_signals(
             self.plant, self.law, t, motion.plant, state.memory, motion.torque
@@ -119,7 +119,7 @@ class ErrorCoordinateLoop(AbstractContinuousLoop):
         return self.law.event_functions(self._probe(state.attitude, state.omega3))
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ErrorCoordinateLoop":
-        """The loop with the law held in the smooth piece with these signs."""
+        """The loop with the law fixed to the smooth piece selected by these signs."""
         return dataclasses.replace(self, law=self.law.smooth_piece(signs))
 
     def integrating_factor(self, t: RealScalar) -> AbstractIntegratingFactor | None:

@@ -1,4 +1,4 @@
-"""What a sampled loop's torque and thrust were between the times that are saved."""
+"""Torque and thrust of a sampled loop between saved times."""
 
 from typing import NamedTuple
 
@@ -14,13 +14,13 @@ from jaxsat.simulation.assessment import stop_gradient
 from jaxsat.simulation.trajectory import Signals, TorqueRange
 
 LACKING = 1e-9
-"""Of the largest torque so far: what of a command is not made above that counts."""
+"""Smallest unproduced torque that is counted, relative to the largest torque so far."""
 
 Numbers = Int[Array | np.ndarray, " times"]
 
 
 class HeldTorque(NamedTuple):
-    """The torques that a period has held so far (N m): bounds, ∫T dt (N m s), and how long (s)."""
+    """Torques of the holds so far (N m): bounds, ∫T dt (N m s), and total length (s)."""
 
     least: Float[Array | np.ndarray, "3"]
     largest: Float[Array | np.ndarray, "3"]
@@ -42,7 +42,7 @@ class HeldTorque(NamedTuple):
     def with_hold(self, length: RealScalar, first: Vector, last: Vector) -> "HeldTorque":
         """The record with a hold of `length` s in which the torque went from `first` to `last`.
 
-        A hold without a length changes nothing.
+        A hold of zero length changes nothing.
         """
         lasting = length > 0
         return HeldTorque(
@@ -53,11 +53,11 @@ class HeldTorque(NamedTuple):
         )
 
     def range(self) -> TorqueRange:
-        """The range of what was held; without anything held no numbers."""
+        """The range over all holds; without a hold the mean is NaN."""
         return TorqueRange(self.least, self.largest, self.integral / self.length)
 
     def between(self, numbers: Numbers, last: Float[Array | np.ndarray, "3"]) -> TorqueRange:
-        """The range from each of these samples to the next, over many periods, then the `last`."""
+        """The range from each of these samples to the next, then the `last` torque."""
         length = over_parts(np.add, self.length, numbers)
         parts = TorqueRange(
             over_parts(np.minimum, self.least, numbers),
@@ -68,10 +68,10 @@ class HeldTorque(NamedTuple):
 
 
 class Unmade(NamedTuple):
-    """How much of the commanded torque actuators do not make.
+    """Amount of commanded torque that actuators do not produce.
 
-    Of `samples` so many were `lacking` torque; `square` and `torque_square` are the largest squares
-    of what was not made and of the torque (N² m²).
+    `lacking` counts the samples, of all `samples`, with unproduced torque; `square` and
+    `torque_square` are the largest squares of the unproduced torque and of the torque (N² m²).
     """
 
     samples: RealScalar
@@ -85,7 +85,7 @@ class Unmade(NamedTuple):
         return Unmade(*[jnp.zeros((), like.dtype)] * 4)
 
     def with_sample(self, torque: Vector, unmade: Vector) -> "Unmade":
-        """The record with one more sample, of which nothing is differentiated."""
+        """The record with one more sample; nothing is differentiated."""
         torque, unmade = stop_gradient((torque, unmade))
         square = jnp.sum(unmade**2)
         largest = jnp.maximum(self.torque_square, jnp.maximum(jnp.sum(torque**2), square))
@@ -95,17 +95,16 @@ class Unmade(NamedTuple):
         )
 
     def outputs(self) -> dict[str, Array]:
-        """The largest torque not made (N m), and at which fraction of the samples there was one."""
+        """The largest unproduced torque (N m), and the fraction of samples that have one."""
         fraction = self.lacking / jnp.maximum(self.samples, 1.0)
         return {"peak_torque_unmade": jnp.sqrt(self.square), "unmade_fraction": fraction}
 
 
 def saved(signals: Signals, numbers: Numbers, held: HeldTorque) -> Signals:
-    """Signals of every sample at those of these numbers, ascending from the first to the last one.
+    """Select the samples of these ascending numbers, from the first to the last, from all samples.
 
-    Of signals that are declared as a `mean`, such as thrust levels, it is the mean, and of the
-    torques that were `held` in each period the range, from each to the next. NumPy arrays stay what
-    they are.
+    Signals that are declared as a `mean`, such as thrust levels, are averaged, and torques that
+    were `held` in each period give ranges, from each number to the next. NumPy input stays NumPy.
     """
     selection = jax.tree.map(lambda x: x[numbers], signals)
     ranges = held.between(numbers, stop_gradient(selection.torque[-1]))
@@ -127,7 +126,7 @@ def saved(signals: Signals, numbers: Numbers, held: HeldTorque) -> Signals:
 
 
 def over_parts(combine: np.ufunc, values: Array | np.ndarray, numbers: Numbers):
-    """The sum, least or largest of the values (samples) from each of these samples to the next."""
+    """Sum, minimum or maximum of the values (samples) from each of these samples to the next."""
     if isinstance(values, np.ndarray):
         return combine.reduceat(values, numbers[:-1], axis=0)
     segment = {

@@ -1,4 +1,4 @@
-"""Closed loops: what an integrator sees of plant, controller and actuators together.
+"""Closed loops: plant, controller and actuators as one system for an integrator.
 
 `ContinuousLoop` is the direct form; `jaxsat.simulation.error_coordinates` has another, in which the
 printed three-axis law has no jumps, and `jaxsat.simulation.sampled_loop` one that runs a sampled
@@ -35,12 +35,12 @@ class AbstractLoop(eqx.Module):
 
     @property
     def tells_unmade(self) -> bool:
-        """Whether at every sample it tells the torque that actuators do not make."""
+        """Whether every sample includes the torque that the actuators do not make."""
         return False
 
     @abc.abstractmethod
     def start(self, state: PlantState) -> PyTree:
-        """The loop's state when the plant is in `state` and the controller begins."""
+        """The loop's state when the plant is in `state` and the controller starts."""
 
 
 class Motion(NamedTuple):
@@ -55,15 +55,15 @@ class Motion(NamedTuple):
 
 
 class AbstractContinuousLoop(AbstractLoop):
-    """A loop that is one ordinary differential equation, smooth or in smooth pieces.
+    """A loop that is one ordinary differential equation, smooth or piecewise smooth.
 
-    A loop in pieces tells its event functions; with the sign of each held it is smooth.
+    A piecewise smooth loop has event functions; with the sign of each fixed it is smooth.
     """
 
     @property
     @abc.abstractmethod
     def torque_count(self) -> int:
-        """How many components of the torque, from the first on, may differ from zero."""
+        """Number of leading torque components that may be nonzero."""
 
     @abc.abstractmethod
     def plant_state(self, t: RealScalar, state: PyTree) -> PlantState:
@@ -75,7 +75,7 @@ class AbstractContinuousLoop(AbstractLoop):
 
     @abc.abstractmethod
     def signals(self, t: RealScalar, state: PyTree) -> Signals:
-        """Everything worth saving at one instant."""
+        """All signals at one instant."""
 
     @abc.abstractmethod
     def event_functions(self, t: RealScalar, state: PyTree) -> Float[Array, " m"]:
@@ -83,11 +83,11 @@ class AbstractContinuousLoop(AbstractLoop):
 
     @abc.abstractmethod
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractContinuousLoop":
-        """The smooth loop that this one is where its event functions have these signs."""
+        """The smooth loop that equals this one where its event functions have these signs."""
 
     @abc.abstractmethod
     def integrating_factor(self, t: RealScalar) -> AbstractIntegratingFactor | None:
-        """The integrating factor of the state's `memory` at time `t` (s), if there is one."""
+        """The integrating factor of the state's `memory` at time `t` (s), or None."""
 
     def __call__(self, t: RealScalar, state: PyTree, args: None = None) -> PyTree:
         """Time derivative of the loop's state, in the form diffrax integrates."""
@@ -97,9 +97,9 @@ class AbstractContinuousLoop(AbstractLoop):
 class LoopState(NamedTuple):
     """State of the plant, as if no wheel had seized, and memory of its controller.
 
-    A wheel that seizes gives its momentum to the body at once. So that nothing that is integrated
-    jumps, it keeps in `plant` the momentum with which it did; `ContinuousLoop.plant_state` has the
-    state of the plant.
+    A seizing wheel gives its momentum to the body at once. So that no integrated variable jumps,
+    `plant` retains the wheel's momentum at seizure; `ContinuousLoop.plant_state` returns the state
+    of the plant.
     """
 
     plant: PlantState
@@ -107,8 +107,8 @@ class LoopState(NamedTuple):
 
 
 class _Acting(NamedTuple):
-    """The plant's body as it is once failures have struck, the command and the piece of each
-    effector, and the torque (N m) that effectors do not make, see `Shares.torque_unmade`."""
+    """The plant's body after failures, the command and the piece of each effector, and the torque
+    (N m) that effectors do not produce, see `Shares.torque_unmade`."""
 
     body: RigidBody
     commands: OfEach
@@ -117,15 +117,15 @@ class _Acting(NamedTuple):
 
 
 NEVER = 1e9
-"""s; a failure later than this has no event function that grows."""
+"""Largest failure time, s, in event functions: later and infinite times are clipped to it."""
 
 
 class ContinuousLoop(AbstractContinuousLoop):
     """A plant under a continuous controller.
 
-    The `distribution` makes of a command that of each effector of the plant. `struck` says which
-    failures have struck, effector by effector, see `smooth_piece`; None is those whose time has
-    come. Raises `ValueError` for an effector whose command must be held.
+    The `distribution` divides a command among the plant's effectors. `struck` marks the failures
+    that have occurred, effector by effector, see `smooth_piece`; with None they follow from the
+    time. Raises `ValueError` for an effector whose command must be held.
     """
 
     plant: RigidBody
@@ -138,43 +138,43 @@ class ContinuousLoop(AbstractContinuousLoop):
             one.require_continuous()
 
     def is_smooth(self) -> bool:
-        """Whether fixed steps suit the loop: no corner of the law, of actuators of a user's own or
-        of wheels, whose torque ends at the limit of their momentum, and no failure in flight.
+        """Whether fixed steps suit the loop: the law, a user's own actuators and wheels (whose
+        torque ends at their momentum limit) have no corner, and nothing fails in flight.
 
-        A thruster or wheel that reaches the limit of its torque is no corner here: a smooth law
-        passes it in few steps.
+        The torque limit of a thruster or wheel is no corner here: a smooth law passes it in few
+        steps.
         """
         sharp = [one.event_count for one in self.plant.effectors if not one.mild_corners]
         return not sum(sharp) + self.failure_times.size and self.controller.is_smooth()
 
     def start(self, state: PlantState) -> LoopState:
-        """The plant's state and the controller's first memory."""
+        """The plant's state and the controller's initial memory."""
         state = self.plant.complete(state)
         return LoopState(state, self.controller.init(state))
 
     @property
     def torque_count(self) -> int:
-        """Three: actuators may turn the body about any axis."""
+        """Number of torque components: 3, as actuators may turn the body about any axis."""
         return 3
 
     @property
     def failure_times(self) -> Float[Array, " f"]:
-        """When something fails, s: of each effector of the plant."""
+        """Failure times, s, effector by effector."""
         return jnp.concatenate([*self.plant.failure_times, jnp.zeros(0)])
 
     def _struck(self, t: RealScalar) -> Struck:
-        """Which failures of each effector have struck."""
+        """Whether each failure has occurred, by effector."""
         struck = t >= self.failure_times if self.struck is None else self.struck
         sizes = [one.size for one in self.plant.failure_times]
         ends = zip(sizes, np.cumsum(sizes, dtype=int), strict=True)
         return tuple(struck[end - size : end] for size, end in ends)
 
     def plant_state(self, t: RealScalar, state: LoopState) -> PlantState:
-        """The state of the plant, with the wheels that have seized at rest."""
+        """The state of the plant, with seized wheels at rest."""
         return self.plant.after_failures(state.plant, self._struck(t))
 
     def _acting(self, t: RealScalar, plant: PlantState, command) -> _Acting:
-        """What acts on the plant at time `t` (s) on a command."""
+        """Body, commands and pieces that act on the plant at time `t` (s) under a command."""
         effectors = self.plant.effectors
         shares = self.distribution(t, plant, command, effectors)
         body, commands = self.plant.driven(plant, shares.uses, self._struck(t))
@@ -198,7 +198,7 @@ class ContinuousLoop(AbstractContinuousLoop):
         return motion, acting
 
     def signals(self, t: RealScalar, state: LoopState) -> Signals:
-        """Everything worth saving at one instant."""
+        """All signals at one instant."""
         motion, acting = self._motion(t, state)
         signals = continuous_signals(
             self.plant, self.controller, t, motion.plant, state.memory, motion.torque
@@ -221,8 +221,7 @@ class ContinuousLoop(AbstractContinuousLoop):
         return jnp.concatenate(events)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ContinuousLoop":
-        """Controller, distribution and effectors held in a piece of theirs each, failures as they
-        are."""
+        """The loop with controller, distribution and effectors each fixed to a smooth piece."""
         failures, effectors = self.failure_times.size, self.plant.event_count
         signs, struck = signs[: signs.size - failures], signs[signs.size - failures :]
         own = signs.size - effectors - self.distribution.event_count
@@ -240,7 +239,7 @@ class ContinuousLoop(AbstractContinuousLoop):
 
 
 def continuous_signals(plant, controller, t, state, memory, torque) -> Signals:
-    """The signals of a continuous controller that asks for a torque (N m) at time `t` (s)."""
+    """The signals of a continuous controller that requests a torque (N m) at time `t` (s)."""
 
     def unmodelled(time):
         disturbance = plant.disturbance_torque(time, state)
@@ -255,7 +254,7 @@ def continuous_signals(plant, controller, t, state, memory, torque) -> Signals:
 
 
 def plant_signals(plant, t, state, torque, rate_error, lyapunov, mode) -> Signals:
-    """What is the same for all loops: the signals of a plant in `state` under a torque (N m)."""
+    """The signals common to all loops, of a plant in `state` under a torque (N m)."""
     wz = state.attitude.as_wz()
     return Signals(
         w=wz.w,

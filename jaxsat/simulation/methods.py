@@ -1,4 +1,4 @@
-"""How a loop is integrated: solver, steps and tolerances, with a default that suits the loop."""
+"""Integration methods (solver, steps and tolerances), with a default for each kind of loop."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -18,17 +18,17 @@ else:
     Adjoint = StepSizeController = Any
 
 ADAPTIVE_MAX_STEPS = 2**17
-"""Many times what a sound run needs; a law that slides on a corner uses them up in seconds."""
+"""Largest number of adaptive steps: many times a sound run's; sliding on a corner exhausts it."""
 
 SMOOTH_STEP = 0.01
-"""Seconds; equal steps of a smooth loop whose scenario names a solver of low order alone."""
+"""Length (s) of equal steps of a smooth loop whose scenario names a solver of low order alone."""
 
 MIN_STEP = 1e-10
-"""Seconds. Far below anything a law resolves, and far above the rounding of a time of 1000 s."""
+"""Smallest step, s: far below a law's time scales, far above the round-off of 1000 s."""
 
 
 class AdaptiveSteps(eqx.Module):
-    """Steps chosen to meet tolerances; `min_step` (s) is taken whatever the error there.
+    """Adaptive step control by tolerances; steps of `min_step` (s) are accepted with any error.
 
     `atol` is in the unit of each state, for momenta of wheels `Spacecraft.momentum_unit`.
     """
@@ -38,7 +38,7 @@ class AdaptiveSteps(eqx.Module):
     min_step: RealScalar | None = None
 
     def controller(self, body: RigidBody) -> StepSizeController:
-        """What diffrax takes for it, in a loop of this body."""
+        """The step-size controller of diffrax for a loop of this body."""
         from jaxsat.simulation.diffrax_parts import StepControl  # imports diffrax
 
         return StepControl(
@@ -47,9 +47,10 @@ class AdaptiveSteps(eqx.Module):
 
 
 class Method(eqx.Module):
-    """A solver of diffrax and its steps: adaptive ones, any controller of diffrax, or None: equal.
+    """A solver of diffrax and its steps: adaptive, any controller of diffrax, or None for equal
+    steps.
 
-    Numbers in it are arrays, so changing a tolerance or a step compiles nothing anew.
+    The numbers are arrays, so changing a tolerance or a step does not recompile.
     """
 
     solver: Solver
@@ -59,8 +60,8 @@ class Method(eqx.Module):
 
 
 def step_size_for(method: Method, loop: AbstractLoop) -> StepSizeController:
-    """The method's steps, which end where something of the loop fails, if they are adaptive."""
-    import diffrax  # takes its time
+    """The method's step-size controller; adaptive steps end at the loop's failures in flight."""
+    import diffrax  # slow to import
 
     steps = method.step_size
     if steps is None:
@@ -80,7 +81,7 @@ def adaptive(
     min_step: float | None = None,
     max_steps: int = ADAPTIVE_MAX_STEPS,
 ) -> Method:
-    """Steps chosen to meet tolerances; `min_step` (s) is taken whatever the error there.
+    """Adaptive steps by tolerances; steps of `min_step` (s) are accepted with any error.
 
     The default solver is Dopri8. A smallest step lets a run pass points where a law has no
     derivative, such as ω3 = 0 in (38), at the cost of an error of that step's size.
@@ -97,18 +98,18 @@ def fixed(step: float, solver: Solver | None = None) -> Method:
 
 
 def checkpoints() -> Adjoint:
-    """How diffrax differentiates unless stated otherwise: reverse mode with checkpoints."""
-    import diffrax  # takes its time
+    """The default differentiation of diffrax: reverse mode with checkpoints."""
+    import diffrax  # slow to import
 
     return diffrax.RecursiveCheckpointAdjoint()
 
 
 def default_method(loop: AbstractLoop, solver: Solver | None = None) -> Method:
-    """What suits a loop, with a solver of one's own or Dopri8.
+    """The default method of a loop, with the given solver or Dopri8.
 
     Continuous loops get tight adaptive steps, with a smallest step that passes the zero crossings
     of ω3 in (38); smooth ones equal steps of 0.01 s with a solver of low order, which would take
-    too many of the others. Sampled loops take their steps from their own period.
+    too many adaptive steps. Sampled loops derive their steps from their own period.
     """
     smooth = isinstance(loop, ContinuousLoop) and loop.is_smooth()
     low = isinstance(solver, NamedSolver) and solver.name not in HIGH_ORDER

@@ -1,10 +1,9 @@
-"""Whether a run meets a requirement, and by which margin, from one instant to the next.
+"""Margins of requirements (robustness of temporal-logic formulas), computed while a run advances.
 
-The margin is the quantitative semantics (robustness) of signal temporal logic: A. Donzé and
-O. Maler, "Robust satisfaction of temporal logic over real-valued signals", FORMATS 2010. That of a
-comparison is how far the signal is on the right side of its limit, in SI; the smaller one counts
-of what must hold both or always, the larger one of what may hold either or at some time. It
-streams: what is kept does not grow with the run, as no window lies inside another.
+The margin is the quantitative semantics (robustness) of signal temporal logic: A. Donzé and O.
+Maler, "Robust satisfaction of temporal logic over real-valued signals", FORMATS 2010. A
+comparison's margin is the signal's distance to its limit (SI units), positive where it holds; "and"
+and "always" take minima, "or" and "eventually" maxima. Memory is constant: windows do not nest.
 """
 
 from collections.abc import Callable, Mapping
@@ -34,13 +33,13 @@ from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 
 AXES = ("rate_x", "rate_y", "rate_z")
 SIZES = ("rate", "relative_rate", "torque", "disturbance")
-"""Signals of which a requirement has one component, and those of which it has the length."""
+"""Signals used by component (`AXES`) and by Euclidean norm (`SIZES`)."""
 
 
 class Margin(NamedTuple):
-    """A margin (SI), and by which of the comparisons and at which time (s) it was decided.
+    """A margin (SI units), with the index of the deciding comparison and its time (s).
 
-    It is infinite where nothing was compared, and the time is NaN.
+    Before any comparison the margin is infinite and the time NaN.
     """
 
     value: Float[Array, "*n"]
@@ -49,7 +48,7 @@ class Margin(NamedTuple):
 
     @staticmethod
     def none(value: float, like: RealScalar) -> "Margin":
-        """Nothing compared yet, in the precision of `like`."""
+        """The margin before any comparison, in the precision of `like`."""
         return Margin(jnp.full_like(like, value), jnp.array(0), jnp.full_like(like, jnp.nan))
 
     def negated(self) -> "Margin":
@@ -57,12 +56,12 @@ class Margin(NamedTuple):
         return self._replace(value=-self.value)
 
     def least(self, other: "Margin") -> "Margin":
-        """The smaller one, NaN if one is."""
+        """The smaller of two margins, NaN if either is NaN."""
         worse = (other.value < self.value) | jnp.isnan(other.value)
         return _either(worse, other, self)
 
     def most(self, other: "Margin") -> "Margin":
-        """The larger one, NaN if one is."""
+        """The larger of two margins, NaN if either is NaN."""
         return self.negated().least(other.negated()).negated()
 
 
@@ -71,7 +70,7 @@ def _either(condition: BoolScalar, one: Margin, other: Margin) -> Margin:
 
 
 class Track(NamedTuple):
-    """What is kept of a window: the margin so far, and that of `held` at all times before."""
+    """Record of a window: its margin so far, and the smallest margin of `held` before."""
 
     best: Margin
     held: Margin
@@ -89,13 +88,13 @@ _RAW: dict[str, str] = {
     **dict.fromkeys(("pointing_error", "tilt", "sun_angle"), "quaternion"),
     **dict.fromkeys(("rate", *AXES), "omega"),
 }
-"""The signals of a run from which others are computed."""
+"""Recorded signal from which each derived signal is computed."""
 
 
 def compared(
     formula: Formula, signals: Mapping[str, ArrayLike], sun: Vector | None = None
 ) -> Float[Array, " c"]:
-    """How far each comparison of a formula holds (SI) at an instant, by the signals of it by name.
+    """Return the margin (SI units) of each comparison of a formula at an instant.
 
     `sun` is the unit vector to the Sun in orbit axes, which formulas with a `sun_angle` need.
     """
@@ -133,7 +132,7 @@ def raw_signals(formula: Formula) -> set[str]:
 def initial_monitor(
     formula: Formula, time: RealScalar, margins: Float[Array, " c"], failures: int
 ) -> Monitor:
-    """Before the first observation, which will be at `time` (s), in a run with so many failures."""
+    """The monitor before the first observation, at `time` (s), of a run with this many failures."""
     nothing = Track(Margin.none(-jnp.inf, time), Margin.none(jnp.inf, time))
     count = sum(failures if one.after_failure else 1 for one in _temporals(formula))
     return Monitor((nothing,) * count, time, margins)
@@ -147,10 +146,10 @@ def observe(
     end: RealScalar,
     failures: Float[Array, " f"],
 ) -> Monitor:
-    """With one more observation at `time` (s) of the margins of all comparisons.
+    """The monitor after an observation, at `time` (s), of the margins of all comparisons.
 
-    The run goes on to `end` (s), and something fails at the times `failures` (s). The margin of a
-    comparison is linear between two observations, so that a window may begin or end between them.
+    `end` (s) is the run's end; `failures` are failure times (s). The margin of a comparison is
+    linear between two observations, so that a window may begin or end between them.
     """
     order = comparisons(formula)
 
@@ -187,7 +186,7 @@ def observe(
 def _with_instant(
     track: Track, one: Temporal, at: Callable[[Formula], Margin], inside: BoolScalar
 ) -> Track:
-    """A track with one more instant, if that is `inside` the window."""
+    """The track with one more instant, if that is `inside` the window."""
     margin, held = at(one.held), track.held
     if one.until is not None:
         margin, held = at(one.until).least(held), _either(inside, held.least(margin), held)
@@ -201,7 +200,7 @@ def margin_of(
 ) -> Margin:
     """The margin after the last observation, at the `end` (s) of a run.
 
-    It is infinite where no window has begun.
+    The margin is infinite where no window has begun.
     """
     tracks = zip(*_windows(formula, end, failures), monitor.tracks, strict=True)
     met = Margin.none(jnp.inf, monitor.time)
@@ -220,7 +219,7 @@ def margin_of(
 
 
 def _combined(formula: Formula, of) -> Margin:
-    """The margin of a negation or a junction, `of` its parts."""
+    """The margin of a negation or a junction, from the margins `of` its parts."""
     if isinstance(formula, Negation):
         return of(formula.part).negated()
     assert isinstance(formula, Junction)
@@ -246,8 +245,8 @@ def _temporals(formula: Formula) -> list[Temporal]:
 
 
 def _windows(formula: Formula, end: RealScalar, failures: Float[Array, " f"]):
-    """Every window of a formula, one for each failure where it is counted from these: of what it
-    is, and its begin and end (s), cut at the `end` of the run."""
+    """Every window of a formula (one per failure where failures are its anchors): the temporal
+    operator, and its begin and end (s), cut at the `end` of the run."""
     of, windows = [], []
     for one in _temporals(formula):
         for failed_at in failures if one.after_failure else (None,):
@@ -279,10 +278,10 @@ def saved_margin(
     failures: np.ndarray,
     light: Sunlight | None = None,
 ) -> Margin:
-    """The margin of a formula by the signals (times, ...) of a run by name at saved times (s).
+    """The margin of a formula from the signals (times, ...) of a run at saved times (s).
 
-    Something fails at the times `failures` (s); those after the last time do not count. `light`
-    tells where the Sun is, which formulas with a `sun_angle` need.
+    `failures` are failure times (s), ignored after the last saved time. `light` gives the direction
+    of the Sun, which formulas with a `sun_angle` need.
     """
     arrays = {name: jnp.asarray(signals[name]) for name in raw_signals(formula)}
     sun = None if light is None else jax.vmap(lambda t: light(t)[0])(jnp.asarray(times))
@@ -291,10 +290,9 @@ def saved_margin(
 
 
 class Requirements(eqx.Module):
-    """What every case of a program must show, judged while it runs up to its `end` (s).
+    """Requirements on every case of a program, evaluated up to its `end` (s).
 
-    `names` are those of the `formulas`; `light` says where the Sun is, which those with a
-    `sun_angle` need.
+    `names` belong to the `formulas`; `light` gives the Sun's direction, needed by each `sun_angle`.
     """
 
     names: tuple[str, ...] = eqx.field(static=True)
@@ -318,7 +316,7 @@ class Requirements(eqx.Module):
         failures: Float[Array, " f"],
         good: BoolScalar | bool = True,
     ) -> tuple[Monitor, ...]:
-        """Monitors with one more observation of signals by name; NaN where that is not `good`."""
+        """The monitors after an observation of signals by name; NaN where that is not `good`."""
         sun = None if self.light is None else self.light(time)[0]
         return tuple(
             observe(

@@ -1,4 +1,4 @@
-"""The loop of a sampled controller: once a period it runs, in between effectors do."""
+"""The loop of a sampled controller, which runs once per period while effectors act in between."""
 
 import dataclasses
 from collections.abc import Callable
@@ -28,8 +28,8 @@ from jaxsat.spacecraft.sensors import DrawnSensors, Sensors, Tachometers
 class SampledState(NamedTuple):
     """State of the plant, memory of its controller, and the memory of each effector.
 
-    With a delay `uses` are what each effector has last been asked for. `navigation` is that of
-    sensors with a state and their estimator, `guard` that of the guard, None where there are none.
+    With a delay, `uses` are the last commands of the effectors. `navigation` is the state of
+    sensors and their estimator, `guard` that of the guard, None where there is none.
     """
 
     plant: PlantState
@@ -41,7 +41,7 @@ class SampledState(NamedTuple):
 
 
 class _Planned(NamedTuple):
-    """A sample: what the law was given, what is asked for, the plans of effectors, and memories."""
+    """Decisions at a sample: the law's input, its shares, the effectors' plans, and memories."""
 
     told: Told
     shares: Shares
@@ -51,21 +51,20 @@ class _Planned(NamedTuple):
 
 
 Integrator = Callable[[RealScalar, Hold, PlantState, PyTree], tuple[PlantState, PyTree]]
-"""Takes the time (s) at which a hold begins, the hold, the plant's state and a carry of its own;
-gives the plant's state at the end of the hold, and the carry."""
+"""Function of the time (s) at which a hold begins, the hold, the plant's state and a carry of its
+own; returns the plant's state at the end of the hold, and the carry."""
 
 
 class SampledLoop(AbstractLoop):
     """A plant under a sampled controller.
 
-    The `distribution` makes of a command what each effector of the plant is asked for. The plant is
-    integrated over each time without an instant at which an effector changes, in `substeps` equal
-    steps. `sensors` stand between the true state and what the controller is given, or `navigation`
-    does, whose sensors and estimator have a state; with None of either it is given the truth. A
-    `delay` (s, at most one period) is the time the controller takes to compute: for so long after
-    each sample effectors continue from what they did; None is a loop without. `tachometers` tell
-    the momenta of wheels; None for those that are exact. A `guard` says what is done at samples at
-    which a gyro or a tachometer has an outage.
+    The `distribution` divides a command among the plant's effectors. The plant is integrated
+    between the instants at which an effector changes, in `substeps` equal steps each. The
+    controller measures through `sensors`, or through `navigation`, whose sensors and estimator have
+    a state; without either it receives the true state. A `delay` (s, at most one period) is the
+    controller's computation time, during which effectors continue their previous commands; None is
+    a loop without. `tachometers` measure the momenta of wheels; None for exact momenta. A `guard`
+    acts at samples with an outage of a gyro or a tachometer.
     """
 
     plant: RigidBody
@@ -99,14 +98,14 @@ class SampledLoop(AbstractLoop):
 
     @property
     def tells_unmade(self) -> bool:
-        """Whether law, distribution or an effector tells the torque that actuators do not make."""
+        """Whether law, distribution or an effector gives the torque that actuators do not make."""
         effectors = self.plant.effectors
         if self.controller.tells_unmade or self.distribution.tells_left(effectors):
             return True
         return any(one.unmade(one.idle()) is not None for one in effectors)
 
     def start(self, state: PlantState) -> SampledState:
-        """The plant's state, and first memories: the controller's is for what is measured."""
+        """The plant's state and initial memories, the controller's from the measured state."""
         state, effectors = self.plant.complete(state), self.plant.effectors
         begin = SampledState(
             state,
@@ -123,7 +122,7 @@ class SampledLoop(AbstractLoop):
         return begin._replace(guard=self.guard.init(shares))
 
     def told(self, number: IntScalar, state: SampledState) -> Told:
-        """What the controller is given at sample `number` of the run when the truth is `state`."""
+        """The controller's input at sample `number` of the run, from the true `state`."""
         measurement = self._with_exact_momenta(number, state)
         if self.tachometers is None:
             return measurement
@@ -135,7 +134,7 @@ class SampledLoop(AbstractLoop):
         return told._replace(valid=valid if told.valid is None else valid & told.valid)
 
     def _with_exact_momenta(self, number: IntScalar, state: SampledState) -> Told:
-        """What the controller is given, with the momenta of wheels as they are."""
+        """The controller's input, with exact wheel momenta."""
         if self.navigation is not None and state.navigation is not None:
             period = self.controller.period
             return self.navigation.told(number, period, state.plant, state.navigation)
@@ -146,7 +145,7 @@ class SampledLoop(AbstractLoop):
         return Told(PlantState(attitude, omega, plant.effectors))
 
     def signals(self, number: IntScalar, t: RealScalar, state: SampledState) -> Signals:
-        """The signals of the truth at sample `number` of the run, which is at time `t` (s)."""
+        """The signals of the true state at sample `number` of the run, at time `t` (s)."""
         measurement, shares, plans, memory, _ = self._planned(number, t, state)
         parts = zip(self.plant.effectors, plans, strict=True)
         means = [one.finish(plan, one.run(plan, self.controller.period))[1] for one, plan in parts]
@@ -161,9 +160,9 @@ class SampledLoop(AbstractLoop):
         integrate: Integrator,
         carry: PyTree,
     ) -> tuple[SampledState, PyTree, Signals]:
-        """One period, that of sample `number` of the run, which is at time `t` (s).
+        """One period, from sample `number` of the run, at time `t` (s).
 
-        Gives the state at its end, the carry, and the signals at its begin.
+        Returns the state at its end, the carry, and the signals at its begin.
         """
         measurement, shares, plans, memory, guard = self._planned(number, t, state)
         plant, carry, running = self._through(t, plans, state, integrate, carry)
@@ -181,7 +180,7 @@ class SampledLoop(AbstractLoop):
         return after, carry, self._with_unmade(signals, shares)
 
     def _planned(self, number: IntScalar, t: RealScalar, state: SampledState) -> _Planned:
-        """What is decided at sample `number` of the run, which is at time `t` (s)."""
+        """The decisions at sample `number` of the run, at time `t` (s)."""
         told = self.told(number, state)
         shares, memory = self._shares(t, told.state, state.memory)
         guard, before = self.guard, state.guard
@@ -194,14 +193,14 @@ class SampledLoop(AbstractLoop):
         return _Planned(told, shares, plans, memory, after)
 
     def _shares(self, t: RealScalar, estimate: PlantState, memory: Memory) -> tuple[Shares, Memory]:
-        """What each effector is asked for at a sample, and the law's memory."""
+        """Each effector's share of the command at a sample, and the law's memory."""
         command, memory = self.controller.step(t, estimate, memory)
         return self.distribution(t, estimate, command, self.plant.effectors), memory
 
     def _with_unmade(self, signals: Signals, shares: Shares) -> Signals:
-        """The signals with the torque that effectors do not make of a command."""
+        """The signals with the part of the commanded torque that effectors do not produce."""
         unmade = shares.torque_unmade(self.plant.effectors)
-        if unmade is None:  # then the law tells it, or nothing does
+        if unmade is None:  # the law gives it, or nothing does
             return signals
         return dataclasses.replace(signals, torque_unmade=unmade)
 
@@ -216,16 +215,16 @@ class SampledLoop(AbstractLoop):
         return tuple(one.plan_guarded(t, use, own, *more, decision) for one, use, own in parts)
 
     def _before(self, state: SampledState, commands: OfEach) -> OfEach:
-        """Commands until those of a sample are ready: those of the last, unless plans count the
-        delay in."""
+        """Commands until a sample's own are ready: the last ones, unless plans include the
+        delay."""
         parts = zip(self.plant.effectors, state.uses or (), commands, strict=True)
         return tuple(now if one.plans_delay else last for one, last, now in parts)
 
     def _through(
         self, t, plans: OfEach, state: SampledState, integrate: Integrator, carry
     ) -> tuple[PlantState, PyTree, OfEach]:
-        """The plant after the period that begins at time `t` (s), the carry, and what has run
-        through the plans."""
+        """The plant after the period that begins at time `t` (s), the carry, and the plans'
+        progress."""
         body, period = self.plant, self.controller.period
         waits = self.delay is not None and not all(one.plans_delay for one in body.effectors)
 
@@ -254,7 +253,7 @@ class SampledLoop(AbstractLoop):
         return plant, carry, running
 
     def _signals(self, t, state: SampledState, memory, measurement: Told, means: OfEach) -> Signals:
-        """The signals of a sample, by the means of commands that change within the period."""
+        """The signals of a sample, with means of commands that change within the period."""
         acting = means
         if self.delay is not None:
             before, delay = self._before(state, means), self.delay
@@ -277,19 +276,19 @@ class SampledLoop(AbstractLoop):
     def plant_rate(
         self, t: RealScalar, state: PlantState, hold: Hold, elapsed: RealScalar
     ) -> PlantState:
-        """Time derivative of the plant `elapsed` seconds after a hold began, at time `t` (s)."""
+        """Time derivative of the plant at `t` (s), `elapsed` seconds into a hold."""
         return self.plant.rate(t, state, pieces=self.plant.later(hold.pieces, elapsed))
 
     def torque(self, t: RealScalar, state: PlantState, hold: Hold, elapsed: RealScalar) -> Vector:
-        """The torque of all effectors at `t` (s), `elapsed` seconds after a hold began, N m."""
+        """The torque of all effectors at `t` (s), `elapsed` seconds into a hold, N m."""
         pieces = self.plant.later(hold.pieces, elapsed)
         acceleration = self.plant.acceleration(t, state, pieces=pieces)
         return self.plant.control_torque(t, state, pieces, acceleration)
 
     def mean_torque_size(self, t: RealScalar, state: PlantState, hold: Hold) -> Vector | None:
-        """The mean size of the torque about each axis in a hold that begins at `t` (s), N m.
+        """Mean |torque| about each axis, N m, over a hold that begins at `t` (s).
 
-        None where the torque does not change evenly in it.
+        None where the torque does not change linearly.
         """
         if not all(one.even for one in self.plant.effectors):
             return None

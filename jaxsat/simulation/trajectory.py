@@ -1,4 +1,4 @@
-"""What a run gives back."""
+"""Results of a run: outcome, signals and trajectory."""
 
 import dataclasses
 import enum
@@ -13,7 +13,7 @@ from jaxsat.simulation.assessment import Assessment, IntegrationError
 
 
 class Outcome(enum.IntEnum):
-    """How a run ended; anything but `SUCCESS` leaves NaN from the end of the run on."""
+    """Outcome of a run; any other than `SUCCESS` leaves NaN after the end of the run."""
 
     SUCCESS = 0
     STATE_LIMIT = 1
@@ -23,7 +23,7 @@ class Outcome(enum.IntEnum):
 
     @property
     def explanation(self) -> str:
-        """How the run ended, as one clause for a person."""
+        """The outcome as one clause for a person."""
         return _EXPLANATIONS[self]
 
 
@@ -37,7 +37,7 @@ _EXPLANATIONS = {
 
 
 class TorqueRange(eqx.Module):
-    """The torque of all actuators (N m) from each saved time to the next, of all that was held.
+    """Range of the torque of all actuators (N m) from each saved time to the next, over all holds.
 
     `mean` is weighted by time. At the last time all three are the torque there.
     """
@@ -48,22 +48,22 @@ class TorqueRange(eqx.Module):
 
 
 class Signals(eqx.Module):
-    """Everything a person may want to see at one instant; body axes, SI units, angles in rad.
+    """Signals of a run at one instant; body axes, SI units, angles in rad.
 
-    `torque` is what all effectors make, `constraint_torque` the ideal torque about the third axis
-    that holds the third rate, None where that is free, `rate_error` is η of the active law, `mode`
-    tells which part of a sampled controller is at work, by its own numbers (zero for continuous
-    ones). `torque_unmade` is the torque that the law commands beyond what actuators make within
-    their limits, None where it commands devices. Of thrusters that push, `torque` is the mean over
-    the period that begins here. Only engines fill `torque_range`, of sampled loops.
+    `torque` is the torque of all effectors, `constraint_torque` the ideal torque about the third
+    axis that holds the third rate, None where that is free, `rate_error` is η of the active law,
+    `mode` the number of the active part of a sampled controller (zero for continuous controllers).
+    `torque_unmade` is the commanded torque beyond the actuators' limits, None where the law
+    commands devices. Of thrusters that push, `torque` is the mean over the period that begins here.
+    Only engines fill `torque_range`, of sampled loops.
 
-    `parts` has by name what effectors, estimator and law tell of themselves: the signals that
-    actuators declare, such as `wheel_momentum` (N m s); with `jaxsat.control.navigation` truth less
-    estimate of attitude (rotation vector), rate and gyro bias ("rate_estimate_error"), and three of
-    the standard deviations that the estimator claims ("rate_estimate_3sigma"). A law that diagnoses
-    actuators tells of each the `DiagnosedKind` (`diagnosed_kind`), -1 for
-    one that works, and its CUSUM statistic over the threshold (`detection_statistic`); `alarm` is 1
-    while the cause of an alarm is being isolated. With a leading axis it is a history.
+    `parts` contains the signals of effectors, estimator and law by name: the signals that actuators
+    declare, such as `wheel_momentum` (N m s); with `jaxsat.control.navigation` truth less estimate
+    of attitude (rotation vector), rate and gyro bias ("rate_estimate_error"), and three times the
+    standard deviations that the estimator computes ("rate_estimate_3sigma"). A law that diagnoses
+    actuators gives for each the `DiagnosedKind` (`diagnosed_kind`), -1 for one that works, and its
+    CUSUM statistic over the threshold (`detection_statistic`); `alarm` is 1 while the cause of an
+    alarm is being isolated. With a leading axis the arrays are a history.
     """
 
     w: Float[Array, "*times 2"]
@@ -82,19 +82,19 @@ class Signals(eqx.Module):
     parts: dict[str, Array | np.ndarray] = eqx.field(default_factory=dict)
 
     def with_parts(self, *parts: Mapping[str, Array | np.ndarray]) -> "Signals":
-        """The signals with what these parts tell added to their own."""
+        """The signals with these parts added to their own."""
         additions = {name: value for one in parts for name, value in one.items()}
         return dataclasses.replace(self, parts=self.parts | additions)
 
 
 class Trajectory(eqx.Module):
-    """The history of one run at the times asked for.
+    """The history of one run at the requested times.
 
-    `final` is the loop's own state at the last of these times, from which a run can go on.
-    `assessment` is of the whole run and does not depend on the times between its ends.
-    `torque_range` says what a sampled loop's torque was between these times, of every hold; None
-    for other loops. `integration_error` is the estimate of equal steps; None for adaptive ones,
-    which are held to their tolerances.
+    `final` is the loop's own state at the last of these times, from which a run can resume.
+    `assessment` covers the whole run and does not depend on the times between its ends.
+    `torque_range` is the range of a sampled loop's torque between these times, over all holds; None
+    for other loops. `integration_error` is the estimate of equal steps; None for adaptive steps,
+    which meet their tolerances.
     """
 
     times: Float[Array, " times"]
@@ -108,5 +108,5 @@ class Trajectory(eqx.Module):
 
     @property
     def outcome(self) -> Outcome:
-        """How the run ended."""
+        """The outcome of the run."""
         return Outcome(int(self.code))

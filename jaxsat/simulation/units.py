@@ -1,8 +1,8 @@
-"""A loop's state in units in which a number means the same of a small body and of a large one.
+"""A loop's state scaled so that one tolerance suits small and large bodies.
 
-Momenta of effectors are as large as the body; all else in a state of jaxsat has no unit of mass.
-Nothing needs a unit of time. The relative tolerance judges fast rates. The error of slow ones, far
-below the absolute tolerance, is judged as what it adds to the attitude in the same step: flights
+Momenta of effectors scale with the body; no other part of a state has a unit of mass. Time is not
+scaled. The relative tolerance limits the error of fast rates. Errors of slow rates, far below the
+absolute tolerance, are limited through their effect on the attitude in the same step: trajectories
 whose times differ by factors of 1e-6 and 1e6 agree to 1e-11 in this module's tests.
 """
 
@@ -25,7 +25,7 @@ def in_units(body: RigidBody, state: PyTree) -> PyTree:
 
 
 def out_of_units(body: RigidBody, state: PyTree) -> PyTree:
-    """The state that `in_units` takes to this one."""
+    """Inverse of `in_units`."""
     unit = body.spacecraft.momentum_unit
     return _with_momenta(body, state, lambda momentum: momentum * unit)
 

@@ -1,4 +1,4 @@
-"""Engines: how the cases of a closed loop are run together, and what comes out of each."""
+"""Engines that run the cases of a closed loop together, and the outputs of each case."""
 
 from jaxsat.simulation.engine.fixed import FixedStepper as FixedStepper
 from jaxsat.simulation.engine.native import NativeEngine as NativeEngine

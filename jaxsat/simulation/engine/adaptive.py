@@ -1,16 +1,15 @@
 """Adaptive steps through a loop in smooth pieces, each trajectory at its own pace.
 
-During a step the loop is held in one of its smooth pieces (`loop.smooth_piece`). Where an event
+During a step the loop is fixed to one of its smooth pieces (`loop.smooth_piece`). Where an event
 function has changed its sign at the end of one of a step's equal parts, the event is located on the
 step's dense output, the step ends there, and the next one is taken in the other piece. Nothing else
-ends a step: the instants that are observed lie on the dense output, and the state at the end of the
-run, or where a replay stops, is that of a shorter step from where the last one began. When a
-trajectory settles is judged on the dense output of a step that is left behind, whatever instants
-are observed.
+ends a step: observed instants lie on the dense output, and the state at the end of the run, or
+where a replay stops, is that of a shorter step from the begin of the last one. Settling is judged
+on the dense output of a completed step, whatever instants are observed.
 
-Derivatives by forward mode are those of the law with its corners. The step length until an event
-carries one differentiable step of Newton's method, so the instant moves with the parameters as it
-should, and so does all that follows; which steps are taken is held fixed.
+Forward-mode derivatives include the law's corners. The step length until an event carries one
+differentiable step of Newton's method, so the instant moves correctly with the parameters, and so
+does all that follows; the sequence of steps is held fixed.
 """
 
 from typing import Any, NamedTuple
@@ -54,13 +53,12 @@ SAFETY, MIN_FACTOR, MAX_FACTOR = 0.9, 0.2, 5.0
 
 
 class Tolerance(eqx.Module):
-    """What adaptive steps are held to: the error of a step below atol + rtol |state|.
+    """Tolerances of adaptive steps: the error of a step must be below atol + rtol |state|.
 
-    `atol` is in the unit of each state, for momenta of wheels `Spacecraft.momentum_unit`.
-    The norm is the root mean square over the loop's state and the cost; the effort goes along
-    unjudged. Steps begin at `first_step` (s) and are never below `min_step` (s), which passes
-    points where a law has no derivative and surfaces on which it slides; a case has at most
-    `max_steps` of them.
+    `atol` is in the unit of each state, for momenta of wheels `Spacecraft.momentum_unit`. The norm
+    is the root mean square over the loop's state and the cost, without the effort. The first step
+    is `first_step` (s); steps are never below `min_step` (s), which passes points where a law has
+    no derivative and surfaces on which it slides. A case has at most `max_steps` steps.
     """
 
     rtol: RealScalar = eqx.field(converter=positive("rtol"), default=1e-9)
@@ -74,9 +72,9 @@ class Tolerance(eqx.Module):
 
 
 class AdaptiveState(NamedTuple):
-    """Where a trajectory is: time (s), next instant to be observed by number, flat state with its
-    rate, the event functions with their signs (true where positive), how far outside the tolerances
-    it is, and its last step."""
+    """State of a trajectory: time (s), number of the next instant to observe, flat state with its
+    rate, event functions with their signs (true where positive), excess over the tolerances, and
+    last step."""
 
     t: RealScalar
     number: IntScalar
@@ -89,9 +87,9 @@ class AdaptiveState(NamedTuple):
 
 
 class AdaptiveStepper(AbstractStepper):
-    """Steps of whatever length meets the `tolerance`, for continuous loops.
+    """Steps of adaptive length within the `tolerance`, for continuous loops.
 
-    `advance` is `attempt` while `unfinished`.
+    `advance` repeats `attempt` while `unfinished`.
     """
 
     solver: Solver = NamedSolver("tsit5")
@@ -129,7 +127,7 @@ class AdaptiveStepper(AbstractStepper):
         return progress._replace(forced=jnp.array(0))
 
     def unfinished(self, program: Program, progress: Progress, bound: IntScalar) -> BoolScalar:
-        """Whether instant `bound` is still ahead, or an earlier one still to be observed."""
+        """Whether instant `bound` is still ahead, or an earlier one not yet observed."""
         state: AdaptiveState = progress.state
         ahead = (state.t < program.time_of(bound)) | (state.number < bound)
         return ahead & (progress.code == int(Outcome.SUCCESS))
@@ -142,7 +140,7 @@ class AdaptiveStepper(AbstractStepper):
         bound: IntScalar,
         axis_name: str | None = None,
     ) -> Progress:
-        """One step tried, and all instants before number `bound` that it has passed observed."""
+        """Try one step, and observe all instants before number `bound` that it has passed."""
         ode, state = FlatODE.of(self.solver, program, case, axis_name), progress.state
         up_to_date = state.t < program.time_of(state.number)
         active = up_to_date & (state.t < program.time_of(bound))
@@ -150,9 +148,9 @@ class AdaptiveStepper(AbstractStepper):
         return _observe_passed(ode, bound, _attempt_step(self, ode, active, progress))
 
     def advance(self, program, case, progress, first, count, axis_name=None):
-        """The progress up to instant number `first + count`, while any of a batch goes on.
+        """The progress up to instant number `first + count`, while any of a batch is unfinished.
 
-        An attempt leaves a trajectory that has ended as it is.
+        An attempt does not change a trajectory that has ended.
         """
         bound = jnp.asarray(first + count)
         ode = FlatODE.of(self.solver, program, case, axis_name)
@@ -167,8 +165,8 @@ class AdaptiveStepper(AbstractStepper):
     ) -> Outputs:
         """Outputs at instant `number`, within the last step.
 
-        State and cost there are those of a step of their own from where the last one began, as the
-        dense output is of lower order.
+        State and cost there come from a separate step from the begin of the last one, as the dense
+        output is of lower order.
         """
         ode, last_step = FlatODE.of(self.solver, program, case), progress.state.last_step
         t = program.time_of(number)
@@ -210,7 +208,7 @@ class AdaptiveStepper(AbstractStepper):
     ) -> Signals:
         """Signals at instant `number`, which the last step must have reached or passed.
 
-        The state is that of `finish`.
+        The state equals that of `finish`.
         """
         ode = FlatODE.of(self.solver, program, case)
         t = program.time_of(number)
@@ -219,7 +217,7 @@ class AdaptiveStepper(AbstractStepper):
 
 
 def _attempt_step(stepper: AdaptiveStepper, ode: FlatODE, active, progress: Progress) -> Progress:
-    """Progress after one step, accepted or not; as it was where the trajectory is not `active`."""
+    """Progress after one step, accepted or not; unchanged where the trajectory is not `active`."""
     solver, tolerance = stepper.solver, stepper.tolerance
     tableau, state, step = tableau_of(solver), progress.state, progress.step
     begin = ode.at_step_begin(state.state)
@@ -254,7 +252,7 @@ def _attempt_step(stepper: AdaptiveStepper, ode: FlatODE, active, progress: Prog
         ended_at=t,
     )
     following = _accept_step(tolerance, ode, progress, candidate, active, accepted, norm)
-    # no longer step after one that met an event: a law that slides would lose its way
+    # no growth after an event: a sliding law would diverge
     largest = jnp.where(fraction < 1, 1.0, MAX_FACTOR)
     factor = jnp.minimum(_step_factor(norm, solver_of(solver).order(None)), largest)
     proposal = jnp.maximum(step * stop_gradient(factor), tolerance.min_step)
@@ -262,7 +260,7 @@ def _attempt_step(stepper: AdaptiveStepper, ode: FlatODE, active, progress: Prog
 
 
 def _rest_along_step(ode: FlatODE, step: DenseStep, until, rest, t, active):
-    """Since when a trajectory is at rest, see `settled_along_step`; `t` (s) is at `until`."""
+    """Settling of the inertial rate, see `settled_along_step`; `t` (s) is at `until`."""
     if rest is None:
         return None
     at_end = rest_excess_at(ode, t, ode.interpolated(step, until))
@@ -272,7 +270,7 @@ def _rest_along_step(ode: FlatODE, step: DenseStep, until, rest, t, active):
 def _accept_step(tolerance, ode, before: Progress, candidate: Progress, active, accepted, norm):
     """The `candidate` where its step is accepted and its state is within the limit, else `before`.
 
-    A trajectory ends where the state passes the limit, or after the last step that it may take.
+    A trajectory ends where the state passes the limit, or after its largest number of steps.
     """
     limit = ode.program.state_limit
     good = within_limit(ode.restore(candidate.state.state)[0], limit)
@@ -289,7 +287,7 @@ def _accept_step(tolerance, ode, before: Progress, candidate: Progress, active, 
 
 
 def _observe_passed(ode: FlatODE, bound, progress: Progress) -> Progress:
-    """The progress with all instants before number `bound` observed that the last step passed."""
+    """The progress after observing all instants before number `bound` that the last step passed."""
     program = ode.program
 
     def pending(progress: Progress):
@@ -310,13 +308,13 @@ def _observe_passed(ode: FlatODE, bound, progress: Progress) -> Progress:
 
 
 def _error_norm(tolerance, before, after, error) -> RealScalar:
-    """The error relative to the tolerance; NaN, which is never accepted, where the error is."""
+    """The error relative to the tolerance; NaN, which is never accepted, where the error is NaN."""
     scale = tolerance.atol + tolerance.rtol * jnp.maximum(jnp.abs(before), jnp.abs(after))
     return jnp.sqrt(jnp.mean((error / scale) ** 2))
 
 
 def _step_factor(norm: RealScalar, order: int | None) -> RealScalar:
-    """How much longer the next step may be; much shorter where the error is NaN."""
+    """Growth factor of the next step; the smallest where the error is NaN."""
     assert order is not None
     factor = SAFETY * jnp.exp(-(1 / order) * jnp.log(jnp.maximum(norm, 1e-12)))
     factor = jnp.where(jnp.isfinite(norm), factor, MIN_FACTOR)

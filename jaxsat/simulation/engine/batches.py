@@ -1,4 +1,4 @@
-"""Cases in batches of one size, so that the bits of a case do not depend on its companions."""
+"""Batches of equal size, so that the bits of a case do not depend on the other cases."""
 
 import abc
 from typing import Any
@@ -19,24 +19,24 @@ from jaxsat.simulation.engine.progress import Outputs
 from jaxsat.simulation.trajectory import Signals
 
 SPARE = 8
-"""Lanes behind the last case that only hold padding.
+"""Lanes of padding behind the last case.
 
-A compiler may take the last few lanes, one vector of them, through a scalar copy of a loop that
-rounds differently: reading two of three components needs one, so as not to read past the end.
-A batch of one case has no other place to be in, and needs none.
+A compiler may pass the last few lanes, one vector of them, through a scalar copy of a loop that
+rounds differently: reading two of three components needs one, so as not to read past the end. A
+batch of one case always has the same place and needs no padding.
 """
 
 
 class AbstractBatchEngine(AbstractEngine):
     """An engine whose cases go through one compiled program, `batch_size` at a time.
 
-    The program has as many lanes and some more, the rest padded, so that the bits of a case depend
-    neither on how many others there are, nor on which, nor on its place.
+    The program has `padded_size` lanes, so that the bits of a case depend neither on the number of
+    other cases, nor on their identity, nor on its place.
     """
 
     @property
     def padded_size(self) -> int:
-        """How many lanes a batch has, padding included."""
+        """Number of lanes of a batch, padding included."""
         return self.batch_size + SPARE if self.batch_size > 1 else 1
 
     @abc.abstractmethod
@@ -49,8 +49,8 @@ class AbstractBatchEngine(AbstractEngine):
     ) -> tuple[Outputs, Signals]:
         """Outputs and signals (times after cases) of a padded batch.
 
-        The signals are those at the beginning of the intervals of these numbers, ascending from 0
-        to the end.
+        Signals are taken at the beginning of the intervals of these numbers, ascending from 0 to
+        the end.
         """
 
     @abc.abstractmethod
@@ -84,7 +84,7 @@ class AbstractBatchEngine(AbstractEngine):
     def observed(
         self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
-        """`evaluate`, to the same bits, and signals (cases, times) at `instants`."""
+        """Outputs with the bits of `evaluate`, and signals (cases, times) at `instants`."""
         return self._in_batches(self.observe_batch, program, cases, gains, instants)
 
     def _in_batches(self, run, program: Program, cases: PyTree, gains: PyTree, *rest):
@@ -94,7 +94,7 @@ class AbstractBatchEngine(AbstractEngine):
         batches = []
         for first in range(0, count, self.batch_size):
             batch = jax.tree.map(lambda x: x[first : first + self.batch_size], cases)  # noqa: B023
-            with jax.debug_nans(False):  # NaN is what a case does not have
+            with jax.debug_nans(False):  # NaN marks missing values
                 lane_results = run(program, jax.tree.map(self._pad, batch), gains, *rest)
             batches.append(jax.tree.map(lambda x: np.asarray(x)[: self.batch_size], lane_results))
         return jax.tree.map(lambda *parts: np.concatenate(parts)[:count], *batches)
@@ -108,10 +108,10 @@ class AbstractBatchEngine(AbstractEngine):
 def _traced_batch(
     engine: AbstractBatchEngine, program: Program, cases: PyTree, gains: PyTree, mode: Mode | None
 ) -> dict[str, Jaxpr]:
-    """The operations of one batch of an engine that is compiled by XLA.
+    """The operations of one batch of an engine that XLA compiles.
 
-    The numbers of engine and program are inputs. JAX keeps the traces of compiled functions, so
-    the first run of such a batch is not traced again.
+    The numbers of engine and program are inputs. JAX keeps the traces of compiled functions, so the
+    first run of such a batch is not traced again.
     """
     engine, program, gains = strong((engine, program, gains))
     numbers, rest = eqx.partition((engine, program), eqx.is_array)

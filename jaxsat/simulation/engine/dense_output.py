@@ -1,4 +1,4 @@
-"""The state within a step, from the stages of its method."""
+"""Dense output: the state within a step, from the stages of its method."""
 
 import abc
 from typing import ClassVar
@@ -15,10 +15,10 @@ from jaxsat.simulation.engine.runge_kutta import weighted
 
 
 class AbstractDenseOutput(eqx.Module):
-    """A polynomial in the fraction of a step that has gone by, given by rows that the step leaves.
+    """A polynomial in the elapsed fraction of a step, given by rows that the step computes.
 
-    Whether an event has been passed is checked at the ends of `event_checks` equal parts of a step,
-    and whether a torque has changed its sign at those of `sign_checks`.
+    Events are checked at the ends of `event_checks` equal parts of a step, sign changes of a torque
+    at the ends of `sign_checks` parts.
     """
 
     rows: ClassVar[int]
@@ -39,14 +39,14 @@ class AbstractDenseOutput(eqx.Module):
 
     @abc.abstractmethod
     def coefficients(self, increments: Float[Array, "rows n"]) -> Float[Array, "degree n"]:
-        """The coefficients of the powers of the fraction, from the first one on."""
+        """The coefficients of the powers of the fraction, from the first power."""
 
 
 class Quartic(AbstractDenseOutput):
-    """Fourth degree, through the increments until middle and end, and the rates at both ends.
+    """Quartic through the increments until middle and end, with the rates at both ends.
 
-    `middle` has the weights of the stages in the first. The rows are the increments at the rate of
-    the begin, until the middle, until the end, and at the rate of the end.
+    `middle` contains the stages' weights of the increment until the middle. The rows are the
+    increments at the first rate, until the middle, until the end, and at the last rate.
     """
 
     middle: tuple[float, ...] = eqx.field(static=True)
@@ -60,7 +60,7 @@ class Quartic(AbstractDenseOutput):
         return jnp.stack([step * rates[0], middle, increment, step * rates[-1]])
 
     def at(self, begin, increments, fraction):
-        """The state by the polynomials that are one for a row and nothing for the others."""
+        """The state by the polynomials that are one for one row and zero for the others."""
         at_begin, middle, whole, at_end = increments
         x = fraction
         rest, square = 1 - x, x * x
@@ -87,7 +87,7 @@ class Quartic(AbstractDenseOutput):
 
 
 class Sextic(AbstractDenseOutput):
-    """Sixth degree: `weights` of the stages in the coefficient of each power, from the first on."""
+    """Sextic polynomial, with `weights` of the stages in the coefficient of each power from 1."""
 
     weights: tuple[tuple[float, ...], ...] = eqx.field(static=True)
     rows: ClassVar[int] = 6
@@ -117,7 +117,7 @@ def require_dense_output(solver: Solver) -> None:
 
 
 def dense_output(solver: Solver) -> AbstractDenseOutput:
-    """The own dense output of one of the solvers that `require_dense_output` takes.
+    """The dense output of a solver that `require_dense_output` accepts.
 
     The last stage of all three is at the end of the step, in the state there.
     """
@@ -134,7 +134,7 @@ def dense_output(solver: Solver) -> AbstractDenseOutput:
 def _tsit5_middle() -> tuple[float, ...]:
     """Weights of the stages in the middle of a step.
 
-    From the factored polynomials in section 5 of Tsitouras, Comput. Math. Appl. 62 (2011).
+    Source: the factored polynomials in section 5 of Tsitouras, Comput. Math. Appl. 62 (2011).
     """
     half = 0.5
 

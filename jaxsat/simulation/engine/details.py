@@ -1,4 +1,4 @@
-"""Outputs of a single run beside those that every case of a study has."""
+"""Additional outputs of a single run."""
 
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 
 
 class Details(NamedTuple):
-    """The loop's own state at the end of the run, the number of its steps, from when its inertial
-    rate alone was within the tolerance (s, infinite if never), and ∫|T_i| dt by body axis and of
-    the ideal torque that holds the third rate, None where that is free (N m s); NaN where the run
-    did not reach its end. Of adaptive steps `forced` have been taken in spite of their error."""
+    """The loop's own state at the end of the run, the number of its steps, the time from which its
+    inertial rate alone was within the tolerance (s, infinite if never), and ∫|T_i| dt by body axis
+    and of the ideal torque that holds the third rate, None where that is free (N m s); NaN where
+    the run did not reach its end. `forced` counts adaptive steps taken in spite of their error."""
 
     final: PyTree
     steps: Int[Array, "*n"]
@@ -30,7 +30,7 @@ class Details(NamedTuple):
 
 
 def with_details(progress: "Progress", loop: AbstractLoop, torques: int) -> "Progress":
-    """Progress at time zero that also keeps what `Details` needs, of so many torques."""
+    """Progress at time zero with the records for `Details`, of this number of torques."""
     zero = progress.integrals.cost
     count = torques + loop.plant.third_rate_held
     return progress._replace(
@@ -50,7 +50,7 @@ def details_of(
 ) -> Details | None:
     """The details of a trajectory from its `begin` to its `end` (s), in the loop's state `final`.
 
-    It must have been at rest for `dwell` seconds, see `SettlingTracker.settling_time`.
+    Rest requires `dwell` seconds, see `SettlingTracker.settling_time`.
     """
     if progress.rest is None:
         return None
@@ -72,9 +72,9 @@ def effort_rates(
     torque: Float[Array, " m"],
     size: Float[Array, " m"],
 ) -> Float[Array, "*effort"]:
-    """What the effort grows by a second (N m): Σ `size`, that of each torque.
+    """Rate of the effort (N m): Σ `size` over the torques.
 
-    In a `detailed` program one by one, and where the third rate is held with that of what holds it.
+    In a `detailed` program one rate per torque, plus that of the constraint on a held third rate.
     """
     if not detailed:
         return jnp.sum(size)

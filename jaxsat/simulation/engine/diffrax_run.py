@@ -1,6 +1,6 @@
 """One case by diffrax: any solver, adaptive steps, every loop, both modes of differentiation.
 
-What is run by diffrax imports it there.
+diffrax is imported on use.
 """
 
 from collections.abc import Callable
@@ -47,7 +47,7 @@ from jaxsat.spacecraft.dynamics import PlantState
 
 
 class Integrated(NamedTuple):
-    """Outputs and signals of a case, and of a sampled loop the torque of every period."""
+    """Outputs and signals of a case, and the torque of every period of a sampled loop."""
 
     outputs: Outputs
     signals: Signals
@@ -59,7 +59,7 @@ def integrated(
 ) -> Integrated:
     """One case by diffrax, from the first to the last of the `times` (s).
 
-    Those of a sampled loop are all its samples. NaN stands at times that were not reached.
+    For a sampled loop, `times` are all its samples. Times that were not reached have NaN.
     """
     if isinstance(case.loop, SampledLoop):
         return _run_sampled(program, case, times, _either_mode(solver_of(method.solver)))
@@ -118,12 +118,12 @@ def _run_continuous(program: Program, case: Case, times, method: Method, adjoint
 
 @eqx.filter_jit
 def _motion(loop: AbstractContinuousLoop, t, state: PyTree) -> Motion:
-    """The motion of a loop, traced once for all places where a program has it."""
+    """The motion of a loop, traced once for all its uses in a program."""
     return loop.motion(t, state)
 
 
 def _monitor(program: Program, loop):
-    """What settling and effort are judged by, and in a detailed program rest as well."""
+    """The monitor of settling and effort, and in a detailed program of rest."""
     from jaxsat.simulation.diffrax_parts import MonitorSample
 
     def monitor(t, both) -> MonitorSample:
@@ -139,7 +139,7 @@ def _monitor(program: Program, loop):
 
 
 def _outcome_code(result: Any) -> IntScalar:
-    """How a diffrax solve ended, one of its `RESULTS`, as an `Outcome`."""
+    """The `Outcome` of a diffrax solve, given as one of its `RESULTS`."""
     import diffrax
 
     meanings = {
@@ -154,7 +154,7 @@ def _outcome_code(result: Any) -> IntScalar:
 
 
 def _either_mode(solver: AbstractSolver) -> AbstractSolver:
-    """The solver with a loop over its stages that both modes of differentiation go through."""
+    """The solver with a loop over its stages that supports both modes of differentiation."""
     if getattr(solver, "scan_kind", "none") is not None:
         return solver
     return eqx.tree_at(
@@ -163,8 +163,8 @@ def _either_mode(solver: AbstractSolver) -> AbstractSolver:
 
 
 class _SampledRecord(NamedTuple):
-    """What is recorded of a sampled run: its integrals, settled and at rest since when, the torques
-    of the period, and the error of the steps."""
+    """Record of a sampled run: its integrals, settling and rest, the torques of the period, and the
+    error of the steps."""
 
     integrals: Integrals
     settled: SettlingTracker
@@ -181,7 +181,7 @@ class _SampledRecord(NamedTuple):
 
 
 def _run_sampled(program: Program, case: Case, times, solver: AbstractSolver) -> Integrated:
-    """Runs all periods. A state past the limit is not taken over: the last good one stays."""
+    """Run all periods. A state past the limit is discarded: the last good one stays."""
     loop, zero = cast(SampledLoop, case.loop), jnp.zeros((), times.dtype)
     progress_at_zero, none = _initial(program, case), HeldTorque.none(case.start.omega)
 
@@ -254,7 +254,7 @@ def _over_hold(program: Program, loop: SampledLoop, solver, number, t, hold, pla
 def _equal_steps(
     solver, rate: Callable, begin, length, count: int, state, observe: Callable, record
 ):
-    """A state after so many equal steps of diffrax, each of whose ends is recorded."""
+    """The state after this many equal steps of diffrax, with the end of each recorded."""
     import diffrax
 
     term, step = diffrax.ODETerm(lambda t, state, args: rate(t, state)), length / count
@@ -284,7 +284,7 @@ def _outputs(program: Program, case: Case, progress: Progress, times, signals) -
     end = times[-1]
     plant = plant_state(case.loop, end, progress.state)
     squares = jnp.sum(signals.omega**2, axis=1)
-    last_index = jnp.maximum(jnp.sum(jnp.isfinite(squares)) - 1, 0)  # even the start may be none
+    last_index = jnp.maximum(jnp.sum(jnp.isfinite(squares)) - 1, 0)  # the start may be NaN, too
     progress = progress._replace(
         peak_square=jnp.max(squares),
         ended_at=jnp.where(case.possible, times[last_index], times[0]),
@@ -302,7 +302,7 @@ def _outputs(program: Program, case: Case, progress: Progress, times, signals) -
 
 
 def _unmade_torque(loop: SampledLoop, signals: Signals) -> Unmade | None:
-    """What the history of a sampled loop tells of torque that is not made."""
+    """The unproduced torque in the history of a sampled loop."""
     if not loop.tells_unmade or signals.torque_unmade is None:
         return None
     history = (signals.torque[:-1], signals.torque_unmade[:-1])
@@ -311,7 +311,7 @@ def _unmade_torque(loop: SampledLoop, signals: Signals) -> Unmade | None:
 
 
 def _failures(program: Program, case: Case, times, signals: Signals) -> FailureRecord | None:
-    """What the history of a sampled loop with failures tells of them."""
+    """The failure record of a sampled loop's history, if it has failures."""
     samples = jax.tree.map(lambda x: x[:-1], signals)
     begin = initial_record(case.loop, case.loop.start(case.start))
     return record_of_history(begin, times[:-1], samples, program.tolerances)

@@ -1,4 +1,4 @@
-"""What is kept of failures in flight while a sampled loop runs: stays, detection, isolation."""
+"""Record of failures in flight during a sampled run: stays, detection, isolation."""
 
 from typing import NamedTuple
 
@@ -14,11 +14,11 @@ from jaxsat.simulation.trajectory import Signals
 
 
 class DiagnosisRecord(NamedTuple):
-    """What a law that diagnoses its thrusters told up to now; times are infinite for never.
+    """Verdicts of a law that diagnoses its actuators so far; times are infinite for never.
 
-    `detected` (s) is when there was first an alarm after each failure, `isolated` (s) when each
-    thruster was first isolated, `kind` the last verdict on each. `false_alarms` counts those that
-    began before any failure.
+    `detected` (s) is the time of the first alarm after each failure, `isolated` (s) that of each
+    actuator's first isolation, `kind` the last verdict on each. `false_alarms` counts the alarms
+    that began before any failure.
     """
 
     detected: Float[Array, " f"]
@@ -29,10 +29,10 @@ class DiagnosisRecord(NamedTuple):
 
 
 class FailureRecord(NamedTuple):
-    """What is recorded, sample by sample, of a case with failures at times `at` (s).
+    """Record, by sample, of a case with failures at times `at` (s).
 
-    `stay` is for how many samples in a row the tolerances have been met since the first failure,
-    `longest` the most of these. `diagnosis` is None for a law that does not diagnose.
+    `stay` is the number of successive samples within the tolerances since the first failure,
+    `longest` the largest of these numbers. `diagnosis` is None for a law that does not diagnose.
     """
 
     at: Float[Array, " f"]
@@ -43,7 +43,7 @@ class FailureRecord(NamedTuple):
     def observe(self, t: RealScalar, signals: Signals, tolerances: Tolerances) -> "FailureRecord":
         """The record with one more sample, at `t` (s).
 
-        What begins at the sample is not yet known to it.
+        A failure that begins at the sample counts from the next one.
         """
         sizes = excess(signals.w, signals.z, signals.relative_rate, tolerances)
         inside = jnp.all(sizes < 0) & (t >= jnp.min(self.at))
@@ -72,7 +72,7 @@ class FailureRecord(NamedTuple):
         )
 
     def outputs(self, interval: RealScalar) -> dict[str, Array]:
-        """What the record tells, by the columns of a study; NaN for never."""
+        """The record by columns of a study; NaN for never."""
         columns: dict[str, Array] = {"longest_stay": self.longest * interval}
         if self.diagnosis is not None:
             diagnosis = self.diagnosis
@@ -109,7 +109,7 @@ def record_of_history(
     signals: Signals,
     tolerances: Tolerances,
 ) -> FailureRecord | None:
-    """The record after a whole history, NaN where the run had ended."""
+    """The record after a whole history, which is NaN after the end of the run."""
     if record is None:
         return None
 

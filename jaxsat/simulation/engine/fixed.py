@@ -1,4 +1,4 @@
-"""Equal steps, interval by interval: through a continuous loop, and between samples."""
+"""Fixed steps, interval by interval: through a continuous loop, and between samples."""
 
 import dataclasses
 from functools import partial
@@ -48,8 +48,8 @@ from jaxsat.simulation.trajectory import Outcome
 from jaxsat.spacecraft.sensors import Sensors
 
 NOISE_BLOCK = 16
-"""Samples whose noise is drawn together. More gain little, and a replay, which stops at every
-sample, draws all but one of them in vain."""
+"""Number of samples whose noise is drawn together. More gain little; a replay stops at every sample
+and uses only one draw of each block."""
 
 
 class FixedStepper(AbstractStepper):
@@ -71,7 +71,7 @@ class FixedStepper(AbstractStepper):
         return _initial(program, case)
 
     def advance(self, program, case, progress, first, count, axis_name=None):
-        """The progress after so many intervals."""
+        """The progress after `count` intervals."""
         loop = continuous_loop(case)
         rate, judge = augmented_rate(program, loop), _judge(program, loop)
         tableau, plant_at = tableau_of(self.solver), stop_gradient(loop).plant_state
@@ -105,7 +105,7 @@ class FixedStepper(AbstractStepper):
 
 
 class SampledStepper(AbstractStepper):
-    """Takes a sampled loop's own substeps in each of its periods."""
+    """The sampled loop's own substeps in each of its periods."""
 
     solver: Solver = NamedSolver("tsit5")
 
@@ -127,14 +127,14 @@ class SampledStepper(AbstractStepper):
         return progress._replace(seen=jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), samples))
 
     def advance(self, program, case, progress, first, count, axis_name=None):
-        """The progress after so many periods, of which alone it keeps what the torque was.
+        """The progress after `count` periods, with the torque range of these periods alone.
 
         A detailed program keeps the signals at the begin of the first one, so that a sample is
-        compiled once and not again for `signals`. For them, it goes through a period without
-        keeping more where it is to go through none.
+        compiled once and not again for `signals`. For them, with a `count` of zero one period runs
+        without further effect.
 
-        In a batch the noise of sensors is drawn for `NOISE_BLOCK` samples at a time, which takes
-        less time than one after the other. The numbers are the same.
+        In a batch the noise of sensors is drawn for `NOISE_BLOCK` samples at a time, which is
+        faster than sample by sample. The numbers are the same.
         """
         loop, sampled = _sampled_loop(case), (first, first + count)
         sensors = loop.sensors
@@ -157,8 +157,8 @@ class SampledStepper(AbstractStepper):
     def _periods(
         self, program: Program, loop: SampledLoop, progress, first, count, sampled
     ) -> Progress:
-        """The progress after so many periods; a detailed program sees the first of those `sampled`
-        (from one number to another), also where there is none."""
+        """The progress after `count` periods; a detailed program keeps the signals of the first of
+        those `sampled` (from one number to another), also if there is none."""
         tableau, judge = tableau_of(self.solver), _judge(program, loop)
         alone = partial(_steps_alone, tableau)
         estimate = HalvedSteps(program, alone, loop.substeps, loop.plant, lambda t, plant: plant)
@@ -224,7 +224,7 @@ class SampledStepper(AbstractStepper):
 
 
 def stepper_for(stepper: AbstractStepper, loop: AbstractLoop) -> AbstractStepper:
-    """The stepper itself; for a sampled loop, which has steps of its own, one with its solver."""
+    """The stepper itself; for a sampled loop, which defines its own steps, one with its solver."""
     return SampledStepper(stepper.solver) if isinstance(loop, SampledLoop) else stepper
 
 
@@ -247,7 +247,7 @@ def _sampled_loop(case: Case) -> SampledLoop:
 
 
 def _judge(program: Program, loop: AbstractLoop):
-    """How a step's begin is judged: since when the case is settled, and at rest."""
+    """Function that updates settling and rest at the begin of a step."""
 
     def judge(since: Since, t, both) -> Since:
         state = both[0] if isinstance(loop, SampledLoop) else plant_state(loop, t, both[0])
@@ -257,8 +257,7 @@ def _judge(program: Program, loop: AbstractLoop):
 
 
 def _equal_steps(tableau, rate, t, length, count: int, carry, judge):
-    """The state after equal steps, and since when the case is settled and at rest, judged where
-    each begins."""
+    """The state after equal steps, and settling and rest, judged at the begin of each."""
     step = length / count
 
     def one(number, carry):
@@ -271,7 +270,7 @@ def _equal_steps(tableau, rate, t, length, count: int, carry, judge):
 
 
 def _steps_alone(tableau, rate, t, length, count: int, state):
-    """The state after equal steps, nothing judged."""
+    """The state after equal steps, without judgement."""
     return _equal_steps(tableau, rate, t, length, count, (state, None), lambda since, *_: since)[0]
 
 
@@ -280,8 +279,8 @@ def _unless_ended(
 ) -> Progress:
     """The next progress, or the last good one where the case has ended or now ends.
 
-    It ends where what is `checked` of the state, see `within_limit`, passes the limit. Where the
-    next progress is not `wanted`, that before remains.
+    The case ends where the `checked` parts of the state, see `within_limit`, pass the limit. Where
+    the next progress is not `wanted`, the previous one remains.
     """
     integrals, (tracker, rest), held, error = carry
     moves, *finite = checked
@@ -305,7 +304,7 @@ def _unless_ended(
 
 
 def _final_outputs(program: Program, case: Case, progress: Progress, number, steps: int) -> Outputs:
-    """Outputs after `number` intervals of so many steps each."""
+    """Outputs after `number` intervals of `steps` steps each."""
     end = program.time_of(number)
     plant = plant_state(case.loop, end, progress.state)
     observation = JudgedSignals.of(case.loop.plant, plant)

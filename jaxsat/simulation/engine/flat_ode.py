@@ -24,10 +24,10 @@ from jaxsat.simulation.units import in_units
 class DenseStep(NamedTuple):
     """A step with its dense output.
 
-    It began at `begin` (s) in the flat state `state`, in the smooth piece with these `signs`, and
-    has the `length` in s. `increments` has the rows of the method's dense output. In each of some
-    equal parts of the step a torque has a zero with a change of sign at `torque_zeros`, or none
-    before that part's end; `effort` is that before the step, in a detailed program of each torque.
+    The step began at `begin` (s) in the flat state `state`, in the smooth piece with these `signs`,
+    and has the `length` in s. `increments` has the rows of the method's dense output. In each of
+    some equal parts of the step a torque has a sign change at `torque_zeros`, or none before that
+    part's end; `effort` is the effort before the step, in a detailed program by torque.
     """
 
     begin: RealScalar
@@ -39,16 +39,16 @@ class DenseStep(NamedTuple):
     signs: Bool[Array, " m"]
 
     def fraction(self, t: RealScalar) -> RealScalar:
-        """The fraction of the step that has gone by at time `t` (s)."""
+        """The elapsed fraction of the step at time `t` (s)."""
         return (t - self.begin) / self.length
 
 
 class FlatODE(NamedTuple):
-    """One case's loop as an ODE: program, loop, dense output, and how the flat state is read.
+    """One case's loop as an ODE: program, loop, dense output, and the inverse of flattening.
 
     The flat state is the loop's state in the rotating frame of its integrating factor, the cost,
-    and the integrals since the step began of the torques that the loop can make. `axis_name` is
-    that of the cases' axis under `vmap`, None for one case alone.
+    and the integrals since the step began of the loop's torques. `axis_name` is that of the cases'
+    axis under `vmap`, None for one case alone.
     """
 
     program: Program
@@ -59,7 +59,7 @@ class FlatODE(NamedTuple):
 
     @staticmethod
     def of(solver: Solver, program: Program, case: Case, axis_name: str | None = None) -> "FlatODE":
-        """The ODE of a case by this solver."""
+        """The ODE of a case with this solver's dense output."""
         shapes = jax.eval_shape(lambda case: _initial_parts(program, case), case)
         template = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
         restore = ravel_pytree(template)[1]
@@ -68,10 +68,10 @@ class FlatODE(NamedTuple):
     def cold_branch(
         self, condition: BoolScalar, function: Callable[[], PyTree], default: PyTree
     ) -> PyTree:
-        """What `function` gives where the `condition` holds, which is seldom, else `default`.
+        """The value of `function` where the rare `condition` holds, else `default`.
 
-        Under `vmap` a `lax.cond` computes both for all cases. Here the whole batch leaves the
-        function out while no case needs it.
+        Under `vmap` a `lax.cond` computes both for all cases. Here the whole batch skips the
+        function while no case needs it.
         """
         if self.axis_name is None:
             return jax.lax.cond(condition, function, lambda: default)
@@ -91,9 +91,9 @@ class FlatODE(NamedTuple):
 
     @property
     def torque_count(self) -> int:
-        """How many torques' integrals end the flat state.
+        """Number of torque integrals at the end of the flat state.
 
-        In a detailed program that of the torque that holds the third rate is the last.
+        In a detailed program the torque that holds the third rate is the last.
         """
         return _torque_count(self.program, self.loop)
 
@@ -103,7 +103,7 @@ class FlatODE(NamedTuple):
         return jnp.where(torques, 0.0, flat)
 
     def error_controlled(self, flat: Float[Array, " n"]) -> Float[Array, " m"]:
-        """What of a flat state an error is judged by: the loop's state and, last, the cost.
+        """The error-controlled part of a flat state: the loop's state and, last, the cost.
 
         Momenta of wheels are in units of the body.
         """
@@ -136,7 +136,7 @@ class FlatODE(NamedTuple):
     def effort(self, step: DenseStep, fraction: RealScalar) -> Float[Array, "*effort"]:
         """∫ Σ|T_i| until a fraction of a step, from the integrals of T_i between its zeros.
 
-        In a detailed program each by itself.
+        In a detailed program one integral per torque.
         """
         coefficients = list(self.torque_coefficients(step.increments)[:, None])
 
@@ -151,7 +151,7 @@ class FlatODE(NamedTuple):
         return step.effort + jnp.sum(sizes, axis=axis)
 
     def events(self, signs, t: RealScalar, flat: Float[Array, " n"]) -> Float[Array, " m"]:
-        """The event functions as the smooth piece with these signs has them."""
+        """The event functions of the smooth piece with these signs."""
         return self.loop.smooth_piece(signs).event_functions(t, self.state(t, flat))
 
     def rate(self, signs) -> Callable:
@@ -168,7 +168,7 @@ class FlatODE(NamedTuple):
             of_cost = (cost, motion.plant, motion.relative_rate, motion.torque)
             return motion.rate, running_cost(*of_cost), torque
 
-        @eqx.filter_jit  # few operations by themselves: XLA does those one after the other
+        @eqx.filter_jit  # small: XLA runs single operations one after the other
         def whole(piece, cost, t, flat):
             return _flat(apart(rate, piece, cost, t, self.restore(flat)[0]))
 
@@ -207,13 +207,13 @@ def into_frame(loop: AbstractContinuousLoop, t: RealScalar, state: PyTree) -> Py
 
 
 def out_of_frame(loop: AbstractContinuousLoop, t: RealScalar, framed: PyTree) -> PyTree:
-    """The state that `into_frame` takes to `framed`."""
+    """Inverse of `into_frame`."""
     factor = loop.integrating_factor(t)
     return framed if factor is None else framed._replace(memory=factor.out_of_frame(framed.memory))
 
 
 def motion_in_frame(loop: AbstractContinuousLoop, t: RealScalar, framed: PyTree) -> Motion:
-    """`loop.motion` for a state in the rotating frame, with the rate of that state."""
+    """`loop.motion` of a state in the rotating frame, with the rate of that state."""
     factor = apart(_integrating_factor, loop, t)
     if factor is None:
         return loop.motion(t, framed)

@@ -1,6 +1,6 @@
-"""Instants within an adaptive step: where it meets an event, and since when it is settled.
+"""Instants within an adaptive step: events and settling.
 
-That of an event moves with what is differentiated; nothing of settling is differentiated.
+The instant of an event is differentiated; that of settling is not.
 """
 
 import math
@@ -20,8 +20,8 @@ from jaxsat.simulation.engine.root_finding import Bracket, find_root
 
 
 class StepEnd(NamedTuple):
-    """Where a step ends: its length (s), flat state with its rate, and the event functions with
-    their signs there."""
+    """End of a step: its length (s), flat state with its rate, and the event functions with their
+    signs."""
 
     length: RealScalar
     state: Float[Array, " n"]
@@ -39,9 +39,9 @@ def until_event(
     active: BoolScalar,
     min_step: RealScalar,
 ) -> StepEnd:
-    """The end of a `step` that would go to `end`, its event functions being `events` at its begin.
+    """The end of a `step` that would go to `end`, from `events`, the event functions at its begin.
 
-    It is at the first event, though at least `min_step` (s) away, or at the end of the step. A
+    The end is at the first event, though at least `min_step` (s) away, or at the end of the step. A
     step that is not `active` costs no search.
     """
     whole = step.length
@@ -71,7 +71,7 @@ def until_event(
         t, state = step.begin + length, ode.interpolated(step, length / whole)
         flipped = signs ^ one_hot
         there = ode.events(flipped, t, state)
-        # what jumps with the piece may have another sign there
+        # a function that jumps with the piece may change its sign
         now = jnp.where(one_hot, flipped, there > 0)
         return StepEnd(length, state, ode.rate(now)(t, state), now, there)
 
@@ -79,7 +79,7 @@ def until_event(
 
 
 def _bracket(sign, at_begin, at_end, beyond, checks: int) -> Bracket:
-    """The first of equal parts of a step that meets an event, if its `high_value` is positive;
+    """The first of equal parts of a step that contains an event, if its `high_value` is positive;
     else the last one."""
     begin, end = jnp.max(sign * at_begin), jnp.max(sign * at_end)
     points = [jnp.full_like(begin, number / checks) for number in range(checks + 1)]
@@ -95,7 +95,7 @@ def _bracket(sign, at_begin, at_end, beyond, checks: int) -> Bracket:
 def _correct(ode: FlatODE, signs, step: DenseStep, one_hot, fraction) -> RealScalar:
     """The seconds until the event: two steps of Newton's method.
 
-    The second one moves with parameters. Taken where the function is zero, it is exact to first
+    The second is differentiated. Taken where the function is zero, its derivative is exact to first
     order.
     """
 
@@ -116,17 +116,17 @@ def _correct(ode: FlatODE, signs, step: DenseStep, one_hot, fraction) -> RealSca
 
 
 BETWEEN = math.sqrt(2)
-"""How far an oscillation may go between instants a quarter of its period apart, in parts of the
+"""Largest excursion of an oscillation between instants a quarter period apart, relative to the
 largest of them."""
 
 
 def excess_at(ode: FlatODE, t: RealScalar, flat: Float[Array, " n"]) -> Float[Array, " conditions"]:
-    """How far outside the tolerances a flat state is at time `t` (s); nothing is differentiated."""
+    """Excess over the tolerances of a flat state at time `t` (s); nothing is differentiated."""
     return _observation_at(ode, t, flat).excess(ode.program.tolerances)
 
 
 def rest_excess_at(ode: FlatODE, t: RealScalar, flat: Float[Array, " n"]) -> Float[Array, "1"]:
-    """How far outside the tolerance the inertial rate of a flat state is at time `t` (s)."""
+    """Excess over its tolerance of the inertial rate of a flat state at time `t` (s)."""
     return _observation_at(ode, t, flat).rest_excess(ode.program.tolerances)
 
 
@@ -144,14 +144,13 @@ def settled_along_step(
     active: BoolScalar,
     excess_of: Callable | None = None,
 ) -> SettlingTracker:
-    """Since when the case is settled, with the fraction `until` of a step taken into account.
+    """The settling tracker after the fraction `until` of a step.
 
-    `at_end` is the excess there. If it is outside the tolerances, nothing else matters. Neither
-    does it if begin, middle and end are further inside than they differ, by `BETWEEN`. In other
+    `at_end` is the excess there. A step that ends outside the tolerances needs no search, nor does
+    one whose begin, middle and end are further inside than they differ, by `BETWEEN`. In other
     steps the excess is observed at the ends of equal parts, as many as for events, and the instant
-    at which the case comes inside is located between them. Nothing of it is differentiated. A step
-    that is not `active` costs no search. `excess_of` gives the excess of a flat state,
-    `excess_at` unless given.
+    of entry is located between them. Nothing is differentiated. A step that is not `active` costs
+    no search. `excess_of` gives the excess of a flat state, by default `excess_at`.
     """
     ode, step, until, at_end = stop_gradient((ode, step, until, at_end))
     end = step.begin + until * step.length

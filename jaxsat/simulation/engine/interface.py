@@ -1,4 +1,4 @@
-"""What every engine offers."""
+"""Interface of all engines."""
 
 import abc
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from jaxsat.simulation.trajectory import Signals
 
 
 class Replay(NamedTuple):
-    """One case again: its outputs, and its signals at the instants `times` (s)."""
+    """Replay of one case: its outputs, and its signals at the instants `times` (s)."""
 
     outputs: Outputs
     times: Float[np.ndarray, " times"]
@@ -25,30 +25,30 @@ class Replay(NamedTuple):
 
 
 class CostGradient(NamedTuple):
-    """Outputs of cases, and the derivatives of their costs, shaped like the gains after the cases'
-    axis."""
+    """Outputs of cases, and the derivatives of their costs, shaped like the gains after a leading
+    axis of cases."""
 
     outputs: Outputs
     derivatives: PyTree
 
 
 Mode = Literal["forward", "reverse"]
-"""Forward mode costs as many runs as there are gains; reverse mode a few, and memory."""
+"""Differentiation mode: forward costs one run per gain; reverse a few runs, and memory."""
 
 
 class AbstractEngine(eqx.Module):
-    """Runs a program for many cases; the bits of a case do not depend on its companions.
+    """An engine runs a program for many cases; the bits of a case do not depend on the others.
 
-    Cases are the entries of arrays along their leading axis. Outputs are NumPy arrays, and nothing
-    is raised where a case fails: see `Outputs.code`. At most `batch_size` cases are in memory with
-    their histories.
+    Cases are the entries of arrays along their leading axis. Outputs are NumPy arrays, and a failed
+    case raises no error: see `Outputs.code`. At most `batch_size` cases are in memory with their
+    histories.
     """
 
     batch_size: eqx.AbstractVar[int]
 
     @abc.abstractmethod
     def identity(self) -> dict[str, Any]:
-        """What of the engine the bits of a case depend on, as plain data."""
+        """The properties of the engine that the bits of a case depend on, as plain data."""
 
     @abc.abstractmethod
     def traced(
@@ -56,14 +56,14 @@ class AbstractEngine(eqx.Module):
     ) -> dict[str, Jaxpr]:
         """The operations that are compiled for such cases, part by part; see `fingerprint`.
 
-        With a `mode` they are those of `gradient`. The numbers of the program are inputs.
+        With a `mode` they are the operations of `gradient`. The numbers of the program are inputs.
         """
 
     @abc.abstractmethod
     def operations(
         self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
     ) -> str:
-        """The `fingerprint` of what `traced` gives."""
+        """The `fingerprint` of the result of `traced`."""
 
     @abc.abstractmethod
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
@@ -75,23 +75,23 @@ class AbstractEngine(eqx.Module):
     ) -> CostGradient:
         """Outputs of all cases, and the derivative of each case's cost by `gains`.
 
-        Adaptive steps of the scan and native engines end on a law's corners, and theirs is the
-        derivative of the cost; steps that do not, fixed ones or those of diffrax, give that of the
-        smooth pieces, which misses how the corners move. Raises `ValueError` for reverse mode where
-        the engine has none.
+        Adaptive steps of the scan and native engines end on a law's corners and give the derivative
+        of the cost. Fixed steps and those of diffrax do not, and give that of the smooth pieces,
+        which omits the motion of the corners. Raises `ValueError` for reverse mode where the engine
+        has none.
         """
 
     @abc.abstractmethod
     def observed(
         self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
-        """`evaluate`, to the same bits, and signals (cases, times) at `instants`.
+        """Outputs with the bits of `evaluate`, and signals (cases, times) at `instants`.
 
-        These are numbers of intervals, ascending from 0 to the end, such as `program.evenly` gives.
+        `instants` are numbers of intervals, ascending from 0 to the end, as from `program.evenly`.
         """
 
     def replay(self, program: Program, case: PyTree, gains: PyTree = None) -> Replay:
-        """One case (no leading axis) again, with its history and the same bits as before."""
+        """Replay one case (no leading axis) with its history, to the same bits as before."""
         cases = jax.tree.map(lambda x: np.asarray(x)[None], case)
         batch = self.observed(program, cases, gains, program.instants())
         outputs, signals = jax.tree.map(lambda x: np.asarray(x[0]), batch)
@@ -109,20 +109,20 @@ class AbstractEngine(eqx.Module):
 
 
 def stops(instants: Sequence[int], behind: bool) -> Sequence[int]:
-    """Where cases are stopped, one after the other from the first of `instants` on, to be observed
-    there.
+    """Interval numbers at which cases stop for observation, in order, from the first of `instants`.
 
-    Those whose signals lie `behind`, at the begin of the last advance, stop at the next instant; at
-    the end by going nowhere.
+    If signals lie `behind`, at the begin of the last advance, each stop is at the next instant; the
+    last advance has length zero.
     """
     return [*instants[1:], instants[-1]] if behind else instants
 
 
 def with_ranges_ahead(signals: Signals, behind: bool) -> Signals:
-    """Histories (cases, times) whose ranges of the torque go to the next instant, not from before.
+    """Histories (cases, times) with torque ranges that extend to the next instant, not from the
+    last.
 
     At the last instant they are the torque there. Signals that lie `behind`, see `stops`, have them
-    at the others.
+    elsewhere.
     """
     ranges = signals.torque_range
     if ranges is None:
@@ -135,9 +135,9 @@ def with_ranges_ahead(signals: Signals, behind: bool) -> Signals:
 
 
 def count_of(cases: PyTree) -> int:
-    """How many cases there are along the leading axis of all arrays.
+    """Number of cases along the leading axis of all arrays.
 
-    Raises `ValueError` where there is none, or the arrays differ.
+    Raises `ValueError` if there is none, or if the arrays differ.
     """
     leaves = [
         ("cases" + jax.tree_util.keystr(path), np.shape(leaf))
@@ -159,7 +159,7 @@ def count_of(cases: PyTree) -> int:
 
 
 LISTED = 1 << 14
-"""Numbers of the largest array that an identity lists."""
+"""Largest size of an array that an identity lists."""
 
 
 def program_identity(
@@ -169,9 +169,9 @@ def program_identity(
     gains: PyTree = None,
     mode: Mode | None = None,
 ) -> dict[str, Any]:
-    """What tells programs apart, as plain data: numbers, length, and a hash of the operations.
+    """Identity of a program as plain data: numbers, length, and a hash of the operations.
 
-    Of arrays of more than `LISTED` numbers it is a hash. `cases` are examples; with a `mode` the
+    Arrays of more than `LISTED` numbers are hashed. `cases` are examples; with a `mode` the
     operations are those of the costs' derivatives by `gains`.
     """
     numbers = [leaf for leaf in jax.tree.leaves(program) if eqx.is_array_like(leaf)]

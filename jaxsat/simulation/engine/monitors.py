@@ -1,4 +1,4 @@
-"""Requirements, judged while a trajectory runs: at every instant that is observed."""
+"""Monitors of requirements during a trajectory, at every observed instant."""
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +15,7 @@ from jaxsat.simulation.trajectory import Signals
 
 
 def with_monitors(program: Program, loop: AbstractLoop, progress: Progress) -> Progress:
-    """Progress at time zero with monitors of the requirements, where the program has some."""
+    """Progress at time zero with monitors of the program's requirements, if any."""
     if program.requirements is None:
         return progress
     zero = jnp.zeros_like(progress.ended_at)
@@ -41,7 +41,7 @@ def monitored(
 
 
 def state_signals(loop: AbstractLoop, t: RealScalar, state: PyTree) -> dict[str, Array]:
-    """The signals, by name, that a loop's state tells without its law."""
+    """The signals, by name, that follow from a loop's state without its law."""
     plant = plant_state(loop, t, state)
     return {
         "quaternion": plant.attitude.as_quaternion().q,
@@ -65,7 +65,7 @@ def margins_of_history(
     times: Float[Array, " times"],
     signals: Signals,
 ) -> Margin | None:
-    """The margins of a whole history, NaN where the run had ended; None without requirements."""
+    """The margins of a whole history, NaN after the end of the run; None without requirements."""
     if requirements is None:
         return None
     failures = _failure_times(loop)
@@ -81,5 +81,5 @@ def margins_of_history(
 
 
 def _failure_times(loop: AbstractLoop) -> Float[Array, " f"]:
-    """When (s) something fails."""
+    """Failure times, s."""
     return jnp.concatenate([jnp.zeros(0), *(one.at for one in failures_of(loop))])

@@ -1,8 +1,8 @@
-"""Where in a run the derivative of its cost becomes NaN: at what time, by which operation.
+"""Origin of a NaN in the derivative of a run's cost: the time and the operation.
 
 A run is pushed forward interval by interval with its derivative along one direction of the gains.
 In the interval in which the derivative of the cost becomes NaN its operations are computed one
-after the other (see `nan_origin`); a NaN that came with the state is followed to where it arose.
+after the other (see `nan_origin`); a NaN from the state is traced back to its origin.
 """
 
 from collections.abc import Callable
@@ -21,14 +21,14 @@ from jaxsat.simulation.engine.stepper import AbstractStepper
 
 
 class NanInRun(NamedTuple):
-    """The operation that makes the NaN, and the time (s) at which its interval begins."""
+    """The operation that produces the NaN, and the time (s) at which its interval begins."""
 
     origin: Origin
     time: float
 
 
 class _DualProgress(NamedTuple):
-    """The leaves of a progress that are real numbers, their derivatives, and the other leaves."""
+    """The real-valued leaves of a progress, their derivatives, and the other leaves."""
 
     numbers: PyTree
     slopes: PyTree
@@ -90,9 +90,9 @@ class _Case(NamedTuple):
 def nan_in_run(
     stepper: AbstractStepper, program: Program, case: PyTree, gains: PyTree, direction: PyTree
 ) -> NanInRun | None:
-    """Where the derivative of a case's cost along a `direction` of the gains becomes NaN.
+    """Origin of a NaN in the derivative of a case's cost along a `direction` of the gains.
 
-    None where it does not, as for one that is infinite.
+    None without a NaN, also where the derivative is infinite.
     """
     run = _Case(stepper, program, case, gains, direction)
     states = [run.begin()]
@@ -110,7 +110,7 @@ def nan_in_run(
 
 
 def _origin_at_end(run: _Case, states: list[_DualProgress]) -> NanInRun | None:
-    """The origin of a NaN in the cost that is made of the last state."""
+    """The origin of a NaN in the cost's evaluation from the last state."""
     origin = nan_origins(run.cost, states[-1])[1]
     if origin is not None and origin.argument is not None:
         return _follow_back(run, states, _first(states, origin.argument) - 1, origin.argument)
@@ -121,7 +121,7 @@ def _origin_at_end(run: _Case, states: list[_DualProgress]) -> NanInRun | None:
 def _follow_back(
     run: _Case, states: list[_DualProgress], number: int, leaf: int
 ) -> NanInRun | None:
-    """The origin of a leaf's NaN after interval `number`, interval by interval backwards."""
+    """The origin of a leaf's NaN after interval `number`, traced back interval by interval."""
     while number >= 0:
         origin = nan_origins(run.after, states[number], jnp.array(number))[leaf]
         if origin is None:
@@ -135,7 +135,7 @@ def _follow_back(
 
 
 def _place_of_cost(state: _DualProgress) -> int:
-    """The number of the leaf that is the derivative of the cost."""
+    """Number of the leaf that contains the derivative of the cost."""
     leaves = jax.tree.leaves(state._replace(slopes=None, rest=None))
     numbered = jax.tree.unflatten(
         jax.tree.structure(state.slopes), range(len(jax.tree.leaves(state.slopes)))
@@ -144,7 +144,7 @@ def _place_of_cost(state: _DualProgress) -> int:
 
 
 def _first(states: list[_DualProgress], leaf: int) -> int:
-    """The first of the states from which on a leaf is NaN up to the last of them."""
+    """Index of the first state from which a leaf is NaN up to the last of them."""
     number = len(states) - 1
     while number > 0 and _is_nan(states[number - 1])[leaf]:
         number -= 1
@@ -152,7 +152,7 @@ def _first(states: list[_DualProgress], leaf: int) -> int:
 
 
 def _is_nan(state: _DualProgress) -> list[bool]:
-    """Whether each leaf has a NaN; those that are no real numbers have none."""
+    """Whether each leaf contains a NaN; false for leaves without real numbers."""
     return [
         bool(jnp.issubdtype(x.dtype, jnp.inexact) and np.isnan(np.asarray(x)).any())
         for x in map(jnp.asarray, jax.tree.leaves(state))

@@ -1,9 +1,9 @@
-"""Which operation of a function makes the NaN that it returns.
+"""Origin of a NaN in a function's result: the operation that produces it.
 
-The function is traced and computed one operation after the other, but for passes of loops that make
-no new NaN, and every NaN is followed from where it arises. The derivative of a program is a
-function like any other: `jax.jvp` inside it is traced too, and its operations come from the source
-lines of those that they are derivatives of.
+The function is traced and computed one operation after the other, except for passes of loops
+without new NaN, and every NaN is traced from its origin. The derivative of a program is a function
+like any other: `jax.jvp` inside it is traced too, and its operations have the source lines of the
+operations that they differentiate.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,8 +28,8 @@ from jaxsat.core.jax_internals import (
 
 
 class Origin(NamedTuple):
-    """What makes a NaN: an operation by the name of its primitive, and the calls in the source from
-    the outermost; or the leaf of the function's arguments by its number, where it was given."""
+    """Origin of a NaN: an operation (name of its primitive) and the calls in the source from the
+    outermost; or the number of the argument leaf that contained it."""
 
     operation: str
     place: tuple[Place, ...] = ()
@@ -37,14 +37,14 @@ class Origin(NamedTuple):
 
 
 class _Value(NamedTuple):
-    """An array, and where its NaN is from; None where it has none."""
+    """An array, and the origin of its NaN, None without NaN."""
 
     array: Any
     origin: Origin | None = None
 
 
 def nan_origins(function: Callable, *arguments: PyTree) -> list[Origin | None]:
-    """Where the NaN of each leaf of a function's result is from; None for a leaf without."""
+    """Origin of the NaN in each leaf of a function's result; None for a leaf without NaN."""
     program = jax.make_jaxpr(function)(*arguments)
     leaves = jax.tree.leaves(arguments)
     values = [_value(leaf, Origin("", (), number)) for number, leaf in enumerate(leaves)]
@@ -52,7 +52,7 @@ def nan_origins(function: Callable, *arguments: PyTree) -> list[Origin | None]:
 
 
 def _value(array: Any, origin: Origin | None) -> _Value:
-    """An array with its origin, if it has a NaN."""
+    """The array with its origin, if it contains a NaN."""
     return _Value(array, origin if _has_nan(array) else None)
 
 
@@ -98,7 +98,7 @@ def _apply(equation: JaxprEqn, operands: list[_Value]) -> list[_Value]:
 
 
 def _inherited_origin(name: str, arrays: list[Any], operands: list[_Value]) -> Origin | None:
-    """Where the NaN of an operation's result is from, if it was there before."""
+    """Origin of a NaN in an operation's result that an operand already had."""
     if name == "select_n":
         which, *cases = operands
         selector = np.asarray(which.array).astype(int)
@@ -108,14 +108,14 @@ def _inherited_origin(name: str, arrays: list[Any], operands: list[_Value]) -> O
 
 
 class _LoopBody:
-    """The body of a loop. From the second pass on it is compiled, and only a pass that makes a new
-    NaN is computed bit by bit."""
+    """The body of a loop. From the second pass it is compiled, and only a pass with a new NaN is
+    computed operation by operation."""
 
     def __init__(self, body: ClosedJaxpr):
         self.body, self._compiled, self._first = body, jax.jit(jaxpr_as_fun(body)), True
 
     def __call__(self, operands: list[_Value], before: Sequence[Origin | None]) -> list[_Value]:
-        """One pass; `before` says where the NaN of each result of the last pass was from."""
+        """Compute one pass; `before` has the origin of each NaN in the results of the last pass."""
         if self._first:
             self._first = False
             return _compute(self.body, operands)

@@ -1,4 +1,4 @@
-"""What an engine runs: a program for one trajectory, made anew for every case."""
+"""Programs for engines: one trajectory, constructed anew for every case."""
 
 import abc
 import dataclasses
@@ -22,7 +22,7 @@ from jaxsat.spacecraft.dynamics import PlantState
 
 
 class Case(NamedTuple):
-    """One case: closed loop and start, what was drawn for it by name, and whether it can exist."""
+    """One case: closed loop and start, draws by name, and whether it is possible."""
 
     loop: AbstractLoop
     start: PlantState
@@ -31,7 +31,7 @@ class Case(NamedTuple):
 
 
 class AbstractCaseFactory(eqx.Module):
-    """Makes the cases of a program: closed loops that differ in some of their numbers."""
+    """Factory of a program's cases: closed loops that differ in some of their numbers."""
 
     @abc.abstractmethod
     def __call__(self, case: PyTree, gains: PyTree) -> Case:
@@ -39,14 +39,13 @@ class AbstractCaseFactory(eqx.Module):
 
 
 class Program(eqx.Module):
-    """One trajectory from zero to the end, and what is to be known of it.
+    """One trajectory from zero to the end, and its required outputs.
 
-    The state is observed every `interval` seconds, `intervals` times after the start: that is
-    where settling, the peak rate and divergence (a norm of `state_limit`) are judged.
-    A sampled loop is observed at its samples. A `detailed` program tells the `Details` of each case
-    in place of its cost, which is NaN. The error of equal steps is estimated in one of
-    `error_every` intervals; never, if that is 0. `requirements` are judged where the state is
-    observed.
+    The state is observed every `interval` seconds, `intervals` times after the start. At these
+    instants settling, the peak rate and divergence (a norm of `state_limit`) are judged. A sampled
+    loop is observed at its samples. A `detailed` program computes the `Details` of each case
+    instead of its cost, which is NaN. The error of equal steps is estimated in one of `error_every`
+    intervals; never, if that is 0. `requirements` are judged where the state is observed.
     """
 
     case_factory: AbstractCaseFactory
@@ -67,11 +66,11 @@ class Program(eqx.Module):
         require_counts(intervals=self.intervals)
 
     def instants(self, every: int = 1) -> np.ndarray:
-        """Numbers of the intervals that begin at every so many intervals, and of the end."""
+        """Numbers of every `every`-th interval, and of the end."""
         return np.unique(np.append(np.arange(0, self.intervals, every), self.intervals))
 
     def evenly(self, count: int) -> np.ndarray:
-        """Numbers of `count` intervals, evenly from the first to the end, each the nearest.
+        """Numbers of `count` intervals, rounded, evenly spaced from the first to the end.
 
         Raises `ValueError` for fewer than two, or for more than there are.
         """
@@ -83,7 +82,7 @@ class Program(eqx.Module):
         return np.round(np.linspace(0, self.intervals, count)).astype(int)
 
     def of_any_length(self) -> "Program":
-        """The program with a length that says nothing: compiled loops take it as an input."""
+        """The program with a placeholder length: compiled loops take the length as an input."""
         return dataclasses.replace(self, intervals=1)
 
     def time_of(self, number: Int[Array, "*n"] | int) -> Float[Array, "*n"]:
@@ -92,7 +91,7 @@ class Program(eqx.Module):
 
     @property
     def running_cost(self) -> RunningCost | None:
-        """What is integrated as the cost; None in a detailed program."""
+        """The integrand of the cost; None in a detailed program."""
         return None if self.detailed else self.cost
 
     @property
@@ -102,12 +101,12 @@ class Program(eqx.Module):
 
 
 LONGEST_INTERVAL = 1.0
-"""Between two observations of a loop that is not sampled, s."""
+"""Longest time between two observations of a loop that is not sampled, s."""
 
 
 def observations_per_save(save_every: float) -> int:
-    """How often a loop that is not sampled is observed from one saved sample (s) to the next, so
-    that the time of settling does not depend on how much is saved."""
+    """Number of observations of a loop that is not sampled between saved samples (s), so that the
+    settling time does not depend on the save rate."""
     return max(1, math.ceil(save_every / LONGEST_INTERVAL - 1e-9))
 
 

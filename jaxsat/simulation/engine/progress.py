@@ -1,4 +1,4 @@
-"""What is kept of a trajectory while it runs, and its outputs at the end."""
+"""State of a trajectory in progress, and its outputs at the end."""
 
 from collections.abc import Mapping
 from typing import Literal, NamedTuple, get_args
@@ -25,16 +25,16 @@ from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
 class Unsettled(eqx.Module):
-    """A smooth stand-in for "not settled": near 1 outside the tolerances, near 0 inside.
+    """Smooth indicator of "not settled": near 1 outside the tolerances, near 0 inside.
 
-    With s = |w|²/w_tol² + 4 sin²(z/2)/z_tol² + |ω_r|²/ω_tol² it is s²/(1 + s²); its integral is a
-    smooth settling time, in seconds, which also counts leaving the tolerances again.
+    With s = |w|²/w_tol² + 4 sin²(z/2)/z_tol² + |ω_r|²/ω_tol² the indicator is s²/(1 + s²); its
+    integral is a smooth settling time, s, which also counts later exits.
     """
 
     tolerances: Tolerances = eqx.field(default_factory=Tolerances)
 
     def __call__(self, w: Float[Array, "2"], z: RealScalar, relative_rate: Vector) -> RealScalar:
-        """The stand-in's value at one instant."""
+        """The indicator's value at one instant."""
         limits = self.tolerances
         size = (
             jnp.sum(w**2) / limits.w**2
@@ -52,13 +52,13 @@ class RunningCost(eqx.Module):
 
     With `attitude` "rotation" A = sin²(tilt/2) = q1² + q2² and B = 4 q3² of the unit quaternion:
     smooth over all rotations, zero at the target alone and at most 1 and 4. With "wz" they are |w|²
-    and z², to which the others are equal to second order near the target; |w|² has no bound upside
-    down, and z counts as it is integrated, unwrapped in (w, z) parameters. U is that of
-    `unsettled`, which a positive `settling` needs.
+    and z², equal to the former to second order near the target; |w|² is unbounded upside down, and
+    z is used as integrated, unwrapped in (w, z) parameters. U is `unsettled`, which a positive
+    `settling` requires.
 
-    With a `limit` c_max the cost a second c saturates as c / (1 + c/c_max), and a run that ends
-    early is charged c_max for every second that it lacks, so that the cost of any run is at most
-    c_max times its horizon. Without one, None, the cost of such a run is NaN.
+    With a `limit` c_max the cost rate c saturates as c / (1 + c/c_max), and a run that ends early
+    is charged c_max for every missing second, so that the cost of any run is at most c_max times
+    its horizon. Without a limit (None) the cost of such a run is NaN.
     """
 
     w: RealScalar = eqx.field(converter=not_negative("w"), default=1.0)
@@ -87,7 +87,7 @@ class RunningCost(eqx.Module):
     def __call__(
         self, w: Float[Array, "2"], z: RealScalar, relative_rate: Vector, torque: Vector
     ) -> RealScalar:
-        """The running cost a second."""
+        """The cost rate, per second."""
         cost = (
             self._of_attitude(w, z)
             + self.relative_rate * jnp.sum(relative_rate**2)
@@ -98,7 +98,7 @@ class RunningCost(eqx.Module):
         return cost if self.limit is None else cost / (1 + cost / self.limit)
 
     def _of_attitude(self, w: Float[Array, "2"], z: RealScalar) -> RealScalar:
-        """The cost w A + z B a second."""
+        """The cost rate w A + z B, per second."""
         square = jnp.sum(w**2)
         if self.attitude == "wz":
             return self.w * square + self.z * z**2
@@ -106,37 +106,36 @@ class RunningCost(eqx.Module):
         return self.w * (1 - upright) + self.z * (2 - 2 * cos(z)) * upright
 
     def whole(self, integral: RealScalar, success: BoolScalar, missing: RealScalar) -> RealScalar:
-        """The cost of a run from its integral; `missing` seconds were not computed if it failed."""
+        """The cost of a run from its integral; a failed run has `missing` seconds."""
         charged = jnp.nan if self.limit is None else integral + self.limit * missing
         return jnp.where(success, integral, charged)
 
 
 Since = tuple[SettlingTracker, SettlingTracker | None]
-"""Since when a case is settled, and at rest; None where that is not kept."""
+"""Trackers of settling, and of rest; None where rest is not tracked."""
 
 
 class Integrals(NamedTuple):
-    """The running cost and Σ|T_i| (N m s), or in a detailed program each of them, integrated."""
+    """Integrals of the running cost and of Σ|T_i| (N m s), in a detailed program of each |T_i|."""
 
     cost: RealScalar
     effort: Float[Array, "*effort"]
 
 
 class Progress(NamedTuple):
-    """A trajectory that is under way.
+    """A trajectory in progress.
 
-    `peak_square` is the largest |ω|² (rad²/s²) at the instants observed. `settled` tells since
+    `peak_square` is the largest |ω|² (rad²/s²) at the observed instants. `settled` tracks since
     when the tolerances have been met, judged at every step; `ended_at` is the time (s) up to which
-    the state is good. `step` (s) is the next to be tried and `steps` the number of those tried,
-    where steps are adaptive. `peaks` are the largest sizes, at the instants observed, of what
-    effectors store, by the column of a study. `failures` is kept of sampled loops that have some.
-    `error` is the estimate of equal steps, where the program has one.
-    `held` is what the torque of a sampled loop was since it was last observed, None for others.
-    `rest` says since when the inertial rate has been small, and `forced` counts the smallest steps
-    taken in spite of their error, where steps are adaptive; both in a detailed program alone.
-    `unmade` is kept of sampled loops that tell it. `seen` are the signals of a sampled loop at the
-    instant from which it came here at last, in a detailed program alone. `monitors` are those of
-    the program's requirements.
+    the state is good. With adaptive steps, `step` (s) is the next to be tried and `steps` the
+    number of tried ones. `peaks` are the largest sizes, at the observed instants, of the effectors'
+    stored quantities, by the column of a study. `failures` is for sampled loops with failures.
+    `error` is the estimate of equal steps, where the program has one. `held` is the torque of a
+    sampled loop since its last observation, None for other loops. `rest` tracks since when the
+    inertial rate has been small, and `forced` counts the smallest steps taken in spite of their
+    error, where steps are adaptive; both in a detailed program alone. `unmade` is for sampled loops
+    that give it. `seen` are the signals of a sampled loop at the begin of its last advance, in a
+    detailed program alone. `monitors` belong to the program's requirements.
     """
 
     state: PyTree
@@ -159,17 +158,17 @@ class Progress(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """The outputs of a case; NaN (never settled: infinite) where it did not reach its end.
+    """The outputs of a case; NaN (settling time: infinite) where it did not reach its end.
 
-    Code (see `Outcome`), settling time (s), effort (N m s), cost (of a run that failed as well
-    where the running cost has a limit), peak |ω| at the instants observed (rad/s), end of the good
-    part (s); attitude and ω (rad/s) at the end of the horizon; and what was drawn, by name. `parts`
-    has by column what effectors used, and the peaks, at the instants observed, of what they store,
-    see `jaxsat.core.declaration.actuator.Signal`, and what `Unmade` holds. `failures` is what
-    `FailureRecord` holds, of sampled loops with failures in flight, and `details` are those of a
-    detailed program. `integration_error`, up to the end of the good part, is that of a program that
-    estimates it, and `requirements` by one that has some: the margin of each. With a leading axis
-    these are the outputs of many cases.
+    Code (see `Outcome`), settling time (s), effort (N m s), cost (also of a failed run, where the
+    running cost has a limit), peak |ω| at the observed instants (rad/s), end of the good part (s);
+    attitude and ω (rad/s) at the end of the horizon; and the draws by name. `parts` has by column
+    the effectors' consumption, the peaks, at the observed instants, of stored quantities, see
+    `jaxsat.core.declaration.actuator.Signal`, and the outputs of `Unmade`. `failures` has those of
+    `FailureRecord`, of sampled loops with failures in flight, and `details` those of a detailed
+    program. `integration_error`, up to the end of the good part, is None unless the program
+    estimates it, and `requirements` has each margin if the program has requirements. With a leading
+    axis these are the outputs of many cases.
     """
 
     code: Int[Array, "*n"]
@@ -193,9 +192,9 @@ class Outputs(NamedTuple):
 def initial_progress(
     state: PyTree, body: RigidBody, plant: PlantState, possible, step: float | Array = 0.0
 ) -> Progress:
-    """Progress at time zero, where the plant of this body is in its state with those of effectors.
+    """Progress at time zero, with the plant of this body in its state, effectors included.
 
-    A case that cannot exist has ended there.
+    An impossible case ends there.
     """
     zero = jnp.zeros((), plant.omega.dtype)
     peaks = jax.tree.map(jnp.zeros_like, peaks_of(body.stored(plant)))
@@ -207,7 +206,7 @@ def initial_progress(
 
 
 def peaks_of(stored: Mapping[str, Array | np.ndarray]) -> dict[str, Array]:
-    """The sizes of what a study has peaks of, by its columns."""
+    """The absolute values of signals that have peaks in a study, by its columns."""
     columns = {name: SIGNALS[name].column for name in stored if name in SIGNALS}
     return {column: jnp.abs(stored[name]) for name, column in columns.items() if column}
 
@@ -225,9 +224,9 @@ def with_peaks(
 def judged_at(
     since: Since, t: RealScalar, observation: JudgedSignals, tolerances: Tolerances
 ) -> Since:
-    """Since when the case is settled and at rest, with the end of one more of equal steps.
+    """The trackers of settling and rest after the end of one more of equal steps.
 
-    Nothing of it is differentiated.
+    Nothing is differentiated.
     """
     tracker, rest = since
     tracker = tracker.observe(*stop_gradient((t, observation.excess(tolerances))))
@@ -248,11 +247,11 @@ def outputs_of(
     dwell: RealScalar | None = None,
     begin: float | RealScalar = 0.0,
 ) -> Outputs:
-    """Outputs of a trajectory from `begin` to `end` (s), observed every `interval` (s) and there.
+    """Outputs of a trajectory from `begin` to `end` (s), observed every `interval` (s) and at its
+    end.
 
-    It must have been settled for `dwell` seconds, see `SettlingTracker.settling_time`.
-
-    `consumption` is that of the whole run, by signal.
+    Settling requires `dwell` seconds, see `SettlingTracker.settling_time`. `consumption` covers the
+    whole run, by signal.
     """
     effort = progress.integrals.effort if details is None else jnp.sum(details.effort)
     success = progress.code == int(Outcome.SUCCESS)

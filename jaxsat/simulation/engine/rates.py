@@ -1,4 +1,4 @@
-"""What an integrator sees of a loop whose cost and effort are integrated along with it."""
+"""Right-hand sides of loops whose cost and effort are integrated along with the state."""
 
 import dataclasses
 
@@ -31,7 +31,7 @@ def plant_state(loop: AbstractLoop, t: float | RealScalar, state: PyTree) -> Pla
 
 
 def consumption(loop: AbstractLoop, state: PyTree) -> dict[str, Array]:
-    """What effectors have used up to a state of the loop, by the names of their signals."""
+    """Consumption of the effectors up to a state of the loop, by the names of their signals."""
     if not isinstance(loop, SampledLoop):
         return {}
     parts = zip(loop.plant.effectors, state.effectors, strict=True)
@@ -56,7 +56,7 @@ def augmented_rate(program: Program, loop: AbstractContinuousLoop):
 def running_cost(
     cost: RunningCost | None, plant: PlantState, relative_rate: Vector, torque: Vector
 ) -> RealScalar:
-    """The cost a second; zero where there is none."""
+    """The cost rate, per second; zero without a cost."""
     if cost is None:
         return jnp.zeros((), torque.dtype)
     wz = plant.attitude.as_wz()
@@ -68,7 +68,7 @@ def held_rate(
 ):
     """Right-hand side for the plant and its integrals in a hold.
 
-    It begins at `begin` (s) with the plant in the state `start`.
+    The hold begins at `begin` (s) with the plant in the state `start`.
     """
 
     mean = loop.mean_torque_size(begin, start, hold)
@@ -87,7 +87,7 @@ def held_rate(
 def within_limit(state: PyTree, limit: RealScalar, *finite: PyTree) -> Array:
     """Whether the Euclidean norm of all floating-point entries is a number below the limit.
 
-    Momenta of wheels, and what is to be `finite`, only have to be: they are as large as the body.
+    Momenta of wheels, which scale with the body, and the trees `finite` need only be finite.
     """
     motion = jax.tree.map(
         lambda one: dataclasses.replace(one, effectors=None) if _is_plant(one) else one,

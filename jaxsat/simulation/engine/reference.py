@@ -1,6 +1,6 @@
-"""The reference: any solver of diffrax, adaptive steps, every loop, over batches of cases.
+"""The reference engine: any solver of diffrax, adaptive steps, every loop, over batches of cases.
 
-What is run by diffrax imports it there.
+diffrax is imported on use.
 """
 
 from typing import Any
@@ -26,10 +26,10 @@ from jaxsat.simulation.trajectory import Signals
 class ReferenceEngine(AbstractBatchEngine):
     """`diffeqsolve`, vmapped over the cases of a batch.
 
-    `method` is what suits the loop unless given; a sampled loop takes its solver with equal steps,
-    `substeps` in each period. Adaptive steps run a batch at the pace of its slowest case. Reverse
-    mode of a continuous loop goes by `adjoint`, with checkpoints unless stated otherwise; it must
-    differentiate what a term closes over, as all but `diffrax.BacksolveAdjoint` do.
+    By default `method` is the loop's `default_method`; a sampled loop takes its solver with equal
+    steps, `substeps` in each period. Adaptive steps run a batch at the pace of its slowest case.
+    Reverse mode of a continuous loop uses `adjoint`, by default with checkpoints; it must
+    differentiate the variables that a term closes over, as all but `diffrax.BacksolveAdjoint` do.
     """
 
     method: Method | None = None
@@ -109,7 +109,7 @@ def _run_case(
 
 
 def _step_control(method: Method) -> str:
-    """The class by which diffrax controls the method's steps."""
+    """Name of the class by which diffrax controls the method's steps."""
     steps = method.step_size
     if steps is None:
         return "ConstantStepSize"

@@ -1,4 +1,4 @@
-"""Where within a step a function becomes positive: a bracket and a few safeguarded secants."""
+"""Root finding within a step: a bracket and a few safeguarded secants."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -12,10 +12,10 @@ from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 
 ITERATIONS = 24
 CLOSE_ENOUGH = 1e-6
-"""Of the step. One step of Newton's method from there on leaves nothing."""
+"""Tolerance on roots, as a fraction of the step. One further step of Newton's method is exact."""
 
 NEXT_TO_NOTHING = 1e-6
-"""Of the other end's value: what rounding leaves of a function that is zero where a step begins."""
+"""Largest |value| treated as zero at the begin of a step, relative to the other end's value."""
 
 SECANTS, NEWTON_STEPS = 2, 2
 
@@ -42,9 +42,9 @@ def find_root(
 ) -> RealScalar:
     """The fraction of the step at which the function becomes positive, to `CLOSE_ENOUGH`.
 
-    Secants with the Illinois rule; every third point, and every point while the lower end is next
-    to zero (a step that begins on a surface, from which a secant would not come away), halves the
-    bracket. A step that is not `active` takes no iteration.
+    Secants with the Illinois rule. Every third point, and every point while the lower end is next
+    to zero (a step that begins on a surface, where a secant would not move), halves the bracket. A
+    step that is not `active` takes no iteration.
     """
 
     def unfinished(search: _RootSearch):
@@ -59,7 +59,7 @@ def find_root(
         point = jnp.where(halve, (low + high) / 2, jnp.clip(secant, low, high))
         value = function(point)
         is_low = value <= 0
-        # Illinois: an end that stays twice counts half, which draws the secant towards it
+        # Illinois: halve the value of an end that stays twice
         again = (is_low == search.was_low) & ~halve
         keep_low = jnp.where(again, low_value / 2, low_value)
         keep_high = jnp.where(again, high_value / 2, high_value)
@@ -88,7 +88,7 @@ def polynomial(
 
 
 def ends_of_parts(parts: int) -> Float[np.ndarray, "parts 1"]:
-    """Where equal parts of a step end."""
+    """Ends of equal parts of a step."""
     return np.arange(1, parts + 1)[:, None] / parts
 
 
@@ -99,11 +99,12 @@ def sign_changes(
     active: BoolScalar,
     cold_branch: Callable,
 ) -> Float[Array, "parts n"]:
-    """Where the derivative of Σ_p θ^p coefficients[p - 1] changes its sign before `end`.
+    """Fraction at which the derivative of Σ_p θ^p coefficients[p - 1] changes its sign before
+    `end`.
 
-    One change in each of equal `parts` of a step; the end of that part where there is none. A fixed
-    number of secants with the Illinois rule, and of Newton's steps inside the bracket; none where
-    no sign changes, or where the step is not `active`.
+    One change is located in each of equal `parts` of a step; without one, the part's end is
+    returned. A fixed number of secants with the Illinois rule precedes Newton's steps inside the
+    bracket; neither runs where no sign changes, or where the step is not `active`.
     """
     first, *others = coefficients[:, None]
     slopes = [p * row for p, row in enumerate(others, 2)]

@@ -20,7 +20,7 @@ from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 
 class Tableau(NamedTuple):
-    """Butcher's: stages from those before them, their nodes, and weights of solution and error."""
+    """Butcher tableau: stage coefficients, nodes, and weights of solution and error."""
 
     a_lower: tuple[np.ndarray, ...]
     c: np.ndarray
@@ -29,11 +29,11 @@ class Tableau(NamedTuple):
 
 
 EULER = Tableau((), np.zeros(0), np.ones(1), np.zeros(1))
-"""Which diffrax has without a tableau."""
+"""Tableau of Euler's method, for which diffrax has none."""
 
 
 def require_explicit(solver: Solver) -> None:
-    """Raise `ValueError` for a solver that is not explicit Runge-Kutta, as all with names are."""
+    """Raise `ValueError` for a solver that is not explicit Runge-Kutta, as all named ones are."""
     if not isinstance(solver, NamedSolver):
         tableau_of(solver)
 
@@ -59,10 +59,9 @@ def explicit_step(
     step: RealScalar,
     state: PyTree,
 ) -> PyTree:
-    """The state after one step; the stages that the solution does not use are left out.
+    """The state after one step; stages that the solution does not use are skipped.
 
-    Stages are combined as one flat vector, which in a batch takes a few times less than leaf by
-    leaf.
+    Stages are combined as one flat vector, in a batch a few times faster than leaf by leaf.
     """
     flat, restore = ravel_pytree(state)
     rows = [np.zeros(0), *tableau.a_lower]
@@ -82,7 +81,7 @@ def stage_rates(
     state: Float[Array, " n"],
     first: Float[Array, " n"],
 ) -> list[Float[Array, " n"]]:
-    """The rates at all stages of a step of a flat state, whose rate is `first` where it begins."""
+    """The rates at all stages of a step of a flat state, whose initial rate is `first`."""
     rates: dict[int, Array] = {0: first}
     for stage, (row, node) in enumerate(zip(tableau.a_lower, tableau.c, strict=True), 1):
         rates[stage] = rate(t + node * step, _combine(state, step, row, rates))
@@ -90,7 +89,7 @@ def stage_rates(
 
 
 def weighted(weights: np.ndarray, rates: list[Float[Array, " n"]]) -> Float[Array, " n"]:
-    """The sum of the rates by their weights, those of zero left out."""
+    """The weighted sum of the rates, without terms of zero weight."""
     terms = [float(w) * rate for w, rate in zip(weights, rates, strict=True) if w != 0]
     return reduce(operator.add, terms) if terms else jnp.zeros_like(rates[0])
 
@@ -108,12 +107,13 @@ def _combine(state: Array, step, weights: np.ndarray, rates: dict[int, Array]) -
     terms = [(float(weights[j]), rates[j]) for j in rates if j < len(weights) and weights[j] != 0]
     if len(terms) == 1:
         ((weight, slope),) = terms
-        return state + (step * weight) * slope  # one operation an element
+        return state + (step * weight) * slope  # one operation per element
     return state + step * reduce(operator.add, (w * k for w, k in terms)) if terms else state
 
 
 class Span(NamedTuple):
-    """A time without a sample or an edge: begin and length (s), and the state at both ends."""
+    """A time interval without a sample or an edge: begin, length (s), and the states at both
+    ends."""
 
     begin: RealScalar
     length: RealScalar
@@ -122,15 +122,15 @@ class Span(NamedTuple):
 
 
 Rate = Callable[[RealScalar, PyTree], PyTree]
-"""That of a state at a time (s)."""
+"""Rate of a state at a time (s)."""
 
 
 class HalvedSteps(NamedTuple):
-    """Integrates a span once more in twice as many steps, see `IntegrationError`.
+    """Integration of a span once more with twice as many steps, see `IntegrationError`.
 
-    The span has been integrated in `substeps` steps. `integrate` gives the state after equal steps:
-    of a rate, from a time (s) on, over a length (s), so many, from a state. `plant_at` gives the
-    plant of a state at a time.
+    The span has been integrated in `substeps` steps. `integrate` returns the state after equal
+    steps, from a rate, an initial time (s), a length (s), the number of steps and a state.
+    `plant_at` returns the plant of a state at a time.
     """
 
     program: Program
@@ -142,9 +142,9 @@ class HalvedSteps(NamedTuple):
     def after(
         self, error: IntegrationError | None, number: Array, rate: Rate, span: Span
     ) -> IntegrationError | None:
-        """The estimate with a span of interval `number`, along which `rate` is the state's.
+        """The estimate after a span of interval `number`, with `rate` as the state's rate.
 
-        A program that estimates every so many intervals counts each of these for all of them.
+        A program that estimates one of several intervals weights each estimate with their number.
         """
         every = self.program.error_every
         if error is None:

@@ -1,7 +1,7 @@
 """A plain loop over intervals, compiled once for any horizon.
 
 Runs of any length are pieces of one compiled loop with the number of intervals as an input, so a
-replay that stops at every interval goes through the same machine code as the run did.
+replay that stops at every interval uses the same machine code as the run.
 """
 
 import itertools
@@ -25,7 +25,7 @@ from jaxsat.simulation.engine.stepper import AbstractStepper
 from jaxsat.simulation.trajectory import Signals
 
 CASES = "cases"
-"""The name of a batch's axis."""
+"""Name of a batch's axis."""
 
 
 class ScanEngine(AbstractBatchEngine):
@@ -55,7 +55,7 @@ class ScanEngine(AbstractBatchEngine):
     def observe_batch(
         self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
-        """Outputs of one batch, stopped at some intervals to be observed."""
+        """Outputs of one batch, stopped at these intervals for observation."""
         work = (self.stepper, program.of_any_length(), cases, gains)
         progress = _begin(*work)
         history = []
@@ -82,7 +82,7 @@ class ScanEngine(AbstractBatchEngine):
 
 
 def _map_cases(method, stepper, program, cases, gains, *progress):
-    """What a stepper's method gives for the cases of a batch."""
+    """The results of a stepper's method for the cases of a batch."""
 
     def one(case, *progress):
         case = program.case_factory(case, gains)
@@ -140,9 +140,9 @@ def _gradient(stepper, program, cases, gains, mode):
 def _advance_with_checkpoints(
     stepper: AbstractStepper, program, case, progress, count: int
 ) -> Progress:
-    """The progress after all intervals, for reverse mode: about 2 √count states are kept, not all.
+    """The progress after all intervals, for reverse mode, which stores about 2 √count states.
 
-    Blocks of intervals are computed again on the way back, and in them every interval.
+    Blocks of intervals, and every interval in them, are recomputed in the backward pass.
     """
     size = max(1, math.isqrt(count))
 

@@ -51,13 +51,13 @@ def simulate(
 ) -> Trajectory:
     """Run a closed loop from `start` at `times[0]` and save its signals at `times` (s).
 
-    Without a `method` the loop's default is used. `adjoint` chooses how diffrax differentiates
-    a continuous loop (by default reverse mode with checkpoints; `diffrax.ForwardMode()`
-    for few gains); a sampled loop takes both modes and needs none.
-    When the run settled, by `tolerances`, is judged on the integrator's own steps and their dense
-    output, so it does not depend on what is saved; nothing of that is differentiated. A run that
-    fails raises nothing: see `Trajectory.code`. Raises `ValueError` for times that do not increase,
-    or, for a sampled loop, that are not sampling instants.
+    Without a `method` the loop's default is used. `adjoint` chooses how diffrax differentiates a
+    continuous loop (by default reverse mode with checkpoints; `diffrax.ForwardMode()` for few
+    gains); a sampled loop takes both modes and needs none. Settling, by `tolerances`, is judged on
+    the integrator's own steps and their dense output, so it does not depend on the saved times; it
+    is not differentiated. A run that fails raises nothing: see `Trajectory.code`. Raises
+    `ValueError` for times that do not increase, or, for a sampled loop, that are not sampling
+    instants.
     """
     times = as_float(times)
     instants = concrete(times)
@@ -74,7 +74,7 @@ def simulate(
     elif not isinstance(loop, AbstractContinuousLoop):
         raise TypeError(f"Argument `loop` must be a loop of jaxsat.simulation, got {type(loop)}.")
     adjoint = checkpoints() if adjoint is None else adjoint
-    with jax.debug_nans(False):  # NaN is what a run did not reach
+    with jax.debug_nans(False):  # NaN marks times not reached
         program, case = _program(loop, start, interval, count, tolerances, state_limit)
         return _by_diffrax(program, case, times, numbers, method, adjoint)
 
@@ -98,14 +98,14 @@ def fly(
     tell: Callable[[str], None] = lambda obstacle: None,
     tolerances: Tolerances | None = None,
 ) -> Trajectory:
-    """Run a closed loop from `start` and save its signals at `times` (s), evenly from zero on.
+    """Run a closed loop from `start` and save its signals at `times` (s), evenly spaced from zero.
 
-    What `simulate` gives, to the accuracy of the method, from machine code that is made in seconds
-    and serves all numbers: equal steps of the method's length or somewhat less, so that the times
-    fall on them, and adaptive ones that end on the corners of a law. `simulate` runs what the
-    compiled engine cannot, also what JAX traces (to differentiate it). Where steps of the smallest
-    length miss the tolerance, as at a point where the law has no derivative, a run with a tenth of
-    tolerances and smallest step replaces the first. `tell` gets a remark about either.
+    The result equals that of `simulate` to the accuracy of the method. Machine code, compiled in
+    seconds for all numbers, takes equal steps of at most the method's length that meet the times,
+    or adaptive ones that end on a law's corners. `simulate` runs all that the compiled engine
+    cannot, including traced values (for differentiation). If steps of the smallest length miss the
+    tolerance, as at a point where the law has no derivative, a run with a tenth of tolerances and
+    smallest step replaces the first. `tell` receives a remark in both cases.
     """
     loop, start = strong((loop, start))
     flight = _plan(loop, start, times, method, tolerances)
@@ -121,7 +121,7 @@ def fly(
 
 
 def _remark(forced: int, trajectory: Trajectory, finer: Trajectory) -> str:
-    """What `forced` steps that miss the tolerance mean, judged by a finer run."""
+    """Remark about `forced` steps that miss the tolerance, judged by a finer run."""
     cause = f"{forced} steps of the smallest length miss the tolerance (the law has no derivative)"
     if finer.outcome:
         return (
@@ -141,26 +141,27 @@ def _remark(forced: int, trajectory: Trajectory, finer: Trajectory) -> str:
 
 
 PARTED = 1e-4
-"""Difference of the rates of two runs, of their largest rate, beyond which they have parted."""
+"""Largest difference between two runs' rates, relative to the largest rate, that is not
+reported."""
 
 
 TABLE = 256
-"""Numbers of an array beyond which it is a table, such as that of gains over an orbit."""
+"""Largest size of an array that is not a table, such as one of gains over an orbit."""
 
 
 ERROR_EVERY = 7
-"""Periods of a sampled loop, in one of which the error of its steps is estimated: it takes twice as
-long as the steps. Sensors and pulses that repeat every 2, 3, 4, 5, 8 or 10 periods are met in each
-of their phases."""
+"""Number of periods of a sampled loop per error estimate, which takes twice as long as the steps.
+Coprime to 2, 3, 4, 5, 8 and 10, so that sensors and pulses that repeat after so many periods are
+met in each of their phases."""
 
 
 class _OneCase(AbstractCaseFactory):
     """The case whose numbers are the arrays of a loop and of its start, as a list.
 
-    Those of more numbers than `TABLE` are at its end, in the gains: machine code copies a case into
-    its state, number by number, and reads gains where they are. (A kernel that is kept compares the
-    structure of its arguments, and one of a loop need not equal itself once it has been written and
-    read. `places` has the numbers of the arrays in that list.)
+    Arrays larger than `TABLE` are at its end, in the gains: machine code copies a case into its
+    state, number by number, and reads gains in place. (A stored kernel compares the structure of
+    its arguments, and a loop's need not equal itself after it has been written and read. `places`
+    has the numbers of the arrays in that list.)
     """
 
     rest: PyTree
@@ -174,7 +175,7 @@ class _OneCase(AbstractCaseFactory):
 
 
 class _Flight(eqx.Module):
-    """A program of one case, how it is stepped, and every how many intervals it is saved."""
+    """A program of one case, its stepper, and the number of intervals between saves."""
 
     program: Program
     stepper: AbstractStepper
@@ -190,7 +191,7 @@ class _Flight(eqx.Module):
 
     @property
     def finer(self) -> "_Flight":
-        """The flight by adaptive steps with a tenth of tolerances and smallest step."""
+        """The flight with adaptive steps at a tenth of the tolerances and smallest step."""
         stepper = cast(AdaptiveStepper, self.stepper)
         tolerance = stepper.tolerance
         numbers = [x / 10 for x in (tolerance.rtol, tolerance.atol, tolerance.min_step)]
@@ -203,7 +204,7 @@ class _Flight(eqx.Module):
     def fly(self, times: Float[Array, " times"]) -> tuple[Trajectory, int]:
         """The run, and the number of steps of the smallest length that miss the tolerance."""
         engine = NativeEngine(stepper=self.stepper, simd_lanes=1)
-        between = self.every if self.pulsed else 1  # samples of which the mean level is told
+        between = self.every if self.pulsed else 1  # samples averaged in pulse levels
         instants = self.program.instants(self.every // between)
         batch = engine.observed(self.program, self.cases, self.tables, instants)
         outputs, signals = jax.tree.map(lambda x: x[0], batch)
@@ -211,7 +212,7 @@ class _Flight(eqx.Module):
         if between > 1:
             numbers = np.arange(0, self.program.intervals + 1, between)
             signals = saved(signals, numbers, HeldTorque.of_ranges(signals.torque_range))
-        with jax.debug_nans(False):  # NaN is what there is none of, such as a failed actuator
+        with jax.debug_nans(False):  # NaN marks missing values, as of a failed actuator
             outputs, signals = jax.tree.map(lambda x: as_array(np.asarray(x)), (outputs, signals))
         return _trajectory(times, outputs, signals), forced
 
@@ -223,7 +224,7 @@ def _plan(
     method: Method,
     tolerances: Tolerances | None,
 ) -> _Flight | str:
-    """The flight, or what stands in its way."""
+    """The flight, or the reason why there is none."""
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((loop, start, method))):
         return "JAX traces its numbers"
     instants = np.asarray(times)
@@ -256,7 +257,7 @@ def _program(
     tolerances: Tolerances | None,
     state_limit: float = STATE_LIMIT,
 ) -> tuple[Program, tuple[list[Array], list[Array]]]:
-    """The detailed program of one case, `count` intervals (s) long, its numbers and its tables."""
+    """The detailed program of one case, of `count` intervals (s), its numbers and its tables."""
     arrays, rest = eqx.partition((loop, start), eqx.is_array)
     leaves, structure = jax.tree.flatten(arrays)
     order = sorted(range(len(leaves)), key=lambda number: leaves[number].size > TABLE)
@@ -271,7 +272,7 @@ def _program(
 
 
 def _stepper(loop: AbstractLoop, method: Method, interval: float) -> AbstractStepper | str:
-    """The method as a stepper of the engines, or why there is none."""
+    """The method as a stepper of the engines, or the reason why there is none."""
     try:
         require_explicit(method.solver)
     except ValueError as error:
@@ -295,7 +296,7 @@ def _stepper(loop: AbstractLoop, method: Method, interval: float) -> AbstractSte
 
 
 def sample_numbers(loop: SampledLoop, times: Float[Array, " times"]) -> np.ndarray:
-    """Which samples of the loop the times are; raises `ValueError` where one falls between."""
+    """Numbers of the loop's samples at these times; raises `ValueError` if a time falls between."""
     period, instants = concrete(loop.controller.period), concrete(times)
     if period is None or instants is None:
         raise ValueError("A sampled loop's period and times must be known before tracing.")

@@ -1,4 +1,4 @@
-"""How one trajectory is integrated: what fixed, adaptive and sampled steps have in common."""
+"""Interface of steppers, which integrate one trajectory with fixed, adaptive or sampled steps."""
 
 import abc
 import dataclasses
@@ -16,21 +16,20 @@ from jaxsat.simulation.engine.progress import Outputs, Progress
 from jaxsat.simulation.trajectory import Outcome, Signals
 
 Number = int | IntScalar
-"""Known when tracing, or not."""
+"""A number, known at trace time or traced."""
 
 
 class AbstractStepper(eqx.Module):
     """Integrates one case of a program, from a `Progress` of fixed size to the next.
 
-    Instants are numbers of the program's intervals. An engine decides how cases are mapped over
-    these functions.
+    Instants are numbers of the program's intervals. An engine maps cases over these functions.
     """
 
     solver: eqx.AbstractVar[Solver]
 
     @abc.abstractmethod
     def identity(self) -> dict[str, Any]:
-        """What of the steps the bits of a case depend on, as plain data."""
+        """The properties of the steps that the bits of a case depend on, as plain data."""
 
     @abc.abstractmethod
     def begin(self, program: Program, case: Case) -> Progress:
@@ -48,20 +47,20 @@ class AbstractStepper(eqx.Module):
     ) -> Progress:
         """The progress after `count` intervals from number `first` on.
 
-        Under `vmap` over an axis of the name `axis_name` work is shared by the cases of a batch.
+        Under `vmap` over an axis of the name `axis_name`, the cases of a batch share work.
         """
 
     @abc.abstractmethod
     def finish(
         self, program: Program, case: Case, progress: Progress, number: IntScalar
     ) -> Outputs:
-        """Outputs of a trajectory that has gone through all its intervals, `number` of them."""
+        """Outputs of a trajectory after all its intervals, `number` of them."""
 
     @abc.abstractmethod
     def signals(
         self, program: Program, case: Case, progress: Progress, number: IntScalar
     ) -> Signals:
-        """Signals at the beginning of interval `number`, up to which a trajectory has come."""
+        """Signals at the beginning of interval `number`, which the trajectory has reached."""
 
     def observe(
         self, program: Program, case: Case, progress: Progress, number: IntScalar
@@ -79,5 +78,5 @@ class AbstractStepper(eqx.Module):
 
 
 def nan_where(ended: BoolScalar, values: PyTree) -> PyTree:
-    """The values, NaN where a case has ended."""
+    """The values, or NaN where a case has `ended`."""
     return jax.tree.map(lambda x: jnp.where(ended, jnp.nan, x), values)

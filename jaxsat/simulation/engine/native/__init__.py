@@ -1,4 +1,4 @@
-"""The compiled engine: programs for one trajectory as vector code, a lane for each."""
+"""The compiled engine: programs for one trajectory as vector code, one lane per trajectory."""
 
 from jaxsat.simulation.engine.native.engine import NativeEngine, native_obstacle, process_obstacle
 

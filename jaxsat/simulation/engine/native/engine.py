@@ -46,14 +46,14 @@ NO_64_BITS = "the compiled engine must have 64-bit numbers; switch jax_enable_x6
 
 
 class NativeEngine(AbstractEngine):
-    """Runs a program as machine code made for it, each vector lane one case.
+    """Runs a program as machine code compiled for it, one case per vector lane.
 
     Steps are those of `ScanEngine` with the same stepper. `simd_lanes` is the number of cases in a
-    vector (1, 2, 4, 8 or 16), by default what suits the processor; `workers` the number of threads,
-    by default as many as there are processors. Neither changes a bit of any case. Arrays are
-    copied: what happens to the caller's own during a run changes nothing.
+    vector (1, 2, 4, 8 or 16), by default chosen for the processor; `workers` the number of threads,
+    by default the number of processors. Neither changes a bit of any case. Arrays are copied: the
+    caller may change them during a run.
 
-    Raises `CannotLower` where the program holds something that has no rule, and `RuntimeError`
+    Raises `CannotLower` if the program contains an operation without a rule, and `RuntimeError`
     without llvmlite or without 64-bit numbers.
     """
 
@@ -71,7 +71,7 @@ class NativeEngine(AbstractEngine):
             raise RuntimeError(obstacle)
 
     def identity(self) -> dict[str, Any]:
-        """Steps, and the processor, whose instructions round as they do."""
+        """Steps, and the processor, whose instructions determine rounding."""
         host = target.host()
         processor = {"llvm": target.version(), "vector": host.register * 8, "fused": host.fuses}
         return {"name": "native", **self.stepper.identity(), **processor}
@@ -79,21 +79,21 @@ class NativeEngine(AbstractEngine):
     def traced(
         self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
     ) -> dict[str, Jaxpr]:
-        """The operations that the machine code is made from, phase by phase."""
+        """The operations that are compiled to machine code, phase by phase."""
         return self.kernel(program, cases, gains, derivatives=mode is not None).trajectory.jaxprs
 
     def operations(
         self, program: Program, cases: PyTree, gains: PyTree = None, mode: Mode | None = None
     ) -> str:
-        """The fingerprint of the operations, which may be kept on disk with the machine code."""
+        """The fingerprint of the operations, which may be stored on disk with the machine code."""
         return self.kernel(program, cases, gains, derivatives=mode is not None).operations
 
     def kernel(
         self, program: Program, cases: PyTree, gains: PyTree = None, *, derivatives: bool = False
     ) -> Kernel:
-        """The machine code for such a program, made once for all numbers of the same kind.
+        """The machine code for such a program, compiled once for all numbers of the same kind.
 
-        Raises `ValueError` unless there are cases, and as many in all arrays, and `TypeError` for
+        Raises `ValueError` without cases or if arrays differ in their number, and `TypeError` for
         leaves that are not numeric arrays.
         """
         cases, gains = _numbers(cases, gains)
@@ -101,7 +101,7 @@ class NativeEngine(AbstractEngine):
         return _kernel(self.stepper, program, cases, gains, lanes, derivatives)
 
     def evaluate(self, program: Program, cases: PyTree, gains: PyTree = None) -> Outputs:
-        """Outputs of all cases, in as many threads as there are workers."""
+        """Outputs of all cases, computed in up to `workers` threads."""
         kernel = self.kernel(program, cases, gains)
         trees = self.trees(cases, program, gains)
         return kernel.run(trees, program.intervals, self.workers or processors())
@@ -109,7 +109,7 @@ class NativeEngine(AbstractEngine):
     def observed(
         self, program: Program, cases: PyTree, gains: PyTree, instants: np.ndarray
     ) -> tuple[Outputs, Signals]:
-        """`evaluate`, to the same bits, and signals at `instants`; in one thread."""
+        """Outputs with the bits of `evaluate`, and signals at `instants`; in one thread."""
         kernel = self.kernel(program, cases, gains)
         outputs, signals = kernel.replay(self.trees(cases, program, gains), instants.tolist())
         return outputs, with_ranges_ahead(signals, kernel.behind)
@@ -119,7 +119,7 @@ class NativeEngine(AbstractEngine):
     ) -> CostGradient:
         """Outputs of all cases, and the derivative of each case's cost by `gains`.
 
-        Forward mode, all gains in one pass. Raises `ValueError` for reverse mode.
+        Forward mode takes all gains in one pass. Raises `ValueError` for reverse mode.
         """
         if mode != "forward":
             raise ValueError(f'Argument `mode` must be "forward" here, but got "{mode}".')
@@ -130,7 +130,7 @@ class NativeEngine(AbstractEngine):
         return CostGradient(flat_gradient.outputs, _by_gain(flat_gradient.derivatives, gains))
 
     def trees(self, cases: PyTree, program: Program, gains: PyTree) -> dict[str, PyTree]:
-        """What a kernel takes, by the names of its arguments."""
+        """The arguments of a kernel by name."""
         numbers = jax.tree.leaves(numbers_of(self.stepper, program))
         return {"cases": cases, "numbers": numbers, "gains": gains}
 
@@ -142,10 +142,10 @@ def native_obstacle(
     gains: PyTree = None,
     lanes: int | None = None,
 ) -> str | None:
-    """Why the native engine cannot run a program for such cases; None if it can.
+    """The reason why the native engine cannot run a program for such cases; None if it can.
 
-    The machine code is made for so many `lanes`, by default what suits the processor.
-    Whatever else goes wrong, above all a `NativeBug`, is raised: it is no reason to fall back.
+    The machine code is compiled for `lanes` lanes, by default chosen for the processor. Any other
+    error, above all a `NativeBug`, is raised: it must not cause a fallback.
     """
     obstacle = process_obstacle()
     if obstacle is not None:
@@ -158,7 +158,7 @@ def native_obstacle(
 
 
 def process_obstacle() -> str | None:
-    """Why the native engine cannot run any program in this process; None if it can run some."""
+    """The reason why the native engine cannot run in this process; None if it can."""
     obstacle = _llvmlite_obstacle()
     if obstacle is None and not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
         return NO_64_BITS
@@ -233,7 +233,7 @@ def _require_floats(gains: PyTree) -> None:
 
 
 def _kind(tree: PyTree) -> tuple:
-    """All of a tree that a program's structure depends on: everything but the numbers."""
+    """All properties of a tree that a program's structure depends on, without the numbers."""
     arrays, rest = eqx.partition(tree, lambda x: isinstance(x, jax.Array))
     shapes = [(x.shape, x.dtype.name) for x in jax.tree.leaves(arrays)]
     leaves, structure = jax.tree.flatten(rest)
@@ -241,7 +241,7 @@ def _kind(tree: PyTree) -> tuple:
 
 
 def _identity(x: Any) -> Any:
-    """What tells a leaf from others: True from 1, 0.0 from -0.0, and arrays by their bytes."""
+    """Key that distinguishes a leaf: True from 1, 0.0 from -0.0, and arrays by their bytes."""
     if isinstance(x, np.ndarray | np.generic):
         return np.ndarray, x.dtype.str, x.shape, x.tobytes()
     return type(x), x.hex() if isinstance(x, float) else x

@@ -1,23 +1,23 @@
-"""Whole kernels kept on disk, so that a program seen before is neither traced nor lowered again.
+"""Store of whole kernels on disk, so that a known program is neither traced nor lowered again.
 
 The name of an entry is a hash of all that tracing and lowering depend on:
 
 - the program, its steps and the kinds of its inputs, as `pickle` writes them, with shapes and types
-  in place of numbers: what has the same bytes is built alike. All classes and functions in it must
-  be those of `PACKAGES`. A part of a user's own, a lambda or a local function makes no name, and
+  in place of numbers: equal bytes build equal code. All classes and functions in it must
+  be in `PACKAGES`. A user's own part, a lambda or a local function prevents a name, and
   such a program is traced each time.
 - the content and the time of every source file of jaxsat, and the versions of Python and of
-  `PACKAGES`. Where a file was changed after jaxsat was imported there is no entry, as what is
-  in memory may be older than what is in the file.
-- every setting of JAX, as it is in force, and its backend.
+  `PACKAGES`. If a file was changed after jaxsat was imported there is no entry, as the code
+  in memory may be older than the file.
+- every setting of JAX in force, and its backend.
 - LLVM and the processor, as for machine code.
 
-What none of this tells is code that a program has changed in memory. With each entry are therefore
-the hashes of jaxsat's modules as they were in memory when it was made (`loaded_code`): it is used
-where those that are imported by now have the same. The command line runs nobody's code but that of
-parts that a scenario names, which have no entries. It has entries of its own, and trusts them.
-The environment variable JAXSAT_KEPT_KERNELS is 1 there; with 0 nothing is kept. Entries lie and are
-protected as those of `cache`.
+The name does not cover code that a program has changed in memory. Each entry therefore contains the
+hashes of jaxsat's modules as they were in memory at its creation (`loaded_code`): it is used if the
+modules imported by now have the same hashes. The command line runs no user code except parts that a
+scenario names, which have no entries. It has entries of its own, and trusts them. The environment
+variable JAXSAT_KEPT_KERNELS is 1 there; with 0 nothing is stored. Entries are located and protected
+as those of `cache`.
 """
 
 import contextlib
@@ -45,23 +45,23 @@ PACKAGES = (
     *("jax", "jaxlib", "equinox", "diffrax", "lineax", "optimistix"),
     *("jaxtyping", "numpy", "ml_dtypes", "llvmlite"),
 )
-"""Distributions whose code tracing and lowering run, besides jaxsat."""
+"""Distributions, besides jaxsat, whose code runs during tracing and lowering."""
 
 _BUILT_IN = {"builtins", "collections", "copyreg", "functools", "operator", "pathlib", "_codecs"}
 CLOCK_NS = 60 * 10**9
-"""By how much the clock of a file system may be behind. Sooner after a change nothing is kept."""
+"""Largest lag of a file system's clock, ns. Nothing is stored for so long after a change."""
 
 T = TypeVar("T")
 
 SETTING = "JAXSAT_KEPT_KERNELS"
 
 Code = dict[str, bytes]
-"""Hashes of modules by their names."""
+"""Hashes of modules by name."""
 
 
 @dataclass(frozen=True)
 class MadeKernel:
-    """What of a kernel is kept: its machine code, how it is called, and what tells it apart."""
+    """Stored part of a kernel: its machine code, how to call it, and its fingerprint."""
 
     code: bytes
     arena: int
@@ -76,20 +76,20 @@ class MadeKernel:
 
 @dataclass(frozen=True)
 class MadeObserver:
-    """What of a kernel is kept for replays: the code that observes, and its arena's size."""
+    """Stored part of a kernel for replays: the code that observes, and its arena's size."""
 
     code: bytes
     arena: int
 
 
 def entry_name(*parts: PyTree) -> str | None:
-    """The name of the entry for trees and plain data; None where there is to be none."""
+    """The name of the entry for trees and plain data; None where there must be no entry."""
     if os.environ.get(SETTING) == "0" or not loaded_as_written("jaxsat"):
         return None
     stream = io.BytesIO()
     try:
         _Structure(stream).dump(jax.tree.map(_shape_of, parts))
-    except Exception:  # pickle raises what it likes for what it cannot write
+    except Exception:  # pickle raises any error for an object that it cannot write
         return None
     surroundings = _surroundings()
     if surroundings is None:
@@ -104,9 +104,9 @@ def entry_name(*parts: PyTree) -> str | None:
 
 
 class Entries:
-    """What is kept under one name, as the code in memory was when it was first looked for.
+    """The entries under one name, as the code in memory was at the first look-up.
 
-    `look_up` gives what is of a kind, made and kept where there is none; without a name it is made.
+    `look_up` returns the entry of a kind, creating and storing it if missing.
     """
 
     def __init__(self, name: str | None):
@@ -130,7 +130,7 @@ class Entries:
         before = None if self._trusted else self._code
         entry, code = make(), _code_in_memory()
         if self._trusted or _agree(before, code):
-            with contextlib.suppress(Exception):  # trees of a kind that `pickle` cannot write
+            with contextlib.suppress(Exception):  # trees that `pickle` cannot write
                 cache.keep(own, pickle.dumps((entry, code)))
         return entry
 
@@ -139,7 +139,7 @@ class Entries:
         if content is None:
             return None
         try:
-            # nobody but this user has written it: see `cache`
+            # only this user can have written it: see `cache`
             entry, code = pickle.loads(content)
             fits = isinstance(entry, kind) and (self._trusted or _agree(self._code, code))
         except Exception:
@@ -150,12 +150,12 @@ class Entries:
 def _code_in_memory() -> Code | None:
     try:
         return loaded_code("jaxsat")
-    except Exception:  # of objects that a program has put into modules, which raise what they like
+    except Exception:  # foreign objects in modules may raise any error
         return None
 
 
 def _agree(one: Code | None, other: Code | None) -> bool:
-    """Whether both are known, and what is imported in both is the same code."""
+    """Whether both are known, and modules imported in both have equal code."""
     if one is None or other is None:
         return False
     return all(other.get(module, code) == code for module, code in one.items())
@@ -163,7 +163,7 @@ def _agree(one: Code | None, other: Code | None) -> bool:
 
 @dataclass(frozen=True)
 class _Shape:
-    """An array of which only its kind matters."""
+    """Shape and type of an array."""
 
     shape: tuple[int, ...]
     dtype: str
@@ -176,7 +176,7 @@ def _shape_of(x: Any) -> Any:
 
 
 class _Structure(pickle.Pickler):
-    """Writes nothing that refers to code of others than `PACKAGES`."""
+    """Pickler that refuses references to code outside `PACKAGES`."""
 
     def reducer_override(self, obj: Any) -> Any:
         owner = obj if isinstance(obj, type) or callable(obj) else type(obj)
@@ -194,7 +194,7 @@ def _known_roots() -> frozenset[str]:
 
 
 def _surroundings() -> str | None:
-    """Python, the packages, and jaxsat's own files; None where these are not all known."""
+    """Python, the packages, and jaxsat's own files; None if one of them is unknown."""
     folder = Path(jaxsat.__file__).parent
     try:
         return _packages_and_sources(folder) if unchanged(folder, jaxsat.IMPORTED_NS) else None
@@ -209,16 +209,16 @@ def _packages_and_sources(folder: Path) -> str:
 
 
 def unchanged(folder: Path, before_ns: int) -> bool:
-    """Whether there are files in a folder, and all are older than `before_ns` (of `time.time_ns`).
+    """Whether a folder has files, all older than `before_ns` (of `time.time_ns`).
 
-    A program that runs for long may import modules that were edited since it began.
+    A long-running program may import modules that were edited since it began.
     """
     times = [max(one.st_mtime_ns, one.st_ctime_ns) for one in map(Path.stat, _files(folder))]
     return max(times, default=before_ns) < before_ns - CLOCK_NS
 
 
 def sources_hash(folder: Path) -> str:
-    """A hash of the names, contents and times of all files in a folder: code, and what it reads."""
+    """A hash of the names, contents and times of all files in a folder."""
     digest = hashlib.sha256()
     for file in _files(folder):
         content = file.read_bytes()
@@ -238,6 +238,6 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _settings() -> list[str]:
-    """Settings of JAX that are in force here, those of a context included."""
+    """Settings of JAX in force, including those of a context."""
     names = sorted(jax.config.values)  # pyright: ignore[reportAttributeAccessIssue]
     return [f"{name}={getattr(jax.config, name, None)!r}" for name in names]

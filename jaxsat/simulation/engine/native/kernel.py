@@ -1,4 +1,4 @@
-"""The machine code of a trajectory's entry points, and how it is called."""
+"""Machine code of a trajectory's entry points, and its calls."""
 
 import ctypes
 import operator
@@ -23,13 +23,13 @@ from jaxsat.simulation.engine.native.kept import Entries, MadeKernel, MadeObserv
 from jaxsat.simulation.engine.native.trajectory import LoweredTrajectory
 
 PIECE = 4
-"""Vectors of cases that a thread takes at a time."""
+"""Number of vectors of cases that a thread takes at a time."""
 
 REFILLED = 64
-"""The same at most, where a lane that has ended takes the next case."""
+"""Largest such number where a lane that has ended takes the next case."""
 
 WATCHED = 4096
-"""Instants of a history between two looks whether it is to be stopped."""
+"""Number of instants of a history between two checks for a stop."""
 
 OBSERVE = "observe"
 
@@ -42,7 +42,7 @@ Trees = Mapping[str, PyTree]
 class Kernel:
     """A program's entry points as machine code for vectors of `lanes` cases.
 
-    `lower` gives them; where the kernel is `kept` under a name, only when they are looked into.
+    `lower` returns them; for a stored kernel, which has a name, only when they are read.
     """
 
     def __init__(self, lower: Callable[[], LoweredTrajectory], lanes: int, name: str | None = None):
@@ -53,12 +53,12 @@ class Kernel:
 
     @once_property
     def trajectory(self) -> LoweredTrajectory:
-        """The entry points, lowered."""
+        """The lowered entry points."""
         return self._lower()
 
     @once_property
     def operations(self) -> str:
-        """The `fingerprint` of what was traced."""
+        """The `fingerprint` of the traced operations."""
         return self._made.operations or fingerprint(self.trajectory.jaxprs)
 
     @property
@@ -76,7 +76,7 @@ class Kernel:
         return module_of(self.trajectory, self.lanes, target.host())
 
     def _make(self, whole: bool) -> MadeKernel:
-        """What is kept, without the fingerprint unless it is to be `whole`."""
+        """The stored part, with the fingerprint if it is to be `whole`."""
         trajectory = self.trajectory
         return MadeKernel(
             in_own_thread(lambda stopped: cache.object_code(self.text)),
@@ -92,7 +92,7 @@ class Kernel:
 
     @once_property
     def _observing(self) -> tuple[Callable[..., None], int]:
-        """What only a replay needs, made for the first (and kept): the driver, its arena's size."""
+        """The driver of replays and its arena's size, compiled (and stored) at the first replay."""
         observer = self._entries.look_up(MadeObserver, self._make_observer)
         return _link(observer.code, {"history": HISTORY})["history"], observer.arena
 
@@ -110,8 +110,8 @@ class Kernel:
         """Outputs of all cases.
 
         At most `workers` of the threads work for this call. An exception of the caller's thread
-        (Ctrl-C) ends the call after the pieces under way. Raises `TypeError` and `ValueError` for
-        arrays that are not of the kind the machine code was made for.
+        (Ctrl-C) ends the call after the current pieces. Raises `TypeError` and `ValueError` for
+        arrays of another kind than the machine code was compiled for.
         """
         inputs, count = self._inputs(trees, intervals)
         outputs, leaves = _room(self._made.outputs, count)
@@ -121,7 +121,7 @@ class Kernel:
 
         def work(stopped: threading.Event) -> None:
             arena, state = AlignedMemory(self._made.arena), AlignedMemory(self._made.state_size)
-            pointers = addresses(arena, [*inputs, *leaves])  # which live as long as this needs them
+            pointers = addresses(arena, [*inputs, *leaves])  # kept alive by `run`
             for begin in pieces:  # next() of a range iterator is atomic
                 if stopped.is_set():
                     return
@@ -137,7 +137,7 @@ class Kernel:
         return self._made.arguments.taken(trees)
 
     def _piece(self, count: int, workers: int) -> int:
-        """Cases that a thread takes at a time: more where lanes are refilled."""
+        """Number of cases that a thread takes at a time: larger where lanes are refilled."""
         vectors = PIECE
         if self._made.going is not None:
             vectors = min(max(PIECE, count // (2 * self.lanes * workers)), REFILLED)
@@ -146,8 +146,8 @@ class Kernel:
     def replay(self, trees: Trees, instants: Sequence[int]) -> tuple[PyTree, PyTree]:
         """Outputs and signals (cases, times) of all cases, stopped at some of the intervals.
 
-        `instants` are their numbers, ascending from 0 to that of the end. The entry
-        points are those of `run`, so the bits are, too, and so are the errors.
+        `instants` are their numbers, ascending from 0 to that of the end. The entry points, and
+        therefore the bits and the errors, are those of `run`.
         """
         inputs, count = self._inputs(trees, instants[-1])
         outputs, leaves = _room(self._made.outputs, count)
@@ -189,7 +189,7 @@ class Kernel:
 
 
 def module_of(trajectory: LoweredTrajectory, lanes: int, cpu: target.Host) -> Module:
-    """All entry points but that of replays, and `run`, for a processor."""
+    """Module of `run` and all entry points except that of replays, for a processor."""
     module = Module(lanes, cpu.masks, cpu.fuses)
     for entry in trajectory.entry_points:
         if entry.function.name != OBSERVE:
@@ -203,12 +203,12 @@ def module_of(trajectory: LoweredTrajectory, lanes: int, cpu: target.Host) -> Mo
 
 
 def _link(code: bytes, types: Mapping[str, Callable[[int], Any]]) -> dict[str, Any]:
-    """The functions of machine code that is loaded into memory."""
+    """Load machine code into memory and return its functions."""
     return in_own_thread(lambda stopped: target.loaded(code, types))
 
 
 def _address(function: Any) -> int:
-    """Where the machine code of a function of `ctypes` begins."""
+    """Address of the machine code of a `ctypes` function."""
     return cast(int, ctypes.cast(function, ctypes.c_void_p).value)
 
 

@@ -1,11 +1,11 @@
-"""What a package is in memory, which shows code that a program has changed there.
+"""Hashes of a package's code in memory, which reveal code that a program has changed there.
 
-A program may replace functions, methods and constants of jaxsat: a notebook that tries something
-out, a test, a tool that loads edited modules again. The hash of a module is over the code of its
-functions and of the methods of its classes, with their defaults and what they enclose, and over
-its constants. Processes that have the same module have the same hash, whatever else they have
-imported or done: a function or class counts by its name where it is not at home, and of what is
-made while a program runs (locks, counters, kept results) only the type counts.
+A program may replace functions, methods and constants of jaxsat: an experiment in a notebook, a
+test, a tool that reloads edited modules. The hash of a module is over the code of its functions and
+of the methods of its classes, with their defaults and closures, and over its constants. Processes
+with the same module have the same hash, whatever else they have imported or done: a function or
+class of another module counts by its name, and objects that a running program creates (locks,
+counters, cached results) only by their type.
 """
 
 import enum
@@ -29,7 +29,7 @@ _CONTAINERS = (list, dict, set)
 _KEPT_RESULTS = (once_property, functools.cached_property)  # noqa: TID251
 
 _NO_REFERENCES = 2
-"""The format of `marshal` that does not tell how often an object is referred to."""
+"""Version of the `marshal` format that does not depend on reference counts."""
 
 _NOT_CODE = ("__annotations__", "__dict__", "__doc__", "__module__", "__slotnames__", "__weakref__")
 """Names in a class that no function depends on."""
@@ -41,19 +41,19 @@ _HOLDERS = {
     functools.partial: ("func", "args", "keywords"),
     MethodType: ("__func__", "__self__"),
 }
-"""What objects that hold functions call them."""
+"""Attributes of objects that hold functions."""
 
 
 def loaded_code(package: str) -> dict[str, bytes]:
-    """A hash of every module inside a package that is imported, by its name."""
+    """A hash of every imported module inside a package, by name."""
     content = _Content(f"{package}.")
     return {name: content.hash_of(module) for name, module in _imported(package)}
 
 
 def loaded_as_written(package: str) -> bool:
-    """Whether Python itself has loaded what is imported of a package.
+    """Whether Python's own loader has loaded all imported modules of a package.
 
-    Others, such as the import hook of jaxtyping, put functions of their own around each.
+    Other loaders, such as the import hook of jaxtyping, wrap each function.
     """
     loaders = [getattr(module, "__loader__", None) for _, module in _imported(package)]
     return all(type(loader) is SourceFileLoader for loader in loaders)
@@ -68,9 +68,9 @@ def _imported(package: str) -> list[tuple[str, ModuleType]]:
 
 
 class _Content:
-    """What counts of values, as trees that `repr` tells apart.
+    """Hashed content of values, as trees that `repr` distinguishes.
 
-    Of containers and objects, which many modules share, the hash stands for the tree.
+    Containers and objects, which many modules share, are represented by a hash of their tree.
     """
 
     def __init__(self, prefix: str):
@@ -80,7 +80,7 @@ class _Content:
         self._circles = 0
 
     def hash_of(self, module: ModuleType) -> bytes:
-        """The hash of what a module defines; what it keeps is in containers in lower case."""
+        """The hash of a module's definitions, without containers (state) under lower-case names."""
         return _hash(
             [
                 (name, self._of(value, module.__name__))
@@ -111,7 +111,7 @@ class _Content:
         return tree
 
     def _is_whole(self, value: Any, module: str) -> bool:
-        """Whether more counts than the name: where it is at home, and where it has no place."""
+        """Whether more than the name counts: in the value's own module, or without a place."""
         home = getattr(value, "__module__", None)
         if isinstance(value, type) and not str(home).startswith(self._prefix):
             return False
@@ -137,7 +137,7 @@ class _Content:
             yield from ((name, self._of(one)) for name, one in self._attributes(value))
 
     def _attributes(self, value: Any) -> Iterator[tuple[str, Any]]:
-        """What counts of an object: the public parts of the package's own, functions of others."""
+        """Hashed attributes of an object: public ones of the package's own, functions of others."""
         if type(value) in _HOLDERS:
             yield from ((name, getattr(value, name)) for name in _HOLDERS[type(value)])
             return
@@ -154,17 +154,17 @@ def _hash(tree: Any) -> bytes:
 
 
 def _around(function: FunctionType) -> Iterator[Any]:
-    """What a function has besides its code."""
+    """A function's defaults, attributes and closure."""
     yield from (function.__defaults__, function.__kwdefaults__, vars(function) or None)
     for cell in function.__closure__ or ():
         try:
             yield cell.cell_contents
-        except ValueError:  # an empty one
+        except ValueError:  # empty
             yield ...
 
 
 def _members(owner: type) -> list[tuple[str, Any]]:
-    """What a class defines, by name; pydantic and `abc` fill in the rest when it is used."""
+    """A class's definitions by name, without those that pydantic and `abc` add on use."""
     return [
         (name, one)
         for name, one in sorted(vars(owner).items())
@@ -177,7 +177,7 @@ def _name(value: Any) -> str:
 
 
 def _has_its_place(value: Any) -> bool:
-    """Whether a value is what lies in the module, and under the name, that it tells itself."""
+    """Whether a value is the object at the module and qualified name that it states."""
     qualname = getattr(value, "__qualname__", None)
     if not isinstance(qualname, str):
         return False

@@ -1,8 +1,7 @@
-"""A trajectory cut into functions of one case: begin, advance (or attempt), finish, observe.
+"""Phases of a trajectory as functions of one case: begin, advance (or attempt), finish, observe.
 
-What makes a case (its dispersed loop) is computed once, by `begin`, and is *fixed* from then on;
-the progress of its trajectory is *moving*. `ForwardModePhases` carries the derivatives by the gains
-along beside both.
+`begin` computes the dispersed loop of a case once; it is *fixed* from then on; the progress of its
+trajectory is *moving*. `ForwardModePhases` carries the derivatives by the gains beside both.
 """
 
 import abc
@@ -25,27 +24,27 @@ from jaxsat.simulation.engine.stepper import AbstractStepper
 
 
 class AbstractPhases(abc.ABC):
-    """The functions of which a trajectory is made; `numbers` are those of stepper and program."""
+    """The functions of a trajectory; `numbers` are those of stepper and program."""
 
     @abc.abstractmethod
     def begin(self, case: PyTree, numbers: PyTree, gains: PyTree) -> tuple[PyTree, PyTree]:
-        """What is fixed, and what moves, at time zero. Called before all others."""
+        """The fixed and the moving part at time zero. Called before all others."""
 
     @abc.abstractmethod
     def advance(self, fixed, moving, numbers, first, count) -> PyTree:
-        """What moves, `count` intervals after number `first`."""
+        """The moving part, `count` intervals after number `first`."""
 
     @property
     @abc.abstractmethod
     def paced(self) -> bool:
         """Whether every trajectory has its own pace: then it advances by `attempt` while `going`.
 
-        Known after `begin`.
+        Available after `begin`.
         """
 
     @abc.abstractmethod
     def attempt(self, fixed, moving, numbers, first, count) -> PyTree:
-        """What moves, after one step tried; `count` intervals after number `first` is the end."""
+        """The moving part after one attempted step towards `count` intervals after `first`."""
 
     @abc.abstractmethod
     def going(self, fixed, moving, numbers, first, count) -> BoolScalar:
@@ -57,11 +56,11 @@ class AbstractPhases(abc.ABC):
 
     @abc.abstractmethod
     def observe(self, fixed, moving, numbers, number) -> PyTree:
-        """What is seen at the beginning of interval `number`."""
+        """The observation at the beginning of interval `number`."""
 
     @abc.abstractmethod
     def learn(self, zero: list[bool]) -> None:
-        """Take note, after `begin`, of the leaves of what is fixed that are nothing but zeros."""
+        """Receive, after `begin`, the mask of leaves of the fixed part that are all zero."""
 
 
 class PrimalPhases(AbstractPhases):
@@ -89,13 +88,13 @@ class PrimalPhases(AbstractPhases):
         return isinstance(stepper_for(self.static[0], self._rest.loop), AdaptiveStepper)
 
     def attempt(self, fixed, moving, numbers, first, count):
-        """The progress after one step tried."""
+        """The progress after one attempted step."""
         stepper, program, case = self._with(fixed, numbers)
         assert isinstance(stepper, AdaptiveStepper)
         return stepper.attempt(program, case, moving, first + count)
 
     def going(self, fixed, moving, numbers, first, count):
-        """Whether the trajectory is to go on."""
+        """Whether the trajectory is unfinished."""
         stepper, program, _ = self._with(fixed, numbers)
         assert isinstance(stepper, AdaptiveStepper)
         return stepper.unfinished(program, moving, first + count)
@@ -122,8 +121,8 @@ class PrimalPhases(AbstractPhases):
 class ForwardModePhases(AbstractPhases):
     """A program together with the derivatives by every gain, in forward mode.
 
-    A derivative has the gains' numbers along its leading axis. Leaves of what is fixed that no gain
-    moves have none.
+    A derivative has the gains' numbers along its leading axis. Leaves of the fixed part that depend
+    on no gain have none.
     """
 
     def __init__(self, plain: PrimalPhases):
@@ -131,7 +130,7 @@ class ForwardModePhases(AbstractPhases):
         self._moved: list[bool] = []
 
     def begin(self, case, numbers, gains):
-        """Values and derivatives of what is fixed and of what moves."""
+        """Values and derivatives of the fixed and the moving part."""
         flat, restore = ravel_pytree(gains)
         directions = jnp.eye(flat.size, dtype=flat.dtype)
 
@@ -142,7 +141,7 @@ class ForwardModePhases(AbstractPhases):
         return (fixed, d_fixed), (moving, d_moving)
 
     def learn(self, zero: list[bool]) -> None:
-        """Take note of the leaves, first values, then derivatives, that move with a gain."""
+        """Store the mask of the leaves, first values, then derivatives, that depend on a gain."""
         self._moved = [not is_zero for is_zero in zero]
 
     def advance(self, fixed, moving, numbers, first, count):
@@ -159,7 +158,7 @@ class ForwardModePhases(AbstractPhases):
         return self._plain.paced
 
     def attempt(self, fixed, moving, numbers, first, count):
-        """Values and derivatives after one step tried."""
+        """Values and derivatives after one attempted step."""
 
         def values(both):
             return self._plain.attempt(both[0], both[1], numbers, first, count)
@@ -167,7 +166,7 @@ class ForwardModePhases(AbstractPhases):
         return self._along(values, fixed, moving)
 
     def going(self, fixed, moving, numbers, first, count):
-        """Whether the trajectory is to go on."""
+        """Whether the trajectory is unfinished."""
         return self._plain.going(fixed[0], moving[0], numbers, first, count)
 
     def finish(self, fixed, moving, numbers, first, count):
@@ -194,8 +193,8 @@ class ForwardModePhases(AbstractPhases):
 def _push_forward(function: Callable, x: PyTree, directions: PyTree) -> tuple[PyTree, PyTree]:
     """A function's value, and its derivatives along directions stacked before the leaves of `x`.
 
-    None in place of a direction's leaf is one along which that leaf stays. Derivatives of what is
-    no real number are None.
+    A direction whose leaf is None is zero there. Derivatives of results that are not real-valued
+    are None.
     """
     whole = jax.tree.structure(x).flatten_up_to(directions)
     leaves, structure = jax.tree.flatten(x)
@@ -216,7 +215,7 @@ def _push_forward(function: Callable, x: PyTree, directions: PyTree) -> tuple[Py
 
 
 def zero_leaves(constants: list[list[Any]]) -> list[bool]:
-    """Which leaves, given as lists of scalars, are known to be nothing but zeros."""
+    """Whether each leaf, given as a list of scalars, is known to be zero everywhere."""
     return [
         all(isinstance(x, np.generic) and x.dtype.kind == "f" and x == 0 for x in leaf)
         for leaf in constants

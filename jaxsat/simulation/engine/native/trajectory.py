@@ -1,7 +1,7 @@
-"""The entry points of a trajectory, lowered.
+"""Lowering of a trajectory's entry points.
 
-Numbers of a case that are the same in all cases stay uniform from one entry point to the next,
-and those known when lowering stay constants.
+Numbers that are equal in all cases stay uniform from one entry point to the next, and numbers known
+at lowering stay constants.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -26,17 +26,17 @@ from jaxsat.core.process import no_collection
 from jaxsat.simulation.engine.native.phases import AbstractPhases, zero_leaves
 from jaxsat.simulation.engine.progress import Progress
 
-del rules  # imported for the table it fills
+del rules  # imported for its registrations
 
 
 @dataclass(frozen=True)
 class LoweredTrajectory:
-    """The entry points, the bytes of a vector's state, and the shapes of what comes out.
+    """The entry points, the bytes of a vector's state, and the shapes of the results.
 
-    Arrays from outside are numbered in the order: those of cases, of the program, of the gains
-    (the `arguments`), the outputs, what is observed. Where every trajectory has its
-    own pace, `going` is the location of the bytes in the state that tell which lanes are to go on.
-    `behind` says whether signals lie behind the state, see `interface.stops`.
+    External arrays are numbered in this order: those of cases, of the program, of the gains (the
+    `arguments`), the outputs, the observations. Where every trajectory has its own pace, `going` is
+    the location of the bytes in the state that mark unfinished lanes. `behind` is true if signals
+    lie behind the state, see `interface.stops`.
     """
 
     entry_points: list[EntryPoint]
@@ -51,7 +51,7 @@ class LoweredTrajectory:
 
 @dataclass(frozen=True)
 class _Source:
-    """Where an entry point finds a scalar: a constant, or a location that holds it."""
+    """Source of a scalar for an entry point: a constant, or a location."""
 
     dtype: np.dtype
     constant: Scalar | None = None
@@ -125,7 +125,7 @@ def numbers_of(stepper: PyTree, program: PyTree) -> PyTree:
 
 
 class _State:
-    """Hands out locations in the state."""
+    """Allocator of locations in the state."""
 
     def __init__(self, lanes: int):
         self.lanes = lanes
@@ -166,7 +166,7 @@ def _results(avals: Sequence[Any], first: int) -> list[Location]:
 def _begin(
     jaxpr: Jaxpr, outside: list[_Source], n_fixed: int, state: _State
 ) -> tuple[EntryPoint, list[_Source], list[Elements]]:
-    """The first entry point, where its results are afterwards, and what is fixed."""
+    """The first entry point, the locations of its results, and the fixed part."""
     params = [Value(source.dtype, source.uniform) for source in outside]
     where = dict(zip((param.number for param in params), outside, strict=True))
     b = Builder()
@@ -194,7 +194,7 @@ def _begin(
 
 
 def _later(name: str, jaxpr: Jaxpr, sources: list[_Source], outputs: list[Location]) -> EntryPoint:
-    """An entry point after the first; inputs that have no source are the numbers a and b."""
+    """An entry point after the first; inputs without a source are the numbers a and b."""
     scalars, params, locations = [], [], []
     free = iter(["a", "b"])
     for number, (*_, dtype) in enumerate(_elements(jaxpr.in_avals)):
@@ -218,7 +218,7 @@ def _arrays_outside(
 ) -> dict[int, list[Value]]:
     """The values of arrays that are the same for all cases, by the number of the first, in order.
 
-    Those that come out of order, or not at all, end an array.
+    A value out of order, or a missing one, ends an array.
     """
     arrays: dict[int, list[Value]] = {}
     number, values = -1, []
@@ -233,9 +233,9 @@ def _arrays_outside(
 
 
 def _with_needed_results(onwards: EntryPoint, others: Iterable[EntryPoint]) -> EntryPoint:
-    """The entry point without the results that in the end nothing but they themselves need.
+    """The entry point without results that ultimately only they themselves need.
 
-    The dense output of states that nobody observes is an example.
+    The dense output of unobserved states is an example.
     """
     needs, live = onwards.needs(), set[Location]()
     more = live.union(*(some for entry in others for some in entry.needs().values()))
