@@ -1,4 +1,4 @@
-"""Control laws: which torque to command, given the state."""
+"""Control laws: commanded torque as a function of the state."""
 
 from jaxsat.control.controller import AbstractController as AbstractController
 from jaxsat.control.controller import AbstractFeedbackLaw as AbstractFeedbackLaw

@@ -1,9 +1,8 @@
-"""What a controller is, what it is built from, and the part that all backstepping laws share.
+"""Interface of controllers, the context of their construction, and the base of backstepping laws.
 
-A controller turns time, the measured plant state and its own memory into a commanded torque
-(u1, u2) about the first two body axes, or into a torque about each of the three. Continuous
-controllers also give the rate of their memory; sampled ones (`jaxsat.control.switching`) give its
-next value instead.
+A controller maps time, the measured plant state and its own memory to a commanded torque (u1, u2)
+about the first two body axes, or to a torque about each of the three. Continuous controllers also
+return the rate of their memory; sampled ones (`jaxsat.control.switching`) its next value instead.
 """
 
 import abc
@@ -27,11 +26,11 @@ from jaxsat.spacecraft.wheels import Wheels
 
 
 class ThrusterContext(NamedTuple):
-    """What a law that commands the duties of thrusters knows of them.
+    """Thruster data of a law that commands duties.
 
-    `cost` is what full thrust of each costs, `rate_noise` (rad/s) the standard deviation of the
-    rates that the law is given, zero where they are exact. `pulse` (s) is the least on-time, of
-    which each gives whole multiples, zero where any on-time will do.
+    `cost` is the cost of each at full thrust, `rate_noise` (rad/s) the standard deviation of the
+    measured rates, zero where they are exact. `pulse` (s) is the smallest on-time, of which each
+    thruster gives whole multiples, zero for any on-time.
     """
 
     model: ThrusterModel
@@ -41,12 +40,12 @@ class ThrusterContext(NamedTuple):
 
 
 class WheelContext(NamedTuple):
-    """What a law that commands the torque of each wheel knows of them.
+    """Wheel data of a law that commands the torque of each wheel.
 
-    `wheels` have the limits and the friction that are declared, and no failures in flight. `failed`
-    tells which had failed before the start. `momentum_noise` (N m s) is the standard deviation of
-    each tachometer, `rate_noise` (rad/s) that of the rates that the law is given, zero where they
-    are exact. Commands act `delay` (s) late.
+    `wheels` have the declared limits and friction, and no failures in flight. `failed` marks those
+    that had failed before the start. `momentum_noise` (N m s) is the standard deviation of each
+    tachometer, `rate_noise` (rad/s) that of the measured rates, zero where they are exact. Commands
+    act `delay` (s) late.
     """
 
     wheels: Wheels
@@ -57,10 +56,10 @@ class WheelContext(NamedTuple):
 
 
 class MagneticContext(NamedTuple):
-    """What a law knows of the magnetorquers that make its torques with wheels, if there are any.
+    """Data of the magnetorquers that act together with wheels, if any.
 
-    `steering` makes their dipoles of its torque, and `momentum` (N m s, body axes) is that
-    of the wheels at their bias, and of those that have failed at the start.
+    `steering` converts the law's torque to dipoles, and `momentum` (N m s, body axes) is that of
+    the wheels at their bias, and of those that have failed at the start.
     """
 
     steering: MagneticSteering
@@ -68,17 +67,17 @@ class MagneticContext(NamedTuple):
 
 
 class LawContext(NamedTuple):
-    """What a scenario gives a law besides the law's own keys.
+    """Data from a scenario for the construction of a law, besides the law's own keys.
 
-    `model` is what the controller believes of the plant, with the disturbance that it measures. Its
-    inertia is the one that turns under a torque: with wheels it is without that of their rotors.
-    `torque_limit` (N m) is that of each thruster, None if unlimited. The periodic disturbance has
-    `disturbance_amplitude` (N m) and `disturbance_frequency` (rad/s) about x, y and z. The unit
-    columns of `torque_axes` are the torque axes of the working thrusters. `thrusters` is None but
-    for laws that command their duties, `wheels` but for those that command the torque of each. The
-    unit columns of `wheel_axes` are those of all wheels, None where there are none.
-    `gravity_gradient` says whether that torque acts. `magnetic` is None without magnetorquers that
-    work. `rate_noise` (rad/s) is the standard deviation of the measured rates.
+    `model` is the controller's model of the plant, with the measured disturbance. Its inertia
+    excludes the wheels' rotor inertia about their spin axes. `torque_limit` (N m) is that of each
+    thruster, None if unlimited. The periodic disturbance has `disturbance_amplitude` (N m) and
+    `disturbance_frequency` (rad/s) about x, y and z. The unit columns of `torque_axes` are the
+    torque axes of the working thrusters. `thrusters` is None except for laws that command duties,
+    `wheels` except for laws that command the torque of each wheel. The unit columns of `wheel_axes`
+    are those of all wheels, None without wheels. `gravity_gradient` is true if that torque acts.
+    `magnetic` is None without working magnetorquers. `rate_noise` (rad/s) is the standard deviation
+    of the measured rates.
     """
 
     model: RigidBody
@@ -98,7 +97,7 @@ Believed = Literal["inertia", "orbit_rate", "inclination"]
 
 
 class UnsuitableModel(JaxsatError, ValueError):
-    """A law cannot be built for what it believes of `about`, its inertia or its orbit."""
+    """A law cannot be constructed for its model of `about`, the inertia or the orbit."""
 
     about: Believed
 
@@ -108,14 +107,14 @@ class UnsuitableModel(JaxsatError, ValueError):
 
 
 Memory = PyTree
-"""What a controller remembers, its own affair."""
+"""State of a controller, of any structure."""
 
 
 class AbstractIntegratingFactor(eqx.Module):
     """The integrating factor e^(At) at one instant, of a memory with d/dt memory = A memory + b.
 
-    In the *rotating frame*, e^(-At) memory, the memory changes by b alone: its integrator takes no
-    steps for the sake of A, above all of oscillations.
+    In the *rotating frame*, e^(-At) memory, the memory changes by b alone: A, above all its
+    oscillations, does not limit the integrator's steps.
     """
 
     @abc.abstractmethod
@@ -124,7 +123,7 @@ class AbstractIntegratingFactor(eqx.Module):
 
     @abc.abstractmethod
     def out_of_frame(self, framed: PyTree) -> PyTree:
-        """The memory that `into_frame` takes to `framed`."""
+        """Inverse of `into_frame`."""
 
     @abc.abstractmethod
     def rate_in_frame(self, rate_error: Pair) -> PyTree:
@@ -145,7 +144,7 @@ class AbstractController(eqx.Module):
         """The commanded torque, N m, and the time derivative of the memory."""
 
     def is_smooth(self) -> bool:
-        """Whether the law has no corner or jump, so that fixed steps suit it; asked untraced."""
+        """Whether the law has no corner or jump, so that fixed steps suit it; not for tracing."""
         return True
 
     def event_functions(self, state: PlantState) -> Float[Array, " m"]:
@@ -153,17 +152,17 @@ class AbstractController(eqx.Module):
         return jnp.zeros(0, state.omega.dtype)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractController":
-        """The smooth law that this one is where its event functions are positive as given.
+        """The smooth law that equals this one where its event functions have these signs.
 
-        It is evaluated a little beyond that region too, where it goes on smoothly.
+        It is also evaluated slightly beyond that region, where it continues smoothly.
         """
         return self
 
     def integrating_factor(self, t: RealScalar) -> AbstractIntegratingFactor | None:
-        """What at time `t` (s) the memory's own motion has done, if it is known; here, None."""
+        """The integrating factor of the memory at time `t` (s), if known; here, None."""
 
     def rate_error(self, state: PlantState) -> Pair:
-        """η_i = ω_i - ω_id, how far the rates are from their reference, rad/s; here NaN: none."""
+        """Rate error η_i = ω_i - ω_id, rad/s; here NaN, for none."""
         return jnp.full(2, jnp.nan, state.omega.dtype)
 
     def lyapunov(
@@ -171,8 +170,8 @@ class AbstractController(eqx.Module):
     ) -> RealScalar:
         """The Lyapunov function of the law's stability proof; here NaN, for none.
 
-        `unmodelled` is the disturbance about the first two axes that the controller's model does
-        not know, N m, and `unmodelled_rate` its time derivative.
+        `unmodelled` is the disturbance about the first two axes that the controller's model lacks,
+        N m, and `unmodelled_rate` its time derivative.
         """
         return jnp.full((), jnp.nan, state.omega.dtype)
 
@@ -191,7 +190,7 @@ class AbstractFeedbackLaw(AbstractController):
     def __call__(
         self, t: RealScalar, state: PlantState, memory: Memory
     ) -> tuple[Float[Array, " torques"], Memory]:
-        """The torque of this instant."""
+        """The torque at this instant."""
         return self.torque(t, state), memory
 
 
@@ -202,7 +201,7 @@ class Coast(AbstractFeedbackLaw):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "Coast":
-        """The law of a table of a scenario, in which there is nothing to set."""
+        """The law from a scenario's table, which has no keys."""
         return cls()
 
     def torque(self, t: RealScalar, state: PlantState) -> Pair:
@@ -214,9 +213,9 @@ class AbstractBacksteppingLaw(AbstractController):
     """A law that makes ω1 and ω2 track a reference which steers everything else.
 
     The torques (39) and (42) have one form: a feedback on the rate error, minus the gyroscopic
-    torque, minus the disturbance that the model knows, plus J dω_d/dt, the derivative taken along
-    the controller's own model. With the same model as the plant the rate error then obeys
-    J dη/dt = feedback + unmodelled disturbance, equation (43).
+    torque, minus the modelled disturbance, plus J dω_d/dt, the derivative taken along the
+    controller's own model. If model and plant are equal, the rate error obeys J dη/dt = feedback +
+    unmodelled disturbance, equation (43).
     """
 
     model: eqx.AbstractVar[RigidBody]
@@ -252,7 +251,7 @@ class AbstractBacksteppingLaw(AbstractController):
     def torque_of(
         self, t: RealScalar, state: PlantState, feedback: Pair, reference_derivative: Pair
     ) -> Pair:
-        """The part that (39) and (42) share, around a feedback (N m) and dω_d/dt, N m."""
+        """The torque of (39) and (42) for a feedback (N m) and dω_d/dt, N m."""
         j1, j2, j3 = self.model.spacecraft.moments
         omega1, omega2, omega3 = state.omega
         gyroscopic = jnp.stack([(j2 - j3) * omega2 * omega3, (j3 - j1) * omega3 * omega1])

@@ -1,8 +1,8 @@
 """All three rates to zero in finite time with two torques of bounded size.
 
-The paper's reference (38) gives ω3 an exponential decay and asks for torques that grow without
-bound near ω3 = 0. With the cube root of |ω3| instead of the square root the references change
-at a constant rate, so that a constant torque follows them, and ω3 is gone after a finite time.
+The paper's reference (38) gives ω3 an exponential decay and requires torques that grow without
+bound near ω3 = 0. With the cube root of |ω3| instead of the square root the references change at a
+constant rate, so that a constant torque tracks them, and ω3 vanishes in finite time.
 """
 
 from typing import NamedTuple
@@ -18,27 +18,27 @@ from jaxsat.core.checks import positive
 from jaxsat.spacecraft.dynamics import PlantState
 
 HELD = 0.7
-"""Share of the torque limit that gyroscopic torque may take at the references."""
+"""Largest share of the torque limit for the gyroscopic torque at the references."""
 
 
 MOST_GROWTH = 2.0
-"""Of |s| in parts of |(p1, p2, s)| at the beginning, beyond which the model must be wrong."""
+"""Largest credible |s|, relative to the initial |(p1, p2, s)|; beyond it the model is wrong."""
 
 
 DIRECTIONS = ((1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1))
-"""Signs that the references may have. One rate alone moves s where x and y are not quite the axes
+"""Possible signs of the references. One rate alone moves s where x and y are not exactly the axes
 of the reduced inertia, and where n leans."""
 
 GOOD_FALL, POOR_FALL = 0.7, 0.3
-"""In parts of the quickest fall of |s|: what directions to begin with must give, and what the one
-under way must."""
+"""Smallest rate of decrease of |s|, relative to the fastest, of initial and of current
+directions."""
 
 BRAKED = 0.5
-"""A law that was failing begins again once the rates are below this share of |s|."""
+"""Share of |s| below which the rates end the braking of a failing law."""
 
 
 class Signs(NamedTuple):
-    """Signs (σ1, σ2) of the references, the sign of s that they were chosen for, and a bound.
+    """Signs (σ1, σ2) of the references, the sign of s at their choice, and a bound.
 
     `most` is the |s| (rad/s) above which the law is failing: it then only brakes.
     """
@@ -64,7 +64,7 @@ class FiniteTimeRate(eqx.Module):
     dead_zone: RealScalar = eqx.field(converter=positive("dead_zone"))
 
     def init(self, state: PlantState) -> Signs:
-        """The memory at the start: no signs are chosen."""
+        """The initial memory, without signs."""
         zero = jnp.zeros_like(state.omega[2])
         return Signs(jnp.zeros(2, state.omega.dtype), zero, zero)
 
@@ -75,11 +75,11 @@ class FiniteTimeRate(eqx.Module):
         return jnp.stack([jnp.cbrt(base * j2 / j1**2), jnp.cbrt(base * j1 / j2**2)])
 
     def signs(self, third: ThirdAxis, omega: Vector, last: Signs) -> Signs:
-        """Signs of the rates to ask for, of those with which |s| falls quickly the nearest ones.
+        """Signs of the rates: of those with which |s| decreases quickly the nearest ones.
 
-        Nearest is by Σ J_i (ω_i - ω_id)². They are kept until s changes sign, or other ones make it
-        fall much more quickly: with s the terms p1 s and p2 s of leaning axes grow, which help one
-        of two opposite directions.
+        The distance is Σ J_i (ω_i - ω_id)². Signs are kept until s changes sign, or others decrease
+        it much faster: the terms p1 s and p2 s of leaning axes grow with s and help one of two
+        opposite directions.
         """
         moments = self.form.moments[:2]
         side = jnp.where(third.rate < 0, -1.0, 1.0)
@@ -107,10 +107,10 @@ class FiniteTimeRate(eqx.Module):
         return Signs(jnp.where(keep, last.sigma, nearest), side, most)
 
     def tracking(self, third: ThirdAxis, omega: Vector, signs: Signs) -> Tracking:
-        """The references and the derivatives that go with the present decay of ω3.
+        """The references and their derivatives at the present decay of ω3.
 
-        The decay is what the rates reached really give, at most the one asked for: feeding the
-        ideal one forward leaves the rates behind their references at large torques.
+        The decay is that of the actual rates, at most the ideal one: feeding the ideal one forward
+        leaves the rates behind their references at large torques.
         """
         moments, c = self.form.moments[:2], third.coupling
         slopes = signs.sigma * self.factors(c)
@@ -127,7 +127,7 @@ class FiniteTimeRate(eqx.Module):
         return Tracking(slopes * root, derivative)
 
     def torque(self, omega: Vector, tracking: Tracking) -> Pair:
-        """The torque about x and y that tracks, not yet limited, N m."""
+        """The tracking torque about x and y before limiting, N m."""
         drive = tracking_torque(
             self.form, omega, tracking.rate, tracking.derivative, self.rate_gain
         )

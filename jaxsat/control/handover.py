@@ -1,9 +1,9 @@
-"""When the end game takes over from the large oscillation, when it hands back, and how it coasts.
+"""Hand-over between the large oscillation and the end game, and coasting in the end game.
 
-It coasts against a drift that exceeds what its oscillation balances. What is left of such a drift,
-d, moves the slow turn along a parabola. A hold that begins with the slow rate √(2 |d| A) against it
-turns by A the other way first, and stays within its limits for about twice as long as one that
-begins at rest.
+The end game coasts against a drift beyond the reach of its oscillation. The rest of such a drift,
+d, moves the slow turn along a parabola. A hold that begins with the slow rate √(2 |d| A) against
+the drift first turns by A the other way, and stays within its limits for about twice as long as one
+that begins at rest.
 """
 
 from typing import NamedTuple
@@ -17,23 +17,23 @@ from jaxsat.core.array_types import BoolScalar, RealScalar, Vector
 from jaxsat.core.checks import as_optional_float, positive
 
 AIMED_TURN = 0.02
-"""A (rad). Settled means within 0.05."""
+"""A, rad; the settling tolerance is 0.05 rad."""
 
 NEAR_AIM, ENOUGH = 0.85, 0.75
-"""Of the time that a hold lasts which begins as aimed at: one that would last for the first share
-begins, one that will last for the second is kept."""
+"""Smallest duration of a hold relative to one that begins as aimed, to begin it and to keep it."""
 
 KNOWN_PERIODS = 10
-"""Of the oscillation: the age at which the first hold is judged, as the drift is known well."""
+"""Age of the first hold when it is judged, in periods of the oscillation: the drift is then
+known."""
 
 TINY = 1e-30
-"""Keeps the derivative of a root finite."""
+"""Added under a root so that its derivative is finite."""
 
 
 class HoldRecord(NamedTuple):
-    """When the present hold began (s), and whether one has lasted until the drift was known.
+    """Begin of the present hold (s), and whether any has lasted until the drift was known.
 
-    While there is none, `begin` is the present time: only a hold has an age, as the drift is learnt
+    Without a hold `begin` is the present time: only a hold has an age, as the drift is estimated
     while the other rates are small.
     """
 
@@ -46,15 +46,16 @@ class HoldRecord(NamedTuple):
         return HoldRecord(jnp.zeros_like(omega[0]), jnp.array(False))
 
     def after(self, holds: BoolScalar, clock: RealScalar, coast: "UnbalancedDrift") -> "HoldRecord":
-        """The hold at a `clock` (s) when the end game `holds` or not, with what is known now."""
+        """The record at a `clock` (s), by whether the end game `holds` and whether `coast`
+        judges."""
         return HoldRecord(jnp.where(holds, self.begin, clock), self.known | coast.judged)
 
 
 class UnbalancedDrift(NamedTuple):
-    """What the end game cannot balance of the drift, and whether a hold is to be judged now.
+    """The part of the drift that the end game cannot balance, and whether to judge a hold now.
 
-    The end game balances a drift up to `sure`; what is left, `drift` (rad/s²), is zero for a
-    smaller one, and until the drift is known.
+    The end game balances a drift up to `sure`; the rest, `drift` (rad/s²), is zero for a smaller
+    one, and until the drift is known.
     """
 
     drift: RealScalar
@@ -79,7 +80,7 @@ class UnbalancedDrift(NamedTuple):
 
     @property
     def drifts(self) -> BoolScalar:
-        """Whether anything is left."""
+        """Whether the unbalanced drift is nonzero."""
         return self.drift != 0
 
     def aim(self, turn: RealScalar) -> RealScalar:
@@ -90,16 +91,16 @@ class UnbalancedDrift(NamedTuple):
     def lasts(
         self, slow: Slow, limit: RealScalar, share: float, slack: RealScalar | None = None
     ) -> BoolScalar:
-        """Whether a hold lasts for that `share` of the time of one that begins here as aimed at.
+        """Whether a hold lasts for `share` of the time of one that begins here as aimed.
 
         It ends where the turn exceeds the `limit` (rad). One that turns beyond it against the drift
-        does not last. One that begins within `slack` (rad/s) of the rate aimed at counts as long.
+        does not last. One that begins within `slack` (rad/s) of the aimed rate is long enough.
         """
         side, size = jnp.sign(self.drift), jnp.abs(self.drift)
         way = jnp.maximum(limit - side * slow.turn, 0.0)
         back = jnp.maximum(limit + side * slow.turn, 0.0)
 
-        def time(rate):  # times the drift
+        def time(rate):  # multiplied by the drift
             return jnp.sqrt(rate**2 + 2 * size * way + TINY) - rate
 
         stops = -side * slow.rate < jnp.sqrt(2 * (size + self.sure) * back + TINY)
@@ -110,14 +111,14 @@ class UnbalancedDrift(NamedTuple):
         return ~self.drifts | (stops & long)
 
     def deceleration(self, own: RealScalar) -> RealScalar:
-        """Deceleration (rad/s²) of the slow rate with which a hold begins, `own` without drift."""
+        """Deceleration (rad/s²) of the slow rate at the begin of a hold, `own` without drift."""
         return jnp.where(self.drifts, jnp.abs(self.drift) + 2 * self.sure, own)
 
     def opposed(self, slow: Slow, turn: RealScalar | float) -> Slow:
-        """What the end game knows of a hold against the drift.
+        """Input of the end game for a hold against the drift.
 
-        A `turn` (rad) that asks for all that it can do, and by how much the slow rate exceeds the
-        one aimed at, as a hold that begins too fast must not turn too far.
+        The input is a `turn` (rad) that demands full amplitude, and the excess of the slow rate
+        over the aimed one, as a hold that begins too fast must not turn too far.
         """
         side = jnp.sign(self.drift)
         excess = jnp.minimum(side * (slow.rate - self.aim(slow.turn)), 0.0)
@@ -125,10 +126,10 @@ class UnbalancedDrift(NamedTuple):
 
 
 class RippleSlack(eqx.Module):
-    """What of a slow rate counts for nothing, as it may be ripple that is not known yet.
+    """Dead band of the slow rate, which may be ripple that is not yet estimated.
 
-    `enter` (rad/s) when the end game takes over; when it hands back at first `stay`, and less and
-    less until the time `known` (s), when the ripple is.
+    `enter` (rad/s) applies when the end game takes over; for the hand-back the band is `stay` at
+    first and decreases until the time `known` (s), when the ripple is known.
     """
 
     enter: RealScalar = eqx.field(converter=positive("enter"))
@@ -136,11 +137,11 @@ class RippleSlack(eqx.Module):
     known: RealScalar = eqx.field(converter=positive("known"))
 
     def to_enter(self, slow: Slow) -> Slow:
-        """What the end game takes over by."""
+        """The slow errors that decide the take-over of the end game."""
         return _less(slow, self.enter)
 
     def to_stay(self, slow: Slow, clock: RealScalar | float) -> Slow:
-        """The slow errors by which the end game hands back `clock` (s) after the stage began."""
+        """The slow errors that decide its hand-back `clock` (s) after the stage began."""
         return _less(slow, self.stay * jnp.clip(1 - clock / self.known, 0.0, 1.0))
 
 
@@ -150,7 +151,7 @@ def _less(slow: Slow, slack: RealScalar) -> Slow:
 
 
 class Handover(eqx.Module):
-    """When the end game takes over and when it hands back.
+    """Conditions for take-over and hand-back of the end game.
 
     It takes over when |w|, the slow turn and the turn at which the end game will have stopped the
     slow rate are below `enter_angle`, the same turns from the target attitude are below
@@ -158,12 +159,12 @@ class Handover(eqx.Module):
     |w| exceeds `leave_tilt` or one of the turns from the target attitude `leave_turn` (rad, rad/s).
     If it `coasts`, a hold begins against a drift that the end game cannot balance, and ends only
     when the turn itself exceeds `leave_turn` (see `UnbalancedDrift`): each hand-back takes rates
-    far above those of the end game; it may begin within `aim_slack` (rad/s) of the slow rate aimed
-    at, if that is given. The first one is judged, as it begins before the drift is known. A hold
-    that the drift allows also ends as far from the attitude that is held as `leave_held` (rad), if
-    that is given: it may be held far from the target, but beyond that gravity gradient soon
-    turns the body faster than the oscillation. `slack` is what of the slow rate counts for nothing,
-    None for nothing of it.
+    far above those of the end game; it may begin within `aim_slack` (rad/s) of the aimed slow rate,
+    if given. The first one is judged, as it begins before the drift is known. A hold
+    within the balanced drift also ends at a turn of `leave_held` (rad), if given, from the held
+    attitude: that may be far from the target, but beyond this turn gravity gradient soon
+    turns the body faster than the oscillation. `slack` is the dead band of the slow rate,
+    None for no band.
     """
 
     enter_rate: RealScalar = eqx.field(converter=positive("enter_rate"))
@@ -187,12 +188,12 @@ class Handover(eqx.Module):
         coast: UnbalancedDrift | None = None,
         clock: RealScalar | float = 0.0,
     ) -> BoolScalar:
-        """Whether the end game is to work now, given whether it did.
+        """Whether the end game is active now, from whether it was (`late`).
 
-        `excess` is (p1, p2, s) less its value at rest (rad/s), `deceleration` that of the slow rate
-        of which the end game is capable (rad/s²), `held` the turn about n from the target attitude
-        to the one that is held (rad), from which the slow turn counts, and `clock` the time since
-        the stage began (s).
+        `excess` is (p1, p2, s) less its value at rest (rad/s), `deceleration` the end game's
+        largest deceleration of the slow rate (rad/s²), `held` the turn about n from the target
+        attitude to the held one (rad), from which the slow turn is measured, and `clock` the time
+        since the stage began (s).
         """
         begun = lasting = slow
         if self.slack is not None:
@@ -223,8 +224,8 @@ class Handover(eqx.Module):
 def _farthest(
     slow: Slow, held: RealScalar, deceleration: RealScalar
 ) -> tuple[RealScalar, RealScalar]:
-    """The larger of the turn now and when the slow rate is stopped, from the attitude that is held
-    and from the target."""
+    """The larger of the turn now and after stopping the slow rate, from the held attitude and from
+    the target."""
     stopping = slow.rate * jnp.abs(slow.rate) / (2 * deceleration)
     from_held, from_wanted = (
         jnp.maximum(jnp.abs(turn), jnp.abs(turn + stopping))

@@ -17,7 +17,7 @@ PRIOR = (0.03, 0.03, 0.08, 0.03, 0.03, 0.03, 0.003, 0.003)
 
 
 class Fit(NamedTuple):
-    """Estimate (ε1, ε2, and six of Q), its covariance, and the sums of the present interval."""
+    """Estimate (ε1, ε2, and six of Q), its covariance, and the sums of the current interval."""
 
     estimate: Float[Array, " n"]
     covariance: Symmetric
@@ -36,7 +36,7 @@ class RecursiveLeastSquares(eqx.Module):
     is linear in ε and the six coefficients of Q - c ω1ω2, those of ω1ω2 (that is δc), ω1² - ω2²
     (-J12 / J3 to first order), ω2ω3, ω1ω3, and two of second order, ω1² + ω2² and ω3². To first
     order ε collects torque axes that lean towards the third body axis and J13, J23. `prior` are
-    the standard deviations believed at the start (shape (8,)), `noise` that of one Δω3 (rad/s).
+    the initial standard deviations (shape (8,)), `noise` that of one Δω3 (rad/s).
     """
 
     noise: RealScalar = eqx.field(converter=positive("noise"))
@@ -48,29 +48,29 @@ class RecursiveLeastSquares(eqx.Module):
         require_counts(samples=self.samples)
 
     def init(self, omega: Vector) -> Fit:
-        """The memory of a fit that knows no error yet."""
+        """The initial memory, with zero errors."""
         return Fit(
             jnp.zeros_like(self.prior) if self.mean is None else self.mean,
             Symmetric(jnp.diag(self.prior**2).astype(omega.dtype)),
             omega,
             jnp.zeros_like(self.prior[2:]),
-            jnp.array(-1),  # the first sample only begins the first interval
+            jnp.array(-1),  # the first sample only begins an interval
         )
 
     def update(
         self, fit: Fit, omega: Vector, products: Float[Array, " p"], factors: Float[Array, "6"]
     ) -> Fit:
-        """One sample more; `products` are the six integrals since the last sample.
+        """Add one sample; `products` are the six integrals since the last sample.
 
-        `factors` are the six of the model's own Q, which the estimate is added to. A sample after
-        which `samples` is zero has ended an interval, or begun the first.
+        `factors` are the six of the model's own Q, to which the estimate is added. `samples` is
+        zero after a sample that has ended an interval or begun the first.
         """
         fit = fit._replace(products=fit.products + products, samples=fit.samples + 1)
         full = fit.samples >= self.samples
         return jax.lax.cond(full, lambda: self._corrected(fit, omega, factors), lambda: fit)
 
     def _corrected(self, fit: Fit, omega: Vector, factors: Float[Array, "6"]) -> Fit:
-        """With the interval that ends now, at the beginning of the next one."""
+        """The fit with the interval that ends now, at the beginning of the next one."""
         change = omega - fit.first_omega
         regressor = jnp.concatenate([change[:2], fit.products])
         covariance = fit.covariance.matrix

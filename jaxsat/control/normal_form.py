@@ -1,9 +1,9 @@
-"""Any rigid body with two torques, in the coordinates in which it is the paper's.
+"""Normal form of any rigid body with two torques, in which it obeys the paper's equations.
 
 Two torques span a plane with the normal n, and no torque changes h = n·Jω. With x and y the axes in
-that plane about which the inertia reduced by h is diagonal, p1 = x·ω, p2 = y·ω and
-s = h / (n·Jn), equation (37) holds for (p1, p2, s) in place of (ω1, ω2, ω3), but for terms in s;
-the derivation is in docs/laws.md.
+that plane about which the inertia reduced by h is diagonal, p1 = x·ω, p2 = y·ω and s = h / (n·Jn),
+equation (37) holds for (p1, p2, s) in place of (ω1, ω2, ω3), except for terms in s; the derivation
+is in docs/laws.md.
 
 With (w, z) of (36) the tilt (φ, θ) = 2 w / √(1 + |w|²) has |(φ, θ)| = 2 sin(tilt / 2): it stays
 bounded upside down, and near zero φ, θ and z are the small angles about the three body axes.
@@ -36,7 +36,7 @@ class Tilt(NamedTuple):
 
 
 def tilt_of(attitude: AbstractAttitude) -> Tilt:
-    """The tilt and turn of an attitude, finite also upside down (where the turn is arbitrary)."""
+    """The tilt and turn of an attitude, finite even upside down (where the turn is arbitrary)."""
     q0, q1, q2, q3 = attitude.as_quaternion().q
     upright = root(q0**2 + q3**2)
     safe = jnp.maximum(upright, 1e-12)  # cos(tilt / 2)
@@ -48,13 +48,13 @@ def tilt_of(attitude: AbstractAttitude) -> Tilt:
 
 
 BODY_XY = np.eye(3)[:, :2]
-"""Torques about body x and y, as on the paper's spacecraft."""
+"""Torque directions about body x and y, as on the paper's spacecraft."""
 
 
 class NormalState(NamedTuple):
     """A state in the frame (x, y, n): `omega` is (p1, p2, s), rad/s.
 
-    `attitude` is that of the frame relative to the orbit frame turned alike, `frame_rate` the
+    `attitude` is the frame's attitude relative to the orbit frame turned likewise, `frame_rate` the
     angular velocity of the orbit frame along (x, y, n), rad/s.
     """
 
@@ -81,10 +81,10 @@ class NormalState(NamedTuple):
 
 
 class NormalForm(eqx.Module):
-    """What a controller believes of the plant, and the frame (x, y, n) of its two torques.
+    """A controller's model of the plant, and the frame (x, y, n) of its two torques.
 
-    The rows of `axes` are x, y and n in body axes. `to_command` turns a torque about x and y into
-    the two torques to command, about the directions of `NormalForm.of`.
+    The rows of `axes` are x, y and n in body axes. `to_command` converts a torque about x and y to
+    the two commanded torques, about the directions of `NormalForm.of`.
     """
 
     model: RigidBody
@@ -97,14 +97,14 @@ class NormalForm(eqx.Module):
     ) -> "NormalForm":
         """The normal form of a model with a concrete inertia and two torques about `directions`.
 
-        These are orthonormal.
+        The directions are orthonormal.
         """
         directions = np.asarray(directions, dtype=float)
         axes, _ = normal_axes(np.asarray(model.spacecraft.inertia), directions)
         return NormalForm(model, axes, directions.T @ axes[:2].T)
 
     def turned(self, axes: Pair) -> "NormalForm":
-        """The same plant in the frame turned about n, (cos, sin) of the angle given.
+        """The same plant in the frame turned about n, by an angle given as (cos, sin).
 
         Its reduced inertia is no longer diagonal.
         """
@@ -128,9 +128,9 @@ class NormalForm(eqx.Module):
 
     @property
     def reduced_inertia(self) -> Float[Array, "2 2"]:
-        """S, the inertia that torques about x and y feel while h stays, kg m².
+        """S, the inertia against torques about x and y at constant h, kg m².
 
-        diag(S1, S2) for the inertia that the frame was made of.
+        S is diag(S1, S2) for the inertia of the frame's construction.
         """
         _, inertia = numpy_if_known(self.inertia)
         side = inertia[:2, 2]
@@ -151,7 +151,7 @@ class NormalForm(eqx.Module):
 
     @property
     def other_products(self) -> Float[Array, "6"]:
-        """The rest of ds/dt: factors of p1 p2, p1² - p2², p2 s, p1 s, p1² + p2² and s²."""
+        """The remaining factors of ds/dt: of p1 p2, p1² - p2², p2 s, p1 s, p1² + p2² and s²."""
         lean, zero = self.lean, jnp.zeros_like(self.lean[0])
         off_diagonal = -self.reduced_inertia[0, 1] / self.inertia[2, 2]
         return jnp.stack([zero, off_diagonal, -lean[0], lean[1], zero, zero])
@@ -186,7 +186,7 @@ class NormalForm(eqx.Module):
         return NormalState(attitude, omega, frame_rate)
 
     def gyroscopic_torque(self, omega: Vector) -> Pair:
-        """What the motion adds to the torques about x and y: S dp/dt is their sum, N m."""
+        """The gyroscopic torque about x and y, N m, which adds to the torques in S dp/dt."""
         p1, p2, s = omega
         lean, third = self.lean, self.inertia[2, 2]
         about_n = s + lean[0] * p1 + lean[1] * p2
@@ -201,12 +201,12 @@ class NormalForm(eqx.Module):
         return self.reduced_inertia @ acceleration - self.gyroscopic_torque(omega)
 
     def command(self, torque: Pair) -> Pair:
-        """A torque about x and y as the two torques to command, N m."""
+        """The two commanded torques, N m, for a torque about x and y."""
         return self.to_command @ torque
 
 
 def _turn_about_n(axes: Pair) -> Matrix:
-    """The matrix into a frame turned about n by an angle, its (cos, sin) given."""
+    """The matrix into a frame turned about n by an angle given as (cos, sin)."""
     cosine, sine = axes
     zero, one = jnp.zeros_like(cosine), jnp.ones_like(cosine)
     return jnp.stack(
@@ -234,5 +234,5 @@ def tracking_torque(
 
 
 def clipped(torque: Pair, limit: RealScalar) -> Pair:
-    """Each torque cut at ± `limit`."""
+    """Each torque clipped to ± `limit`."""
     return jnp.clip(torque, -limit, limit)

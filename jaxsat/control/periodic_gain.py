@@ -1,9 +1,9 @@
-"""The linear-quadratic gain of magnetorquers and wheels over an orbit, by a Riccati equation.
+"""Linear-quadratic gain of magnetorquers and wheels over an orbit, by a Riccati equation.
 
-What magnetorquers can do depends on the Earth's field, which is periodic in the place in the orbit
-and in the Earth's turn. A day is slow beside an orbit, so the gain is that of a periodic system for
-each turn of the Earth: Wisniewski, Satellite Attitude Control Using Only Electromagnetic Actuation,
-PhD thesis, Aalborg, 1996; Psiaki, J. Guidance, Control, and Dynamics 24(2), 2001.
+The authority of magnetorquers depends on the Earth's field, which is periodic in orbit phase and
+Earth rotation. A day is slow beside an orbit, so the gain is that of a periodic system for each
+angle of the Earth: Wisniewski, Satellite Attitude Control Using Only Electromagnetic Actuation, PhD
+thesis, Aalborg, 1996; Psiaki, J. Guidance, Control, and Dynamics 24(2), 2001.
 """
 
 from math import factorial
@@ -23,23 +23,23 @@ from jaxsat.spacecraft.environment.orbit import (
 )
 
 TURNS, PHASES = 8, 32
-"""Of the Earth and of the orbit, for which gains are stored."""
+"""Numbers of the Earth's angles and of orbit phases for which gains are stored."""
 
 STEPS, AT_ONCE = 32, 8
-"""Of integration from one phase to the next, and for which a Riccati solution goes on at once."""
+"""Integration steps from one phase to the next, and per step of the Riccati solution."""
 
 FLOOR = 0.01
-"""Of a torque along the field, what the gains are designed as if it were made. They stay bounded so
+"""Share of a torque along the field that the design assumes to be available. It bounds the gains
 where the field hardly turns: in orbits near the geomagnetic equator, for a part of a day."""
 
 SETTLED, MOST_ORBITS = 1e-9, 400
-"""Relative change in an orbit of a Riccati solution that has settled; it does within so many."""
+"""Relative change per orbit of a converged Riccati solution, and the largest number of orbits."""
 
 ANY_DIPOLE = np.eye(3)
 """P of magnetorquers along three independent axes."""
 
 Matrices = Float[np.ndarray, "... _ _"]
-"""Square ones."""
+"""Square matrices."""
 
 
 class LinearMotion(NamedTuple):
@@ -47,18 +47,18 @@ class LinearMotion(NamedTuple):
 
     x = (θ, ω_r / ω0, η): θ (rad) is the small turn from the orbit frame, ω_r the relative rate, and
     η the momentum of wheels beyond their bias along the columns of E, the orthonormal `basis` of
-    the torques that wheels make. Torques are in units of J0 ω0², momenta of J0 ω0, J0 = `moment`
-    (kg m²) the geometric mean of the principal moments; `inverse` is J0 J⁻¹. c are the torques of
-    wheels along E. Rods make M (u - k E η), M x = P (b × x) × b, b = B / |B|, with N u = u,
-    N = 1 - E Eᵀ, and `unloading` k over ω0. P projects on what the axes of rods span: where that is
-    all, M is 1 - b bᵀ. What of that is along E wheels take off, so that
+    wheel torques. Torques are in units of J0 ω0², momenta of J0 ω0, J0 = `moment` (kg m²) the
+    geometric mean of the principal moments; `inverse` is J0 J⁻¹. c are the torques of wheels along
+    E. Rods make M (u - k E η), M x = P (b × x) × b, b = B / |B|, with N u = u, N = 1 - E Eᵀ, and
+    `unloading` k over ω0. P projects on the span of the rods' axes: if complete, M is 1 - b bᵀ.
+    Wheels absorb the part along E, so that
 
         J dω/dt + ω × (J ω + h + E η) = N M (u - k E η) + E c,
         dη/dt = Eᵀ M (u - k E η) - c.
 
-    h is the momentum of wheels at their bias and `stiffness` 1 + |h| / (J0 ω0). `state` is what
-    does not change along the orbit, and `across` M at n equal steps of an orbit and in their
-    middles, for each turn of the Earth.
+    h is the momentum of wheels at their bias and `stiffness` 1 + |h| / (J0 ω0). `state` is the
+    constant part, and `across` M at n equal steps of an orbit and in their middles, for each angle
+    of the Earth.
     """
 
     moment: float
@@ -72,29 +72,29 @@ class LinearMotion(NamedTuple):
 
     @property
     def unmade(self) -> Float[np.ndarray, "3 3"]:
-        """N, what wheels do not make of a torque."""
+        """N, the projection on torques that wheels cannot produce."""
         return np.eye(3) - self.basis @ self.basis.T
 
     @property
     def _made(self) -> Float[np.ndarray, "turns halves x 3"]:
-        """What a torque of rods does to dx/dτ."""
+        """Effect of a magnetic torque on dx/dτ."""
         parts = [np.zeros((3, 3)), self.inverse @ self.unmade, self.basis.T]
         return np.concatenate(parts) @ self.across
 
     @property
     def rods(self) -> Float[np.ndarray, "turns halves x 3"]:
-        """What the torque u of rods does to dx/dτ."""
+        """Effect of the rods' torque u on dx/dτ."""
         return self._made @ self.unmade
 
     @property
     def wheels(self) -> Float[np.ndarray, "x p"]:
-        """What the torques c of wheels do to dx/dτ."""
+        """Effect of the wheels' torques c on dx/dτ."""
         count = self.basis.shape[1]
         return np.concatenate([np.zeros((3, count)), self.inverse @ self.basis, -np.eye(count)])
 
     @property
     def free(self) -> Float[np.ndarray, "turns halves x x"]:
-        """What errors do to dx/dτ by themselves, and unloading."""
+        """Effect of errors and unloading on dx/dτ."""
         free = np.broadcast_to(self.state, (*self.across.shape[:2], *self.state.shape)).copy()
         free[..., 6:] -= self.unloading * self._made @ self.basis
         return free
@@ -110,11 +110,11 @@ def linear_motion(
     unloading: float = 0.0,
     gravity_gradient: bool,
 ) -> LinearMotion:
-    """The motion of a body (kg m²) in a field, with what wheels leave to magnetorquers, `unmade`.
+    """The motion of a body (kg m²) in a field, with N = `unmade`, the projection on magnetic
+    torques.
 
-    That is the orthogonal projection N. The `momentum` h (N m s), in body axes, is that of wheels
-    at their bias, `unloading` k in 1/s; `dipoles` is P. With gravity gradient 3 ω0² n × Jn acts as
-    well.
+    N is orthogonal. The `momentum` h (N m s), in body axes, is that of wheels at their bias,
+    `unloading` k in 1/s; `dipoles` is P. Gravity gradient adds 3 ω0² n × Jn.
     """
     rate = float(field.circle.rate)
     moment = reference_moment(inertia)
@@ -146,13 +146,13 @@ def small_motion(
     *,
     gravity_gradient: bool,
 ) -> Float[np.ndarray, "x x"]:
-    """What small errors x = (θ, ω_r / ω0, η) do to dx/dτ in the orbit frame, see `LinearMotion`.
+    """Effect of small errors x = (θ, ω_r / ω0, η) on dx/dτ in the orbit frame, see `LinearMotion`.
 
     `inertia` J / J0 of the body, `basis` E of wheels, `momentum` h / (J0 ω0) at their bias.
     """
     frame, nadir = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
     inverse, turning = np.linalg.inv(inertia), _cross(frame)
-    spin = inverse @ (_cross(inertia @ frame + momentum) - turning @ inertia)  # of a change of ω
+    spin = inverse @ (_cross(inertia @ frame + momentum) - turning @ inertia)  # by a change of ω
     state = np.zeros((6 + basis.shape[1], 6 + basis.shape[1]))
     state[:3, 3:6] = np.eye(3)
     state[3:6, 3:6] = spin - turning
@@ -167,11 +167,11 @@ def small_motion(
 class PeriodicGain(eqx.Module):
     """K of the torques -K (θ, ω_r, η, d), N m, bilinear between `gains` over an orbit and a day.
 
-    θ is the turn from the orbit frame (rad), ω_r the rate relative to it (rad/s), η the momentum of
-    wheels beyond their bias along the columns of `basis` (N m s), and d a constant torque (N m)
-    that acts besides. The first three rows of K are of rods, none of it along `basis`, the others
-    of wheels along `basis`. `gains` are those of `turns` of the Earth and phases of the orbit,
-    evenly spaced from time zero on; `rate` is ω0 (rad/s).
+    θ is the rotation from the orbit frame (rad), ω_r the rate relative to it (rad/s), η the
+    momentum of wheels beyond their bias along the columns of `basis` (N m s), and d a constant
+    external torque (N m). The first three rows of K belong to rods, with no torque along `basis`,
+    the others to wheels along `basis`. `gains` are for `turns` angles of the Earth and phases of
+    the orbit, evenly spaced from time zero; `rate` is ω0 (rad/s).
     """
 
     gains: Float[Array, "turns phases u z"] = eqx.field(converter=as_float)
@@ -181,7 +181,7 @@ class PeriodicGain(eqx.Module):
     def torque(
         self, t: RealScalar, motion: Float[Array, "6"], momentum: Vector, constant: Vector
     ) -> Vector:
-        """What a law commands (N m) at `motion` (θ, ω_r), in body axes.
+        """The commanded torque (N m) at `motion` (θ, ω_r), in body axes.
 
         `momentum` (N m s) is that of wheels beyond their bias.
         """
@@ -209,15 +209,15 @@ def _next(place: IntScalar, count: int) -> IntScalar:
 def periodic_gain(
     motion: LinearMotion, weight: float, wheel_weight: float = 1.0
 ) -> PeriodicGain | None:
-    """K of S, the solution of -dS/dτ = AᵀS + SA + Q - S Γ S, for each turn of the Earth.
+    """K of S, the solution of -dS/dτ = AᵀS + SA + Q - S Γ S, for each angle of the Earth.
 
-    Γ = J⁻¹ N (M + f) N J⁻¹ / r + C Cᵀ / s, C what `wheels` do; r is the `weight` over the square of
-    the stiffness g of the motion, s the `wheel_weight`. But for the `FLOOR` f, and for what rods do
-    along axes of wheels, the gain is least in ∫ |θ|² + |ω_r / g ω0|² + r |m|² + s |c|² dτ, where
-    dipoles m × b make M u: with momentum in wheels precession takes torques of g J0 ω0², and
-    nutation has rates of g ω0 for the same angle. Momentum of wheels costs nothing, as unloading
-    takes it out. The state of A, S and Q has the constant torque d as well, which nothing weighs.
-    None where S of all others does not become periodic.
+    Γ = J⁻¹ N (M + f) N J⁻¹ / r + C Cᵀ / s, C the effect of `wheels`; r is the `weight` over the
+    square of the stiffness g of the motion, s the `wheel_weight`. Except for the `FLOOR` f and the
+    rods' torque along wheel axes, the gain minimises ∫ |θ|² + |ω_r / g ω0|² + r |m|² + s |c|² dτ,
+    where dipoles m × b produce M u: with momentum in wheels precession takes torques of g J0 ω0²,
+    and nutation has rates of g ω0 for the same angle. Momentum of wheels costs nothing, as
+    unloading removes it. The state of A, S and Q includes the constant torque d, which has no
+    weight. None where S of all other states does not become periodic.
     """
     size, by_rods = motion.state.shape[0], motion.inverse @ motion.unmade
     whole = size + 3
@@ -239,7 +239,7 @@ def periodic_gain(
 def _periodic_riccati(
     hamiltonian: Matrices, size: int
 ) -> Float[np.ndarray, "turns phases x z"] | None:
-    """The first rows of P, so many, at each phase; None where they do not become periodic."""
+    """The first `size` rows of P at each phase; None where they do not become periodic."""
     onwards, whole = _products(_transitions(hamiltonian), AT_ONCE), hamiltonian.shape[-1] // 2
     solution = np.broadcast_to(np.eye(whole), (TURNS, whole, whole))
     for _ in range(MOST_ORBITS):
@@ -263,7 +263,7 @@ def _periodic_riccati(
 
 
 def _hamiltonian(state: Matrices, into: Matrices, cost: Matrices) -> Matrices:
-    """What moves the state and P times the state."""
+    """Hamiltonian matrix of the state and of P times the state."""
     count = state.shape[-1]
     whole = np.zeros((*into.shape[:-2], 2 * count, 2 * count))
     whole[..., :count, :count], whole[..., count:, count:] = state, -np.swapaxes(state, -1, -2)
@@ -272,16 +272,16 @@ def _hamiltonian(state: Matrices, into: Matrices, cost: Matrices) -> Matrices:
 
 
 def _units(motion: LinearMotion) -> Float[np.ndarray, " z"]:
-    """Of the columns of a gain: N m for rad, N m s, 1/s for momenta of wheels, and 1."""
+    """Units of a gain's columns: N m for rad, N m s, 1/s for momenta of wheels, and 1."""
     momentum = motion.moment * motion.rate
     units = [momentum * motion.rate, momentum, motion.rate, 1.0]
     return np.repeat(units, [3, 3, motion.basis.shape[1], 3])
 
 
 def floquet_multipliers(motion: LinearMotion, gain: PeriodicGain) -> Complex[np.ndarray, "turns x"]:
-    """What the linear closed loop does in an orbit while the Earth stands, for each of its turns.
+    """Floquet multipliers of the linear closed loop over one orbit at each fixed Earth angle.
 
-    Multipliers in decreasing size; errors fall if the size of all is below one.
+    Multipliers in decreasing size; errors decay if all sizes are below one.
     """
     gains = (np.asarray(gain.gains, float) / _units(motion))[..., :-3]
     place = np.arange(motion.across.shape[1]) / (2 * STEPS)
@@ -300,11 +300,12 @@ def _cross(vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
 
 
 def _transitions(matrices: Matrices) -> Matrices:
-    """What dX/dτ = F X does to X in each step of an orbit: e^Ω, Ω by Magnus to the fourth order.
+    """State transitions of dX/dτ = F X in each step of an orbit: e^Ω, Ω by Magnus to the fourth
+    order.
 
-    Of fast motion, such as nutation about the momentum of wheels, that keeps the size (Blanes,
-    Casas, Oteo and Ros, Physics Reports 470, 2009). The series of e^Ω to the ninth order is taken
-    of a part of Ω with a norm below one half, and squared.
+    For fast motion, such as nutation about the momentum of wheels, they preserve the size (Blanes,
+    Casas, Oteo and Ros, Physics Reports 470, 2009). The series of e^Ω to the ninth order applies to
+    a part of Ω with a norm below one half, and is squared.
     """
     begin, middle, end = matrices[:, :-2:2], matrices[:, 1:-1:2], matrices[:, 2::2]
     step = 2 * np.pi / begin.shape[1]
@@ -325,7 +326,7 @@ def _transitions(matrices: Matrices) -> Matrices:
 
 
 def _products(matrices: Matrices, count: int) -> Matrices:
-    """Of each so many that follow each other, the later on the left."""
+    """Products of `count` successive matrices each, the later on the left."""
     groups = matrices.reshape(matrices.shape[0], -1, count, *matrices.shape[-2:])
     product = groups[:, :, 0]
     for place in range(1, count):

@@ -1,10 +1,10 @@
 """Settling controllers for any inertia, torque limit and control period.
 
-Their gains have no dimension. The unit of time is τ of `jaxsat.core.declaration.tuned_gains`, J0
-being the geometric mean of S1 and S2, so a larger body under torques larger in proportion flies
-alike. The gains are functions of the control period over τ, tuned at three values of it; between
-these they are interpolated, below and above they are those of the nearest. What is known of the
-periodic d3 goes into the ripple estimator.
+Their gains are dimensionless. The unit of time is τ of `jaxsat.core.declaration.tuned_gains`, J0
+being the geometric mean of S1 and S2, so a larger body under proportionally larger torques behaves
+alike. The gains are functions of the control period over τ, tuned at three values of it,
+interpolated between them and constant outside. The ripple estimator uses the known part of the
+periodic d3.
 """
 
 import bisect
@@ -42,55 +42,55 @@ from jaxsat.core.declaration.tuned_gains import (
 from jaxsat.spacecraft.dynamics import RigidBody
 
 LEAST_COUPLING = 1e-6
-"""c below which S1 and S2 count as equal."""
+"""c below which S1 and S2 are treated as equal."""
 
 TUNED_COUPLING = 0.59168
-"""c of the body that the gains are tuned for."""
+"""c of the body for which the gains are tuned."""
 
 DEAD_ZONE = 1e-6
 """Slow rate that the oscillation leaves to the end game, rad per `fine_time`."""
 
 RIPPLE, RIPPLE_FREQUENCY = 3e-6, 0.01
-"""Least ripple of ω3 that the filter expects, and its frequency where none is known; rad per
+"""Smallest ripple of ω3 in the filter, and its frequency where none is known; rad per
 `fine_time`."""
 
 RIPPLE_SHARE = 0.9375
-"""Expected ripple of ω3 over the a3 / (J3 Ω) that the scenario tells of."""
+"""Expected ripple of ω3 over the a3 / (J3 Ω) of the scenario."""
 
 RATE_NOISE, RIPPLE_DRIFT, PRODUCT_ERROR = 1e-6, 6.32455532e-08, 0.0316227766
-"""Of the ripple filter: rad per `fine_time` for the noise, for the drift also per √`fine_time`, and
-times √`fine_time` for the error of products."""
+"""Parameters of the ripple filter: noise, rad per `fine_time`, drift, also per √`fine_time`, and
+error of products, times √`fine_time`."""
 
 STEADY, STEADY_DRIFT, CALM = 5e-9, 4e-12, 4.0
-"""Acceleration by a constant torque that the ripple filter expects, and how fast it may change:
-rad per `fine_time`², and per its 5/2nd power; learnt at rates below so many amplitudes of the end
+"""Expected acceleration by a constant torque in the ripple filter, and its drift: rad per
+`fine_time`², and per its 5/2nd power; learnt at rates below this many amplitudes of the end
 game."""
 
 ORBIT_STEADY, ORBIT_STEADY_DRIFT, AIM_SLACK = 0.05, 1e-4, 2.0
-"""Under gravity gradient: the acceleration at rest that errors of the products leave, in parts of
-ω0², and how fast it may change with the attitude, in parts of ω0^2.5; and how far from the aimed
-slow rate a hold may begin, in parts of the oscillation's dead zone."""
+"""Under gravity gradient: acceleration at rest by errors of the products, in parts of ω0², its
+drift with the attitude, in parts of ω0^2.5; and the tolerance on the aimed slow rate at the begin
+of a hold, in parts of the oscillation's dead zone."""
 
 TILT_ROOM, NO_PART = 1.6, 1e-9
-"""Of a turn about an axis across the body's third one and about that: 0.1 rad against 0.05, less a
-tenth and what an oscillation takes of the tilt; and a part of an axis that counts as none."""
+"""Ratio of the limits on turns across the body's third axis and about it (0.1 against 0.05 rad,
+less a tenth and the oscillation's share of the tilt), and an axis component treated as zero."""
 
 PULSE_SHARE, LEAST_QUIET = 0.2, 0.5
-"""The amplitude of the end game is smaller by the first share of a pulse's rate, but at least the
-second of itself: pulses and hold together stay within the tolerance of the rate."""
+"""The amplitude of the end game is reduced by the first share of a pulse's rate, but to no less
+than the second share of itself: pulses and hold together stay within the tolerance of the rate."""
 
 BALANCED = 0.35
-"""Of the end game's largest ds/dt: a drift at rest for which the attitude is not changed."""
+"""Drift at rest that does not change the attitude, relative to the end game's largest ds/dt."""
 
 PATIENCE, SLOW_RATE = 15.0, 0.2
-"""Of the supervisor, times τ and over τ: how long no phase is stayed in in vain, and the |s| that
-slews put up with."""
+"""Patience of the supervisor with a phase without progress, times τ, and largest |s| for slews,
+over τ."""
 
 CHANGE_NOISE = 2e-6
-"""Of one Δω3 of the least squares, rad per `fine_time`."""
+"""Noise of one Δω3 of the least squares, rad per `fine_time`."""
 
 CHANGE_SAMPLES, MOST_TURNED = 10, 2.0
-"""Control periods of one Δω3, and the most that a ripple can change in parts of its amplitude."""
+"""Control periods of one Δω3, and the largest change of a ripple in parts of its amplitude."""
 
 
 def oscillatory_settling(
@@ -107,13 +107,12 @@ def oscillatory_settling(
 ) -> OscillatorySettling:
     """The Morin-Samson law and the end game.
 
-    `model` is what the controller believes of the plant. `observe` says whether it estimates the
-    ripple of d3 (by `ripple`, `ripple_filter(model, ...)` unless given), `estimate` whether it
-    estimates the errors of axes and inertia. The two torques are about the orthonormal
-    `directions`; `holding_amplitude` (rad/s) is the largest of the end game, `gravity_gradient`
-    tells whether its torque acts, which moves the attitude that is held. Raises `ValueError`
-    for a torque limit that is not positive and finite, and for S1 = S2, where nothing moves the
-    third axis.
+    `model` is the controller's model of the plant. `observe` enables the estimate of the ripple of
+    d3 (by `ripple`, default `ripple_filter(model, ...)`), `estimate` that of the errors of axes and
+    inertia. The two torques are about the orthonormal `directions`; `holding_amplitude` (rad/s) is
+    the largest of the end game, `gravity_gradient` is true if its torque acts, which moves the held
+    attitude. Raises `ValueError` for a torque limit that is not positive and finite, and for S1 =
+    S2, where nothing moves the third axis.
     """
     form = NormalForm.of(model, directions)
     scaling = _scaling(form, torque_limit, period)
@@ -172,9 +171,9 @@ def ripple_filter(
 ) -> RippleFilter:
     """The filter for d3 = amplitude sin(frequency t + any phase) about the axis n of `form`.
 
-    `amplitude` in N m, `frequency` in rad/s, zero where no periodic d3 is known. It expects a
-    ripple of ω3 in proportion to amplitude / (n·Jn frequency), but none below what the gains are
-    tuned for.
+    `amplitude` in N m, `frequency` in rad/s, zero without a known periodic d3. The expected ripple
+    of ω3 is proportional to amplitude / (n·Jn frequency), but at least the value for which the
+    gains are tuned.
     """
     unit = _scaling(form, torque_limit, period).fine_time
     frequency = abs(frequency) or RIPPLE_FREQUENCY / unit
@@ -189,11 +188,11 @@ def ripple_filter(
 
 
 def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSettling:
-    """The same law with an estimate of the constant torque about n, and holds that begin against
-    it where the end game cannot balance it.
+    """Return the law with an estimate of the constant torque about n, and holds that begin against
+    that torque where the end game cannot balance it.
 
-    The end game leaves room for the rate (rad/s) that the least `pulse` of a thruster changes. The
-    estimate expects at least the `noise` (rad/s) that the measured rates have.
+    The end game leaves room for the rate (rad/s) that the smallest `pulse` of a thruster changes.
+    The estimate assumes at least the `noise` (rad/s) of the measured rates.
     """
     unit = _scaling(law.form, float(law.torque_limit), float(law.period)).fine_time
     amplitude = float(law.fine.holding_amplitude)
@@ -205,13 +204,13 @@ def coasting(law: ThreeSlewSettling, pulse: float, noise: float) -> ThreeSlewSet
 
 
 def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
-    """The same law with an estimate of the drift that errors of the products leave under gravity
-    gradient, which moves the held attitude, and holds that begin against what no attitude balances.
-    The held attitude turns about n as far as the tolerances of settling allow. Slews are about the
-    axes that are believed once an attitude has been lost.
+    """Return the law with an estimate of the drift by errors of the products under gravity
+    gradient, which moves the held attitude, and holds that begin against drift that no attitude
+    balances. The held attitude turns about n as far as the tolerances of settling allow. After an
+    attitude has been lost, slews are about the estimated axes.
 
-    The estimate expects at least the `noise` (rad/s) that the measured rates have. A law that does
-    not know of gravity gradient, or has no ripple filter, stays as it is.
+    The estimate assumes at least the `noise` (rad/s) of the measured rates. A law without gravity
+    gradient or ripple filter is unchanged.
     """
     if law.estimator.gradient is None or law.estimator.observer is None:
         return law
@@ -238,9 +237,9 @@ def balancing(law: ThreeSlewSettling, noise: float) -> ThreeSlewSettling:
 
 
 def _room(form: NormalForm) -> float:
-    """How much farther a turn about n may go than one about the body's third axis.
+    """Limit on a turn about n relative to one about the body's third axis.
 
-    Settled means the tilt of that axis, which may be twice as large as the turn about it.
+    Settling limits the tilt of that axis, which may be twice as large as the turn about it.
     """
     first, second, third = np.abs(np.asarray(form.axes)[2])
     return min(1 / max(third, NO_PART), TILT_ROOM / max(math.hypot(first, second), NO_PART))
@@ -274,7 +273,7 @@ def _scaling(form: NormalForm, torque_limit: float | int, period: float) -> Scal
 
 
 def _gains(table: Mapping[float, Gains], scaling: Scaling) -> Gains:
-    """The gains in SI; between two of the tuned steps on straight lines in logarithms."""
+    """The gains in SI; between two of the tuned steps linear in logarithms."""
     steps = sorted(table)
     step = min(max(scaling.step, steps[0]), steps[-1])
     place = min(bisect.bisect(steps, step), len(steps) - 1)
@@ -319,7 +318,7 @@ def _estimator(
     gravity_gradient: bool,
 ) -> ThirdAxisEstimator:
     noise = CHANGE_NOISE / scaling.fine_time
-    if ripple is not None:  # it changes s as well between two samples
+    if ripple is not None:  # the ripple, too, changes s between two samples
         turned = float(ripple.frequency) * CHANGE_SAMPLES * scaling.step * scaling.time
         noise = math.hypot(noise, float(ripple.amplitude) * min(turned, MOST_TURNED))
     fit = RecursiveLeastSquares(noise=noise, samples=CHANGE_SAMPLES) if estimate else None
@@ -330,7 +329,7 @@ def _estimator(
 
 
 def _balanced(fine: FineStage) -> Float[jax.Array, ""]:
-    """A drift at rest (rad/s²) for which the attitude is not changed."""
+    """Drift at rest (rad/s²) for which the attitude is not changed."""
     _, coupling, amplitude = numpy_if_known(fine.oscillator.form.coupling, fine.holding_amplitude)
     return as_float(BALANCED * coupling * amplitude**2 / 2)
 

@@ -1,7 +1,7 @@
-"""Quaternion feedback with three torques: the law of a spacecraft that has lost nothing.
+"""Quaternion feedback with three torques: the law of a fully actuated spacecraft.
 
-Wie, Weiss, Arapostathis, J. Guidance, Control, and Dynamics 12(3), 1989; the limit on the rate of a
-slew as in Wie and Lu, J. Guidance, Control, and Dynamics 18(6), 1995.
+Wie, Weiss, Arapostathis, J. Guidance, Control, and Dynamics 12(3), 1989; the rate limit of a slew
+as in Wie and Lu, J. Guidance, Control, and Dynamics 18(6), 1995.
 """
 
 from collections.abc import Mapping
@@ -26,20 +26,20 @@ SMALLEST = 1e-30
 
 
 class QuaternionFeedbackMemory(NamedTuple):
-    """The rate relative to the orbit frame that was asked for last, rad/s."""
+    """The last reference rate relative to the orbit frame, rad/s."""
 
     wanted: Vector
 
 
 class QuaternionFeedback(AbstractSampledController):
-    """u = ω × (Jω + A h) + J (ω_f × ω_r) - 2ζΩ J (ω_r - ω_d), ω_d = -(Ω / ζ) sgn(q0) q, at most a
-    rate.
+    """u = ω × (Jω + A h) + J (ω_f × ω_r) - 2ζΩ J (ω_r - ω_d), ω_d = -(Ω / ζ) sgn(q0) q,
+    rate-limited.
 
     ω_f is the orbit frame's rate and ω_r the one relative to it, in body axes; q the vector part of
     the attitude. Small errors then obey dθ²/dt² + 2ζΩ dθ/dt + Ω² θ = 0 about each axis.
     `natural_frequency` is Ω (rad/s), `damping` ζ; |ω_d| is at most `max_rate` (rad/s, may be
     infinite). `period` is in s. The first two terms cancel the rotation of body and orbit frame,
-    with the momenta h that wheels along `wheel_axes` A tell, None for none.
+    with the measured momenta h of wheels along `wheel_axes` A, None without wheels.
     """
 
     declaration: ClassVar[LawDeclaration] = QUATERNION_FEEDBACK
@@ -55,7 +55,7 @@ class QuaternionFeedback(AbstractSampledController):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "QuaternionFeedback":
-        """The law of a table of a scenario."""
+        """The law from a scenario's table."""
         rate = values["max_rate_rad_s"]
         return cls(
             model=context.model,
@@ -67,7 +67,7 @@ class QuaternionFeedback(AbstractSampledController):
         )
 
     def init(self, state: PlantState) -> QuaternionFeedbackMemory:
-        """The memory at the start: no torque is asked for."""
+        """The initial memory, without a reference."""
         return QuaternionFeedbackMemory(jnp.zeros_like(state.omega))
 
     def step(

@@ -1,4 +1,4 @@
-"""What is left of a set of thrusters after failures, as tables made when a law is built."""
+"""Remaining capability of thrusters after failures, tabled at the law's construction."""
 
 import enum
 import itertools
@@ -23,24 +23,24 @@ from jaxsat.core.checks import as_array, as_float
 from jaxsat.spacecraft.least_propellant import LeastPropellant
 
 MOST_FAILED = 2
-"""Thrusters of a tabled set."""
+"""Largest number of failed thrusters in a tabled set."""
 
 MOST_SETS = 150
-"""Tabled sets; where these and all pairs are more, sets of one alone are tabled."""
+"""Largest number of tabled sets; if all pairs exceed it, only single failures are tabled."""
 
 FLAT = 1e-9
-"""Of the largest torque: what is below counts as zero."""
+"""Relative tolerance on the rank of torques, with respect to the largest torque."""
 
 SMALL = 1e-6
-"""Of the largest torque: as good as none is missed."""
+"""Largest missing torque that is treated as zero, relative to the largest torque."""
 
 SPARE, LEAST_SPARE = 0.1, 0.02
-"""Of the largest torque about each axis: what must be left both ways where three axes are left only
-by what failed thrusters make, if else a plane is left, and if even less is."""
+"""Torque that must remain both ways about each axis, relative to the largest, where three axes
+depend on failed thrusters' torque: if otherwise a plane remains, and if even less."""
 
 
 class Left(enum.IntEnum):
-    """The torques of either sign that are left: about all axes, in a plane, or fewer."""
+    """Remaining torques of either sign: about all axes, in a plane, or fewer."""
 
     THREE_AXES = 0
     PLANE = 1
@@ -48,9 +48,9 @@ class Left(enum.IntEnum):
 
 
 class FailedSet(NamedTuple):
-    """A set of failed thrusters (numbers from 0) and what is left without them.
+    """A set of failed thrusters (numbers from 0) and the remaining capability.
 
-    Where torques of either sign are left in a plane, `directions` (3, 2) are about two axes in it.
+    If torques of either sign remain in a plane, `directions` (3, 2) are two axes in it.
     """
 
     failed: tuple[int, ...]
@@ -59,7 +59,7 @@ class FailedSet(NamedTuple):
 
 
 def failed_sets(torque: Float[np.ndarray, "3 m"]) -> tuple[FailedSet, ...]:
-    """The sets of failures looked at: none, each one and, up to `MOST_SETS` sets, each pair."""
+    """The tabled sets of failures: none, each single one and, up to `MOST_SETS` sets, each pair."""
     count = torque.shape[1]
     pairs = 1 + count + count * (count - 1) // 2 <= MOST_SETS
     sizes = range(min(MOST_FAILED if pairs else 1, count) + 1)
@@ -68,7 +68,7 @@ def failed_sets(torque: Float[np.ndarray, "3 m"]) -> tuple[FailedSet, ...]:
 
 
 def what_is_left(torque: Float[np.ndarray, "3 m"], failed: tuple[int, ...]) -> FailedSet:
-    """What thrusters with these torques (N m) can make without those that have failed."""
+    """Remaining capability of thrusters with these torques (N m) without the failed ones."""
     columns = np.delete(torque, failed, axis=1)
     both_ways = two_sided_torques(columns)
     size = np.abs(torque).max()
@@ -80,15 +80,15 @@ def what_is_left(torque: Float[np.ndarray, "3 m"], failed: tuple[int, ...]) -> F
 
 
 def limit_about(torque: Float[np.ndarray, "3 m"], axes: Float[np.ndarray, "3 2"]) -> float:
-    """The torque (N m) that thrusters make about two axes at once, of any signs, and no other."""
+    """Largest torque (N m) about two axes at once, of any signs and without other torque."""
     return largest_torque(two_sided_torques(torque), 0.0, 1.0, axes)
 
 
 class Ability(NamedTuple):
-    """What is left: the number of the failed set, the `Left`, and how much each thruster makes.
+    """Remaining capability: the number of the failed set, the `Left`, and each thruster's share.
 
-    `limit` is 1 for thrusters that work, 0 for those that are left out, and the part of full thrust
-    that a weak one makes where it is needed.
+    `limit` is 1 for thrusters that work, 0 for excluded ones, and the share of full thrust of a
+    weak one where it is needed.
     """
 
     number: IntScalar
@@ -97,16 +97,15 @@ class Ability(NamedTuple):
 
     @staticmethod
     def whole(count: int) -> "Ability":
-        """All work."""
+        """The capability without failures."""
         return Ability(jnp.array(0), jnp.array(Left.THREE_AXES), jnp.ones(count))
 
 
 class Reconfiguration(eqx.Module):
-    """The `failed_sets` as tables, and the allocation of a torque to the thrusters left.
+    """The `failed_sets` as tables, and the allocation of a torque to the remaining thrusters.
 
-    `left` has the `Left` of each set. `number` (m, m) is the number of the set of which two
-    thrusters are the first and the last, -1 without a table. `torque` (3, m) is that at full thrust
-    (N m).
+    `left` has the `Left` of each set. `number` (m, m) is the number of the set with two given
+    thrusters as first and last, -1 without a table. `torque` (3, m) is that at full thrust (N m).
     """
 
     torque: Float[Array, "3 m"] = eqx.field(converter=as_float)
@@ -131,13 +130,12 @@ class Reconfiguration(eqx.Module):
         )
 
     def find(self, condition: ActuatorCondition, before: "Ability") -> "Ability":
-        """What is left in a `condition`; `before` is what was left at the last sample.
+        """The remaining capability in a `condition`; `before` is that at the last sample.
 
-        Where thrusters that work make less than torques about all axes, three axes are left still
-        if weak ones that make a part of their thrust, and flows of failed thrusters, supply what is
-        missing, with some torque to spare. Half of that is enough for what was so before, so that
-        nothing changes to and fro. Weak ones also make a part where those that work do not oppose
-        flows.
+        If working thrusters produce less than torques about all axes, three axes still remain if
+        weak thrusters with a share of their thrust, and the flow of failed thrusters, supply the
+        rest, with some torque to spare. Half of that is enough if it was so before, as hysteresis.
+        Weak thrusters also contribute where the working ones cannot oppose the flow.
         """
         failed, part = condition.failed, condition.part
         number, left = self._tabled(failed)
@@ -164,14 +162,14 @@ class Reconfiguration(eqx.Module):
         )
 
     def _opposes(self, limit: Float[Array, " m"], steady: Vector, helped: BoolScalar) -> BoolScalar:
-        """Whether a torque (N m) can be made with `SPARE` of it to spare, or half of that where it
-        is not `helped` so far."""
+        """Whether a torque (N m) is possible with `SPARE` of it to spare, or half of that without
+        help so far (`helped`)."""
         demand = (1 + SPARE * jnp.where(helped, 1.0, 0.5)) * steady
         _, missed = self.duties(demand, limit)
         return jnp.sum(missed**2) < (SMALL * jnp.max(jnp.abs(self.torque))) ** 2
 
     def _tabled(self, failed: Bool[Array, " m"]) -> tuple[IntScalar, IntScalar]:
-        """The number of a set, and what it leaves; 0 and -1 where there is no table of it."""
+        """The number of a set, and its `Left`; 0 and -1 without a table."""
         count = jnp.sum(failed)
         last = failed.shape[0] - 1 - jnp.argmax(failed[::-1])
         number = jnp.where(count > 0, self.number[jnp.argmax(failed), last], 0)
@@ -180,7 +178,7 @@ class Reconfiguration(eqx.Module):
         return number, jnp.where(in_table, self.left[number], -1)
 
     def needed(self, failed: Bool[Array, " m"]) -> Bool[Array, " m"]:
-        """The thrusters without which less than three axes is left, or a set without a table."""
+        """Mask of working thrusters whose loss leaves fewer than three axes or no table."""
         place = jnp.arange(failed.shape[0])
         first = jnp.min(jnp.where(failed, place, failed.shape[0]))
         last = jnp.max(jnp.where(failed, place, -1))
@@ -189,7 +187,7 @@ class Reconfiguration(eqx.Module):
         return ~failed & ~(in_table & (self.left[jnp.maximum(number, 0)] == Left.THREE_AXES))
 
     def _spans(self, limit: Float[Array, " m"], steady: Vector, spare: RealScalar) -> BoolScalar:
-        """Whether a torque (N m) and that part of the largest about each axis can be made."""
+        """Whether a torque (N m) plus the part `spare` of the largest on each axis is possible."""
         largest = jnp.max(jnp.abs(self.torque), axis=1)
         smallest = (SMALL * jnp.max(largest)) ** 2
         ways = jnp.concatenate([jnp.eye(3), -jnp.eye(3)])
@@ -204,10 +202,10 @@ class Reconfiguration(eqx.Module):
     def beside_plane(
         self, limit: Float[Array, " m"], torque: Vector, directions: Float[Array, "3 2"]
     ) -> Vector:
-        """A torque (N m) where torques of either sign are left about two `directions` alone.
+        """A torque (N m) where torques of either sign remain about two `directions` alone.
 
-        Without its part across them, unless some thruster left makes torque that way: whatever that
-        one makes in the plane, others make up for.
+        Its part across them is removed unless a remaining thruster has torque in that sense: others
+        compensate for that thruster's torque in the plane.
         """
         in_plane = directions @ (directions.T @ torque)
         across = torque - in_plane
@@ -218,9 +216,9 @@ class Reconfiguration(eqx.Module):
     def allocate(
         self, limit: Float[Array, " m"], torque: Vector, steady: Vector
     ) -> Float[Array, " m"]:
-        """Thrusts (parts of the full ones) up to a `limit` that make `torque` + `steady` (N m).
+        """Thrusts (relative to full thrust) up to a `limit` that produce `torque` + `steady` (N m).
 
-        Where that is more than they can, `steady` comes first, and of the rest the greatest part is
-        made, in its direction.
+        Where that exceeds the capability, `steady` has priority, and of `torque` the largest
+        possible part is produced, in its direction.
         """
         return self.duties(torque, limit, steady)[0]

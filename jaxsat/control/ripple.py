@@ -1,7 +1,7 @@
-"""The periodic d3 of (2) about the axis without a torque: what of ω3 and z not to chase.
+"""Estimate of the ripple by the periodic d3 of (2) about the axis without a torque.
 
-Nothing can cancel d3. It leaves a ripple of a3 / (J3 Ω) in ω3 and a3 / (J3 Ω²) in z, which a law
-that steers the third axis has to know in order to leave it alone.
+Nothing can cancel d3. It causes a ripple of a3 / (J3 Ω) in ω3 and a3 / (J3 Ω²) in z, which a law
+that steers the third axis must know in order to ignore it.
 """
 
 from typing import NamedTuple
@@ -15,15 +15,15 @@ from jaxsat.core.checks import positive
 from jaxsat.core.quotients import reciprocal
 
 LEAST_SIGMAS, SURE_SIGMAS = 2.0, 4.0
-"""Of a steady acceleration: nothing is believed below the first many standard deviations, all from
-the second, and a part between, so that an estimate near either does not switch the law to and fro.
-"""
+"""Standard deviations of a steady acceleration below which it is ignored, and from which it is
+fully used. Between them a share is used, so that an estimate near either does not switch the law
+back and forth."""
 
 
 class ThirdRate(NamedTuple):
     """ω3 (rad/s), and the zero-mean ripples of ω3 (rad/s) and of z (rad) within it.
 
-    `steady` (rad/s²) is what a constant torque makes of dω3/dt, `None` if it is not estimated.
+    `steady` (rad/s²) is the effect of a constant torque on dω3/dt, `None` if it is not estimated.
     """
 
     rate: RealScalar
@@ -43,10 +43,10 @@ class RippleBelief(NamedTuple):
 
 
 class Steady(NamedTuple):
-    """What is known of the acceleration by a constant torque.
+    """Prior of the acceleration by a constant torque.
 
-    Its expected `size` (rad/s²), how fast it may change, `drift` (rad/s² per √s), and above which
-    ω1 or ω2, `rate_limit` (rad/s), nothing is learnt of it: the errors of c ω1 ω2 are not random.
+    Its expected `size` (rad/s²), its `drift` (rad/s² per √s), and the `rate_limit` (rad/s) on ω1
+    and ω2 above which it is not learnt: the errors of c ω1 ω2 are not random.
     """
 
     size: RealScalar
@@ -57,12 +57,12 @@ class Steady(NamedTuple):
 class RippleFilter(eqx.Module):
     """A Kalman filter of ω3 and of a sinusoidal d3, from the measured rates sample by sample.
 
-    At first it learns in a fraction of the disturbance's period, later it averages the noise of
-    the sensor away. Rates of ω1 and ω2 make it careful instead of being switched off: the
-    predicted ω3 is trusted to `product_error` |ω|², `lean_error` |ω| (without unit). `frequency`
-    is Ω (rad/s), `noise` the sensor's (rad/s), `amplitude` the ripple's expected size (rad/s), and
-    `drift` the rate at which the ripple may change by itself (rad/s per √s), which lets a frequency
-    nearby be followed. With `steady` it estimates the acceleration by a constant torque as well.
+    At first it learns in a fraction of the disturbance's period, later it averages the sensor's
+    noise. Rates of ω1 and ω2 raise its uncertainty instead of disabling it: the predicted ω3 is
+    uncertain by `product_error` |ω|², `lean_error` |ω| (dimensionless). `frequency` is Ω (rad/s),
+    `noise` the sensor's (rad/s), `amplitude` the ripple's expected size (rad/s), and `drift` the
+    random walk of the ripple (rad/s per √s), which also follows a nearby frequency. With `steady`
+    it also estimates the acceleration by a constant torque.
     """
 
     frequency: RealScalar = eqx.field(converter=positive("frequency"))
@@ -74,7 +74,7 @@ class RippleFilter(eqx.Module):
     steady: Steady | None = None
 
     def init(self, omega3: RealScalar) -> RippleBelief:
-        """The first measurement is mean plus ripple, and nothing more is known of the mean."""
+        """The belief after the first measurement, mean plus ripple, with the mean unknown."""
         zero, noise, size = jnp.zeros_like(omega3), self.noise**2, self.amplitude**2
         covariance = jnp.stack(
             [
@@ -92,7 +92,7 @@ class RippleFilter(eqx.Module):
     def advance(
         self, memory: RippleBelief, omega: Vector, change: RealScalar, period: RealScalar
     ) -> RippleBelief:
-        """The mean moves by `change`, the ripple turns by Ω `period`, and all grow less sure."""
+        """Predict: the mean moves by `change`, the ripple turns by Ω `period`, variances grow."""
         cos, sin = jnp.cos(self.frequency * period), jnp.sin(self.frequency * period)
         model_error = self.product_error * (omega[0] ** 2 + omega[1] ** 2)
         spread = [model_error**2, self.drift**2, self.drift**2]
@@ -106,7 +106,7 @@ class RippleFilter(eqx.Module):
         return RippleBelief(state, covariance + jnp.diag(period * jnp.stack(spread)))
 
     def correct(self, memory: RippleBelief, omega: Vector) -> RippleBelief:
-        """The usual update by one measurement, the sum of mean and ripple."""
+        """Update by one measurement, the sum of mean and ripple."""
         size = omega[0] ** 2 + omega[1] ** 2
         cross = memory.covariance[0] + memory.covariance[1]
         variance = cross[0] + cross[1] + self.noise**2 + self.lean_error**2 * size
@@ -116,7 +116,7 @@ class RippleFilter(eqx.Module):
         return RippleBelief(memory.state + gain * error, covariance)
 
     def believed(self, memory: RippleBelief) -> ThirdRate:
-        """The filtered ω3; the ripple's integral is its quadrature over Ω."""
+        """The filtered ω3 and its ripples; the ripple's integral is its quadrature over Ω."""
         mean, ripple, quadrature = memory.state[:3]
         steady = None
         if self.steady is not None:
@@ -129,7 +129,7 @@ class RippleFilter(eqx.Module):
 def _moved(
     rows: Float[Array, " states *n"], cos: RealScalar, sin: RealScalar, period: RealScalar
 ) -> Float[Array, " states *n"]:
-    """The second and third row turned: ripple and quadrature; the fourth moves the first."""
+    """The rows with the second and third (ripple) turned; the fourth moves the first."""
     first, second, third, *steady = rows
     for acceleration in steady:
         first = first + period * acceleration

@@ -1,8 +1,8 @@
 """Any rotation by three slews about the two driven axes.
 
 A rotation is R_i(a) R_j(b) R_i(c), i and j the two axes with a torque, taken about the body's own
-axes one after the other. With the body at rest before each slew, ω1 ω2 = 0 throughout and ω3
-stays what it was.
+axes in sequence. With the body at rest before each slew, ω1 ω2 = 0 throughout and ω3 stays
+constant.
 """
 
 import dataclasses
@@ -21,19 +21,19 @@ from jaxsat.core.tolerances import wrap_angle
 from jaxsat.core.trees import choose
 
 TAIL = 3.0
-"""A leg ends exponentially: its planned duration has this many time constants more."""
+"""Additional duration of a leg for its exponential end, in time constants."""
 
 STILL = 1e-30
-"""Keeps the quotient by the rate (rad/s) of a frame at rest finite."""
+"""Added to a rate (rad/s), so that the quotient by the rate of a frame at rest is finite."""
 
 END_ITERATIONS = 3
-"""The needed rotation depends on its own duration, weakly: the orbit frame turns meanwhile."""
+"""Number of iterations for the rotation, which depends weakly on its own duration."""
 
 
 def mirrored(q: Float[Array, "4"], along_x: BoolScalar) -> Float[Array, "4"]:
-    """Exchanges body axes x and y (and turns z round) unless the first slew is about x.
+    """Exchange body axes x and y (and reverse z) unless the first slew is about x.
 
-    So every formula below is written for the order 1-2-1 alone.
+    Every formula below is written for the order 1-2-1 alone.
     """
     q0, q1, q2, q3 = q
     return jnp.where(along_x, q, jnp.stack([q0, q2, q1, -q3]))
@@ -54,10 +54,10 @@ def three_slews(q: Float[Array, "4"]) -> Float[Array, "2 3"]:
 
 
 def two_slews(q: Float[Array, "4"]) -> Pair:
-    """Angles (b, c) in [-π, π) whose q_y(b) q_x(c) is nearest to q: the exact least rotation left.
+    """Angles (b, c) in [-π, π) whose q_y(b) q_x(c) is nearest to q, with the least rotation left.
 
-    The scalar product with q is a sum of one cosine of (b + c)/2 and one of (b - c)/2, and each
-    is made as large as it can be.
+    The scalar product with q is a sum of one cosine of (b + c)/2 and one of (b - c)/2, each
+    maximal.
     """
     q0, q1, q2, q3 = q
     half_sum = angle_of(q1 + q2, q0 + q3)
@@ -71,7 +71,7 @@ def one_slew(q: Float[Array, "4"]) -> RealScalar:
 
 
 class Leg(enum.IntEnum):
-    """The legs of three slews, and what follows them."""
+    """The legs of three slews, and the state after them."""
 
     FIRST_SLEW = 0
     SECOND_SLEW = 1
@@ -80,10 +80,10 @@ class Leg(enum.IntEnum):
 
 
 class Slewing(NamedTuple):
-    """The leg under way (`Leg`), its angle to go (rad), the order of axes.
+    """The current leg (`Leg`), its remaining angle (rad), the order of axes.
 
-    `end` is the time (s) at which the last leg should be over, `last_rate` the leg's rate at the
-    last sample (rad/s).
+    `end` is the time (s) at which the last leg should end, `last_rate` the leg's rate at the last
+    sample (rad/s).
     """
 
     leg: IntScalar
@@ -94,12 +94,12 @@ class Slewing(NamedTuple):
 
 
 class SlewPlanner(eqx.Module):
-    """Plans three slews to the orbit frame, and flies them one by one.
+    """Plan of three slews to the orbit frame, and their tracking one by one.
 
-    A leg follows the rate v(e) of its angle to go e: λ e near the end and the square root of a
+    A leg follows the rate v(e) of its remaining angle e: λ e near the end and the square root of a
     constant deceleration α = η_s Tm / J before, joined smoothly at e0 = α / λ². `torque_limit` is
-    Tm (N m), `share` η_s, `approach` λ and `rate_gain` k_s in 1/s. A leg is over when the angle to
-    go is below `angle_tolerance` (rad) and its rate below `rate_tolerance` (rad/s).
+    Tm (N m), `share` η_s, `approach` λ and `rate_gain` k_s in 1/s. A leg ends when the remaining
+    angle is below `angle_tolerance` (rad) and its rate below `rate_tolerance` (rad/s).
     """
 
     form: NormalForm
@@ -115,15 +115,15 @@ class SlewPlanner(eqx.Module):
         return dataclasses.replace(self, form=self.form.turned(axes))
 
     def init(self, omega: Vector) -> Slewing:
-        """The memory of a planner that has planned nothing."""
+        """The memory without a plan."""
         zero = jnp.zeros_like(omega[0])
         return Slewing(jnp.array(Leg.FIRST_SLEW), zero, jnp.array(True), zero, zero)
 
     def needed(self, state: NormalState, ahead: RealScalar) -> Float[Array, "4"]:
-        """The rotation (quaternion) from the body to the orbit frame of `ahead` seconds later.
+        """The rotation (quaternion) from the body to the orbit frame `ahead` seconds later.
 
-        Along the axes about which the slews turn: x and y lean by ε as the body turns about n
-        alike. At s = rest the body itself turns about n with the orbit frame.
+        Its components are along the slew axes: x and y lean by ε as the body turns about n
+        likewise. At s = rest the body itself turns about n with the orbit frame.
         """
         q, turn_rate = state.attitude.q, self.form.orbit_rate.at[2].add(-self.form.rest[2])
         speed = jnp.sqrt(jnp.sum(turn_rate**2) + STILL)
@@ -134,9 +134,9 @@ class SlewPlanner(eqx.Module):
         return jnp.concatenate([scalar[None], self._slew_axes() @ vector])
 
     def _slew_axes(self) -> Matrix:
-        """Rows: the axis of a slew about x, one across it nearest to that about y, their product.
+        """Rows: the axis of a slew about x, the nearest to that about y across it, their product.
 
-        The axes of the slews are at right angles but for ε1 ε2.
+        The slew axes are orthogonal up to ε1 ε2.
         """
         e1, e2 = self.form.lean
         one, zero = jnp.ones_like(e1), jnp.zeros_like(e1)
@@ -147,7 +147,7 @@ class SlewPlanner(eqx.Module):
         return jnp.stack([first, second, jnp.cross(first, second)])
 
     def duration(self, angles: Float[Array, "*n 3"], along_x: Bool[Array, "*n"]) -> Array:
-        """Seconds that three legs take from rest to rest, their tails included."""
+        """Duration of three legs from rest to rest, tails included, s."""
         j1, j2, _ = self.form.moments
         outer, inner = jnp.where(along_x, j1, j2), jnp.where(along_x, j2, j1)
         size = jnp.abs(angles) + 1e-9  # its root has no derivative at zero
@@ -157,7 +157,7 @@ class SlewPlanner(eqx.Module):
         return 2 * roots / jnp.sqrt(self.share * self.torque_limit) + tails
 
     def plan(self, t: RealScalar, state: NormalState) -> Slewing:
-        """The quickest of the four ways to the orbit frame as it will be at their end."""
+        """The fastest of the four ways to the orbit frame at their end."""
         ahead = jnp.zeros_like(state.omega[0])
         angle, x_first = ahead, jnp.array(True)
         for _ in range(END_ITERATIONS):
@@ -166,8 +166,8 @@ class SlewPlanner(eqx.Module):
         return Slewing(jnp.array(Leg.FIRST_SLEW), angle, x_first, t + ahead, rate)
 
     def _quickest(self, state: NormalState, ahead: RealScalar) -> tuple[Array, Array, Array]:
-        """Of the four ways to the orbit frame of `ahead` seconds later the quickest: its duration
-        (s), its first angle (rad) and whether that is about x."""
+        """Duration (s) of the fastest of the four ways to the orbit frame `ahead` seconds later,
+        its first angle (rad) and whether that is about x."""
         q = self.needed(state, ahead)
         along_x = jnp.array([True, True, False, False])
         ways = [three_slews(mirrored(q, jnp.array(first_x))) for first_x in (True, False)]
@@ -182,7 +182,7 @@ class SlewPlanner(eqx.Module):
     def advance(
         self, t: RealScalar, state: NormalState, slewing: Slewing, period: RealScalar
     ) -> Slewing:
-        """The angle to go `period` (s) later; at the end of a leg, the next from the attitude."""
+        """The remaining angle `period` (s) later; after a leg, that of the next by the attitude."""
         axis_x = self._axis_is_x(slewing)
         rate = jnp.where(axis_x, state.omega[0], state.omega[1])
         stretch = jnp.sqrt(1 + jnp.where(axis_x, *self.form.lean) ** 2)
@@ -193,7 +193,7 @@ class SlewPlanner(eqx.Module):
         return choose(over, following, same_leg)
 
     def reference(self, to_go: RealScalar, along_x: BoolScalar) -> tuple[Array, Array]:
-        """The leg's rate v (rad/s) for an angle to go, and dv/de (1/s)."""
+        """The leg's rate v (rad/s) for a remaining angle, and dv/de (1/s)."""
         j1, j2, _ = self.form.moments
         deceleration = self.share * self.torque_limit / jnp.where(along_x, j1, j2)
         join = deceleration / self.approach**2
@@ -204,13 +204,13 @@ class SlewPlanner(eqx.Module):
         return rate, jnp.where(linear, self.approach, deceleration / root)
 
     def references(self, slewing: Slewing) -> Pair:
-        """The rates of both axes that the leg under way asks for, rad/s."""
+        """The reference rates of both axes in the current leg, rad/s."""
         axis_x = self._axis_is_x(slewing)
         rate = jnp.where(slewing.leg == Leg.SLEWED, 0.0, self.reference(slewing.to_go, axis_x)[0])
         return jnp.where(jnp.stack([axis_x, ~axis_x]), rate, 0.0)
 
     def torque(self, omega: Vector, slewing: Slewing) -> Pair:
-        """The torque about x and y of the leg under way, not yet limited, N m.
+        """The torque about x and y of the current leg before limiting, N m.
 
         The profile's deceleration is fed forward only while the body follows it.
         """

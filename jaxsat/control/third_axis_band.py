@@ -1,9 +1,9 @@
-"""Thrusters that leave the axis alone which no wheel drives, while its error is within a band.
+"""Dead band of thrusters about the axis that no wheel drives.
 
-A torque that acts all the time brings the error to an edge of the band. There thrusters fire once
-and reverse the rate, as a ball bounces: the error goes back as it came, and returns to the same
-edge. None fires against another, so that the propellant is that of the torque's own momentum.
-An error that has crossed the band is turned back as slowly as pulses allow.
+A persistent torque brings the error to an edge of the band. There thrusters fire once and reverse
+the rate, as a ball bounces: the error returns on the same path to the same edge. No thruster fires
+against another, so that the propellant is that of the torque's own momentum. An error that has
+crossed the band is turned back as slowly as pulses allow.
 """
 
 from typing import NamedTuple
@@ -19,20 +19,20 @@ from jaxsat.core.declaration.three_torques import CALM
 from jaxsat.spacecraft.dynamics import PlantState
 
 LEAVE = 2.0
-"""Of the band: an error beyond this is brought back by feedback."""
+"""Error, relative to the band, beyond which feedback returns it."""
 
 RETURN = 0.01
-"""Of the band times the natural frequency: the rate at which an error returns at least."""
+"""Smallest rate of return, relative to band times natural frequency."""
 
 ALIKE = 0.99
-"""Of the most momentum for the propellant: what counts as as much."""
+"""Share of the best momentum per propellant above which thrusters are treated as equal."""
 
 SMALLEST = 1e-30
 """Keeps a quotient of two zeros finite."""
 
 
 class BandMemory(NamedTuple):
-    """Whether the axis `coasts` between its edges, and at which it was turned back last.
+    """Whether the axis `coasts` between its edges, and the edge of the last reversal.
 
     `edge` is the sign of the error there, 0 for neither.
     """
@@ -42,13 +42,13 @@ class BandMemory(NamedTuple):
 
     @staticmethod
     def begin() -> "BandMemory":
-        """Under feedback."""
+        """The memory under feedback."""
         return BandMemory(jnp.array(False), jnp.array(0.0))
 
 
 class Corrected(NamedTuple):
-    """The duty of each thruster, the torque (N m) without that about the axis, less what these
-    make across it, and the memory of the next sample."""
+    """The duty of each thruster, the torque (N m) without the part about the axis, less the pulses'
+    torque across it, and the next memory."""
 
     duty: Float[Array, " m"]
     torque: Vector
@@ -56,10 +56,10 @@ class Corrected(NamedTuple):
 
 
 class ThirdAxisBand(eqx.Module):
-    """Errors up to `band` (rad) about the axis that no wheel drives are left alone.
+    """Errors up to `band` (rad) about the axis that no wheel drives are not corrected.
 
-    `thrust` (3, m) is the torque of each thruster (N m), `least` (s) its least pulse, zero where
-    any width will do, and `cost` what full thrust costs.
+    `thrust` (3, m) is the torque of each thruster (N m), `least` (s) its smallest pulse, zero for
+    any width, and `cost` the cost of full thrust.
     """
 
     band: RealScalar = eqx.field(converter=positive("band"))
@@ -77,12 +77,12 @@ class ThirdAxisBand(eqx.Module):
         limit: Float[Array, " m"],
         before: BandMemory,
     ) -> Corrected:
-        """What is to be done of a `torque` (N m), about a unit `axis` n, or nothing else about
-        zero.
+        """Duties and remaining torque for a `torque` (N m) and the unit `axis` n; a zero axis has
+        no band.
 
-        Wheels hold momentum `stored` (N m s); of thrusters that do as well the one is taken that
-        lessens it most. Thrusters make the part `limit` of their thrust. Accelerations across n are
-        those that the torque would give: J n / n·Jn turns the body about n alone.
+        Wheels hold momentum `stored` (N m s); among equally efficient thrusters the one is chosen
+        that reduces it most. Thrusters produce the part `limit` of their thrust. Accelerations
+        across n are those of the commanded torque: J n / n·Jn turns the body about n alone.
         """
         inertia = law.model.spacecraft.inertia
         moment = jnp.maximum(axis @ inertia @ axis, SMALLEST)
@@ -93,7 +93,7 @@ class ThirdAxisBand(eqx.Module):
         rate = axis @ (state.omega - law.model.orbit.frame_rate(state.attitude))
         calm = CALM * law.natural_frequency * self.band
         side = jnp.where(error < 0, -1.0, 1.0)
-        push = -side * (axis @ self.thrust) * limit / moment  # inwards, rad/s²
+        push = -side * (axis @ self.thrust) * limit / moment  # inward, rad/s²
         step = push * self.least
         able = push > 0
         biggest = jnp.max(jnp.where(able, step, 0.0))
@@ -102,7 +102,7 @@ class ThirdAxisBand(eqx.Module):
         coasts = coasts & jnp.any(axis != 0)
         worth = jnp.where(able, push / self.cost, 0.0)
         alike = able & (worth > ALIKE * jnp.max(worth))
-        relief = stored @ self.thrust  # the more negative, the more momentum is taken out
+        relief = stored @ self.thrust  # negative: reduces the stored momentum
         best = jnp.argmin(jnp.where(alike, relief, jnp.inf))
         inwards = -side * rate
         slowest = jnp.maximum(step[best] / 2, RETURN * law.natural_frequency * self.band)
