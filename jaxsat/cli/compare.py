@@ -73,21 +73,21 @@ def compare(
 ) -> int:
     """Compare laws on the same cases: those of a scenario, or of the acceptance set.
 
-    With a scenario every --law flies its dispersed cases, failures in flight included. Without one
-    the laws steer three axes with two torques, the paper's included: random starts and the paper's
-    start, with a free third rate, a torque limit and dispersions. Prints a table and the
-    recommended law, and writes both with figures. The same command resumes an interrupted run.
+    With a scenario every --law flies its dispersed cases, failures in flight included; a scenario
+    without [dispersion] has one case. Without a scenario the laws steer three axes with two
+    torques, the paper's included: random starts and the paper's start, with a free third rate, a
+    torque limit and dispersions. Prints a table and the recommended law, and writes both with
+    figures. The same command resumes an interrupted run.
 
     Parameters
     ----------
     scenario
-        A name from `jaxsat scenarios list`, or a TOML file, with a [dispersion] table; without one
-        the acceptance set.
+        A name from `jaxsat scenarios list`, or a TOML file; without one the acceptance set.
     law
         Laws to compare: three-slew, oscillatory, switching, three-axis, rate, or all for these;
         planned, which takes longer than they do; your own law as module:Class; an installed law; or
-        a scenario file, of which [control] is used. With a scenario any laws that suit it. May be
-        given several times.
+        a scenario file, of which [control] is used. With a scenario any laws that suit it, and all
+        for its own and those that fit its actuators. May be given several times.
     count
         Random starts for each law, limit and level.
     seed
@@ -172,8 +172,6 @@ def _in_scenario(
     results: Resumable,
 ) -> dict[str, Any]:
     """The record of laws on the cases of a scenario."""
-    if list(laws) == ["all"]:
-        raise UserMistake("--law: must be given with a scenario, at least one law")
     scenario = load_scenario(name, overrides, "study")
     from jaxsat.synthesis.comparison.in_scenario import compare_in_scenario
 
@@ -194,7 +192,6 @@ def _in_scenario(
 
 def _compute(out: Path, work: Callable[[], Result]) -> Result:
     """Do the work; its errors become mistakes, and an interruption tells of `out`."""
-    from jaxsat.scenario.errors import MissingTable
     from jaxsat.synthesis.comparison.run import UnsuitableLaw, UnsuitableSetting
 
     try:
@@ -202,7 +199,7 @@ def _compute(out: Path, work: Callable[[], Result]) -> Result:
             return interruptibly(work)
     except UnsuitableLaw as error:
         raise option_mistake(error, ["law"], "--law: ") from None
-    except (MissingTable, UnsuitableSetting, ModuleNotFoundError) as error:
+    except (UnsuitableSetting, ModuleNotFoundError) as error:
         raise UserMistake(str(error)) from None
 
 

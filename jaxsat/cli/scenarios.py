@@ -131,7 +131,7 @@ def refusals(scenario: "Scenario") -> Iterator[str]:
     from jaxsat.scenario.errors import MissingTable
 
     if scenario.dispersion is None:
-        yield f"not for compare, montecarlo and tune: {MissingTable('dispersion')}"
+        yield f"not for montecarlo and tune: {MissingTable('dispersion')}"
     elif scenario.tuning is None:
         yield f"not for tune: {MissingTable('tuning')}"
     from jaxsat.synthesis.optima.run import required_manoeuvre

@@ -177,7 +177,6 @@ def test_a_law_that_settles_is_taken(jaxsat):
         ),
         (["-n", "0"], "-n: must be a whole number from 1"),
         (["--level", "soft"], "--level"),
-        (["failures-12u"], "--law: must be given with a scenario"),
         (["failures-12u", "--law", "rate", "--level", "mc"], "must be given without a scenario"),
         (["--set", "simulation.duration_s=9"], "--set: must be given with a scenario"),
         (["--law", "coast"], "must be one of three-slew, oscillatory"),

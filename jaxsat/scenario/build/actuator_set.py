@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from jaxsat.control.what_is_left import LEFT
 from jaxsat.controllability.actuators import (
     ActuatorSet,
     actuator_set,
@@ -22,6 +23,9 @@ from jaxsat.scenario.build.plant import field_of, orbit_rate
 from jaxsat.scenario.parts.thrusters import ThrusterTable
 from jaxsat.scenario.schema import Scenario
 from jaxsat.spacecraft.spacecraft import Spacecraft
+
+FAULT_TOLERANT = "fault-tolerant"
+"""The law that finds failures in flight."""
 
 APART = 1e-3
 """Least singular value of unit torques that no tolerance of the judgement calls in doubt."""
@@ -93,6 +97,18 @@ def judge_scenario(scenario: Scenario, *, tolerance: float | int = TOLERANCE) ->
     judgement = judge(inertia, actuators.only(working), tolerance=tolerance)
     rods, places = all_rods(scenario)
     return judgement if rods is None else judge_with_rods(judgement, rods, places, tolerance)
+
+
+def fitting_laws(scenario: Scenario, judgement: Judgement) -> list[str]:
+    """Names of the laws of jaxsat for what a judgement of the scenario says is left.
+
+    They are those of `LEFT`, after the one that finds failures where some strike in flight.
+    """
+    names = list(LEFT[judgement.laws].laws)
+    finds_failures = scenario.failure and (scenario.wheel or scenario.thruster)
+    if finds_failures and FAULT_TOLERANT not in names:
+        names.insert(0, FAULT_TOLERANT)
+    return names
 
 
 def borderline_words(scenario: Scenario) -> str | None:

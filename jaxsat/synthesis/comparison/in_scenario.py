@@ -1,16 +1,17 @@
 """Laws compared on the dispersed cases of any scenario, its failures in flight among them."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxsat.scenario import Scenario
+from jaxsat.scenario import Scenario, ScenarioError
+from jaxsat.scenario.build.actuator_set import fitting_laws, judge_scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.study import refined_study
 from jaxsat.scenario.control import law_names, required_law
-from jaxsat.scenario.errors import MissingTable
+from jaxsat.scenario.dispersion_tables import DispersionTable
 from jaxsat.store.labels import named_store
 from jaxsat.store.resumable import ResumableFolder
 from jaxsat.store.tables import open_study
@@ -32,7 +33,11 @@ from jaxsat.synthesis.comparison.verdict import (
     chosen_law,
     comparison_row,
 )
+from jaxsat.synthesis.controller_design.candidates import SLOW_LAWS
 from jaxsat.synthesis.execution import Execution, Listener, folder_of_call
+
+ALL = "all"
+"""In place of a law: the scenario's own and those that fit its actuators."""
 
 
 class ScenarioVerdict(NamedTuple):
@@ -66,8 +71,10 @@ def scenario_under(scenario: Scenario, law: str) -> Scenario:
     """The scenario under another law, without `[tuning]`.
 
     Keys of `[control]` that both laws have keep their values, the others of the new law have their
-    defaults. `law` is a law's name, `"module:Class"`, or a scenario file whose `[control]` is
-    taken. Raises `ValueError` for a law that there is not and `ScenarioError` for one that does not
+    defaults; a sampled law in place of a continuous one, or the reverse, has the default solver.
+    `law` is a law's name, `"module:Class"`, or a scenario file whose `[control]` is taken.
+
+    Raises `ValueError` for a law that there is not and `ScenarioError` for one that does not
     suit the scenario.
     """
     data = scenario.model_dump(exclude_none=True, exclude={"tuning"})
@@ -84,12 +91,14 @@ def scenario_under(scenario: Scenario, law: str) -> Scenario:
         shared_keys |= {"measured_disturbance"} if of_law.measures_disturbance else set()
         shared_values = {key: value for key, value in data["control"].items() if key in shared_keys}
         data["control"] = shared_values | {"law": law}
+        if of_law.sampled != scenario.law.declaration.sampled:
+            data["simulation"].pop("solver", None)
     return validated(data, f"{scenario.title}: {law}")
 
 
 def compare_in_scenario(
     scenario: Scenario,
-    laws: Iterable[str],
+    laws: Iterable[str] = (ALL,),
     *,
     count: int = 200,
     seed: int = 0,
@@ -99,18 +108,21 @@ def compare_in_scenario(
 ) -> ScenarioComparison:
     """Run the same `count` cases of a scenario under each law.
 
-    Case i has the same spacecraft, start, failures and noise under every law. With `out` the
-    studies are kept in that folder, with the record and the figures that `jaxsat compare` writes,
-    and the same call resumes them. Raises `UnsuitableLaw`, `MissingTable` for a scenario
-    without dispersions, and as `scenario_under` and `run_study` do.
+    Case i has the same spacecraft, start, failures and noise under every law. A scenario without
+    dispersions has one case. The law "all" stands for the scenario's own and the others that fit
+    its actuators, as `design` takes them; the listener is told why one of them is left out. With
+    `out` the studies are kept in that folder, with the record and the figures that `jaxsat compare`
+    writes, and the same call resumes them. Raises `UnsuitableLaw`, and as `scenario_under` and
+    `run_study` do.
     """
     if scenario.dispersion is None:
-        raise MissingTable("dispersion")
-    tell = listener.remark
-    studies = {
-        law: _study(scenario, law, count, tell, seed=seed, engine=execution.engine)
-        for law in dict.fromkeys(laws)
-    }
+        scenario, count = scenario.model_copy(update={"dispersion": DispersionTable()}), 1  # pyright: ignore[reportCallIssue]
+        listener.remark("no [dispersion] in the scenario: one flight of each law, from [initial]")
+    keys: dict[str, Any] = {"seed": seed, "engine": execution.engine}
+    studies = dict(_studies(scenario, laws, count, listener.remark, **keys))
+    if len(studies) == 1:
+        (law,) = studies
+        listener.remark(f"{law} flies alone: no other law was given that suits the scenario")
     listener.approve([study_work(study, None) for _, study in studies.values()])
     with folder_of_call(out, KIND) as folder:
         run = ComparisonRun(count, seed, folder.path, execution, listener)
@@ -118,6 +130,30 @@ def compare_in_scenario(
         if out is not None:
             _write(folder, scenario, comparison, seed)
         return comparison
+
+
+def _studies(
+    scenario: Scenario, laws: Iterable[str], count: int, tell: Callable[[str], None], **keys: Any
+) -> Iterator[tuple[str, tuple[Scenario, Study]]]:
+    """The study of each law by its name; a law of `ALL` that does not suit is left out."""
+    named_laws, own = dict.fromkeys(laws), scenario.control.law
+    fitting: list[str] = []
+    if ALL in named_laws:
+        del named_laws[ALL]
+        fitting = [own, *fitting_laws(scenario, judge_scenario(scenario))]
+    for law in dict.fromkeys([*fitting, *named_laws]):
+        optional = law != own and law not in named_laws
+        if optional and law in SLOW_LAWS:
+            tell(f"{law} is left out: it takes many minutes; name it to include it")
+            continue
+        try:
+            study = _study(scenario, law, count, tell, **keys)
+        except (ScenarioError, UnsuitableLaw) as error:
+            if not optional:
+                raise
+            tell(f"left out: {'; '.join(str(error).splitlines())}")
+        else:
+            yield law, study
 
 
 def _study(

@@ -132,6 +132,9 @@ def _reason(
     sure: Sequence[ComparisonRow],
     rows: Sequence[ComparisonRow],
 ) -> str:
+    if best.cases == 1:
+        flights = (f"{row.setting.law} {_flight(row)}" for row in rows if row is not best)
+        return "; ".join([f"in one flight it {_flight(best)}", *flights])
     fraction = best.settled
     half = "no median settling time"
     if np.isfinite(best.t50.value):
@@ -157,6 +160,12 @@ def _reason(
     return "; ".join(clauses)
 
 
+def _flight(row: ComparisonRow) -> str:
+    """What came of the only case."""
+    end = f"settles in {_seconds(row.t50.value)}" if row.settled.value else "does not settle"
+    return f"{end} with an effort of {number_text(row.effort, 3)} N m s"
+
+
 def settles_fewer(row: ComparisonRow, other: ComparisonRow) -> bool:
     """Whether of the cases that only one law settles too many are the other's."""
     one, two = (np.isfinite(each.settling_times) for each in (row, other))
@@ -169,7 +178,10 @@ def _time(row: ComparisonRow) -> tuple[float, float, float]:
 
 
 def _as_quick(row: ComparisonRow, quickest: ComparisonRow) -> bool:
-    """Whether neither the cases (sign test) nor the tail (t90) show that a law is slower."""
+    """Whether neither the median, the cases (sign test) nor the tail (t90) show that a law is
+    slower."""
+    if np.isinf(row.t50.value) and np.isfinite(quickest.t50.value):
+        return False  # which few cases alone cannot show
     return not _differ(*_ahead(quickest, row)) and row.t90.value <= quickest.t90.high
 
 

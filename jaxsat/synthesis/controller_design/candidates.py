@@ -11,10 +11,10 @@ from pydantic import ValidationError
 from jaxsat.control.fine import OscillatorySettling
 from jaxsat.control.planned import PlannedSettling
 from jaxsat.control.supervisor import ThreeSlewSettling
-from jaxsat.control.what_is_left import LEFT
 from jaxsat.core.declaration.settling import HOLDING_AMPLITUDE
 from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario import Scenario
+from jaxsat.scenario.build.actuator_set import FAULT_TOLERANT, fitting_laws
 from jaxsat.scenario.build.run import build, build_loop, build_tolerances
 from jaxsat.scenario.checks import SOLVER_KEYS
 from jaxsat.scenario.control import known_law, required_law
@@ -29,9 +29,6 @@ PERIOD = 0.1
 
 QUICK_PERIOD = 0.05
 """Periods over τ up to which one step of the third order a period is exact enough."""
-
-FAULT_TOLERANT = "fault-tolerant"
-"""The law that finds failures in flight."""
 
 Gains = tuple[Mapping[str, float], Mapping[str, Any]]
 
@@ -107,7 +104,7 @@ def fitting_candidates(
 
     `complete` fills in what the scenario lacks once it has a law and a scale.
     """
-    names = _names(scenario, verdict, law)
+    names = [law] if law not in (ALL, QUICK) else fitting_laws(scenario, verdict.judgement)
     slow = [name for name in names if law == QUICK and name in SLOW_LAWS]
     candidates, left_out = [], []
     for name, table in _tables(scenario, [one for one in names if one not in slow], law):
@@ -177,17 +174,6 @@ Maker = Callable[[Scale], dict[str, Any]]
 """Makes a `[control]` table of a scale."""
 
 UNIT = Scale((1.0, 1.0), 1.0)
-
-
-def _names(scenario: Scenario, verdict: VehicleVerdict, law: str) -> list[str]:
-    """The laws that are asked for."""
-    if law not in (ALL, QUICK):
-        return [law]
-    names = list(LEFT[verdict.judgement.laws].laws)
-    finds_failures = scenario.failure and (scenario.wheel or scenario.thruster)
-    if finds_failures and FAULT_TOLERANT not in names:
-        names.insert(0, FAULT_TOLERANT)
-    return names
 
 
 def _tables(scenario: Scenario, names: list[str], law: str) -> Iterator[tuple[str, Maker]]:

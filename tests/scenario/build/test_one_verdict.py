@@ -121,7 +121,7 @@ def test_check_names_the_commands_that_take_a_vehicle(tmp_path, capsys):
     assert "others: initial, control, simulation must" in printed
     assert check("two-wheel-telescope") == 0
     told = capsys.readouterr().out
-    assert "not for compare, montecarlo and tune: [dispersion] must be given, got nothing" in told
+    assert "not for montecarlo and tune: [dispersion] must be given, got nothing" in told
     assert "not for export" in told
     assert check("one-torque-damping") == 0
     assert "not for design: --law: must be given, as one-torque" in capsys.readouterr().out

@@ -1,11 +1,15 @@
 """Laws compared in any scenario: the tables of each law, and the stores."""
 
+import re
+
 import pytest
 
 from jaxsat.scenario import ScenarioError
 from jaxsat.scenario.build.load import load
-from jaxsat.scenario.errors import MissingTable
+from jaxsat.studies.ensemble import Study
+from jaxsat.synthesis.comparison import in_scenario
 from jaxsat.synthesis.comparison.in_scenario import compare_in_scenario, scenario_under
+from jaxsat.synthesis.execution import Listener
 
 LAWS = ("quaternion-feedback", "fault-tolerant")
 
@@ -33,9 +37,50 @@ def test_laws_that_do_not_suit_are_refused():
         scenario_under(scenario, "rate")
 
 
-def test_a_scenario_without_dispersed_cases_is_no_fault_of_a_law():
-    with pytest.raises(MissingTable, match=r"\[dispersion\] must be given"):
-        compare_in_scenario(load("switching"), ["switching"], count=2)
+@pytest.fixture
+def not_flown(monkeypatch):
+    """Laws are checked, and nothing is compiled."""
+    monkeypatch.setattr(
+        in_scenario, "refined_study", lambda given, *_, **__: (given, object.__new__(Study))
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "laws", "remarks"),
+    [
+        ("hybrid-wheels", ["fault-tolerant", "quaternion-feedback"], []),
+        ("rods-only", ["magnetic"], []),
+        ("switching", ["switching", "three-slew", "oscillatory"], ["planned is left out"]),
+        ("paper-rate", ["rate"], ["three-slew: key.*limit", "oscillatory: key.*", "planned is"]),
+    ],
+)
+def test_all_stands_for_the_own_law_and_those_that_fit(name, laws, remarks, not_flown):
+    """As `design` takes them for the same actuators."""
+    remarks_made = []
+    given = (load(name), ["all"], 2, remarks_made.append)
+    assert [law for law, _ in in_scenario._studies(*given)] == laws
+    for text, pattern in zip(remarks_made, remarks, strict=True):
+        assert re.search(pattern, text), text
+
+
+def test_a_law_that_was_named_is_not_left_out(not_flown):
+    with pytest.raises(ScenarioError, match="torque_limit"):
+        compare_in_scenario(load("paper-rate"), ["all", "three-slew"])
+
+
+def test_a_scenario_without_dispersions_flies_once(monkeypatch):
+    studies = []
+
+    def stop(scenario, count, tell, **keys):
+        studies.append((scenario.dispersion.distributions, count))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(in_scenario, "refined_study", stop)
+    remarks = []
+    with pytest.raises(KeyboardInterrupt):
+        compare_in_scenario(load("k2"), listener=Listener(remark=remarks.append))
+    assert studies == [({}, 1)]
+    assert "one flight of each law" in remarks[0]
 
 
 @pytest.mark.slow

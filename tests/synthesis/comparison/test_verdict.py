@@ -59,6 +59,14 @@ def test_the_quickest_of_the_sure_is_taken():
     assert choose_law([slow, unsure]).law == "oscillatory"
 
 
+def test_a_law_that_does_not_settle_is_not_taken_for_its_effort():
+    """By one case no test tells the laws apart."""
+    idle, works = row("rate", [np.inf], effort=0.0), row("switching", [60.0])
+    found = choose_law([idle, works])
+    assert found.law == "switching"
+    assert "it settles in 60 s with an effort of 10 N m s; rate does not settle" in found.reason
+
+
 def test_a_fraction_that_is_beaten_is_not_taken_however_quick():
     sure, quick = row("oscillatory", times(200, 200, 900.0)), row("rate", times(150, 200, 60.0))
     assert choose_law([sure, quick]).law == "oscillatory"
