@@ -1,4 +1,4 @@
-"""Scenario files: TOML, validated, every mistake with its place. Needs no JAX."""
+"""Scenario files: TOML with units, validated, every mistake with its place. Needs no JAX."""
 
 from jaxsat.scenario.dump import dump, json_schema
 from jaxsat.scenario.errors import Problem, ScenarioError, ScenarioWarning

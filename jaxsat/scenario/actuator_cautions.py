@@ -1,4 +1,4 @@
-"""Actuators that are allowed and yet cannot do what the law will ask of them."""
+"""Cautions about valid actuators that cannot make the torques that the law commands."""
 
 import math
 from collections.abc import Iterator
@@ -20,23 +20,23 @@ from jaxsat.scenario.tables import InitialTable, working_axes
 from jaxsat.scenario.wording import shown
 
 PHASES = 25
-"""Phases of a turn of the orbit frame at which momentum is compared with what wheels can hold."""
+"""Phases per revolution of the orbit frame at which momentum and wheel capacity are compared."""
 
 MOST_TURNS = 20
-"""Turns that have phases of their own; of more turns the phases are further apart."""
+"""Largest number of revolutions with phases of their own; beyond it the phases are wider apart."""
 
 NOTHING = 1e6
-"""A momentum over what wheels hold along it that is as good as infinite."""
+"""Ratio of momentum to wheel capacity that is treated as infinite."""
 
 UNLIMITED = 1e3
-"""Of a torque from outside: what a device without a limit makes."""
+"""Torque of a device without a limit, as a multiple of the external torque."""
 
 ROUNDING = 1e-9
-"""Relative excess that rounding alone makes of a momentum at the limit."""
+"""Relative round-off tolerance on a momentum at the limit."""
 
 
 def actuator_cautions(scenario: Scenario) -> Iterator[Issue]:
-    """What will never be used, what is too slow or too coarse, and too much momentum."""
+    """Yield cautions about idle, slow or coarse actuators and about excessive momentum."""
     if scenario.law.declaration.torques or scenario.law.declaration.commands_actuators:
         yield from torque_beyond_actuators(scenario)
     yield from idle_actuators(scenario)
@@ -48,10 +48,10 @@ def actuator_cautions(scenario: Scenario) -> Iterator[Issue]:
 
 
 def torque_beyond_actuators(scenario: Scenario) -> Iterator[Issue]:
-    """A constant torque from outside of which actuators that work at the start oppose a part only.
+    """Yield a caution if working actuators can oppose only a part of the constant external torque.
 
-    Where they make torques in a plane alone, its part in that counts. Magnetorquers, gyros and
-    actuators of packages have no limit that is known here.
+    If their torques span a plane, only the component in it counts. Magnetorquers, gyros and
+    actuators of packages have no limit known here.
     """
     torque = np.array(scenario.disturbance.constant_N_m)
     others = [getattr(scenario, name) for name in STEERED] + [scenario.actuators]
@@ -68,9 +68,9 @@ def torque_beyond_actuators(scenario: Scenario) -> Iterator[Issue]:
 
 
 def _reach(scenario: Scenario, unlimited: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit axes (3, m) of what works at the start, and the least and most torque along each (N m).
+    """Unit axes (3, m) of devices that work at the start, and their least and largest torques, N m.
 
-    What has no limit makes `unlimited`.
+    Devices without a limit make `unlimited`.
     """
     body, wheels = scenario.spacecraft, tuple(one for one in scenario.wheel if not one.failed)
     ideal = working_axes(body.thruster_torque_axes or (), body.failed_thrusters)
@@ -83,8 +83,8 @@ def _reach(scenario: Scenario, unlimited: float) -> tuple[np.ndarray, np.ndarray
 
 
 def _wheels_for_a_part(scenario: Scenario) -> Iterator[Issue]:
-    """Wheels that make a part of two torques: with their momentum h a ω × h turns the third axis,
-    which a law that turns it by (J1 - J2) ω1 ω2, or lets it rest, does not know."""
+    """Yield a caution if wheels make a part of two torques: with their momentum h, ω × h turns the
+    third axis, which laws that turn it by (J1 - J2) ω1 ω2, or rest it, ignore."""
     makers = TorqueMakers.of(scenario)
     working = len(makers.working_wheels)
     if makers.law.torques != 2 or not working:
@@ -100,10 +100,10 @@ def _wheels_for_a_part(scenario: Scenario) -> Iterator[Issue]:
 
 
 def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
-    """Momentum of body and wheels that the wheels cannot hold where the law is to bring it.
+    """Yield a caution if wheels cannot hold the momentum of body and wheels at the target attitude.
 
-    Of the torques from outside the constant one is counted. Beside magnetorquers, which take
-    momentum out in time, it is that at the start alone; gyros hold some themselves.
+    The only external torque counted is the constant one. With magnetorquers, which unload over
+    time, only the momentum at the start counts; gyros store some themselves.
     """
     makers = TorqueMakers.of(scenario)
     limits = [one.momentum_limit_N_m_s for one in makers.working_wheels]
@@ -115,7 +115,7 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     ):
         return
     if makers.relieved or (makers.law.torques and not makers.wheels_make_all):
-        return  # thrusters take part
+        return  # thrusters unload or share the torque
     axes, limit = makers.axes, np.array(limits)
     times, momenta = _momenta_to_hold(scenario)
     if scenario.magnetorquer:
@@ -127,7 +127,7 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
     if most <= 1 + ROUNDING:
         return
     remark = ""
-    if shares[0] <= 1:  # then it is the torque from outside, or how the frame turns
+    if shares[0] <= 1:  # the external torque or the rotation of the orbit frame is the cause
         after = int(np.argmax(shares > 1))
         part = (1 - shares[after - 1]) / (shares[after] - shares[after - 1])
         full = times[after - 1] + part * (times[after] - times[after - 1])
@@ -141,8 +141,8 @@ def _momentum_beyond_wheels(scenario: Scenario) -> Iterator[Issue]:
 
 
 def _momenta_to_hold(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
-    """Times (s), and what wheels that work must hold then (N m s), in body axes along the orbit
-    frame, with the impulse of a constant torque from outside."""
+    """Times (s) and momenta (N m s) that working wheels must hold then, in body axes along the
+    orbit frame, with the impulse of the constant external torque."""
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
     coasting = [one.momentum_N_m_s if one.failed else 0.0 for one in scenario.wheel]
     wheel_momenta = [one.momentum_N_m_s for one in scenario.wheel]
@@ -158,7 +158,7 @@ def _momenta_to_hold(scenario: Scenario) -> tuple[np.ndarray, np.ndarray]:
     for time in times:
         angle = rate * time
         cos, sin = math.cos(angle), math.sin(angle)
-        # The orbit frame turns by -ω0 about its second axis, what is fixed in space by ω0 in it.
+        # The orbit frame rotates by -ω0 about its second axis, inertial vectors by ω0 in it.
         inertial_part = np.array([[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]]) @ whole
         along, across = (sin / rate, (1 - cos) / rate) if rate else (time, 0.0)
         impulse = np.array([[along, 0, across], [0, time, 0], [-across, 0, along]]) @ torque
@@ -177,7 +177,7 @@ def _body_axes(start: InitialTable) -> np.ndarray:
 
 
 def _turn(half: float, axis: tuple[float, ...]) -> np.ndarray:
-    """The rotation vector (rad) of twice the angle `half` about an axis."""
+    """Rotation vector (rad) of twice the angle `half` about an axis."""
     size = np.linalg.norm(axis)
     return 2 * half * np.array(axis) / size if size else np.zeros(3)
 
@@ -185,10 +185,10 @@ def _turn(half: float, axis: tuple[float, ...]) -> np.ndarray:
 def _largest_load(
     axes: np.ndarray, low: np.ndarray, high: np.ndarray, demand: np.ndarray
 ) -> tuple[float, np.ndarray]:
-    """The largest of a demand over what devices make of it along a direction, and that direction.
+    """Largest ratio of a demand to the devices' capacity along any direction, and that direction.
 
-    Each makes from `low` to `high` along its axis, together a zonotope, whose faces are normal to
-    two of the axes.
+    Each device makes from `low` to `high` along its axis. The reachable set is a zonotope, whose
+    faces are normal to two of the axes.
     """
     columns = np.vstack([axes.T, np.eye(3)])
     first, second = np.triu_indices(len(columns), 1)
@@ -205,7 +205,7 @@ def _largest_load(
 
 
 def _slow_samples(scenario: Scenario) -> Iterator[Issue]:
-    """A period and a delay in which a rate error is more than undone."""
+    """Yield a caution about a period plus delay so long that rate errors are overcorrected."""
     frequency = getattr(scenario.control, "natural_frequency_rad_s", None)
     damping = getattr(scenario.control, "damping", None)
     period = getattr(scenario.control, "period_s", None)

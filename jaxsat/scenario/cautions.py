@@ -1,4 +1,4 @@
-"""What is allowed in a scenario and yet is likely a mistake."""
+"""Cautions about valid scenarios that are likely mistakes."""
 
 import math
 
@@ -23,21 +23,21 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown
 
 GAINS = {"oscillatory": MORIN_SAMSON, "three-slew": TWO_CHANNEL, "planned": TWO_CHANNEL}
-"""Gains of the laws that hold by an oscillation."""
+"""Gains of the laws that hold the attitude by an oscillation."""
 
 LEAST_TILT = 0.1
-"""Tangent of the angle between the one torque and its acceleration down to which the law of one
-torque was verified."""
+"""Smallest verified tangent of the angle between the one torque and its acceleration under the law
+of one torque."""
 
 LEAST_STEERING = 0.01
-"""Least size of δ - α or η (docs/one_torque.md) over α: where both vanish, rest is out of reach."""
+"""Smallest |δ - α| or |η| (docs/one_torque.md) over α; if both vanish, rest is unreachable."""
 
 HELD_TURN = 0.02
-"""Turn (rad) that an attitude may need to be held; settled means within 0.05."""
+"""Largest rotation (rad) to an attitude that is treated as held; settled means within 0.05 rad."""
 
 
 def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
-    """Everything about a valid scenario that a person should know, with `law` of its law too."""
+    """Return all cautions about a valid scenario; without `law` those about the law are omitted."""
     if not law:
         return [
             *_inertia_cautions(scenario),
@@ -62,7 +62,7 @@ def cautions(scenario: Scenario, law: bool = True) -> list[Issue]:
 
 
 def _origin_cautions(scenario: Scenario) -> list[Issue]:
-    """A centre of mass from which nothing has a distance."""
+    """Caution about a centre of mass given without any position that refers to it."""
     centre = scenario.spacecraft.centre_of_mass_m
     if centre is None:
         return []
@@ -72,7 +72,7 @@ def _origin_cautions(scenario: Scenario) -> list[Issue]:
 
 
 def _start_cautions(scenario: Scenario) -> list[Issue]:
-    """Laws that do not work in (w, z) may begin where there are none."""
+    """Caution about an upside-down start, where laws that do not work in (w, z) may begin."""
     quaternion = scenario.initial.quaternion
     if quaternion is None or not is_upside_down(quaternion):
         return []
@@ -108,7 +108,7 @@ def _obeys_triangle_inequality(inertia: tuple) -> bool:
 
 
 def _law_cautions(scenario: Scenario) -> list[Issue]:
-    """Equal moments under laws that move ω3 by the gyroscopic torque (J1 - J2) ω1 ω2 alone."""
+    """Caution about equal moments under laws that move ω3 by the torque (J1 - J2) ω1 ω2 alone."""
     if not scenario.law.declaration.needs_unequal_moments:
         return []
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
@@ -148,9 +148,9 @@ def _holding_cautions(scenario: Scenario) -> list[Issue]:
 
 
 def _end_game_cautions(scenario: Scenario) -> list[Issue]:
-    """An oscillation that holds the attitude and is larger than the tolerances of settling.
+    """Caution about a holding oscillation that is larger than the tolerances of settling.
 
-    Two rates of the amplitude ρ in phase are √2 ρ, and of the frequency ν a tilt of √2 ρ/ν.
+    Two in-phase rates of amplitude ρ have the norm √2 ρ, and at frequency ν a tilt of √2 ρ/ν.
     """
     control, settled = scenario.control, scenario.settled
     torque, gains = torque_limit(scenario), GAINS.get(control.law)
@@ -181,7 +181,7 @@ def _end_game_cautions(scenario: Scenario) -> list[Issue]:
 
 
 def _one_torque_cautions(scenario: Scenario) -> list[Issue]:
-    """Axes that are nearly principal, and those that cannot stop every rotation."""
+    """Caution about torque axes near a principal axis, and axes that cannot stop every rotation."""
     if scenario.law.declaration.torques != 1:
         return []
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)

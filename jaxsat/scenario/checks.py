@@ -1,7 +1,7 @@
-"""Rules that tie several keys of a scenario together.
+"""Rules across several keys of a scenario.
 
-Every rule names the keys that it reads and is applied wherever all of these are valid in
-themselves, so that one mistake hides no other.
+Every rule names the keys that it reads and is applied if all of these are valid by themselves, so
+that one mistake hides no other.
 """
 
 import math
@@ -23,11 +23,11 @@ from jaxsat.scenario.tables import ADAPTIVE_STEP_KEYS, FIXED_STEP_KEYS, working_
 from jaxsat.scenario.wording import shown
 
 MAX_SAMPLES = 2_000_000
-"""Samples of one run; their signals take a third of a gigabyte."""
+"""Largest number of samples of one run; their signals take a third of a gigabyte."""
 
 
 UNIT_LENGTH = 0.01
-"""How far from 1 a row of direction cosines may be, which are often given to few digits."""
+"""Tolerance on the length of a row of direction cosines, which are often given to few digits."""
 
 
 @rule("spacecraft.thruster_torque_axes")
@@ -101,7 +101,7 @@ PARTNERS = {
     "w": "z_rad",
     "z_rad": "w",
 }
-"""The keys of `[initial]` that say what the attitude is, and those that go together."""
+"""Keys of `[initial]` that define the attitude, and pairs of them that must be given together."""
 
 
 @rule(*(f"initial.{key}" for key in ATTITUDE_KEYS))

@@ -1,4 +1,4 @@
-"""`[control]`: the laws that a scenario can name, and a table for each, of what it declares."""
+"""`[control]`: the laws that a scenario can name, and the table of the keys of each."""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
@@ -25,20 +25,20 @@ from jaxsat.scenario.quantities import (
 
 
 def law_names() -> tuple[str, ...]:
-    """The laws that have a name of their own; no other takes one of jaxsat's."""
+    """Names of all laws that a scenario can use; jaxsat's own take precedence."""
     return (*LAWS, *sorted(set(installed(LAW)) - set(LAWS)))
 
 
 def is_plugin(name: str) -> bool:
-    """Whether this is the name of a law that does not come with jaxsat."""
+    """Whether the name denotes a law that does not come with jaxsat."""
     return name not in LAWS and (":" in name or name in installed(LAW))
 
 
 def find_law(name: str) -> Law:
-    """The law that a scenario names.
+    """Return the law that a scenario names.
 
-    Raises `PluginError` for one that does not come with jaxsat and cannot be used, and `KeyError`
-    for a name that there is not.
+    Raises `PluginError` for a law that does not come with jaxsat and cannot be used, and `KeyError`
+    for an unknown name.
     """
     if name in LAWS:
         return LAWS[name]
@@ -52,7 +52,7 @@ def find_law(name: str) -> Law:
 
 
 def known_law(name: Any) -> Law | None:
-    """The law of that name; None where there is none that can be used."""
+    """Return the law with this name; None if there is no usable law."""
     try:
         return find_law(name) if isinstance(name, str) else None
     except (KeyError, PluginError):
@@ -60,10 +60,10 @@ def known_law(name: Any) -> Law | None:
 
 
 def required_law(name: str, allowed: str) -> Law:
-    """The law that an argument `law` names.
+    """Return the law that an argument `law` names.
 
-    Raises `ArgumentError` with the reason for one that cannot be used, and with what is `allowed`
-    for a name that there is not.
+    Raises `ArgumentError` with the reason for an unusable law, and with the `allowed` values for an
+    unknown name.
     """
     try:
         return find_law(name)
@@ -74,7 +74,7 @@ def required_law(name: str, allowed: str) -> Law:
 
 
 def _require_true(law: Law) -> None:
-    """Raise `PluginError` where a class is not what it declares."""
+    """Raise `PluginError` if a class contradicts its declaration."""
     from jaxsat.control.controller import AbstractBacksteppingLaw
     from jaxsat.control.sampled import AbstractSampledController
 
@@ -91,7 +91,7 @@ def _require_true(law: Law) -> None:
 
 
 class ModelTable(ScenarioTable):
-    """`[control.model]`: what the controller believes; by default it equals the plant."""
+    """`[control.model]`: the controller's model of the plant; by default it equals the plant."""
 
     inertia_kg_m2: Inertia | None = quantity(
         "Inertia that the controller believes, in either form of spacecraft.inertia_kg_m2",
@@ -107,22 +107,22 @@ class ModelTable(ScenarioTable):
 class LawTable(ScenarioTable):
     """`[control]`, whatever the law."""
 
-    model_config = ConfigDict(validate_default=True)  # whoever declares a default may err
+    model_config = ConfigDict(validate_default=True)  # declared defaults may be invalid
 
     declared: ClassVar[Law]
-    """The law whose table this is."""
+    """The law to which this table belongs."""
 
     law: str = choice("The control law")
 
     if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """The keys that a law declares."""
+            """Value of a key that the law declares."""
 
 
 @once
 def table_of(law: Law) -> type[LawTable]:
-    """The class of the `[control]` table of a law."""
+    """Class of the `[control]` table of a law."""
     fields: dict[str, Any] = {"law": (Literal[law.name], choice("The control law"))}
     fields |= fields_of(law.declaration.keys)
     if law.declaration.measures_disturbance:
@@ -143,7 +143,7 @@ def table_of(law: Law) -> type[LawTable]:
 
 
 def _by_its_law(value: Any, handler: Callable[[Any], Any]) -> Any:
-    """The table of a law that does not come with jaxsat; others are left to the handler."""
+    """Validate the table of a law that does not come with jaxsat; leave others to the handler."""
     law = value.get("law") if isinstance(value, Mapping) else None
     if isinstance(value, LawTable):
         return value

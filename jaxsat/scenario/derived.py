@@ -1,4 +1,4 @@
-"""What the numbers of a scenario come to: torque axes, limits, and the coordinates of its loop."""
+"""Quantities derived from a scenario: torque axes, limits, and the coordinates of its loop."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -28,10 +28,10 @@ from jaxsat.scenario.tables import working_axes
 
 
 def believed_axes(scenario: Any) -> Float[np.ndarray, "3 m"]:
-    """A unit column for each torque that a law of one torque, or of two in any plane, counts on.
+    """Unit columns of the torques that a law of one torque, or of two in any plane, relies on.
 
-    `scenario` is a checked one. Of thrusters that push these are the directions in which they make
-    torques of either sign, of wheels the `directions` of `TorqueMakers`.
+    `scenario` is a checked one. For thrusters that push these are the directions in which they make
+    torques of either sign, for wheels the `directions` of `TorqueMakers`.
     """
     table, makers = scenario.spacecraft, TorqueMakers.of(scenario)
     if makers.working_wheels:
@@ -55,12 +55,12 @@ def has_invalid_momenta(scenario: Any) -> bool:
 
 
 def hold_samples_of(scenario: Any) -> int:
-    """The number of samples in a row without a step for which commands are held."""
+    """Number of consecutive samples without a step for which commands are held."""
     return HOLD_SAMPLES if scenario.sampling is None else scenario.sampling.hold_samples
 
 
 def command_map(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> np.ndarray | None:
-    """Body torque for each unit of commanded torque, (3, 2); None where there is no such map."""
+    """Body torque per unit of commanded torque, (3, 2); None if the thrusters allow no such map."""
     working = working_axes(axes, failed)
     try:
         return working @ allocation_matrix(working)
@@ -69,9 +69,9 @@ def command_map(axes: tuple[tuple[float, ...], ...], failed: Sequence[int]) -> n
 
 
 def torque_limit(scenario: Any) -> float | None:
-    """The largest torque (N m) that the law asks for about each axis; None for no limit.
+    """Largest torque (N m) that the law commands about each axis; None for no limit.
 
-    By default it is what wheels and thrusters can make about all commanded axes at once.
+    By default wheels and thrusters can make it about all commanded axes at once.
     """
     limit, makers = scenario.spacecraft.torque_limit_N_m, TorqueMakers.of(scenario)
     torques = makers.law.torques
@@ -88,19 +88,17 @@ def torque_limit(scenario: Any) -> float | None:
 
 
 def command_torques(scenario: Any, torques: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Torques (N m) of the thrusters that work, their costs, and the torque of a unit of command.
-
-    All are at full thrust.
-    """
+    """Full-thrust torques (N m) of the working thrusters, their costs, and the torque per unit
+    command."""
     makers = TorqueMakers.of(scenario)
     any_plane = makers.law.any_plane and not makers.working_wheels
     return makers.pushes, thruster_costs(scenario), plane_map(makers.pushes, torques, any_plane)
 
 
 def ideal_shares(scenario: Any, axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "m torques"]:
-    """Torques of ideal thrusters along unit `axes` for a unit of each torque asked of them.
+    """Torques of ideal thrusters along unit `axes` per unit of each commanded torque.
 
-    Raises `ValueError` where they cannot make these, and nothing else makes torques.
+    Raises `ValueError` if they cannot make these torques, and nothing else makes torques.
     """
     law = scenario.law.declaration
     if TorqueMakers.of(scenario).working_wheels or any(getattr(scenario, name) for name in STEERED):
@@ -113,7 +111,7 @@ def ideal_shares(scenario: Any, axes: Float[np.ndarray, "3 m"]) -> Float[np.ndar
 def thruster_costs(scenario: Any) -> np.ndarray:
     """Cost of full thrust of each thruster: its propellant flow or, if any has none, its torque.
 
-    Both are multiplied by its `price`.
+    Both are multiplied by the thruster's `price`.
     """
     working = [one for one in scenario.thruster if not one.failed for _ in signs(one)]
     costs = np.array([one.propellant_flow() for one in working])
@@ -139,13 +137,13 @@ ERROR_COORDINATE_KEYS = (
 
 
 def torque_jumps(values: Values) -> bool:
-    """Whether the law's torque jumps, as that of the printed (42), for want of a width."""
+    """Whether the law's torque is discontinuous, as in the printed (42), for lack of a width."""
     widths = values["control.law"].declaration.jumps_without
     return any(not values.get(f"control.{width}", 0) for width in widths)
 
 
 def error_coordinate_obstacle(values: Values) -> str | None:
-    """Why error coordinates do not hold, as a clause; None where they do."""
+    """Reason why error coordinates do not hold, as a clause; None if they hold."""
     if not values["control.law"].declaration.tracks_rates:
         return f'the law is "{values["control.law"]}"'
     if values["spacecraft.torque_limit_N_m"] is not None:
@@ -174,7 +172,7 @@ def error_coordinate_obstacle(values: Values) -> str | None:
 
 
 def uses_error_coordinates(values: Values) -> bool:
-    """What `simulation.coordinates` comes to."""
+    """Whether `simulation.coordinates`, with "auto" resolved, are error coordinates."""
     coordinates = values["simulation.coordinates"]
     if coordinates != "auto":
         return coordinates == "error"
@@ -182,7 +180,7 @@ def uses_error_coordinates(values: Values) -> bool:
 
 
 def is_upside_down(quaternion: tuple[float, ...]) -> bool:
-    """Whether (w, z) of an attitude are beyond what a run goes on with."""
+    """Whether (w, z) of an attitude are beyond the limit at which a run stops."""
     return quaternion[0] ** 2 + quaternion[3] ** 2 < 1 / STATE_LIMIT**2  # cos² of half the tilt
 
 

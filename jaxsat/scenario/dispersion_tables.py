@@ -1,4 +1,4 @@
-"""The `[dispersion]` table: what differs between the cases of a study."""
+"""`[dispersion]`: distributions of the quantities that differ between the cases of a study."""
 
 from typing import Annotated, Any, Literal
 
@@ -24,7 +24,7 @@ PARAMETERS = {
     "discrete": ("values", "weights"),
     "random-attitude": (),
 }
-"""The parameters of each distribution."""
+"""Parameters of each distribution."""
 
 
 class DistributionTable(ScenarioTable):
@@ -62,7 +62,7 @@ def _distribution_field(one: DispersibleQuantity) -> tuple[Any, Any]:
 class DispersionTable(
     table_with({one.key: _distribution_field(one) for one in DISPERSIBLE.values()})
 ):
-    """`[dispersion]`: what a Monte-Carlo study draws anew for every case."""
+    """`[dispersion]`: the quantities that a Monte-Carlo study draws for every case."""
 
     design: Literal["independent", "sobol", "latin-hypercube"] = choice(
         "How the cases are spread over the distributions", "independent"
@@ -75,6 +75,6 @@ class DispersionTable(
 
     @property
     def distributions(self) -> dict[str, DistributionTable]:
-        """The given distributions by the name of the quantity, in the order in which they act."""
+        """Given distributions by the name of the quantity, in the order in which they apply."""
         tables = {name: getattr(self, one.key) for name, one in DISPERSIBLE.items()}
         return {name: table for name, table in tables.items() if table is not None}

@@ -1,4 +1,4 @@
-"""Whether a scenario lies where its law was verified."""
+"""Cautions about a scenario outside the verified domain of its law."""
 
 import math
 from collections.abc import Iterator
@@ -16,11 +16,11 @@ from jaxsat.scenario.parts.wheels import free_inertia
 from jaxsat.scenario.schema import Scenario
 
 MARGIN = 0.01
-"""Part of itself by which a number may exceed what was verified before that is reported."""
+"""Relative excess of a number over the verified range up to which it is not reported."""
 
 
 def domain_cautions(scenario: Scenario) -> Iterator[Issue]:
-    """Every dimensionless number outside the range in which the law was verified."""
+    """Yield a caution for each dimensionless number outside the verified range of the law."""
     declaration = scenario.law.declaration
     if not declaration.domain:
         return
@@ -43,7 +43,7 @@ def domain_cautions(scenario: Scenario) -> Iterator[Issue]:
 
 
 def dimensionless_numbers(scenario: Scenario) -> dict[str, float]:
-    """The numbers of `NUMBERS` that a scenario with two torques has, by what its law believes."""
+    """Values of `NUMBERS` for a scenario with two torques, by the law's model of the plant."""
     inertia, frame, (first, second, third) = believed_normal_form(scenario)
     axes = believed_axes(scenario)
     across = frame[:2] @ inertia @ frame[2]
@@ -64,7 +64,7 @@ def dimensionless_numbers(scenario: Scenario) -> dict[str, float]:
 
 
 def _disturbance_rate(scenario: Scenario, inertia: Float[np.ndarray, "3 3"]) -> float:
-    """|J⁻¹ (a1 / Ω1, a2 / Ω2, a3 / Ω3)| of a_i sin(Ω_i t), rad/s; without terms of no frequency."""
+    """|J⁻¹ (a1 / Ω1, a2 / Ω2, a3 / Ω3)| of a_i sin(Ω_i t), rad/s; terms with Ω = 0 are omitted."""
     amplitude, frequency = scenario.disturbance.amplitude_N_m, scenario.disturbance.frequency_rad_s
     impulses = [a / w if w else 0.0 for a, w in zip(amplitude, frequency, strict=True)]
     return float(np.linalg.norm(np.linalg.solve(inertia, impulses)))
@@ -73,7 +73,7 @@ def _disturbance_rate(scenario: Scenario, inertia: Float[np.ndarray, "3 3"]) -> 
 def _timed_numbers(
     scenario: Scenario, normal: Float[np.ndarray, "3"], unit: float, limit: float
 ) -> dict[str, float]:
-    """The numbers that τ (s) and the torque limit (N m) are part of."""
+    """Dimensionless numbers that involve the time unit τ (s) and the torque limit (N m)."""
     table = scenario.disturbance
     numbers = {
         "orbit_rate": abs(scenario.orbit.rate()) * unit,
@@ -90,7 +90,7 @@ def _timed_numbers(
 
 
 def believed_normal_form(scenario: Scenario):
-    """The inertia that the law believes, its axes x, y, n in rows, and S1, S2, n·Jn, kg m²."""
+    """Inertia of the law's model, its axes x, y, n in rows, and S1, S2, n·Jn, kg m²."""
     model = getattr(scenario.control, "model", None)
     moments = getattr(model, "inertia_kg_m2", None) or scenario.spacecraft.inertia_kg_m2
     inertia = free_inertia(moments, scenario.wheel)

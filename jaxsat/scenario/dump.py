@@ -1,4 +1,4 @@
-"""A scenario as TOML text and its schema as JSON."""
+"""A scenario as TOML text, and the JSON Schema of scenario files."""
 
 from typing import Any
 
@@ -16,13 +16,13 @@ _OTHER_LAW = {
 
 
 def dump(scenario: Scenario) -> str:
-    """The scenario as a TOML file, defaults written out, that loads to an equal scenario."""
+    """Return the scenario as TOML, defaults written out, that loads to an equal scenario."""
     tables = scenario.model_dump()
     return toml_document({name: table for name, table in tables.items() if table != ()})
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of scenario files; quantities carry their unit under "unit".
+    """Return the JSON Schema of scenario files; quantities carry their unit under "unit".
 
     A key may also be given in each of its other units, but only in one.
     """

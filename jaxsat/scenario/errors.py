@@ -1,4 +1,4 @@
-"""What can be wrong with a scenario, and where."""
+"""Errors and warnings about scenarios, with their locations."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -7,13 +7,13 @@ from jaxsat.core.errors import JaxsatError
 from jaxsat.core.text import clean
 
 Location = tuple[str | int, ...]
-"""Where a value is: table and key names, then positions from 0 inside an array."""
+"""Location of a value: table and key names, then positions from 0 inside an array."""
 
 MAX_LISTED = 20
-"""Problems that the text of a `ScenarioError` lists."""
+"""Largest number of problems in the text of a `ScenarioError`."""
 
 MAX_PLACE_LENGTH, MAX_MESSAGE_LENGTH = 200, 1500
-"""Characters of a source or a key, and of what is said about it."""
+"""Largest number of characters of a source or a key, and of a message."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Issue:
 
 @dataclass(frozen=True)
 class Problem:
-    """An issue as a person reads it: the file (or the option), the line and the key."""
+    """An issue for the user: the file (or the option), the line and the key."""
 
     source: str
     message: str
@@ -39,7 +39,7 @@ class Problem:
     line: int | None = None
 
     def __str__(self) -> str:
-        """`file:line: key table.key: must …`, on one line that is safe to print."""
+        """Return `file:line: key table.key: must …`, on one line that is safe to print."""
         source = clean(self.source, MAX_PLACE_LENGTH)
         place = source if self.line is None else f"{source}:{self.line}"
         key = "" if self.key is None else f"key {clean(self.key, MAX_PLACE_LENGTH)}: "
@@ -47,9 +47,9 @@ class Problem:
 
 
 class ScenarioError(JaxsatError):
-    """A scenario that cannot be used; `problems` holds everything that is wrong with it.
+    """A scenario that cannot be used; `problems` holds every problem of the scenario.
 
-    Its text lists the first of them, one on a line.
+    The text lists the first problems, one on a line.
     """
 
     problems: tuple[Problem, ...]
@@ -65,25 +65,25 @@ class ScenarioError(JaxsatError):
 
 
 class MissingTable(JaxsatError, ValueError):
-    """A scenario without a table that something needs; the text is "[table] must be given, …"."""
+    """A scenario without a required table; the text is "[table] must be given, …"."""
 
     def __init__(self, table: str):
         super().__init__(f"[{table}] must be given, got nothing")
 
 
 class ScenarioWarning(UserWarning):
-    """Something about a scenario that is allowed and yet is likely a mistake."""
+    """A scenario that is valid but likely a mistake."""
 
 
 def key_of(location: Location) -> str | None:
-    """The dotted key of a location, without positions inside arrays; None for the whole file."""
+    """Dotted key of a location, without positions inside arrays; None for the whole file."""
     names = [part for part in location if isinstance(part, str)]
     return ".".join(names) if names else None
 
 
 def entry_of(location: Location) -> str:
-    """The position inside the value of a key as a clause, " as entry 2 of row 1" (from 1), or
-    nothing; the line says which of several tables has the key."""
+    """Position inside the value of a key as a clause, " as entry 2 of row 1" (from 1), or empty;
+    the line number identifies the table in an array of tables."""
     key = max((place for place, part in enumerate(location) if isinstance(part, str)), default=-1)
     positions = [part + 1 for part in location[key + 1 :] if isinstance(part, int)]
     if not positions:

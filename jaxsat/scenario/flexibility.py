@@ -1,4 +1,4 @@
-"""Oscillations of passive parts with the body free: their frequencies, and what excites them."""
+"""Oscillations of passive parts with the body free: frequencies, and cautions on excitation."""
 
 import math
 from collections.abc import Iterator
@@ -13,17 +13,17 @@ from jaxsat.scenario.quantities import inertia_matrix
 from jaxsat.scenario.schema import Scenario
 
 SEPARATION = 5.0
-"""How many times the natural frequency of a law the lowest oscillation should have at least."""
+"""Smallest recommended ratio of the lowest oscillation frequency to a law's natural frequency."""
 
 NEAR_HARMONIC = 0.05
 """Relative distance from a multiple of the sampling rate within which pulses excite a mode."""
 
 MOST_HARMONICS = 10
-"""Multiples of the sampling rate that pulses are taken to have."""
+"""Number of harmonics of the sampling rate that pulses are assumed to excite."""
 
 
 class StructuralMode(NamedTuple):
-    """An oscillation by what it is `of`, its `frequency` with the body free (rad/s), and its key.
+    """An oscillation: the part `of` it, its `frequency` with the body free (rad/s), and its key.
 
     `held` (rad/s) is the frequency with the body held.
     """
@@ -35,10 +35,10 @@ class StructuralMode(NamedTuple):
 
 
 def oscillations(scenario: Scenario) -> list[StructuralMode]:
-    """The oscillations of all parts with the body free, the slowest first; without damping.
+    """Return the undamped oscillations of all parts with the body free, the slowest first.
 
-    With d² η/dt² + Ω² η = -Dᵀ dω/dt and J dω/dt = -D d²η/dt² they are the eigenvalues of
-    Ω (1 - Dᵀ J⁻¹ D)⁻¹ Ω. Each is named by the part that has most of its motion.
+    With d² η/dt² + Ω² η = -Dᵀ dω/dt and J dω/dt = -D d²η/dt² they are the eigenvalues of Ω (1 - Dᵀ
+    J⁻¹ D)⁻¹ Ω. Each is named by the part with most of its motion.
     """
     modes = scenario.flexible_mode
     if not modes:
@@ -61,7 +61,7 @@ def oscillations(scenario: Scenario) -> list[StructuralMode]:
 
 
 def flexibility_cautions(scenario: Scenario) -> Iterator[Issue]:
-    """A law that is fast enough to excite an oscillation, and pulses in step with one."""
+    """Yield cautions about oscillations that the law's bandwidth or its pulses excite."""
     modes = oscillations(scenario)
     bandwidth = getattr(scenario.control, "natural_frequency_rad_s", None)
     if modes and bandwidth is not None and modes[0].frequency < SEPARATION * bandwidth:

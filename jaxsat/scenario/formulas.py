@@ -1,4 +1,4 @@
-"""The text of a requirement becomes a formula; a mistake is reported with its column.
+"""Parser of requirements: text to formula; a mistake is reported with its column.
 
 formula    = conjunction { "or" conjunction }
 conjunction = clause { "and" clause }
@@ -35,13 +35,13 @@ _WORD = re.compile(r"\s*([^\s()\[\],]+)")
 _TIMES = ("always", "eventually", "within")
 _RESERVED = (*_TIMES, "not", "and", "or", "until", "of", "end", "failure")
 MAX_DEPTH = 20
-"""Brackets and words such as `not` inside each other."""
+"""Largest nesting depth of brackets and words such as `not`."""
 
 
 def parse(text: str) -> Formula:
-    """The formula of a text.
+    """Parse a text into a formula.
 
-    Raises `ArgumentError`, whose rule tells the column, where the text is none.
+    Raises `ArgumentError`, whose rule gives the column, if the text is no formula.
     """
     parser = _Parser(text)
     formula = parser.formula()
@@ -52,7 +52,7 @@ def parse(text: str) -> Formula:
 
 
 def _require_times(formula: Formula) -> None:
-    """That every comparison is inside one temporal operator."""
+    """Raise `ArgumentError` unless every comparison is inside one temporal operator."""
     if isinstance(formula, Inequality):
         rule = "must say when with always, eventually, until or within"
         raise ArgumentError("formula", rule, f"{formula.signal} at column {formula.column}")
@@ -64,18 +64,18 @@ def _require_times(formula: Formula) -> None:
 
 
 class _Parser:
-    """A text, and how far it has been read."""
+    """A text and the position up to which it is parsed."""
 
     def __init__(self, text: str):
         self.text, self.place, self.depth = text, 0, 0
 
     def peek(self) -> str:
-        """The next word or mark; what is neither as far as it goes."""
+        """Return the next word or mark, or the rest of an invalid word."""
         match = _TOKEN.match(self.text, self.place) or _WORD.match(self.text, self.place)
         return match.group(1) if match else self.text[self.place :].strip()[:1]
 
     def take(self, *wanted: str) -> bool:
-        """Whether the next word or mark is one of these, which is then read."""
+        """Consume the next word or mark if it is one of `wanted`; return whether it was."""
         match = _TOKEN.match(self.text, self.place)
         if match is None or match.group(1) not in wanted:
             return False
@@ -83,23 +83,23 @@ class _Parser:
         return True
 
     def expect(self, mark: str, after: str) -> None:
-        """Read the mark that must follow."""
+        """Consume the mark that must follow."""
         if not self.take(mark):
             self.fail(f"must have {mark} after {after}", (mark,))
 
     def column(self) -> int:
-        """The column of what comes next, from 1."""
+        """Column of the next word or mark, from 1."""
         rest = self.text[self.place :]
         return self.place + len(rest) - len(rest.lstrip()) + 1
 
     def fail(self, rule: str, choices: Iterable[str] = ()) -> NoReturn:
-        """Refuse what comes next."""
+        """Raise `ArgumentError` about the next word or mark."""
         word = self.peek()
         got = f"{word or 'nothing'} at column {self.column()}"
         raise ArgumentError("formula", rule, got + (suggestion(word, choices) if word else ""))
 
     def formula(self) -> Formula:
-        """One formula."""
+        """Parse a formula."""
         return self._joined("or", lambda: self._joined("and", self.clause))
 
     def _joined(self, word: str, part: Callable[[], Formula]) -> Formula:
@@ -109,7 +109,7 @@ class _Parser:
         return parts[0] if len(parts) == 1 else Junction(tuple(parts), word == "and")
 
     def clause(self) -> Formula:
-        """A unit, or one until another."""
+        """Parse a unit, or a unit until another."""
         held = self.unit()
         begin = self.column()
         if not self.take("until"):
@@ -118,7 +118,7 @@ class _Parser:
         return self._temporal("until", held, window, begin, self.unit())
 
     def unit(self) -> Formula:
-        """What a word such as `not` or `always` applies to."""
+        """Parse the operand of a word such as `not` or `always`."""
         self.depth += 1
         if self.depth > MAX_DEPTH:
             self.fail(f"must not have more than {MAX_DEPTH} operators inside each other")
@@ -164,7 +164,7 @@ class _Parser:
         return Temporal(kind, held, window[0], window[1], until)
 
     def window(self) -> tuple[Instant, Instant]:
-        """A window; without one the whole run."""
+        """Parse a window; by default the whole run."""
         if not self.take("["):
             return Instant("start"), Instant("end")
         column = self.column()
@@ -179,7 +179,7 @@ class _Parser:
         return begin, end
 
     def instant(self) -> Instant:
-        """A time from the start, the end or a failure."""
+        """Parse a time from the start, the end or a failure."""
         for anchor in ("end", "failure"):
             if self.take(anchor):
                 sign = 1.0 if self.take("+") else -1.0 if self.take("-") else 0.0
@@ -187,7 +187,7 @@ class _Parser:
         return Instant("start", self.time())
 
     def time(self) -> float:
-        """A time, s, not negative."""
+        """Parse a time, s, not negative."""
         column = self.column()
         if not _NUMBER.match(self.text, self.place):
             self.fail("must have a time such as 60 s, end or failure", ("end", "failure"))
@@ -198,7 +198,7 @@ class _Parser:
         return value * size
 
     def comparison(self) -> Inequality:
-        """A signal and its threshold."""
+        """Parse a signal and its threshold."""
         column, name = self.column(), self.peek()
         signal = REQUIRED_SIGNALS.get(name)
         if signal is None:
@@ -213,7 +213,7 @@ class _Parser:
         return Inequality(name, below, value * size, unit, size, column, direction)
 
     def direction(self, name: str) -> tuple[float, ...]:
-        """Three numbers in round brackets, not all zero."""
+        """Parse three numbers in round brackets, not all zero."""
         column = self.column()
         self.expect("(", f"{name}, as in {name}(0, 0, 1)")
         numbers = [self.number(name)]
@@ -227,7 +227,7 @@ class _Parser:
         return tuple(numbers)
 
     def number(self, of: str) -> float:
-        """A number."""
+        """Parse a number."""
         match = _NUMBER.match(self.text, self.place)
         if match is None:
             self.fail(f"must have a number for {of}")
@@ -237,7 +237,7 @@ class _Parser:
         return float(match.group(1))
 
     def quantity(self, si: str, of: str) -> tuple[float, str, float]:
-        """A number, its unit and the size of that."""
+        """Parse a number and its unit; return the number, the unit and its size in SI."""
         value = self.number(of)
         units = UNITS.get(si, {si: 1.0})
         rest = self.text[self.place :].lstrip()

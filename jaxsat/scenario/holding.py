@@ -1,4 +1,4 @@
-"""Which attitudes can be held without a torque about one axis, and against what drift."""
+"""Attitudes that can be held without a torque about one axis, and the drift of all others."""
 
 import math
 from collections.abc import Callable
@@ -10,29 +10,29 @@ from jaxtyping import Float
 from jaxsat.core.inertia import normal_axes
 
 GRAVITY_GRADIENT = 3.0
-"""The torque of the gradient is this times ω0² o × J o, o the direction to the Earth's centre."""
+"""Factor of the gravity-gradient torque ω0² o × J o, o the direction to the Earth's centre."""
 
 STEP = 1e-6
-"""Step of the differences, rad."""
+"""Step of the finite differences, rad."""
 
 BALANCED = 1e-12
-"""Torque that counts as none, in parts of a scale: the largest moment times ω0² in orbit."""
+"""Torque that is treated as zero, relative to a scale: the largest moment times ω0² in orbit."""
 
 DRIFT_STEP = 1e-4
-"""Step of the differences of a drift, rad."""
+"""Step of the finite differences of a drift, rad."""
 
 ITERATIONS = 100
 
 RAYS, RAY_STEP, BISECTIONS = 1000, 0.05, 40
-"""Directions of turns that are looked along, the step (rad) and the halvings of a step."""
+"""Number of directions of rotation, step along them (rad), and bisections of a step."""
 
 
 Missing = Callable[[Float[np.ndarray, "*n 3"]], Float[np.ndarray, "*n"]]
-"""The torque that is missing about the axis, of bodies turned by rotation vectors (rad)."""
+"""Function from rotation vectors (rad) of the body to the missing torque about the axis."""
 
 
 def rotation(turn: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
-    """The matrix from the orbit frame to the axes of a body turned by a rotation vector (rad)."""
+    """Matrix from the orbit frame to the axes of a body turned by a rotation vector (rad)."""
     angle = np.sqrt(np.sum(turn**2, axis=-1))[..., None, None]
     cross = np.cross(turn[..., None, :], np.eye(3))  # -skew(turn)
     share = (np.sinc(angle / np.pi), np.sinc(angle / 2 / np.pi) ** 2 / 2)
@@ -47,7 +47,7 @@ def missing_torque(
 ) -> Float[np.ndarray, "*n"]:
     """n·(ω × Jω) less the gravity gradient about n, at rest in the orbit frame, over ω0² (kg m²).
 
-    It is what no thruster can supply. The body is turned from the orbit frame by the rotation
+    No thruster can supply this torque. The body is turned from the orbit frame by the rotation
     vector `turn` (rad); `inertia` (kg m²) and the unit vector `normal` are in body axes.
     """
     into_body = rotation(turn)
@@ -61,8 +61,8 @@ def missing_torque(
 def nearest_held(
     inertia: Float[np.ndarray, "3 3"], normal: Float[np.ndarray, "3"], gravity_gradient: bool
 ) -> Float[np.ndarray, "3"] | None:
-    """The least turn (rotation vector, rad) from the orbit frame to an attitude that can be held
-    in orbit; None where `nearest_balance` finds none."""
+    """Smallest rotation vector (rad) from the orbit frame to an attitude that can be held in orbit,
+    or None, see `nearest_balance`."""
 
     def missing(turn: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
         return missing_torque(inertia, normal, turn, gravity_gradient)
@@ -71,11 +71,11 @@ def nearest_held(
 
 
 def nearest_balance(missing: Missing, scale: float) -> Float[np.ndarray, "3"] | None:
-    """The least turn (rotation vector, rad) to an attitude in which no torque is missing.
+    """Smallest rotation vector (rad) to an attitude in which no torque is missing.
 
-    It is the lesser of the turns that iteration finds from no turn and from the nearest balance on
-    rays in all directions; None where there is no balance on any ray. Torques that are small
-    against `scale` count as none.
+    The smaller of the rotations to which iteration converges from zero and from the nearest balance
+    on rays in all directions; None without a balance on any ray. Torques that are small relative to
+    `scale` are treated as zero.
     """
     near = _iterate(missing, scale, np.zeros(3))
     if near is not None and np.sqrt(near @ near) < RAY_STEP:
@@ -89,7 +89,7 @@ def nearest_balance(missing: Missing, scale: float) -> Float[np.ndarray, "3"] | 
 
 
 def _nearest_on_rays(missing: Missing) -> Float[np.ndarray, "3"] | None:
-    """The least turn with a change of sign of the missing torque on rays of all directions."""
+    """Smallest rotation with a sign change of the missing torque on rays in all directions."""
     count = np.arange(RAYS) + 0.5
     height, around = 1 - 2 * count / RAYS, count * np.pi * (1 + 5**0.5)
     across = np.sqrt(1 - height**2)
@@ -114,9 +114,9 @@ def _nearest_on_rays(missing: Missing) -> Float[np.ndarray, "3"] | None:
 def _iterate(
     missing: Missing, scale: float, turn: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "3"] | None:
-    """Lagrange's condition by iteration from a turn; None where it does not converge.
+    """Solve Lagrange's condition by iteration from `turn`; None without convergence.
 
-    Each step goes to the point of the linearised balance that is nearest to no turn.
+    Each step goes to the point of the linearised balance that is nearest to the origin.
     """
     for _ in range(ITERATIONS):
         torque = float(missing(turn))
@@ -137,10 +137,10 @@ def _iterate(
 class RestDrift(NamedTuple):
     """ds/dt at rest in orbit, s = n·Jω / n·Jn about the axis n without a torque, in rad/s².
 
-    `drift` is that of the target attitude, `attitude` how much of it the attitudes within the
-    tolerances take away to first order, and `oscillation` how much two rates in phase do that
-    together are the tolerance of the rate ω: c ω²/4. They are sines, as those of the laws; square
-    waves would do c ω²/2, the most of all periodic rates.
+    `drift` is the value at the target attitude, `attitude` the reduction by attitudes within the
+    tolerances to first order, and `oscillation` the reduction by two in-phase rates with the norm
+    of the rate tolerance ω: c ω²/4. The rates are sines, as in the laws; square waves give c ω²/2,
+    the largest value of all periodic rates.
     """
 
     drift: float
@@ -149,7 +149,7 @@ class RestDrift(NamedTuple):
 
     @property
     def balanced(self) -> float:
-        """The largest drift against which the laws can hold an attitude within the tolerances."""
+        """Largest drift against which the laws can hold an attitude within the tolerances."""
         return self.attitude + self.oscillation
 
 
@@ -160,10 +160,10 @@ def rest_drift(
     gravity_gradient: bool,
     tolerances: tuple[float, float, float],
 ) -> RestDrift:
-    """The drift of a body (kg m²) with torques about two orthonormal `directions`.
+    """Drift of a body (kg m²) with torques about two orthonormal `directions`.
 
-    `tolerances` are those of the tilt of the body's third axis and of the turn about it (rad), and
-    of the rate (rad/s); `orbit_rate` is in rad/s.
+    `tolerances` are on the tilt of the body's third axis, the turn about it (rad) and the rate
+    (rad/s); `orbit_rate` is in rad/s.
     """
     frame, (first, second, third) = normal_axes(inertia, directions)
     turns = DRIFT_STEP * np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])

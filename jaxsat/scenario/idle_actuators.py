@@ -1,4 +1,4 @@
-"""Thrusters and wheels that have no part in any torque that the law commands."""
+"""Cautions about thrusters and wheels that contribute to no torque that the law commands."""
 
 import itertools
 from collections.abc import Iterable, Iterator
@@ -16,7 +16,7 @@ from jaxsat.scenario.tables import working_axes
 
 
 def idle_actuators(scenario: Scenario) -> Iterator[Issue]:
-    """What has no part in two torques; in three, all that make some torque have one."""
+    """Yield cautions about idle actuators; under three torques only ideal thrusters can be idle."""
     law = scenario.law.declaration
     if law.torques == 2 and not law.commands_actuators:
         yield from _idle_thrusters(scenario)
@@ -47,9 +47,10 @@ def _idle_thrusters(scenario: Scenario) -> Iterator[Issue]:
 
 
 def _idle_ideal_thrusters(scenario: Scenario, torques: int) -> Iterator[Issue]:
-    """Those of `thruster_torque_axes`, which make in fixed shares what wheels do not make at all.
+    """Yield a caution about idle `thruster_torque_axes`, which share what wheels do not make at
+    all.
 
-    Where they make up for each other within limits, all that could have a part have one.
+    The shares are fixed; thrusters that could replace others count as used.
     """
     table = scenario.spacecraft
     axes = working_axes(table.thruster_torque_axes or (), table.failed_thrusters)
@@ -95,11 +96,11 @@ def _issues(scenario: Scenario, location: Location, idle: Iterable[str]) -> Iter
 def columns_in_use(
     torque: Float[np.ndarray, "3 m"], command: Float[np.ndarray, "3 k"]
 ) -> Bool[np.ndarray, " m"]:
-    """Which thrusters that push have a part in some torque along the columns of `command`.
+    """Mask of the pushing thrusters that contribute to some torque along the columns of `command`.
 
-    `torque` has a column for each, at full thrust. The others could only cancel each other. The
-    duties that make such torques are a cone; those on its edges belong to as few thrusters as
-    cancel what is across the commands, at most one more than there are such directions.
+    `torque` has a column per thruster, at full thrust. The others could only cancel each other. The
+    duties that make such torques are a cone; its edges belong to the fewest thrusters that cancel
+    the components across the commands, at most one more than there are such directions.
     """
     torque = torque / np.sqrt(np.sum(torque**2, axis=0))
     directions, sizes, _ = np.linalg.svd(command)
@@ -120,9 +121,9 @@ def columns_in_use(
 
 
 def _cancelling(across: Float[np.ndarray, "r g s"]) -> Float[np.ndarray, "g s"]:
-    """Duties of which each group's torques cancel, of r rows and s = r + 1 thrusters; r is 0 to 2.
+    """Duties with which each group's torques cancel; r rows, s = r + 1 thrusters, r from 0 to 2.
 
-    They are zero where the group has more than one way to do so.
+    They are zero for a group with more than one solution.
     """
     if len(across) == 2:
         return np.cross(across[0], across[1])

@@ -1,7 +1,7 @@
-"""How large a scenario may be: told by one pass over its text, before anything is parsed.
+"""Limits on the size of a scenario, checked by one pass over its text before it is parsed.
 
-TOML allows keys of any number of parts, numbers of any number of digits and brackets of any
-depth, and a parser takes time and memory for them that grows faster than the file.
+TOML allows keys of any number of parts, numbers of any number of digits and brackets of any depth,
+for which a parser takes time and memory that grow faster than the file.
 """
 
 import re
@@ -9,30 +9,30 @@ import re
 from jaxsat.core.errors import JaxsatError
 
 MAX_FILE_SIZE = 1_000_000
-"""Bytes. No scenario comes near; a file larger than this is something else."""
+"""Largest file, bytes; larger files are no scenarios."""
 
 MAX_OVERRIDE_LENGTH = 100_000
-"""Characters of one `--set`."""
+"""Largest number of characters of one `--set`."""
 
 MAX_OVERRIDES = 1000
 MAX_KEYS = 2000
-"""Keys and table headings of one file."""
+"""Largest number of keys and table headings of one file."""
 
 MAX_PARTS = 16
-"""Parts of one dotted key; no key of a scenario has more than four."""
+"""Largest number of parts of one dotted key; no key of a scenario has more than four."""
 
 MAX_DEPTH = 16
 MAX_ENTRIES = 1000
-"""Entries of one list."""
+"""Largest number of entries of one list."""
 
 MAX_WORD_LENGTH = 100
-"""Characters of one bare key, or of one number."""
+"""Largest number of characters of one bare key, or of one number."""
 
 MAX_TEXT_LENGTH = 20_000
-"""Characters of one text, quotes and escapes included."""
+"""Largest number of characters of one text, quotes and escapes included."""
 
 _TOKEN = re.compile(
-    r'"""(?:[^"\\]|\\.|"(?!""))*+"{3,5}'  # texts of several lines, and of one
+    r'"""(?:[^"\\]|\\.|"(?!""))*+"{3,5}'  # multi-line texts, then single-line texts
     r"|'''(?:[^']|'(?!''))*+'{3,5}"
     r'|"(?!"")(?:[^"\\\n]|\\.)*+"'
     r"|'(?!'')[^'\n]*+'"
@@ -44,7 +44,7 @@ _TOKEN = re.compile(
 
 
 class Excess(JaxsatError, ValueError):
-    """More of something than a scenario may have; `line` counts from 1."""
+    """A scenario that exceeds a limit; `line` counts from 1."""
 
     line: int
 
@@ -54,20 +54,20 @@ class Excess(JaxsatError, ValueError):
 
 
 def require_modest(text: str) -> None:
-    """Raise `Excess` where the text of a TOML document exceeds a limit.
+    """Raise `Excess` if the text of a TOML document exceeds a limit.
 
-    Linear in time, and no memory to speak of. Text that is no TOML is left to the parser, which
-    looks no further than its first mistake.
+    Linear in time, with negligible memory. Invalid TOML is left to the parser, which stops at the
+    first mistake.
     """
     line = 1
     keys = parts = 0
-    in_value = False  # on this line, behind an equals sign
-    entries: list[int] = []  # of each bracket that is open
+    in_value = False  # on this line, after an equals sign
+    entries: list[int] = []  # of each open bracket
     for match in _TOKEN.finditer(text):
         token = match.group()
         first = token[0]
         if token in ('"', "'"):
-            return  # opens a text that does not end
+            return  # start of an unterminated text
         if first in "\"'":
             line += token.count("\n")
             _require(

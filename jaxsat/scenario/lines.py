@@ -1,4 +1,4 @@
-"""On which line of a TOML file each key and each array entry stands."""
+"""Line numbers of the keys and array entries of a TOML file."""
 
 import bisect
 import re
@@ -15,12 +15,12 @@ _SCALAR = re.compile(r"[^,\]}\n#]+")
 
 
 def line_map(text: str) -> dict[Location, int]:
-    """Line numbers, from 1, by location. `text` must be valid TOML (checked by `tomllib` first)."""
+    """Line numbers, from 1, by location; `text` must be valid TOML (checked by `tomllib` first)."""
     return _Scanner(text).document()
 
 
 def nearest_line(lines: dict[Location, int], location: Location) -> int:
-    """The line of a location, or of the closest table or array around it; 1 at the worst."""
+    """Line of a location, or of the closest enclosing table or array; 1 without any."""
     while location and location not in lines:
         location = location[:-1]
     return lines.get(location, 1)

@@ -1,4 +1,4 @@
-"""optax by name: optimiser, schedule of the learning rate, and clipping; or no derivatives."""
+"""Optimisers of optax by name, with learning-rate schedule and clipping; or CMA-ES."""
 
 import inspect
 from dataclasses import dataclass
@@ -11,19 +11,19 @@ from jaxsat.core.errors import ArgumentError
 
 SCHEDULES = ("constant", "cosine", "exponential")
 DERIVATIVE_FREE = "cma-es"
-"""The optimiser that asks for no derivatives, by its name in a scenario."""
+"""Name of the derivative-free optimiser in a scenario."""
 
 FINAL_RATE_FRACTION = 0.05
-"""What is left of the learning rate at the end of a schedule that falls."""
+"""Learning rate at the end of a decaying schedule, relative to the start."""
 
 
 @dataclass(frozen=True)
 class OptimiserSettings:
     """An optimiser of optax by its name there, with a learning rate, its schedule and clipping.
 
-    A gradient longer than `clip` is shortened to it. `DERIVATIVE_FREE` is none of optax and has
-    neither. Raises `ArgumentError` for what is no
-    optimiser of optax, or one that needs more than gradients.
+    A gradient longer than `clip` is shortened to it. `DERIVATIVE_FREE` is not of optax and uses no
+    learning rate or clipping. Raises `ArgumentError` for a name that is no optimiser of optax, or
+    for an optimiser that needs more than gradients.
     """
 
     optimiser: str = "adam"
@@ -42,11 +42,11 @@ class OptimiserSettings:
 
     @property
     def derivative_free(self) -> bool:
-        """Whether no derivatives are taken."""
+        """Whether the optimiser uses no derivatives."""
         return self.optimiser == DERIVATIVE_FREE
 
     def transformation(self, steps: int) -> optax.GradientTransformation:
-        """What turns gradients into steps, for a run of `steps`."""
+        """Return the transformation of gradients into steps, for a run of `steps`."""
         optimiser = getattr(optax, self.optimiser)(learning_rate=self._rate(steps))
         return optax.chain(optax.clip_by_global_norm(self.clip), optimiser)
 
@@ -74,7 +74,7 @@ def _require_optimiser(name: str) -> None:
         raise problem
     try:
         transformation, point = factory(learning_rate=0.1), jnp.ones(2)
-        with jax.numpy_dtype_promotion("standard"):  # optax counts its steps in whole numbers
+        with jax.numpy_dtype_promotion("standard"):  # optax counts steps in integers
             transformation.update(point, transformation.init(point), point)
     except Exception as error:
         raise problem from error

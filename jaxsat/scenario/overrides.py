@@ -15,7 +15,7 @@ from jaxsat.scenario.units import other_spellings
 from jaxsat.scenario.wording import shown
 
 ELLIPSE = frozenset(f"orbit.{key}" for key in ELLIPTIC_KEYS)
-"""The keys of an elliptic orbit."""
+"""Keys of an elliptic orbit."""
 
 ALTERNATIVES: tuple[tuple[frozenset[str], ...], ...] = (
     (frozenset({"orbit.rate_rad_s"}), frozenset({"orbit.altitude_km"}), ELLIPSE),
@@ -27,12 +27,12 @@ ALTERNATIVES: tuple[tuple[frozenset[str], ...], ...] = (
         frozenset({"initial.mrp"}),
     ),
 )
-"""Groups of keys that exclude each other: an override of one displaces the file's others."""
+"""Groups of mutually exclusive keys: an override of one displaces the others of the file."""
 
 
 @dataclass(frozen=True)
 class Override:
-    """One `--set`, taken apart."""
+    """One parsed `--set`."""
 
     text: str
     path: tuple[str, ...]
@@ -40,7 +40,7 @@ class Override:
 
     @property
     def source(self) -> str:
-        """How the override is named in messages."""
+        """Name of the override in messages."""
         return f"--set {self.text}"
 
     @property
@@ -50,12 +50,12 @@ class Override:
 
 
 def override(key: str, value: Any) -> Override:
-    """An override whose value is known, so that nothing takes it for another: a title 0 is text."""
+    """Return an override with a value that is not parsed, so that a title 0 remains text."""
     return Override(f"{key}={value}", tuple(key.split(".")), value)
 
 
 def parse_override(text: str) -> Override | Problem:
-    """Take `KEY=VALUE` apart; a VALUE that is no TOML value is taken as text."""
+    """Parse `KEY=VALUE`; a VALUE that is not valid TOML is taken as text."""
     source = f"--set {text}"
     if len(text) > MAX_OVERRIDE_LENGTH:
         return Problem(
@@ -76,7 +76,7 @@ def parse_override(text: str) -> Override | Problem:
 def apply_overrides(
     data: dict[str, Any], overrides: Iterable[Override]
 ) -> tuple[dict[str, Any], list[Problem]]:
-    """The file's data with the overrides in it, and what kept any from being applied."""
+    """Return the file's data with the overrides, and a problem for each that cannot be applied."""
     overrides = list(overrides)
     problems = []
     result = _displace(data, overrides)
@@ -129,7 +129,7 @@ def _put(data: dict[str, Any], override: Override) -> str | None:
 
 
 def _displace(data: dict[str, Any], overrides: list[Override]) -> dict[str, Any]:
-    """A deep copy of the data without the keys that an override makes void."""
+    """Return a deep copy of the data without the keys that an override makes void."""
     values = {override.key: override.value for override in overrides}
     void: set[str] = set()
     for groups in ALTERNATIVES:
@@ -143,12 +143,12 @@ def _displace(data: dict[str, Any], overrides: list[Override]) -> dict[str, Any]
 
 
 def _spellings(keys: Iterable[str]) -> set[str]:
-    """Dotted keys, and the same in other units."""
+    """Dotted keys, and the same keys in other units."""
     return {spelling for key in keys for spelling in (key, *other_spellings(key))}
 
 
 def _other_units(path: tuple[str, ...]) -> Iterator[str]:
-    """The dotted keys that say in other units what an override says."""
+    """Dotted keys of the override's quantity in other units."""
     for depth, name in enumerate(path):
         for twin in other_spellings(name):
             yield ".".join((*path[:depth], twin))
@@ -166,7 +166,7 @@ def _void_solver_keys(values: Mapping[str, Any]) -> set[str]:
 
 
 def _void_law_keys(data: Mapping[str, Any], values: Mapping[str, Any]) -> set[str]:
-    """Keys that only other laws have, where the law itself is overridden."""
+    """Keys of `[control]` that only other laws have, if the law itself is overridden."""
     law = known_law(values.get("control.law"))
     control = data.get("control")
     if law is None or not isinstance(control, Mapping):

@@ -1,7 +1,7 @@
-"""Parts that do not come with jaxsat: of installed packages and a user's own modules.
+"""Plug-ins: laws and parts of installed packages and of the user's own modules.
 
-A scenario names them by the name of an entry point, or as "module:Class". Modules are looked for in
-the folder of the scenario file and the current folder too, but only where a scenario asks for one.
+A scenario names them by an entry point, or as "module:Class". Modules are also searched in the
+folder of the scenario file and the current folder, but only if a scenario names one.
 """
 
 import contextlib
@@ -30,10 +30,9 @@ _MODULE_AND_CLASS = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 
 @dataclass(frozen=True)
 class PluginKind:
-    """A kind of part: its name in messages, group of entry points, base classes and declaration.
+    """A kind of plug-in: its name in messages, entry-point group, base classes and declaration.
 
-    `key` is the key of a table that names the part, `own` are the names of those that come with
-    jaxsat.
+    `key` is the key of a table that names the part, `own` the names of jaxsat's own parts.
     """
 
     what: str
@@ -76,9 +75,9 @@ ESTIMATOR = PluginKind(
 
 
 class PluginError(JaxsatError, ValueError):
-    """A part that does not come with jaxsat cannot be used; the text is "must …, got …".
+    """A plug-in that cannot be used; the text is "must …, got …".
 
-    `key` is the key that names it.
+    `key` is the key that names the part.
     """
 
     key: str
@@ -90,16 +89,16 @@ class PluginError(JaxsatError, ValueError):
 
 @once
 def installed(kind: PluginKind) -> Mapping[str, Any]:
-    """Parts of installed packages by name, not imported yet.
+    """Entry points of installed packages by name, not imported yet.
 
-    They are entry points of `importlib.metadata` or of the backport that other packages bring.
+    They are objects of `importlib.metadata` or of the backport that other packages bring.
     """
     return {entry.name: entry for entry in entry_points(group=kind.group)}
 
 
 @dataclass(frozen=True)
 class Part:
-    """A part that is no law, by the name in a scenario, and where its class is."""
+    """A plug-in other than a law, by its name in a scenario, and the place of its class."""
 
     name: str
     kind: PluginKind
@@ -113,7 +112,7 @@ class Part:
 
 
 def find_part(kind: PluginKind, name: str) -> Part:
-    """The part that a scenario names; raises `PluginError` for one that cannot be used."""
+    """Return the part that a scenario names; raises `PluginError` if it cannot be used."""
     part_class, place = find_class(kind, name)
     part = Part(name, kind, part_class.declaration, place)
     require_constants(kind, part)
@@ -121,7 +120,7 @@ def find_part(kind: PluginKind, name: str) -> Part:
 
 
 def known_part(kind: PluginKind, name: Any) -> Part | None:
-    """The part of that name; None where there is none that can be used."""
+    """Return the part with this name; None if there is no usable part."""
     try:
         return find_part(kind, name) if isinstance(name, str) else None
     except PluginError:
@@ -129,7 +128,7 @@ def known_part(kind: PluginKind, name: Any) -> Part | None:
 
 
 def find_class(kind: PluginKind, name: str) -> tuple[Any, str]:
-    """The class of that name and its place, once it is one that a scenario can use.
+    """Return the class with this name, checked for use in a scenario, and its place.
 
     Raises `PluginError`.
     """
@@ -149,7 +148,7 @@ def find_class(kind: PluginKind, name: str) -> tuple[Any, str]:
 
 
 def require_constants(kind: PluginKind, part: Any) -> None:
-    """Raise `PluginError` for a declaration that cannot be hashed: tables are made once of it."""
+    """Raise `PluginError` for an unhashable declaration: tables are cached by declaration."""
     try:
         hash(part)
     except TypeError as error:
@@ -158,12 +157,12 @@ def require_constants(kind: PluginKind, part: Any) -> None:
 
 
 def require_not_hidden(kind: PluginKind, name: str, folders: Iterable[Path]) -> None:
-    """Raise `PluginError` where a folder has the module of a part and another one hides it."""
+    """Raise `PluginError` if another module hides the module of a part in one of the folders."""
     package = name.partition(":")[0].partition(".")[0]
     file = next((path for folder in folders for path in _files(folder, package)), None)
     try:
         spec = importlib.util.find_spec(package)
-    except (ValueError, ImportError):  # a program's main module has none
+    except (ValueError, ImportError):  # the main module of a program has no spec
         return
     if file is None or spec is None or spec.origin is None:
         return
@@ -176,7 +175,7 @@ def require_not_hidden(kind: PluginKind, name: str, folders: Iterable[Path]) -> 
 
 
 def place_in(file: str | None, error: BaseException) -> str:
-    """The last line of this file that an exception passed through, " (file:12)", or nothing."""
+    """Last line of this file in an exception's traceback, " (file:12)", or empty."""
     frames = [one for one in traceback.extract_tb(error.__traceback__) if one.filename == file]
     return f" ({file}:{frames[-1].lineno})" if frames else ""
 
@@ -187,25 +186,25 @@ def _files(folder: Path, package: str) -> list[Path]:
 
 
 _IMPORTS: ContextVar[bool] = ContextVar("_IMPORTS", default=True)
-"""Whether modules that are named may be imported."""
+"""Whether modules that a scenario names may be imported."""
 
 
 def without_imports() -> contextlib.AbstractContextManager[None]:
-    """Inside, no module is imported for its name's sake: what names parts is only looked at.
+    """Prevent imports of modules that a scenario names, inside this context.
 
-    Parts of modules that are imported already can be used.
+    Parts of modules that are already imported can be used.
     """
     return holding(_IMPORTS, False)
 
 
 _FAILED: ContextVar[dict[str, BaseException] | None] = ContextVar("_FAILED", default=None)
-"""Why modules cannot be imported, inside `failing_once`."""
+"""Exceptions of modules that could not be imported, inside `failing_once`."""
 
 
 @contextlib.contextmanager
 def failing_once() -> Iterator[None]:
-    """Inside, a module whose import fails is not imported again: it would do its work twice."""
-    with holding(_FAILED, {}):  # a new one each time that what this decorates is called
+    """Prevent a second import, with its side effects, of a module whose import failed."""
+    with holding(_FAILED, {}):  # a new dict at each call of the decorated function
         yield
 
 
@@ -222,7 +221,7 @@ def _import(module: str) -> ModuleType:
 
 
 def _is_missing(module: str, error: BaseException) -> bool:
-    """Whether a module, or a package that it is in, is not there; a folder may yet be added."""
+    """Whether a module, or a package around it, does not exist; a folder may still be added."""
     missing = isinstance(error, ModuleNotFoundError) and error.name
     return bool(missing) and f"{module}.".startswith(f"{missing}.")
 
@@ -253,7 +252,7 @@ def _of_their_code(kind: PluginKind, name: str, module: str, error: BaseExceptio
 
 
 def _own_module(missing: str) -> str:
-    """Where jaxsat has a module of that name now, as a hint for a part of an earlier version."""
+    """Present name of a jaxsat module with this file name, as a hint for outdated plug-ins."""
     package, _, leaf = missing.rpartition(".")
     if package.partition(".")[0] != "jaxsat":
         return ""
@@ -267,7 +266,7 @@ def _own_module(missing: str) -> str:
 
 
 def _check_class(kind: PluginKind, name: str, module: ModuleType, attribute: str) -> Any:
-    """A class that has all that its kind needs."""
+    """Return the class `attribute` of a module; raises `PluginError` if it violates its kind."""
     part_class = getattr(module, attribute, None)
     if not inspect.isclass(part_class):
         classes = {
@@ -277,7 +276,7 @@ def _check_class(kind: PluginKind, name: str, module: ModuleType, attribute: str
         hint = f", did you mean {classes[close[0]]}?" if close else ""
         message = f"must name a class of {module.__name__}, got {name}, which is none{hint}"
         raise PluginError(kind, message)
-    bases = tuple(pkgutil.resolve_name(base) for base in kind.bases)  # which imports JAX
+    bases = tuple(pkgutil.resolve_name(base) for base in kind.bases)  # imports JAX
     if not issubclass(part_class, bases):
         base_names = " or ".join(base.__name__ for base in bases)
         message = f"must name {kind.what}, a subclass of {base_names}, got {name}, which is none"

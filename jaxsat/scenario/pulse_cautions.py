@@ -1,4 +1,4 @@
-"""Pulses of thrusters that are too short, too weak or too strong for what the law will ask."""
+"""Cautions about thruster pulses that are too short, too weak or too strong for the law."""
 
 import math
 from collections.abc import Iterator
@@ -18,16 +18,16 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.wording import shown
 
 ROUNDING = 1e-9
-"""Of duties: what is not zero by rounding alone."""
+"""Round-off tolerance on duties."""
 
 PLANE = 1e-6
-"""Of unit axes of wheels: the least part across a plane that counts."""
+"""Tolerance on the rank of unit wheel axes: the smallest component across a plane."""
 
 
 def pulse_cautions(scenario: Scenario) -> Iterator[Issue]:
-    """Pulses that end before full thrust, that errors do not reach, and that are too coarse."""
+    """Yield cautions about pulses that end before full thrust, a dead zone, and coarse pulses."""
     yield from _slow_thrust(scenario)
-    if is_plugin(scenario.control.law):  # its keys may mean something else
+    if is_plugin(scenario.control.law):  # its keys may have other meanings
         return
     kind = modulation_kind(scenario.modulation or ModulationTable(), scenario.thruster)
     frequency = getattr(scenario.control, "natural_frequency_rad_s", None)
@@ -52,7 +52,7 @@ def _slow_thrust(scenario: Scenario) -> Iterator[Issue]:
 
 
 def _dead_zone(scenario: Scenario, kind: str) -> Iterator[Issue]:
-    """Errors of attitude beyond what is to be settled at which no thruster fires."""
+    """Yield a caution about attitude errors beyond the tolerance at which no thruster fires."""
     table = scenario.modulation or ModulationTable()
     if kind not in ("pwm", "pwpf"):
         return
@@ -69,9 +69,9 @@ def _dead_zone(scenario: Scenario, kind: str) -> Iterator[Issue]:
 
 
 def _idle_angle(scenario: Scenario, duty: float) -> float:
-    """The largest angle (rad) about a body axis for which a thruster's duty stays too small.
+    """Largest angle (rad) about a body axis for which no thruster's duty reaches a pulse.
 
-    The torque that the law asks for is J ω² times the angle, up to that of its largest rate.
+    The commanded torque is J ω² times the angle, up to that of the largest rate.
     """
     period, frequency = scenario.control.period_s, scenario.control.natural_frequency_rad_s
     shortest = np.array([one.shortest / period for one in _pushes(scenario)])
@@ -86,7 +86,7 @@ def _idle_angle(scenario: Scenario, duty: float) -> float:
 
 
 def _coarse_pulses(scenario: Scenario) -> Iterator[Issue]:
-    """Pulses of which each leaves a rate, or a turn in a period, beyond what counts as settled."""
+    """Yield a caution if each pulse leaves a rate, or a turn in a period, beyond the tolerance."""
     pushes = _pushes(scenario)
     inverse = np.linalg.inv(inertia_matrix(scenario.spacecraft.inertia_kg_m2))
     steps = np.linalg.norm(inverse @ TorqueMakers.of(scenario).pushes, axis=0)
@@ -110,8 +110,8 @@ def _coarse_pulses(scenario: Scenario) -> Iterator[Issue]:
 
 
 def _coarse_for_the_band(scenario: Scenario, axis: np.ndarray) -> Iterator[Issue]:
-    """Pulses about the axis that no wheel drives which send the body from edge to edge of the
-    law's band, rather than leave it to the torque from outside."""
+    """Yield a caution if pulses about the axis that no wheel drives send the body from edge to edge
+    of the law's band, so that the external torque does not."""
     band = getattr(scenario.control, "third_axis_band_rad", None)
     if band is None:
         return
@@ -134,14 +134,14 @@ def _coarse_for_the_band(scenario: Scenario, axis: np.ndarray) -> Iterator[Issue
 
 
 class _Push(NamedTuple):
-    """One way that a thruster pushes: the place of its table, and its shortest pulse (s)."""
+    """A direction of thrust: the number of the thruster's table, and its shortest pulse (s)."""
 
     number: int
     shortest: float
 
 
 def _pushes(scenario: Scenario) -> list[_Push]:
-    """A push for each column of `TorqueMakers.pushes`."""
+    """Return a push for each column of `TorqueMakers.pushes`."""
     return [
         _Push(number, one.min_on_time_s)
         for number, one in enumerate(scenario.thruster)
@@ -151,7 +151,7 @@ def _pushes(scenario: Scenario) -> list[_Push]:
 
 
 def _duties_of_axes(scenario: Scenario) -> np.ndarray:
-    """The duties (6, m) that accelerate the body by 1 rad/s² about each body axis, either way."""
+    """Duties (6, m) that accelerate the body by ±1 rad/s² about each body axis."""
     torque = TorqueMakers.of(scenario).pushes
     bases = least_propellant(torque, np.ones(torque.shape[1]), plane_map(torque, 3, False))
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)

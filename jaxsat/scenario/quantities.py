@@ -1,4 +1,4 @@
-"""Kinds of values that scenario keys hold, keys with their units, and tables of declared keys."""
+"""Types of scenario values, keys with their units, and tables of declared keys."""
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -27,8 +27,8 @@ from jaxsat.core.ranges import LENGTH, MOMENT, PRODUCT, SECONDS, Range
 _UNPRINTABLE = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufdd0-\ufdef\ufffe\uffff]"
 )
-"""Control characters, line ends that few programs know, changes of the direction of writing, and
-code points that no file can hold. Tabs and line feeds have a rule of their own."""
+"""Control characters, rare line separators, changes of the writing direction, and code points that
+no file can hold. Tabs and line feeds have their own rule."""
 
 
 def _printable(text: str) -> str:
@@ -54,7 +54,7 @@ NonNegative = Annotated[Number, Ge(0), Le(1e12)]
 
 
 def within(values: Range) -> Interval:
-    """The annotation of a number of this range."""
+    """Annotation of a number within this range."""
     return Interval(ge=values.low, le=values.high)
 
 
@@ -76,11 +76,11 @@ def _inertia_form(value: Any) -> str:
 
 
 MIN_SHARE = 1e-9
-"""Part of the largest principal moment below which an inertia is singular up to rounding."""
+"""Smallest principal moment of an inertia that is not singular, relative to the largest."""
 
 
 def inertia_matrix(inertia: Sequence) -> np.ndarray:
-    """The inertia as a matrix (3, 3), kg m², from either of its forms."""
+    """Inertia matrix (3, 3), kg m², from either form of the key."""
     array = np.array(inertia, dtype=float)
     return np.diag(array) if array.ndim == 1 else array
 
@@ -127,7 +127,7 @@ def _direction(value: tuple) -> tuple:
 Direction = Annotated[Vector3, AfterValidator(_direction)]
 Position3 = Annotated[tuple[Annotated[Number, within(LENGTH)], ...], Len(3, 3)]
 Relation = Literal["exact", "small-angle"]
-"""How the rate of the orbit frame enters (11)."""
+"""Form in which the rate of the orbit frame enters (11)."""
 
 Time = Annotated[Number, Ge(0), Le(SECONDS.high)]
 
@@ -146,7 +146,7 @@ UnitQuaternion = Annotated[Vector4, AfterValidator(_unit_length)]
 
 
 class ScenarioTable(BaseModel):
-    """A table of a scenario file: frozen, and without keys that it does not know."""
+    """A frozen table of a scenario file that rejects unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -163,29 +163,29 @@ def quantity(what: str, unit: str, default: Any = ..., **constraints: Any) -> An
 
 
 def choice(what: str, default: Any = ..., **constraints: Any) -> Any:
-    """Declare a key that is no quantity: a name, a switch, a text or a table."""
+    """Declare a key that is not a quantity: a name, a switch, a text or a table."""
     return Field(default, description=what, **constraints)
 
 
 STAND_IN: Mapping[str, Any] = {"default": None, "exclude": True}
-"""What `quantity` and `choice` take for a key that stands in place of another, by which `read`
-replaces it."""
+"""Keyword arguments of `quantity` and `choice` for a key that stands in for another, see
+`jaxsat.scenario.stand_ins`."""
 
 
 def fields_of(keys: Iterable[Key]) -> dict[str, tuple[Any, Any]]:
-    """What `pydantic.create_model` takes, for declared keys."""
+    """Field definitions of declared keys for `pydantic.create_model`."""
     return {key.name: (_annotation(key), _field(key)) for key in keys}
 
 
 def table_with(fields: Mapping[str, Any], base: type[ScenarioTable] = ScenarioTable) -> Any:
-    """A table with these fields, to derive a class with a name of its own from."""
+    """Return a table with these fields, as a base class."""
     return create_model("Declared", __base__=base, **fields)
 
 
 def table_class(
     name: str, doc: str, fields: Mapping[str, Any], base: type[ScenarioTable], ending: str
 ) -> Any:
-    """The class of the table of a part that is declared under a name, such as "pid-law"."""
+    """Return the table class of a part that is declared under a name, such as "pid-law"."""
     words = "".join(word.capitalize() for word in re.split(r"\W+", name))
     return create_model(
         f"{words}{ending}", __base__=base, __doc__=doc, __module__=base.__module__, **fields
@@ -193,7 +193,7 @@ def table_class(
 
 
 def values_of(keys: Iterable[Key], table: ScenarioTable) -> dict[str, Any]:
-    """What a checked table has under declared keys, as `from_table` takes it."""
+    """Values of declared keys in a checked table, for `from_table`."""
     return {key.name: getattr(table, key.name) for key in keys}
 
 

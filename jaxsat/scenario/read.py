@@ -1,4 +1,4 @@
-"""Reading scenarios: from the library or a file, with overrides, every mistake with its place."""
+"""Reading of scenarios from the library or a file, with overrides, every mistake with its place."""
 
 import dataclasses
 import functools
@@ -37,7 +37,7 @@ from jaxsat.scenario.wording import suggestion
 
 
 def library() -> dict[str, Traversable]:
-    """The named scenarios that come with jaxsat."""
+    """Return the named scenarios that come with jaxsat."""
     folder = resources.files("jaxsat.scenario") / "library"
     files = [entry for entry in folder.iterdir() if entry.name.endswith(".toml")]
     scenarios = {entry.name.removesuffix(".toml"): entry for entry in files}
@@ -45,7 +45,7 @@ def library() -> dict[str, Traversable]:
 
 
 def warn(text: str) -> None:
-    """Warn with `ScenarioWarning` whoever has a scenario read."""
+    """Warn the caller of `read` with a `ScenarioWarning`."""
     warnings.warn(text, ScenarioWarning, stacklevel=3)
 
 
@@ -58,15 +58,15 @@ def read(
     trial: Callable[[Scenario], list[Issue]] = lambda scenario: [],
     caution: Callable[[str], None] = warn,
 ) -> Scenario:
-    """The scenario of that name in the library, or of that TOML file.
+    """Read the library's scenario with this name, or a TOML file.
 
-    `overrides` are texts `KEY=VALUE`, as after `--set`: dotted keys and TOML values (or bare
-    text), checked like the file. An override displaces what the file says to the contrary: the
-    orbit's altitude its rate, another `control.law` the gains of the law before.
+    `overrides` are texts `KEY=VALUE`, as after `--set`: dotted keys and TOML values (or bare text),
+    checked like the file. An override displaces contradicting keys of the file: the orbit's
+    altitude its rate, another `control.law` the gains of the former law.
 
-    Without `law` the rules that concern the control law are left out. `trial` says what else
-    stands against a scenario whose keys are all right. Raises `ScenarioError` with every problem at
-    once; tells `caution` of what is allowed but likely a mistake, by default a `ScenarioWarning`.
+    Without `law` the rules that concern the control law are omitted. `trial` returns further issues
+    of a scenario whose keys are valid. Raises `ScenarioError` with every problem at once; passes
+    cautions about likely mistakes to `caution`, by default as a `ScenarioWarning`.
     """
     source = _read(name_or_path)
     entries = _overrides(overrides)
@@ -105,7 +105,7 @@ def read(
 
 
 def _plugin_parts(data: Mapping[str, Any]) -> Iterator[tuple[PluginKind, Location, str]]:
-    """The parts of a scenario that are named by module and class, and where."""
+    """Parts of a scenario that are named by module and class, with their locations."""
     torques = _table(_table(data, "disturbance"), "torques")
     places = [(LAW, ("control", "law")), (ACTUATORS, ("actuators", "kind"))]
     places += [(ESTIMATOR, ("estimator", "kind"))]
@@ -132,7 +132,7 @@ def _overrides(texts: Iterable[str | Override]) -> list[Override | Problem]:
 
 @dataclass(frozen=True)
 class _File:
-    """A TOML file that could be read."""
+    """A readable TOML file."""
 
     name: str
     data: dict[str, Any]
@@ -157,7 +157,7 @@ class _Places:
         return Problem(self.source.name, issue.message, key, line)
 
     def _override(self, issue: Issue) -> Override | None:
-        """The override to blame: of the key itself, or else of another key in the same rule."""
+        """Override to blame: of the key itself, or else of another key in the same rule."""
         last_first = self.overrides[::-1]
         for location in (issue.location, *issue.involved):
             for override in last_first:
@@ -236,7 +236,7 @@ def _syntax_problem(name: str, text: str, message: str) -> Problem:
 
 
 def given_keys(name_or_path: str | Path, overrides: Iterable[str] = ()) -> set[str]:
-    """Dotted keys, in SI, that a file and overrides give; none of a file that cannot be read."""
+    """Dotted keys, in SI, of a file and its overrides; none for an unreadable file."""
     keys = _keys(_file_tables(name_or_path)) | {
         text.partition("=")[0].strip() for text in overrides
     }
@@ -244,7 +244,7 @@ def given_keys(name_or_path: str | Path, overrides: Iterable[str] = ()) -> set[s
 
 
 def _file_tables(name_or_path: str | Path) -> dict[str, Any]:
-    """The file's tables; none where it cannot be read, which `load` tells."""
+    """Tables of the file; empty for an unreadable file, which `load` reports."""
     scenarios = library()
     try:
         if isinstance(name_or_path, str) and name_or_path in scenarios:
@@ -258,7 +258,7 @@ def _file_tables(name_or_path: str | Path) -> dict[str, Any]:
 
 
 def _keys(data: Any, prefix: str = "") -> set[str]:
-    """Dotted keys of all that is no table."""
+    """Dotted keys of all values that are not tables."""
     if not isinstance(data, dict):
         return {prefix.removesuffix(".")}
     return {key for name, value in data.items() for key in _keys(value, f"{prefix}{name}.")}

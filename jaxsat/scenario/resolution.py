@@ -1,5 +1,5 @@
-"""What of a scenario is fast, steps that resolve it, and finer ones where a run shows too large
-an error."""
+"""Fastest motion of a scenario, steps that resolve it, and refinement after a run with too large an
+error."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -26,27 +26,27 @@ ORDERS = {
     "dopri5": 5,
     "dopri8": 8,
 }
-"""Orders of the solvers. A scenario without one is held to what studies take."""
+"""Orders of the solvers. `STUDIES` stands in for a solver that a scenario leaves open."""
 
 STUDIES = "tsit5"
 FINE, COARSE = 1e-7, 1e-2
-"""Relative error a radian of the fastest motion: what steps are chosen for where the scenario
-leaves that open, and above which it does not pass without a word."""
+"""Relative error per radian of the fastest motion: the target for default steps, and the threshold
+of a caution."""
 
 MOST_SUBSTEPS, MOST_STEPS = 1024, 2**24
-"""Most steps in a period and in a run, unless the scenario asks for more."""
+"""Largest number of steps in a period and in a run, unless the scenario asks for more."""
 
 FASTEST = 1e12
-"""rad/s: whatever is faster counts as this fast."""
+"""Largest rate of a motion, rad/s."""
 
 SPREAD = 3.0
-"""Standard deviations of a normal distribution that count as possible."""
+"""Standard deviations of a normal distribution that are treated as its range."""
 
 REFINEMENTS = 4
-"""How often the substeps are doubled at most: the error falls by 2^p, order p, each time."""
+"""Largest number of doublings of the substeps; each reduces the error by 2^p, order p."""
 
 Errors = tuple[float | None, float | None]
-"""The estimates of the rate (rad/s) and of the attitude (rad), None where there are none."""
+"""Estimates of the rate error (rad/s) and of the attitude error (rad), None without an estimate."""
 
 Flight = TypeVar("Flight")
 
@@ -60,10 +60,10 @@ class Fast(NamedTuple):
 
 
 def substeps_of(scenario: Scenario) -> int:
-    """Steps in each period of a sampled law, or in each time between two edges of pulses.
+    """Steps in each period of a sampled law, or between two edges of pulses.
 
-    Without `simulation.solver.substeps` a power of two that resolves what is fast, as far as the
-    run then has no more than `MOST_STEPS`, and at least what suits slow motions.
+    Without `simulation.solver.substeps` a power of two that resolves the fastest motion, as far as
+    the run has at most `MOST_STEPS`, and at least the number for slow motions.
     """
     count = scenario.simulation.solver.substeps
     if count is not None:
@@ -80,7 +80,7 @@ def substeps_of(scenario: Scenario) -> int:
 
 
 def resolution_cautions(scenario: Scenario) -> Iterator[Issue]:
-    """Equal steps that do not resolve what is fast."""
+    """Yield a caution if equal steps do not resolve the fastest motion."""
     solver, fast = scenario.simulation.solver, fastest(scenario)
     if fast is None:
         return
@@ -101,11 +101,11 @@ def resolution_cautions(scenario: Scenario) -> Iterator[Issue]:
 
 
 def fastest(scenario: Scenario) -> Fast | None:
-    """The fastest motion that follows from the numbers of a scenario, None without any.
+    """Fastest motion that follows from the numbers of a scenario, None without any.
 
-    That is a periodic torque, the spin of the start with its nutation, the spin-down of a rotor
-    by viscous friction or a failure, or an oscillation of a passive part; with what is dispersed
-    at its largest.
+    Candidates are a periodic torque, the initial spin with its nutation, the spin-down of a rotor
+    by viscous friction or a failure, and an oscillation of a passive part; dispersed quantities
+    have their largest values.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         motions = [*_periodic(scenario), *_spin(scenario), *_friction(scenario)]
@@ -122,10 +122,10 @@ def refined(
     errors: Callable[[Flight], Errors],
     tell: Callable[[str], None],
 ) -> tuple[Scenario, Flight]:
-    """What `fly` makes of a scenario whose substeps leave no larger `errors` than it allows.
+    """Return a scenario and its `fly` result with enough substeps that `errors` meet its limits.
 
-    The scenario has the number of these substeps. Substeps that it names stay. `tell` receives what
-    was changed.
+    The scenario contains that number of substeps. Substeps that it gives stay. `tell` receives each
+    change.
     """
     keeps_substeps, flight = scenario.simulation.solver.substeps is not None, fly(scenario)
     for _ in range(0 if keeps_substeps else REFINEMENTS):
@@ -142,9 +142,9 @@ def refined(
 
 
 def with_finer_steps(scenario: Scenario, errors: Errors) -> Scenario | None:
-    """The scenario with twice the substeps, where its own leave too large an error.
+    """Return the scenario with twice the substeps if its own leave too large an error.
 
-    None where they do not, the loop has none, or there would be more than a run may have.
+    None if the error is small enough, the loop has no substeps, or the limits on steps forbid more.
     """
     is_sampled = scenario.law.declaration.sampled
     if not is_sampled or not excessive_error(errors, scenario):
@@ -159,7 +159,7 @@ def with_finer_steps(scenario: Scenario, errors: Errors) -> Scenario | None:
 
 
 def excessive_error(errors: Errors, scenario: Scenario) -> str:
-    """What to say where an estimate is larger than the scenario allows; nothing where none is."""
+    """Message about estimates larger than the scenario allows; empty without any."""
     solver = scenario.simulation.solver
     limits = {
         "rate_error_rad_s": ("rate", errors[0], solver.rate_error_rad_s, "rad/s"),
@@ -187,7 +187,7 @@ def _period(scenario: Scenario) -> float:
 
 
 def _resolved_angle(scenario: Scenario, error: float) -> float:
-    """The angle (rad) a step along which a solver of order p is off by error, (p + 1)! terms."""
+    """Angle (rad) per step at which a solver of order p has this error, by its (p + 1)! term."""
     order = ORDERS[scenario.simulation.solver.name or STUDIES]
     return (error * math.factorial(order + 1)) ** (1 / order)
 
@@ -204,7 +204,7 @@ def _periodic(scenario: Scenario) -> Iterator[Fast]:
 
 
 def _spin(scenario: Scenario) -> Iterator[Fast]:
-    """The rate of the start, and the momentum of body and rotors over the least mean moment."""
+    """The initial rate, and the momentum of body and rotors over the least mean moment."""
     omega = np.linalg.norm(scenario.initial.omega_rad_s)
     omega = max(omega, np.linalg.norm(_dispersed_size(scenario, "omega", 3)))
     omega += np.linalg.norm(_dispersed_size(scenario, "rate_error", 2))
@@ -216,7 +216,7 @@ def _spin(scenario: Scenario) -> Iterator[Fast]:
 
 
 def _stored_momentum(scenario: Scenario) -> float:
-    """The sum of all momenta that devices may store at the start, N m s."""
+    """Sum of all momenta that devices may store at the start, N m s."""
     total = 0.0
     for part in PARTS:
         if part.momentum is not None:
@@ -245,7 +245,7 @@ def _friction(scenario: Scenario) -> Iterator[Fast]:
 
 
 def _dispersed_size(scenario: Scenario, name: str, size: int) -> np.ndarray:
-    """The largest size of any component of a dispersed quantity for each, zeros where it is not."""
+    """Largest magnitude of a component of a dispersed quantity, `size` times; zeros without one."""
     table = None
     if scenario.dispersion is not None:
         table = scenario.dispersion.distributions.get(name)
@@ -253,7 +253,7 @@ def _dispersed_size(scenario: Scenario, name: str, size: int) -> np.ndarray:
 
 
 def _largest(table: DistributionTable) -> float:
-    """The largest size that a distribution gives."""
+    """Largest magnitude that a distribution gives."""
     sizes = [np.zeros(1)]
     if table.values is not None:
         sizes.append(np.abs(table.values))

@@ -1,4 +1,4 @@
-"""How rules across keys are declared and applied."""
+"""Declaration and application of rules across keys."""
 
 import functools
 import inspect
@@ -22,7 +22,7 @@ Check = Callable[..., Iterator[Issue]]
 
 @dataclass(frozen=True)
 class ScenarioRule:
-    """A check and the dotted keys without which it is not applied."""
+    """A check and the dotted keys that it requires."""
 
     keys: tuple[str, ...]
     check: Callable[[Values], Iterable[Issue]]
@@ -40,7 +40,7 @@ OF_THE_LAW = (
     "simulation.coordinates",
     "simulation.solver.",
 )
-"""What the keys begin with that the motion without a control law does not depend on."""
+"""Prefixes of the keys that do not affect the motion without a control law."""
 
 
 def rule(*keys: str) -> Callable[[Check], Check]:
@@ -57,7 +57,7 @@ def rule(*keys: str) -> Callable[[Check], Check]:
 
 
 def rule_over(*keys: str) -> Callable[[Check], Check]:
-    """Register a check that takes all values, and needs those of `keys`."""
+    """Register a check that takes all values, and requires those of `keys`."""
 
     def register(check: Check) -> Check:
         RULES.append(ScenarioRule(keys, check))
@@ -67,7 +67,7 @@ def rule_over(*keys: str) -> Callable[[Check], Check]:
 
 
 def broken_rules(values: Values, law: bool = True) -> list[Issue]:
-    """Issues from every rule whose keys all have valid values; without those on the law if told."""
+    """Issues from every rule whose keys all have valid values; rules on the law only with `law`."""
     issues: list[Issue] = []
     declared_law = known_law(values.get("control.law"))
     if declared_law is not None:
@@ -82,7 +82,7 @@ def broken_rules(values: Values, law: bool = True) -> list[Issue]:
 
 
 def _rules_of(law: Law) -> Iterator[ScenarioRule]:
-    """What the law declares, as rules of a scenario."""
+    """Rules that a law declares, as rules of a scenario."""
     for law_rule in law.declaration.rules:
         yield declared_rule(law_rule, law)
     for low, high in law.declaration.ordered:
@@ -91,7 +91,7 @@ def _rules_of(law: Law) -> Iterator[ScenarioRule]:
 
 
 def declared_rule(declared: declaration.Rule, law: Law | None = None) -> ScenarioRule:
-    """What a part, or a law, declares, as a rule of a scenario; it gets the name of the law."""
+    """A declared rule of a part or a law as a rule of a scenario; the check gets the law's name."""
     keys = declared.keys
 
     def check(values: Values) -> list[Issue]:
@@ -115,22 +115,21 @@ def _in_order(low: str, high: str, values: Values) -> Iterator[Issue]:
 
 
 ROUNDING = 1e-9
-"""How far a time may be from a whole multiple, relative to itself, and never more than a ten
-millionth of what it is a multiple of."""
+"""Tolerance on a whole multiple, relative to the time, and at most 1e-7 of the divisor."""
 
 
 def is_multiple(whole: float, part: float) -> bool:
-    """Whether `whole` is `part` a whole number of times, up to rounding."""
+    """Whether `whole` is an integer multiple of `part`, up to round-off."""
     count = round(whole / part)
     return count >= 1 and abs(count * part - whole) <= min(ROUNDING * whole, 1e-7 * part)
 
 
 STEPS = ("simulation.solver.steps", "simulation.solver.step_s")
-"""The keys that tell adaptive steps from fixed ones."""
+"""Keys that distinguish adaptive from fixed steps."""
 
 
 def key_of_fixed_steps(values: Values) -> str | None:
-    """The one of `STEPS` by which a continuous law has fixed steps; None where it has not."""
+    """The key of `STEPS` that gives a continuous law fixed steps; None for other steps."""
     steps, step = (values[key] for key in STEPS)
     if values["control.law"].declaration.sampled or steps == "adaptive":
         return None
@@ -138,11 +137,11 @@ def key_of_fixed_steps(values: Values) -> str | None:
 
 
 def sampled_laws() -> str:
-    """The names of jaxsat's sampled laws, for a message."""
+    """Names of jaxsat's sampled laws, for a message."""
     return ", ".join(f'"{name}"' for name, one in LAWS.items() if one.declaration.sampled)
 
 
 def at(key: str, message: str, missing: bool = False) -> Issue:
-    """An issue at a dotted key; the tables of an array have numbers from 0."""
+    """Return an issue at a dotted key; the tables of an array have numbers from 0."""
     location = tuple(int(part) if part.isdecimal() else part for part in key.split("."))
     return Issue(location, message, (), missing)

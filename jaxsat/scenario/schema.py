@@ -1,4 +1,4 @@
-"""The scenario: everything one run needs, validated once, with units in the names of its keys."""
+"""The scenario: all values of one run, validated once, with units in the names of its keys."""
 
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any
@@ -32,7 +32,7 @@ from jaxsat.scenario.wording import issue_of, item_kind, table_at, validated
 
 
 class _Body(ScenarioTable):
-    """What a scenario has before its actuators."""
+    """Tables of a scenario before its actuators."""
 
     title: Line = choice("Title of the scenario, in one line")
     description: Text = choice("What the scenario shows", "")
@@ -53,11 +53,11 @@ _TYPES = {
 
 
 class Scenario(table_with(_TYPES | _PARTS | SENSORS, _Body)):
-    """One spacecraft, its control law and one run of them.
+    """One spacecraft, its control law and one run.
 
     Raises pydantic's `ValidationError` holding every mistake at once. Each of its errors carries
-    the `Issue` under `ctx["issue"]`; `jaxsat.scenario.read` turns them into lines of the file.
-    With the validation context `{"law": False}` rules that concern the control law are left out.
+    the `Issue` under `ctx["issue"]`; `jaxsat.scenario.read` turns them into lines of the file. With
+    the validation context `{"law": False}` rules that concern the control law are left out.
     """
 
     unloading: UnloadingTable | None = choice(
@@ -115,7 +115,7 @@ class Scenario(table_with(_TYPES | _PARTS | SENSORS, _Body)):
 
 
 def flattened(table: BaseModel, prefix: str = "") -> dict[str, Any]:
-    """Values by dotted key, those of tables inside tables included."""
+    """Values by dotted key, including those of nested tables."""
     values: dict[str, Any] = {}
     for name in type(table).model_fields:
         values.update(_flatten(getattr(table, name), prefix + name))
@@ -123,7 +123,7 @@ def flattened(table: BaseModel, prefix: str = "") -> dict[str, Any]:
 
 
 def _flatten(value: Any, key: str) -> dict[str, Any]:
-    """A value by its dotted key; those inside it where it is a table that is not empty."""
+    """Value by its dotted key, or values by dotted keys for a table that is not empty."""
     if isinstance(value, BaseModel):
         return flattened(value, f"{key}.")
     if not isinstance(value, dict) or not value:
@@ -135,7 +135,7 @@ def _flatten(value: Any, key: str) -> dict[str, Any]:
 
 
 def readable_values(table: type[BaseModel], data: Any, prefix: str = "") -> dict[str, Any]:
-    """The values that are valid in themselves of a table that as a whole is not."""
+    """Individually valid values of a table that is invalid as a whole."""
     values: dict[str, Any] = {}
     for name, field in table.model_fields.items():
         present = isinstance(data, Mapping) and name in data
@@ -155,7 +155,7 @@ def readable_values(table: type[BaseModel], data: Any, prefix: str = "") -> dict
 def _as_a_class(
     table: type[BaseModel] | None, field: FieldInfo, data: Any
 ) -> type[BaseModel] | None:
-    """The table class of a field; one made for the keys that are there where any may be."""
+    """Table class of a field; a class made for the present keys if keys may have any name."""
     kind = item_kind(field.annotation)
     if table is not None or kind is None or not isinstance(data, Mapping):
         return table

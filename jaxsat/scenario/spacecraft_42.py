@@ -1,7 +1,7 @@
 """Spacecraft files of 42, the simulator (github.com/ericstoneking/42), as scenarios.
 
-What follows "!" in a line of such a file tells what its values are, and is what is read by: files
-of several versions of 42 differ in the order of their lines.
+Values are identified by the comment after "!" in each line of such a file, because files of several
+versions of 42 differ in the order of their lines.
 """
 
 import re
@@ -17,15 +17,15 @@ from jaxsat.scenario.toml_text import toml_document, toml_value
 AXES = str.maketrans("123", "xyz")
 
 SENSORS = ("Gyro", "Magnetometer", "Coarse Sun Sensor", "Fine Sun Sensor", "Star Tracker", "GPS")
-"""Sections of which only the number of their devices is reported."""
+"""Sections of which only the number of devices is reported."""
 
 
 class SpacecraftFileError(JaxsatError, ValueError):
-    """A file that is no description of one rigid spacecraft by 42."""
+    """A file that does not describe one rigid spacecraft for 42."""
 
 
 class Converted(NamedTuple):
-    """A scenario file, and what of the spacecraft is not in it."""
+    """A scenario file, and the properties of the spacecraft that it omits."""
 
     text: str
     left_out: list[str]
@@ -39,25 +39,25 @@ class _Line(NamedTuple):
 
 @dataclass(frozen=True)
 class _Section:
-    """The lines of a device, a body or a section."""
+    """Lines of a device, a body or a section."""
 
     name: str
     lines: list[_Line]
 
     def find(self, comment: str) -> _Line | None:
-        """The line whose comment matches."""
+        """Line whose comment matches."""
         matches = (line for line in self.lines if re.match(comment, line.comment, re.IGNORECASE))
         return next(matches, None)
 
     def words(self, comment: str) -> list[str]:
-        """What stands in that line; raises `SpacecraftFileError` if there is none."""
+        """Words of that line; raises `SpacecraftFileError` if there is no such line."""
         line = self.find(comment)
         if line is None or not line.words:
             raise SpacecraftFileError(f'must have a line "! {comment}" in {self.name}, got none')
         return line.words
 
     def numbers(self, comment: str, count: int) -> list[float]:
-        """The numbers that stand in that line; raises `SpacecraftFileError` for others."""
+        """Numbers of that line; raises `SpacecraftFileError` if there are fewer."""
         words = self.words(comment)
         try:
             numbers = [float(word) for word in words[:count]]
@@ -73,10 +73,10 @@ class _Section:
 
 
 def scenario_of_42(text: str, read_beside: Callable[[str], str]) -> Converted:
-    """The vehicle that a file SC_....txt describes: inertia, wheels, magnetorquers, thrusters.
+    """Convert the vehicle of a file SC_....txt: inertia, wheels, magnetorquers, thrusters.
 
-    `read_beside` gives the text of another file by its name, here of the nodes at which thrusters
-    are. Raises `SpacecraftFileError` for a text that cannot be read so, and for several bodies.
+    `read_beside` returns the text of another file by its name, here of the nodes at which thrusters
+    are. Raises `SpacecraftFileError` for an unreadable text, and for several bodies.
     """
     sections = _sections(text)
     general, bodies = sections["42"], _devices(sections, "Body Parameters")
@@ -107,7 +107,7 @@ def scenario_of_42(text: str, read_beside: Callable[[str], str]) -> Converted:
 
 
 def _sections(text: str) -> dict[str, _Section]:
-    """The parts of the file by their headings, each with the headings of its devices in it."""
+    """Sections of the file by heading, each with the headings of its devices in it."""
     sections = {"42": _Section("the first lines", [])}
     current = sections["42"]
     if "42: Spacecraft Description File" not in text.partition("\n")[0]:
@@ -126,7 +126,7 @@ def _sections(text: str) -> dict[str, _Section]:
 
 
 def _devices(sections: dict[str, _Section], name: str) -> list[_Section]:
-    """The devices of a section; one without any holds a pattern that does not count."""
+    """Devices of a section; a section of zero devices holds a template, which is ignored."""
     section = sections.get(name)
     if section is None:
         return []
@@ -143,7 +143,7 @@ def _devices(sections: dict[str, _Section], name: str) -> list[_Section]:
 
 
 def _inertia(body: _Section, flags: _Section) -> list[float] | list[list[float]]:
-    """The inertia about the centre of mass; products have the sign that 42 gives them."""
+    """Inertia about the centre of mass; products have the sign convention of 42."""
     inertia = np.diag(body.numbers("Moments of Inertia", 3))
     xy, xz, yz = body.numbers("Products of Inertia", 3)
     inertia -= np.array([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]])
@@ -193,7 +193,7 @@ def _thruster(
 
 
 def _nodes(body: _Section, read_beside: Callable[[str], str]) -> list[list[float]]:
-    """Positions of the nodes of a body; none without a file of them."""
+    """Positions of the nodes of a body; none without a node file."""
     line = body.find("Node File Name")
     if line is None or line.words == ["NONE"]:
         return []
@@ -205,7 +205,7 @@ def _nodes(body: _Section, read_beside: Callable[[str], str]) -> list[list[float
 
 
 def _left_out(sections: dict[str, _Section], body: _Section) -> Iterator[str]:
-    """What a scenario has no key for, or what it needs an orbit or a law for."""
+    """Properties for which a scenario has no key, or which need an orbit or a law."""
     yield f"mass {body.words('Mass$')[0]} kg, which only translation needs"
     yield from _start(sections.get("Initial Attitude"))
     momentum = body.numbers("Constant Embedded Momentum", 3)
@@ -230,7 +230,7 @@ def _left_out(sections: dict[str, _Section], body: _Section) -> Iterator[str]:
 
 
 def _start(start: _Section | None) -> Iterator[str]:
-    """The attitude and rate at the start, as keys of `[initial]` where they are those of one."""
+    """Initial attitude and rate, as keys of `[initial]` where their frames allow."""
     frames = start.find(".*wrt") if start else None
     if start is None or frames is None or not re.fullmatch("[NL][QA][NLFE]", frames.words[0]):
         return

@@ -1,5 +1,5 @@
-"""Keys that stand in place of others: types of actuators, Euler angles, speeds of wheels, positions
-from an origin that is not the centre of mass. `read` puts the others in their place."""
+"""Conversion of keys that stand in for others: types of actuators, Euler angles, wheel speeds, and
+positions from an origin other than the centre of mass."""
 
 import functools
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,13 +22,13 @@ POSITIONS = {
     "panel": ("centre_m",),
     "disturbance": ("drag_centre_m", "solar_centre_m"),
 }
-"""The keys of each table that are positions from the centre of mass."""
+"""Keys of each table that are positions from the centre of mass."""
 
 
 def converted(data: Mapping[str, Any]) -> Conversion:
-    """A file's data with the keys that all else knows, in SI.
+    """Return a file's data with canonical keys, in SI.
 
-    What cannot be converted is left as it is, for the checks to tell.
+    Values that cannot be converted are left unchanged for the checks to report.
     """
     conversion = Conversion.of(data)
     convert_units(conversion)
@@ -41,12 +41,12 @@ def converted(data: Mapping[str, Any]) -> Conversion:
 
 
 def without_types(scenario: Scenario) -> Scenario:
-    """The scenario whose actuators have all keys of their types."""
+    """Return the scenario without types, which its actuators have taken over."""
     return scenario.model_copy(update={name: {} for name in TYPES})
 
 
 def _give_types(conversion: Conversion, name: str) -> None:
-    """Every device gets what it lacks and its type has; what no type may have is left to checks."""
+    """Copy missing keys from its type to every device; invalid types are left to checks."""
     data, types_name = conversion.data, type_name(name)
     types = dict(_named_tables(data.get(types_name)))
     for location, device in _tables(data, name):
@@ -61,7 +61,7 @@ def _give_types(conversion: Conversion, name: str) -> None:
 
 
 def _convert_attitude(conversion: Conversion) -> None:
-    """Euler angles or MRP become a quaternion, if they are all that is said of the attitude."""
+    """Convert Euler angles or MRP to a quaternion, if no other attitude is given."""
     for location, table in _tables(conversion.data, "initial"):
         angles, sequence, mrp = _values(location, table, "euler_rad", "euler_sequence", "mrp")
         if table.keys() & {"w", "z_rad", "quaternion"}:
@@ -75,7 +75,7 @@ def _convert_attitude(conversion: Conversion) -> None:
 
 
 def _convert_speeds(conversion: Conversion) -> None:
-    """Speeds of wheels become momenta, if the inertia of the rotor is given."""
+    """Convert wheel speeds to momenta, if the rotor inertia is given."""
     for location, table in _tables(conversion.data, "wheel"):
         for speed_key, momentum_key in SPEEDS.items():
             inertia, speed = _values(location, table, "rotor_inertia_kg_m2", speed_key)
@@ -84,7 +84,7 @@ def _convert_speeds(conversion: Conversion) -> None:
 
 
 def _convert_positions(data: dict[str, Any]) -> None:
-    """Positions become those from the centre of mass, if there are any."""
+    """Convert positions, if there are any, to positions from the centre of mass."""
     for location, spacecraft in _tables(data, "spacecraft"):
         (centre,) = _values(location, spacecraft, "centre_of_mass_m")
         if centre is None:
@@ -97,7 +97,7 @@ def _convert_positions(data: dict[str, Any]) -> None:
 
 
 def _positions(data: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], str, Sequence[float]]]:
-    """Every position, with its table and key."""
+    """Positions, each with its table and key."""
     for name, keys in POSITIONS.items():
         for location, table in _tables(data, name):
             for key, position in zip(keys, _values(location, table, *keys), strict=True):
@@ -106,14 +106,14 @@ def _positions(data: Mapping[str, Any]) -> Iterator[tuple[dict[str, Any], str, S
 
 
 def _named_tables(tables: Any) -> Iterator[tuple[str, dict[str, Any]]]:
-    """The tables inside a table, by their names."""
+    """Tables inside a table, by name."""
     for name, table in tables.items() if isinstance(tables, dict) else ():
         if isinstance(table, dict):
             yield name, table
 
 
 def _tables(data: Mapping[str, Any], name: str) -> list[tuple[Location, dict[str, Any]]]:
-    """The table of a name, or all of a list of them, each with its location."""
+    """The table with this name, or each of a list of them, with its location."""
     value = data.get(name)
     tables = {(name,): value}
     if isinstance(value, list):
@@ -122,7 +122,7 @@ def _tables(data: Mapping[str, Any], name: str) -> list[tuple[Location, dict[str
 
 
 def _values(location: Location, table: Mapping[str, Any], *keys: str) -> list[Any]:
-    """The values of keys, None for those that are not there or not valid."""
+    """Values of keys, None for absent or invalid ones."""
     table_class = table_at(Scenario, {}, location)
     fields = {} if table_class is None else table_class.model_fields
     return [_value(fields.get(key), table.get(key)) for key in keys]
@@ -136,7 +136,7 @@ def _value(field: FieldInfo | None, value: Any) -> Any:
 
 
 def euler_quaternion(angles: Sequence[float], sequence: str) -> list[float]:
-    """The unit quaternion (4), scalar first, of three turns (rad) about axes of the turned body.
+    """Unit quaternion (4), scalar first, of three rotations (rad) about axes of the turned body.
 
     `sequence` names these axes in order, such as "zyx".
     """
@@ -151,13 +151,13 @@ def _about(axis: int, angle: float) -> np.ndarray:
 
 
 def _product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """The turn `p`, then `q` about the axes that `p` has turned."""
+    """Rotation `p`, then `q` about the axes that `p` has turned."""
     scalar = p[0] * q[0] - p[1:] @ q[1:]
     return np.array([scalar, *(p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:]))])
 
 
 def mrp_quaternion(parameters: Sequence[float]) -> list[float]:
-    """The unit quaternion (4), scalar first, of modified Rodrigues parameters e tan(φ/4) (3)."""
+    """Unit quaternion (4), scalar first, of modified Rodrigues parameters e tan(φ/4) (3)."""
     vector = np.array(parameters)
     square = float(vector @ vector)
     return [(1 - square) / (1 + square), *(2 / (1 + square) * vector).tolist()]

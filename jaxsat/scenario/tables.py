@@ -42,7 +42,7 @@ MRP = Range(-1e6, 1e6)
 Seconds = Annotated[Number, within(SECONDS)]
 
 MAX_SAMPLED_STEPS = 2**26
-"""Steps of a run under a sampled law: a week at 0.1 s and four steps a period, and more."""
+"""Largest number of steps of a run under a sampled law; a week at 0.1 s and four steps a period."""
 
 
 class SpacecraftTable(ScenarioTable):
@@ -83,7 +83,7 @@ class SpacecraftTable(ScenarioTable):
 def working_axes(
     axes: tuple[tuple[float, ...], ...], failed: Sequence[int]
 ) -> Float[np.ndarray, "3 m"]:
-    """A unit column for each thruster left, of one row of direction cosines for each thruster."""
+    """Unit columns of the working thrusters, from a row of direction cosines for each thruster."""
     rows = [row for number, row in enumerate(axes, 1) if number not in failed]
     return unit_columns(np.array(rows, dtype=float).reshape(-1, 3).T)
 
@@ -116,11 +116,11 @@ class InitialTable(ScenarioTable):
 
 FIXED_STEP_KEYS = ("step_s",)
 ADAPTIVE_STEP_KEYS = ("rtol", "atol", "min_step_s", "max_steps")
-"""Keys of `[simulation.solver]` that belong to steps of one kind alone."""
+"""Keys of `[simulation.solver]` for one kind of steps alone."""
 
 
 class SolverTable(ScenarioTable):
-    """`[simulation.solver]`: how the loop is integrated; by default what suits the loop."""
+    """`[simulation.solver]`: the integration of the loop; the defaults suit the loop."""
 
     name: SolverName | None = choice("Explicit Runge-Kutta solver of diffrax", None)
     steps: Literal["adaptive", "fixed"] | None = choice(
@@ -161,7 +161,7 @@ class SolverTable(ScenarioTable):
 
     @property
     def tolerance(self) -> dict[str, float | int]:
-        """What is given of adaptive steps, by the names of `jaxsat.simulation.methods.adaptive`."""
+        """Given options of adaptive steps, by the names of `jaxsat.simulation.methods.adaptive`."""
         return {
             key.removesuffix("_s"): value
             for key in ADAPTIVE_STEP_KEYS
@@ -170,7 +170,7 @@ class SolverTable(ScenarioTable):
 
 
 class SettledTable(ScenarioTable):
-    """`[settled]`: within what, and for how long, a case counts as settled."""
+    """`[settled]`: tolerances, and the time within them, for a case to count as settled."""
 
     tilt_rad: Annotated[Number, Gt(0), Lt(math.pi)] | None = quantity(
         "Largest angle between the third axes of body and orbit frame; by default 2 arctan 0.05, "
@@ -195,7 +195,7 @@ class SettledTable(ScenarioTable):
 
 
 class SimulationTable(ScenarioTable):
-    """`[simulation]`: how long, what to save, and in which form the loop is integrated."""
+    """`[simulation]`: duration, saved samples, and the form in which the loop is integrated."""
 
     duration_s: Seconds = quantity("Simulated time", "s")
     save_every_s: Seconds = quantity("Time between saved samples", "s", 1.0)

@@ -1,4 +1,4 @@
-"""Writing values and nested tables as TOML."""
+"""Writer of values and nested tables as TOML."""
 
 import math
 import re
@@ -11,7 +11,7 @@ _ESCAPES = {"\\": "\\\\", '"': '\\"', "\b": "\\b", "\t": "\\t", "\f": "\\f", "\r
 
 
 def toml_value(value: Any) -> str:
-    """A value of a TOML document: text, number, truth value, array or table on one line."""
+    """Value of a TOML document: text, number, truth value, array or table on one line."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -19,7 +19,7 @@ def toml_value(value: Any) -> str:
     if isinstance(value, float) and math.isnan(value):
         return "nan"
     if isinstance(value, int) and abs(value) >= _LARGEST_WHOLE:
-        return hex(value)  # Python writes no more than 4300 decimal digits
+        return hex(value)  # Python writes at most 4300 decimal digits
     if isinstance(value, int | float):
         return repr(value)
     if isinstance(value, list | tuple):
@@ -31,12 +31,12 @@ def toml_value(value: Any) -> str:
 
 
 def toml_key(key: str) -> str:
-    """A key, quoted where it needs to be."""
+    """Key, quoted if necessary."""
     return key if _BARE_KEY.fullmatch(key) else _text(key)
 
 
 def toml_document(tables: Mapping[str, Any], prefix: tuple[str, ...] = ()) -> str:
-    """Nested tables as a document; keys whose value is None and empty tables are left out."""
+    """Nested tables as a document; keys with the value None and empty tables are omitted."""
     plain = {
         k: v
         for k, v in tables.items()
@@ -57,7 +57,7 @@ def toml_document(tables: Mapping[str, Any], prefix: tuple[str, ...] = ()) -> st
 
 
 def _is_array_of_tables(value: Any) -> bool:
-    """Whether a list holds tables alone, and these no tables in turn: then each has a header."""
+    """Whether a list holds only tables without nested tables: then each has a header."""
     if not isinstance(value, list | tuple) or not value:
         return False
     return all(isinstance(entry, Mapping) and _is_flat(entry) for entry in value)
@@ -70,7 +70,7 @@ def _is_flat(table: Mapping[str, Any]) -> bool:
 
 
 def _long(value: Any) -> str:
-    """Text of several lines keeps them; everything else goes on one line."""
+    """Value with the lines of a multi-line text kept; everything else is on one line."""
     if isinstance(value, str) and "\n" in value:
         return '"""\n' + "\n".join(_escape(line) for line in value.split("\n")) + '"""'
     return toml_value(value)

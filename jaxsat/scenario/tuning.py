@@ -1,4 +1,4 @@
-"""`[tuning]`: which gains are tuned, for what, and how."""
+"""`[tuning]`: the tuned gains, the cost, and the optimiser."""
 
 from typing import Annotated, Literal
 
@@ -36,7 +36,7 @@ class BoundsTable(ScenarioTable):
 
 
 class CostTable(ScenarioTable):
-    """`[tuning.cost]`: what a second costs, and how much at most."""
+    """`[tuning.cost]`: the cost of a second, and its limit."""
 
     w: NonNegative = quantity("Weight of the tilt; see simulation.attitude_cost", "1", 1.0)
     z: NonNegative = quantity("Weight of the turn", "1", 1.0)
@@ -152,10 +152,10 @@ class TuningTable(ScenarioTable):
 
 
 USUAL_OPTIMISERS = ("adam", "adamw", "lion", "rmsprop", "sgd")
-"""Optimisers that are known to do, so that optax, which takes its time, is not asked."""
+"""Optimisers that are known to be suitable, which avoids the slow import of optax."""
 
 MAX_CASES = 2**29
-"""Cases of all steps; the numbers from there on are those of the validation cases."""
+"""Largest number of cases of all steps; higher case numbers are for validation."""
 
 
 def _entries(values, table):
@@ -178,7 +178,7 @@ def _tuned_bounds(values):
 
 
 def _foreign(values, table, allowed):
-    """What stands in a table by the keys of the law and is none of those that may."""
+    """Yield an issue for each key in a table that the law does not allow there."""
     law = values["control.law"]
     for name in _entries(values, table):
         if name not in allowed:
@@ -230,7 +230,7 @@ def _bounds_hold_the_gain(values):
 
 
 def _refused(law, name, place, value):
-    """That a key of the law would not take the value that stands at a place of `[tuning]`."""
+    """Yield an issue if a key of the law rejects the value at a place of `[tuning]`."""
     table = table_of(law)
     message = refusal(table, name, value) if name in table.model_fields else None
     if message is not None:

@@ -1,5 +1,5 @@
-"""Units besides those of SI: `omega_deg_s` or `omega_rpm` may stand in place of `omega_rad_s`;
-and where keys came from that a scenario is checked by."""
+"""Units besides SI: `omega_deg_s` or `omega_rpm` may stand in for `omega_rad_s`; and the original
+places of converted keys."""
 
 import copy
 import dataclasses
@@ -14,7 +14,7 @@ from jaxsat.scenario.wording import shown, table_at
 
 
 class Conversion(NamedTuple):
-    """The data so far, what was wrong with them, and for each new place that in the file."""
+    """The converted data, issues, and the location in the file of each new location."""
 
     data: dict[str, Any]
     issues: list[Issue]
@@ -22,11 +22,11 @@ class Conversion(NamedTuple):
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> "Conversion":
-        """The data before anything is converted, a copy."""
+        """Return an unconverted deep copy of the data."""
         return cls(copy.deepcopy(dict(data)), [], {})
 
     def replace(self, location: Location, old: str, new: str, value: Any) -> None:
-        """Put a value under a new key of a table in place of an old key."""
+        """Replace an old key of a table by a new key with this value."""
         table: Any = self.data
         for part in location:
             table = table[part]
@@ -35,7 +35,7 @@ class Conversion(NamedTuple):
         self.places[(*location, new)] = (*location, old)
 
     def as_written(self, issue: Issue) -> Issue:
-        """An issue about the keys that the user wrote."""
+        """Return an issue in terms of the keys that the user wrote."""
         location = self._user_location(issue.location)
         involved = tuple(map(self._user_location, issue.involved))
         message, converted = self._with_own_keys(issue), self._converted(issue.location)
@@ -44,7 +44,7 @@ class Conversion(NamedTuple):
         return dataclasses.replace(issue, location=location, involved=involved, message=message)
 
     def _with_own_keys(self, issue: Issue) -> str:
-        """The message, in which each key that the user wrote otherwise is named as in the file.
+        """Return the message with each converted key named as in the file.
 
         A key without its table belongs to one of the tables that the issue is about.
         """
@@ -65,7 +65,7 @@ class Conversion(NamedTuple):
         return re.sub(r"\b((?:\w+\.)*)(\w+)\b", named, issue.message)
 
     def _converted(self, location: Location) -> Location:
-        """The beginning of a location that is none in the file; nothing if it is one."""
+        """Longest beginning of a location that was converted from another in the file, or ()."""
         ends = range(len(location), 0, -1)
         return next((location[:end] for end in ends if location[:end] in self.places), ())
 
@@ -82,7 +82,7 @@ def _dotted(location: Location) -> str:
 
 
 class KeyUnit(NamedTuple):
-    """A unit that a key may have at its end: what it is called, and its size in the unit of SI."""
+    """A unit that a key may end with: its name, and its size in the SI unit."""
 
     called: str
     size: float
@@ -107,20 +107,20 @@ UNITS: Mapping[str, Mapping[str, KeyUnit]] = {
     "_T": {"_nT": KeyUnit("nT", 1e-9)},
     "_rad_s2_sqrt_Hz": {"_deg_s2_sqrt_Hz": KeyUnit("deg/s²/√Hz", DEGREE)},
 }
-"""The endings of keys in SI, and the endings that may stand in place of each."""
+"""Key endings in SI, and the alternative endings of each."""
 
 _SI_OF = {one: si for si, units in UNITS.items() for one in (si, *units)}
-"""The ending in SI of every ending."""
+"""SI ending of every ending."""
 
 PURE_NUMBERS = frozenset({"weights"})
-"""Keys of a distribution that are not in the unit of what is dispersed."""
+"""Keys of a distribution that are not in the unit of the dispersed quantity."""
 
 KEYS_OF_THE_LAW = (("tuning", "parameters"), ("tuning", "smoothing"))
-"""Tables whose keys are those of `[control]`."""
+"""Tables with the same keys as `[control]`."""
 
 
 def spellings(key: str) -> tuple[str, ...]:
-    """The key with each unit that it may have, that of SI first; only itself if it has no other."""
+    """The key in each of its units, SI first; only the key itself if it has no others."""
     ending = _ending(key)
     si = _SI_OF.get(ending)
     if si is None:
@@ -129,25 +129,25 @@ def spellings(key: str) -> tuple[str, ...]:
 
 
 def _ending(key: str) -> str:
-    """The longest ending that a key has, as `_sqrt_Hz` is no `_Hz`; empty without one."""
+    """Longest known ending of a key, as `_sqrt_Hz` is no `_Hz`; empty without one."""
     return max(filter(key.endswith, _SI_OF), key=len, default="")
 
 
 def other_spellings(key: str) -> Iterator[str]:
-    """A key as it is spelt in its other units."""
+    """The key in each of its other units."""
     return (one for one in spellings(key) if one != key)
 
 
 def _unit(key: str) -> KeyUnit:
-    """The unit of a key that is not in SI."""
+    """Unit of a key that is not in SI."""
     ending = _ending(key)
     return UNITS[_SI_OF[ending]][ending]
 
 
 def convert_units(conversion: Conversion) -> None:
-    """Take in all keys in another unit that stand for one in SI of the same table.
+    """Convert all keys in another unit to the SI key of the same table.
 
-    A key that a table declares by its own name is left as it is.
+    A key that a table declares by its own name is left unchanged.
     """
     _convert(conversion, copy.deepcopy(conversion.data), conversion.data, ())
 
@@ -172,7 +172,7 @@ def _convert(
 def _convert_key(
     conversion: Conversion, table: dict[str, Any], location: Location, name: str
 ) -> None:
-    """Replace a key by that in SI, unless the table has it already."""
+    """Replace a key by its SI key, unless the table already has that."""
     si = spellings(name)[0]
     if si not in table:
         conversion.replace(location, name, si, _scaled(table[name], _unit(name).size))
@@ -183,7 +183,7 @@ def _convert_key(
 
 
 def _scaled(value: Any, size: float) -> Any:
-    """The numbers of a value, of the entries of a list, or of a distribution, times a size."""
+    """Scale the numbers of a value, of the entries of a list, or of a distribution."""
     if isinstance(value, list | tuple):
         return [_scaled(entry, size) for entry in value]
     if isinstance(value, dict):
@@ -196,9 +196,9 @@ def _scaled(value: Any, size: float) -> Any:
 
 
 def with_units(schema: Any) -> Any:
-    """A JSON Schema in which every key may be given in each of its units, but only in one.
+    """Return a JSON Schema in which every key may be given in each of its units, but only in one.
 
-    A table with a type needs no key, as its type may have them all.
+    A table with a type requires no key, as its type may have them all.
     """
     if isinstance(schema, list):
         return [with_units(entry) for entry in schema]
@@ -227,7 +227,7 @@ def with_units(schema: Any) -> Any:
 
 
 def _rules(required: list[str], rules: list[dict[str, Any]]) -> dict[str, Any]:
-    """What a table must have and obey; nothing where there is nothing, as lists are not empty."""
+    """Required keys and rules of a table; empty without any, as lists must not be empty."""
     parts = {"required": required, "allOf": rules}
     return {name: part for name, part in parts.items() if part}
 
@@ -237,12 +237,12 @@ def _each(family: tuple[str, ...]) -> list[dict[str, Any]]:
 
 
 def _any_of(family: tuple[str, ...]) -> dict[str, Any]:
-    """That a key is there, in any of its units."""
+    """Schema that requires a key in any of its units."""
     return {"anyOf": _each(family)}
 
 
 def _in_unit(entry: Any, key: str, unit: KeyUnit) -> Any:
-    """The entry of a key in SI, for the same in another unit."""
+    """Schema of an SI key, converted to another unit."""
     if isinstance(entry, list):
         return [_in_unit(one, key, unit) for one in entry]
     if not isinstance(entry, dict):

@@ -1,4 +1,4 @@
-"""What pydantic finds, in the words of a scenario file: "must …, got …, did you mean …?"."""
+"""Errors of pydantic in the words of a scenario file: "must …, got …, did you mean …?"."""
 
 import copy
 import difflib
@@ -20,16 +20,16 @@ from jaxsat.scenario.toml_text import toml_value
 
 MAX_SHOWN_LENGTH = 60
 MAX_VECTOR_LENGTH = 4
-"""Entries of a list whose length is fixed; longer ones may have any number up to theirs."""
+"""Largest fixed length of a list; longer lists may have any number of entries up to theirs."""
 
 
 def shown(value: Any) -> str:
-    """A value as it stands in the file, shortened."""
+    """Value as in the file, shortened."""
     return clean(toml_value(value), MAX_SHOWN_LENGTH)
 
 
 def suggestion(word: str, choices: Iterable[str]) -> str:
-    """`, did you mean …?` for the choice closest to a misspelt word, or nothing."""
+    """`, did you mean …?` for the choice closest to a misspelt word, or empty."""
     choices = list(choices)
     if len(word) > MAX_SHOWN_LENGTH:
         return ""
@@ -39,7 +39,7 @@ def suggestion(word: str, choices: Iterable[str]) -> str:
 
 
 def table_at(root: type[BaseModel], data: Any, location: Location) -> type[BaseModel] | None:
-    """The table class that a location names, following `control.law`."""
+    """Table class at a location, following `control.law`."""
     kind: Any = root
     for part in location:
         if get_origin(kind) is dict:
@@ -55,14 +55,14 @@ def table_at(root: type[BaseModel], data: Any, location: Location) -> type[BaseM
 
 
 def item_kind(annotation: Any) -> Any:
-    """What the values of a table with keys of any name are; None for any other annotation."""
+    """Type of the values of a table with keys of any name; None for any other annotation."""
     return get_args(annotation)[1] if get_origin(annotation) is dict else None
 
 
 def _table_class(annotation: Any, data: Any) -> type[BaseModel] | None:
     tables = _tables_in(annotation)
     table = tables[0] if tables else None
-    if len(tables) > 1:  # the laws, told apart by their name
+    if len(tables) > 1:  # the laws, distinguished by name
         law = known_law(data.get("law") if isinstance(data, Mapping) else None)
         return None if law is None else table_of(law)
     if table is not None and issubclass(table, PartTable):
@@ -72,7 +72,7 @@ def _table_class(annotation: Any, data: Any) -> type[BaseModel] | None:
 
 
 def _tables_in(annotation: Any) -> list[type[BaseModel]]:
-    """The table classes that an annotation, or one of its alternatives, names."""
+    """Table classes that an annotation, or one of its alternatives, names."""
     if get_origin(annotation) is dict:
         return []
     options = [annotation, *get_args(annotation)]
@@ -82,7 +82,7 @@ def _tables_in(annotation: Any) -> list[type[BaseModel]]:
 
 
 def known_location(data: Any, raw: Location, missing: bool) -> Location:
-    """A pydantic location without the labels it adds for the members of a union."""
+    """A pydantic location without the labels of union members."""
     parts: list[str | int] = []
     for position, part in enumerate(raw):
         last = position == len(raw) - 1
@@ -96,7 +96,7 @@ def known_location(data: Any, raw: Location, missing: bool) -> Location:
 
 
 def _entry(data: Any, part: str | int) -> tuple[bool, Any]:
-    """Whether a table or list has this key or position, and what is there."""
+    """Whether a table or list has this key or position, and its value."""
     if isinstance(data, Mapping) and part in data:
         return True, data[part]
     if isinstance(data, list | tuple) and isinstance(part, int) and part < len(data):
@@ -105,10 +105,10 @@ def _entry(data: Any, part: str | int) -> tuple[bool, Any]:
 
 
 def issue_of(root: type[BaseModel], data: Any, error: Mapping[str, Any]) -> Issue | None:
-    """An error of pydantic as an issue; None for one that only repeats another."""
+    """Convert an error of pydantic to an issue; None if it only repeats another."""
     kind, value, bounds = error["type"], error["input"], error.get("ctx", {})
     if kind == "too_short" and len(value) >= bounds["min_length"]:
-        return None  # pydantic does not count the entries that it has complained about
+        return None  # pydantic does not count entries that it has rejected
     missing = kind == "missing"
     location = known_location(data, error["loc"], missing)
     if kind == "union_tag_not_found":
@@ -135,7 +135,7 @@ def issue_of(root: type[BaseModel], data: Any, error: Mapping[str, Any]) -> Issu
 
 
 def refusal(table: type[BaseModel], name: str, value: Any) -> str | None:
-    """What is said of a value under a key of a table; None where the key takes it."""
+    """Message about a value that a key of a table rejects; None if the key accepts it."""
     try:
         validated(table.model_fields[name], value)
     except ValidationError as error:
@@ -146,12 +146,12 @@ def refusal(table: type[BaseModel], name: str, value: Any) -> str | None:
 
 
 def validated(field: FieldInfo, value: Any) -> Any:
-    """Check one field's value by itself, with the bounds that its declaration adds to its type.
+    """Validate the value of one field, with the bounds that its declaration adds to its type.
 
     Raises pydantic's `ValidationError`.
     """
     bare = copy.copy(field)
-    bare.exclude = None  # pydantic warns of what only tables take
+    bare.exclude = None  # pydantic warns of options that only tables take
     kind = Annotated[bare.annotation, bare]  # pyright: ignore
     return TypeAdapter(kind).validate_python(value)  # pyright: ignore
 
@@ -207,7 +207,7 @@ def _field(root: type[BaseModel], data: Any, location: Location) -> FieldInfo | 
 
 
 def _choices(root: type[BaseModel], data: Any, location: Location) -> list[str]:
-    """The texts that the key of a location may be."""
+    """Texts that are valid for the key of a location."""
     field = _field(root, data, location)
     kinds = [] if field is None else [field.annotation, *get_args(field.annotation)]
     return [text for kind in kinds if get_origin(kind) is Literal for text in get_args(kind)]
@@ -231,7 +231,7 @@ def _quoted_list(choices: Iterable[str]) -> str:
 
 
 def refusal_text(error: ArgumentError, value: Any) -> str:
-    """What a validator or a constructor refuses about the value of a key."""
+    """Refusal of the value of a key by a validator or a constructor, as a message."""
     return f"{error.rule}, got {shown(value) if error.got is None else error.got}"
 
 

@@ -1,1 +1,1 @@
-"""From a scenario to the objects of the core: closed loop, engine, study, tuning."""
+"""Construction of the core's objects from a scenario: closed loop, engine, study, tuning."""

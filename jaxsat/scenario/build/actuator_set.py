@@ -1,4 +1,4 @@
-"""From a scenario to what its thrusters and wheels can do, whatever law it has."""
+"""Control authority of the thrusters and wheels of a scenario, whatever its law."""
 
 import re
 from collections.abc import Sequence
@@ -28,15 +28,15 @@ FAULT_TOLERANT = "fault-tolerant"
 """The law that finds failures in flight."""
 
 APART = 1e-3
-"""Least singular value of unit torques that no tolerance of the judgement calls in doubt."""
+"""Singular value of unit torques above which their directions are distinct beyond doubt."""
 
 
 def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
-    """All actuators of a scenario, failed ones too, and the places of those that work.
+    """Return all actuators of a scenario, failed ones too, and the indices of the working ones.
 
     Tables [[thruster]] and [[wheel]], or thrusters of `spacecraft.thruster_torque_axes`, whose
-    torques have both signs. Net forces are known where every thruster has a position. The momentum
-    is that of body and all wheels at the start; a failed wheel coasts with its own.
+    torques have both signs. Net forces are known if every thruster has a position. The momentum is
+    that of body and all wheels at the start; a failed wheel coasts with its own.
     """
     wheels = scenario.wheel
     axes = np.array([one.axis for one in wheels], float).reshape(-1, 3).T
@@ -65,7 +65,7 @@ def all_actuators(scenario: Scenario) -> tuple[ActuatorSet, list[int]]:
 
 
 def all_rods(scenario: Scenario) -> tuple[RodSet | None, list[int]]:
-    """All magnetorquers of a scenario, failed ones too, and the places of those that work.
+    """Return all magnetorquers of a scenario, failed ones too, and the indices of the working ones.
 
     None without any. Names differ from those of the other actuators.
     """
@@ -88,7 +88,7 @@ def all_rods(scenario: Scenario) -> tuple[RodSet | None, list[int]]:
 
 
 def judge_scenario(scenario: Scenario, *, tolerance: float | int = TOLERANCE) -> Judgement:
-    """Judge what all actuators that work at the start can do together.
+    """Judge the controllability by all actuators that work at the start.
 
     Control moment gyros are left out. `tolerance` as in `judge`.
     """
@@ -112,10 +112,10 @@ def fitting_laws(scenario: Scenario, judgement: Judgement) -> list[str]:
 
 
 def borderline_words(scenario: Scenario) -> str | None:
-    """What to say where the torques that are left are two or three by their last digits alone.
+    """Caution if only round-off decides whether the remaining torques are two or three, else None.
 
-    It is what `judge` says of the actuators that work at the start. None
-    where their directions are plainly apart or plainly one.
+    The verdict is that of `judge` on the actuators that work at the start; their directions are
+    clearly distinct or clearly equal where the result is None.
     """
     actuators, working = all_actuators(scenario)
     healthy = actuators.only(working)
@@ -137,12 +137,12 @@ def borderline_words(scenario: Scenario) -> str | None:
 def _thrusters(
     scenario: Scenario,
 ) -> tuple[Float[np.ndarray, "3 m"], Float[np.ndarray, "3 m"] | None, list[bool], list[bool]]:
-    """Torques (N m), forces (N) if all are known, which have both signs, which have failed."""
+    """Torques (N m), forces (N) if all are known, two-sided flags, and failed flags."""
     tables, spacecraft = scenario.thruster, scenario.spacecraft
     if not tables:
         rows = spacecraft.thruster_torque_axes or ()
         failed = [number in spacecraft.failed_thrusters for number in range(1, len(rows) + 1)]
-        # As given: exact numbers stay exact.
+        # unnormalised, so that exact numbers stay exact
         return np.array(rows, float).reshape(-1, 3).T, None, [True] * len(rows), failed
     torques = np.array([_torque(one) for one in tables]).T
     forces = np.array([one.force() for one in tables]).T
@@ -152,7 +152,7 @@ def _thrusters(
 
 
 def _torque(thruster: ThrusterTable) -> Float[np.ndarray, "3"]:
-    """Torque at full thrust, N m; zero where the force points at the centre but for rounding."""
+    """Torque at full thrust, N m; zero for a force through the centre of mass up to round-off."""
     if thruster.position_m is None:
         return thruster.torque()
     position = np.array(thruster.position_m)
@@ -162,7 +162,7 @@ def _torque(thruster: ThrusterTable) -> Float[np.ndarray, "3"]:
 def _names(
     thrusters: Sequence[str | None], wheels: Sequence[str | None]
 ) -> tuple[list[str], list[str]]:
-    """Names in one word; g1, g2, … and w1, w2, … where there are none."""
+    """Names without spaces; g1, g2, … and w1, w2, … for unnamed thrusters and wheels."""
     jets, wheel_names = _words(thrusters, "g"), _words(wheels, "w")
     if len({*jets, *wheel_names}) < len(jets) + len(wheel_names):
         jets = [f"{name}-g{number}" for number, name in enumerate(jets, 1)]

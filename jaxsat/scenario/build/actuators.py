@@ -1,4 +1,4 @@
-"""From a scenario to its actuators."""
+"""Construction of the actuators of a scenario."""
 
 import dataclasses
 import math
@@ -35,9 +35,9 @@ from jaxsat.spacecraft.wheels import Wheels
 
 
 def build_thrusters(scenario: Scenario) -> AbstractEffector | None:
-    """The thrusters left, as an effector, or what the scenario has in place of ideal ones.
+    """Effector of the working thrusters, or the actuators that replace ideal thrusters.
 
-    None where the law commands others, or they make all that it commands.
+    None if the law commands other actuators, or other actuators make every command.
     """
     makers = TorqueMakers.of(scenario)
     torques = makers.law.torques
@@ -63,7 +63,7 @@ def build_thrusters(scenario: Scenario) -> AbstractEffector | None:
 
 
 def build_distribution(scenario: Scenario, plant: RigidBody) -> AbstractDistribution:
-    """Which effector does what of the law's command: steering first, then wheels, thrusters."""
+    """Allocation of the law's command among effectors: steering first, then wheels, thrusters."""
     declaration = scenario.law.declaration
     if declaration.commands_actuators:
         return Direct()
@@ -79,12 +79,12 @@ def build_distribution(scenario: Scenario, plant: RigidBody) -> AbstractDistribu
 
 
 def _wheels_first(scenario: Scenario) -> WheelsFirst:
-    """Wheels that make what they can of the law's command; thrusters, if any, get the rest."""
+    """Allocation to wheels first, within their capacity; thrusters, if any, get the rest."""
     makers = TorqueMakers.of(scenario)
     wheels, whole = makers.wheels, makers.wheels_make_all
     limits = np.array([one.torque_limit_N_m or np.inf for one in wheels])
     friction = _known_friction(scenario)
-    if friction is not None:  # what is left of a motor that also turns its wheel
+    if friction is not None:  # torque left for the command by a motor that also overcomes friction
         spare = limits - np.asarray(friction.coulomb)
         limits = np.where(spare > 0, spare, limits)
     distribution = WheelsFirst.of(
@@ -113,7 +113,7 @@ def _wheels_first(scenario: Scenario) -> WheelsFirst:
 
 
 def _known_friction(scenario: Scenario) -> WheelFriction | None:
-    """The friction that a sampled law knows of the wheels that work; None for others."""
+    """Friction of the working wheels that a sampled law knows; None for other laws."""
     if not scenario.law.declaration.sampled:
         return None
     works = np.array([not one.failed for one in scenario.wheel])
@@ -122,12 +122,12 @@ def _known_friction(scenario: Scenario) -> WheelFriction | None:
 
 
 def _declared_wheels(scenario: Scenario) -> Wheels:
-    """The wheels as they are declared, which fail no more."""
+    """The declared wheels, without failures in flight."""
     return Wheels.from_tables(scenario.wheel, EffectorContext(field_of(scenario.orbit), ()))[0]
 
 
 def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
-    """The thrusters left as makers of torques; any will do where no torque is commanded."""
+    """Ideal torque actuators of the working thrusters; any shares do without a commanded torque."""
     table = scenario.spacecraft
     if scenario.thruster:
         axes = unit_columns(TorqueMakers.of(scenario).pushes)
@@ -149,7 +149,7 @@ def ideal_thrusters(scenario: Scenario, torques: int) -> Actuators:
 
 
 def wheel_context(scenario: Scenario) -> WheelContext | None:
-    """What a law that commands each wheel knows of them; None for others."""
+    """Wheel model for a law that commands each wheel; None for other laws."""
     if not scenario.law.declaration.commands_actuators or not scenario.wheel:
         return None
     wheels = _declared_wheels(scenario)
@@ -159,7 +159,7 @@ def wheel_context(scenario: Scenario) -> WheelContext | None:
 
 
 def magnetic_context(scenario: Scenario) -> MagneticContext | None:
-    """What a law knows of the magnetorquers that work; None without any."""
+    """Model of the working magnetorquers for a law; None without any."""
     tables, wheels = scenario.magnetorquer, scenario.wheel
     if all(one.failed for one in tables):
         return None
@@ -172,7 +172,7 @@ def magnetic_context(scenario: Scenario) -> MagneticContext | None:
 
 
 def _steering_context(scenario: Scenario) -> SteeringContext:
-    """What steerings know of wheels."""
+    """Wheel data for the steering laws."""
     unloading, wheels = scenario.unloading or UnloadingTable(), scenario.wheel
     working = np.array([not one.failed for one in wheels], float)
     return SteeringContext(
@@ -184,7 +184,7 @@ def _steering_context(scenario: Scenario) -> SteeringContext:
 
 
 def _steering(scenario: Scenario, plant: RigidBody) -> tuple[AbstractSteering, ...]:
-    """What steers effectors of the plant, in the order in which they are asked."""
+    """Steering laws of the plant's effectors, in their order of evaluation."""
     context = _steering_context(scenario)
     makers = {one.name: one.steering for one in DECLARED if one.steering}
     return tuple(

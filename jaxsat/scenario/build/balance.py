@@ -1,4 +1,4 @@
-"""Where the environment makes no torque about an axis that nothing drives, and what happens then.
+"""Balance of the environmental torque about an undriven axis, and the motion about it.
 
 With two wheels the body is held about the axes across the normal n of their plane, and turns about
 n alone: n·Jn times its acceleration is the torque about n, whatever the wheels do.
@@ -36,25 +36,25 @@ from jaxsat.spacecraft.environment.disturbances import (
 from jaxsat.spacecraft.environment.ellipse import EllipticOrbit
 
 PLACES = 24
-"""Places of an orbit over which torques are averaged."""
+"""Number of orbit positions over which torques are averaged."""
 
 SLIGHT = 1e-3
-"""rad; turn over which the change of a torque is taken."""
+"""Rotation (rad) over which the slope of a torque is taken."""
 
 NOTHING = 1e-12
-"""Of the largest torque in any attitude: what counts as none."""
+"""Torque that is treated as zero, relative to the largest torque in any attitude."""
 
 BATCH = 512
-"""Attitudes whose torques are computed at once."""
+"""Number of attitudes whose torques are computed together."""
 
 
 class Balance(NamedTuple):
     """A body about the unit vector `normal` (body axes), which none of its `drivers` drives.
 
-    `torque` (N m) is what the environment makes about it in the target attitude, in the mean of an
-    orbit; `turn` the rotation vector (rad) from there to the nearest attitude in which that
-    vanishes, None where there is none. There `stiffness` (N m/rad) drives a turn about the normal
-    back, or away where it is negative, and `moment` (kg m²) is n·Jn.
+    `torque` (N m) is the orbit-mean environmental torque about the normal in the target attitude;
+    `turn` the rotation vector (rad) from there to the nearest attitude in which it vanishes, None
+    without one. There `stiffness` (N m/rad) drives a turn about the normal back, or away if it is
+    negative, and `moment` (kg m²) is n·Jn.
     """
 
     normal: tuple[float, float, float]
@@ -66,11 +66,11 @@ class Balance(NamedTuple):
 
     @property
     def rate(self) -> float:
-        """√(|stiffness| / moment), rad/s: that of the swing, or of the e-fold growth."""
+        """√(|stiffness| / moment), rad/s: frequency of the swing, or rate of e-fold growth."""
         return float(np.sqrt(abs(self.stiffness) / self.moment))
 
     def lines(self) -> list[str]:
-        """What it means for a person, a sentence each."""
+        """Return an explanation of the balance, one sentence per line."""
         axis = ", ".join(number_text(part, 3, scale=1.0) for part in self.normal)
         words = (
             f"No {self.drivers} makes a torque about ({axis}). The environment makes "
@@ -95,8 +95,8 @@ class Balance(NamedTuple):
 
 
 def held_with_momentum(scenario: Scenario, judgement: Judgement) -> str | None:
-    """A sentence on the attitude nearest to the target at which two wheels rest with the momentum
-    of the start; None where other things decide, or in a frame that turns."""
+    """Sentence on the attitude nearest to the target at which two wheels rest with the initial
+    momentum; None in a rotating frame, or if other effects decide."""
     turn = turn_to_held(scenario, judgement)
     if turn is None:
         return None
@@ -109,8 +109,8 @@ def held_with_momentum(scenario: Scenario, judgement: Judgement) -> str | None:
 
 
 def turn_to_held(scenario: Scenario, judgement: Judgement) -> Float[np.ndarray, "3"] | None:
-    """The rotation vector (rad, body axes) from the target to the nearest attitude that two wheels
-    hold with the momentum of the start; None where other things decide."""
+    """Rotation vector (rad, body axes) from the target to the nearest attitude that two wheels hold
+    with the initial momentum; None if other effects decide."""
     wheels, actuators = judgement.level_set, judgement.actuators
     if judgement.laws != "nearest attitude" or wheels is None:
         return None
@@ -123,10 +123,10 @@ def turn_to_held(scenario: Scenario, judgement: Judgement) -> Float[np.ndarray, 
 
 
 def undriven_balance(scenario: Scenario) -> Balance | None:
-    """What the environment does about the axis that no working wheel drives or, without wheels, no
-    actuator, at rest in inertial axes; None where there is no such axis, or no torque.
+    """Environmental balance about the axis that no working wheel or, without wheels, no actuator
+    drives, at rest in inertial axes; None without such an axis, or without a torque.
 
-    In a frame that turns, wheels take such a torque up and give it back.
+    In a rotating frame, wheels absorb such a torque and return it.
     """
     if orbit_rate(scenario) != 0:
         return None
@@ -147,9 +147,9 @@ def undriven_balance(scenario: Scenario) -> Balance | None:
 
 
 def balance_about(scenario: Scenario, normal: Float[np.ndarray, "3"]) -> Balance | None:
-    """What the environment does about an axis (body, unit); None where it makes no torque.
+    """Environmental balance about an axis (body, unit); None if the environment makes no torque.
 
-    Torques that come and go by themselves, as (2), have no mean.
+    Periodic torques, as (2), have no mean.
     """
     from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
 
@@ -182,7 +182,7 @@ def balance_about(scenario: Scenario, normal: Float[np.ndarray, "3"]) -> Balance
 def _torque_about(
     plant: RigidBody, normal: Float[np.ndarray, "3"], times: Float[np.ndarray, " k"]
 ) -> Callable[[Float[np.ndarray, "*n 3 3"]], Float[np.ndarray, "*n"]]:
-    """The mean torque (N m) about an axis at some times (s), of matrices into body axes."""
+    """Return the mean torque (N m) about an axis over times (s), of matrices into body axes."""
     terms, inertia = _lasting(plant.disturbance), plant.spacecraft.inertia
 
     @jax.jit
@@ -205,14 +205,14 @@ def _torque_about(
 
 
 def _lasting(disturbance: AbstractDisturbance) -> tuple[AbstractDisturbance, ...]:
-    """The terms of a disturbance but those that come and go by themselves."""
+    """Terms of a disturbance without periodic torques."""
     several = isinstance(disturbance, SumOfDisturbances)
     terms = disturbance.terms if several else (disturbance,)
     return tuple(one for one in terms if not isinstance(one, PeriodicTorque))
 
 
 def _times(scenario: Scenario) -> Float[np.ndarray, " k"]:
-    """Times (s) at places of an orbit, or zero alone where there is none."""
+    """Times (s) at points of an orbit, or zero alone without one."""
     place, rate = place_of(scenario.orbit), orbit_rate(scenario)
     if isinstance(place, EllipticOrbit):
         rate = float(np.sqrt(EARTH_GRAVITY / place.semi_major_axis**3))

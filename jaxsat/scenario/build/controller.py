@@ -1,4 +1,4 @@
-"""From a scenario to its control law, with the law's own model of the plant."""
+"""Construction of a scenario's control law, with the law's own model of the plant."""
 
 import numpy as np
 
@@ -25,9 +25,9 @@ from jaxsat.spacecraft.spacecraft import Spacecraft
 
 
 def build_controller(scenario: Scenario) -> AbstractController | AbstractSampledController:
-    """The control law with its own model of the plant.
+    """Return the control law with its own model of the plant.
 
-    Raises `BuildError` where the law cannot be built for its model.
+    Raises `BuildError` if the law cannot be built for its model.
     """
     law, control = scenario.law, scenario.control
     values = values_of(law.declaration.keys, control)
@@ -70,9 +70,9 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
 
 
 def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) -> RigidBody:
-    """What the controller believes, with the periodic torques that it measures.
+    """The controller's model of the plant, with the periodic torques that it measures.
 
-    Its inertia is that which turns under a torque: without rotors, which wheels leave behind.
+    Its inertia excludes the rotors, which a torque on the body does not turn.
     """
     inertia = table.inertia_kg_m2 or scenario.spacecraft.inertia_kg_m2
     relation = table.orbit_relation or scenario.orbit.relation
@@ -91,7 +91,7 @@ def _model(scenario: Scenario, table: ModelTable, measured: tuple[bool, ...]) ->
 
 
 def _wheels_hold_the_third_rate(scenario: Scenario) -> bool:
-    """Whether wheels alone make the two torques: without momentum they turn nothing about z."""
+    """Whether wheels alone make the two torques: without momentum they have no torque about z."""
     makers = TorqueMakers.of(scenario)
     if not makers.wheels or makers.law.torques != 2:
         return False
@@ -99,7 +99,7 @@ def _wheels_hold_the_third_rate(scenario: Scenario) -> bool:
 
 
 def _model_issue(law: Law, table: ModelTable, error: UnsuitableModel) -> Issue:
-    """The issue with the key whose value is why the law cannot be built."""
+    """Issue at the key because of which the law cannot be built."""
     if error.about == "inertia":
         own = table.inertia_kg_m2 is not None
         key = "control.model.inertia_kg_m2" if own else "spacecraft.inertia_kg_m2"

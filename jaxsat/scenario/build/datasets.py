@@ -1,4 +1,4 @@
-"""Runs of scenarios, and cases of their studies, as datasets."""
+"""Trajectories of scenarios, and cases of their studies, as datasets."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -16,14 +16,14 @@ from jaxsat.simulation.assessment import Assessment
 from jaxsat.simulation.trajectory import Trajectory
 from jaxsat.store.dataset import errors_of, trajectory_dataset
 
-if TYPE_CHECKING:  # a single run needs nothing of studies
+if TYPE_CHECKING:  # a single run needs no studies
     from jaxsat.studies.ensemble import Study
 
 
 def simulated(
     scenario: Scenario, tell: Callable[[str], None] = lambda obstacle: None
 ) -> xr.Dataset:
-    """The trajectory of a scenario; for `tell` see `Run.simulate`."""
+    """Return the trajectory of a scenario; for `tell` see `Run.simulate`."""
     run = build(scenario)
     return trajectory_dataset(
         run.simulate(tell),
@@ -37,15 +37,15 @@ def simulated(
 def simulated_finely(
     scenario: Scenario, tell: Callable[[str], None]
 ) -> tuple[Scenario, xr.Dataset]:
-    """The scenario with steps as fine as it needs, and its trajectory; see `refined`."""
+    """Return the scenario with sufficiently fine steps, and its trajectory; see `refined`."""
     return refined(scenario, lambda one: simulated(one, tell), errors_of, tell)
 
 
 def replay_case(scenario: Scenario, study: "Study", number: int) -> xr.Dataset:
-    """Case `number` of the study of a scenario with its complete history.
+    """Return case `number` of the study of a scenario with its complete history.
 
-    The dataset is that of `jaxsat simulate`. Its attributes hold the number of the case (`case`)
-    and the values drawn for it (`drawn_NAME`). It has every observed instant.
+    The dataset has the format of `jaxsat simulate`, with every observed instant. Its attributes
+    hold the number of the case (`case`) and the values drawn for it (`drawn_NAME`).
     """
     replay = study.replay(number)
     steps, unknown = as_array(np.array(len(replay.times) - 1)), as_array(np.array(np.nan))

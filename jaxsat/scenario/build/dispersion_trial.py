@@ -1,4 +1,4 @@
-"""What of a `[dispersion]` table cannot be drawn, found out by making its distributions."""
+"""Check of a `[dispersion]` table by construction of its distributions."""
 
 from collections.abc import Iterator
 
@@ -27,10 +27,10 @@ from jaxsat.studies.distributions import (
 
 
 def dispersion_issues(scenario: Scenario, run: Run, all_fit: bool) -> list[Issue]:
-    """Every distribution that is none, or gives numbers that its quantity cannot be.
+    """Return issues on invalid distributions, and on values that their quantities cannot have.
 
-    With `all_fit` also those of quantities that the loop does not have, and what else a study
-    cannot be made of. Raises `BuildError` where its program cannot be built.
+    With `all_fit` also on quantities that the loop does not have, and on other obstacles to a
+    study. Raises `BuildError` if its program cannot be built.
     """
     table = scenario.dispersion
     assert table is not None
@@ -87,7 +87,7 @@ _KINDS = {
 
 
 def distribution_of(table: DistributionTable) -> AbstractProbabilityDistribution:
-    """The distribution that a table describes; raises `ValueError` where it is none."""
+    """Return the distribution of a table; raises `ValueError` for invalid parameters."""
     kind = table.distribution
     parameters = [as_float(np.asarray(getattr(table, name))) for name in PARAMETERS[kind]]
     return _KINDS[kind](*parameters)

@@ -1,4 +1,4 @@
-"""Scenarios whose numbers, each right in itself, make no object of the core."""
+"""Errors of scenarios whose values, each valid by itself, make no valid object of the core."""
 
 import contextlib
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ Instance = TypeVar("Instance", bound=PyTree)
 
 
 class BuildError(JaxsatError, ValueError):
-    """What a scenario asks for cannot be built; `issue` says which key is to blame and why."""
+    """A scenario that cannot be built; `issue` names the key and the reason."""
 
     issue: Issue
 
@@ -27,9 +27,9 @@ class BuildError(JaxsatError, ValueError):
 
 @contextlib.contextmanager
 def at_key(key: str) -> Iterator[None]:
-    """Blame this dotted key for what the constructors inside refuse: `BuildError`."""
+    """Convert errors of constructors inside this context to a `BuildError` at a dotted key."""
     try:
-        with np.errstate(all="ignore"):  # what comes of it is looked at
+        with np.errstate(all="ignore"):  # invalid results are rejected later
             yield
     except BuildError:
         raise
@@ -40,7 +40,7 @@ def at_key(key: str) -> Iterator[None]:
 
 
 def made_of_numbers(instance: Instance) -> Instance:
-    """Return the object as it is; raises `ValueError` where a number in it is NaN."""
+    """Return the object unchanged; raises `ValueError` if a number in it is NaN."""
     for leaf in jax.tree.leaves(eqx.filter(instance, eqx.is_inexact_array)):
         if np.isnan(np.asarray(leaf)).any():
             raise ValueError(f"a number of {type(instance).__name__} is NaN")

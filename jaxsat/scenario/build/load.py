@@ -1,4 +1,4 @@
-"""Loading scenarios that can be built for what they are loaded for."""
+"""Loading of scenarios, with a trial construction for their purpose."""
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -10,7 +10,7 @@ from jaxsat.scenario.overrides import Override
 from jaxsat.scenario.read import warn
 
 Purpose = Literal["text", "motion", "run", "study"]
-"""What a scenario is loaded for; see `load`."""
+"""Purpose for which a scenario is loaded; see `load`."""
 
 
 def load(
@@ -21,14 +21,14 @@ def load(
     also: Callable[[Scenario], None] | None = None,
     caution: Callable[[str], None] = warn,
 ) -> Scenario:
-    """The scenario of that name in the library, or of that TOML file, with overrides.
+    """Load the library's scenario with this name, or a TOML file, with overrides.
 
-    It is read as by `jaxsat.scenario.read`, and can be built for the `purpose`: "run", for which
-    everything is checked; "study", for which the dispersions must also be such as the loop has;
-    "motion", without the control law; "text", for which nothing is built. `also` raises
-    `BuildError` where a scenario that can be built will not do.
-    Raises `ScenarioError` with every problem at once; tells `caution` of what is allowed but likely
-    a mistake, by default a `ScenarioWarning`. JAX is imported once all keys are right.
+    The file is read by `jaxsat.scenario.read`, and built on trial for the `purpose`: "run", for
+    which everything is checked; "study", for which the loop must also have all dispersed
+    quantities; "motion", without the control law; "text", without a trial. `also` raises
+    `BuildError` for a valid scenario that does not suit the caller. Raises `ScenarioError` with
+    every problem at once; passes cautions about likely mistakes to `caution`, by default as a
+    `ScenarioWarning`. JAX is imported once all keys are valid.
     """
     law = purpose != "motion"
 
@@ -48,7 +48,7 @@ def load(
 def _obstacles(
     scenario: Scenario, purpose: Purpose, also: Callable[[Scenario], None] | None
 ) -> list[Issue]:
-    """What stands against building the scenario, by the functions that commands build with."""
+    """Issues that prevent the construction of the scenario, by the commands' own functions."""
     from jaxsat.scenario.build.errors import BuildError
     from jaxsat.scenario.build.run import build, build_uncontrolled
 

@@ -1,4 +1,4 @@
-"""From a scenario to the plant."""
+"""Construction of the plant of a scenario."""
 
 import pkgutil
 from collections.abc import Sequence
@@ -45,7 +45,7 @@ from jaxsat.spacecraft.spacecraft import Spacecraft
 
 
 def build_plant(scenario: Scenario) -> RigidBody:
-    """The rigid body in its orbit under its disturbances."""
+    """Return the rigid body in its orbit under its disturbances."""
     table = scenario.spacecraft
     spacecraft = Spacecraft(as_float(table.inertia_kg_m2))
     orbit = orbit_of(scenario.orbit.relation, orbit_rate(scenario))
@@ -56,7 +56,7 @@ def build_plant(scenario: Scenario) -> RigidBody:
 
 
 def build_effectors(scenario: Scenario) -> list[tuple[AbstractEffector, Any]]:
-    """The effectors of a scenario's body in their order there, and their states at the start."""
+    """Return the effectors of a scenario's body in their order there, and their initial states."""
     field, effectors = field_of(scenario.orbit), []
     for kind in EFFECTORS:
         tables = getattr(scenario, kind.name)
@@ -68,24 +68,24 @@ def build_effectors(scenario: Scenario) -> list[tuple[AbstractEffector, Any]]:
 
 
 def orbit_rate(scenario: Scenario) -> float:
-    """ω0 of the reference frame, rad/s, given or by the altitude; 0 in an elliptic orbit."""
+    """ω0 of the reference frame, rad/s, given or from the altitude; 0 in an elliptic orbit."""
     return scenario.orbit.rate()
 
 
 def orbit_of(relation: str, rate: float) -> AbstractOrbit:
-    """The orbit of the scenario or of a model of it."""
+    """Return the orbit of the scenario or of a model of it."""
     return (ExactOrbit if relation == "exact" else SmallAngleOrbit)(as_float(rate))
 
 
 def sunlight_of(
     table: OrbitTable, sun_direction: Sequence[float], eclipses: bool = False
 ) -> Sunlight:
-    """Where the Sun of a direction in inertial axes is along the orbit of a table."""
+    """Return the Sun's position for a direction in inertial axes, along the orbit of a table."""
     return Sunlight(np.asarray(sun_direction, float), place_of(table), eclipses)
 
 
 def place_of(table: OrbitTable) -> AbstractPlace:
-    """The orbit of a table, with its place about the Earth."""
+    """Return the orbit of a table, with the position about the Earth."""
     ellipse = table.ellipse()
     if ellipse is not None:
         return EllipticOrbit(
@@ -107,14 +107,14 @@ def place_of(table: OrbitTable) -> AbstractPlace:
 
 
 def sensor_context(scenario: Scenario) -> SensorContext:
-    """What a scenario of a sampled law tells its sensors."""
+    """Return the data that sensors need of a scenario with a sampled law."""
     light = scenario.disturbance
     sunlight = sunlight_of(scenario.orbit, light.sun_direction, light.eclipses)
     return SensorContext(scenario.control.period_s, field_of(scenario.orbit), sunlight)
 
 
 def field_of(table: OrbitTable) -> AbstractMagneticField:
-    """The magnetic field along the orbit of a table."""
+    """Return the magnetic field along the orbit of a table."""
     place = place_of(table)
     if table.field == "dipole" or table.epoch is None or not isinstance(place, CircularOrbit):
         return DipoleField(place)
@@ -124,14 +124,14 @@ def field_of(table: OrbitTable) -> AbstractMagneticField:
 def periodic_torque(
     amplitude: tuple[float, ...] | np.ndarray, table: DisturbanceTable
 ) -> PeriodicTorque:
-    """A periodic torque of these amplitudes (N m), the rest as the table says."""
+    """Return a periodic torque with these amplitudes (N m), the rest from the table."""
     return PeriodicTorque(
         as_float(amplitude), as_float(table.frequency_rad_s), as_float(table.phase_rad)
     )
 
 
 def _disturbance(scenario: Scenario, inertia: np.ndarray) -> AbstractDisturbance:
-    """All torques that are asked for; that of (2) is always there."""
+    """All torques of the scenario; that of (2) is always included."""
     table = scenario.disturbance
     field = field_of(scenario.orbit)
     context = DisturbanceContext(inertia, orbit_rate(scenario), field, scenario.panel)

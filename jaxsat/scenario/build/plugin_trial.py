@@ -1,4 +1,4 @@
-"""Whether parts that do not come with jaxsat give what a loop needs, found out by tracing them."""
+"""Trial of plug-ins by tracing: whether their results suit the loop."""
 
 import inspect
 from collections.abc import Callable
@@ -29,7 +29,7 @@ LAW = ("control", "law")
 
 
 def require_runs(law: Law, controller: Controller, start: PlantState) -> None:
-    """Raise `BuildError` where the law, run once, raises or gives arrays of other shapes.
+    """Raise `BuildError` if the law, run once, raises or returns arrays of other shapes.
 
     Nothing is computed: JAX traces the law with the shapes of the start.
     """
@@ -60,7 +60,7 @@ def broken(
     error: BaseException,
     rule: str = "can be run",
 ) -> Issue:
-    """The report of an exception of a part's own code."""
+    """Return the issue for an exception in a part's own code."""
     text = str(error).strip().split("\n", 1)[0]
     hint = ""
     if isinstance(error, jax.errors.ConcretizationTypeError):
@@ -74,7 +74,7 @@ def broken(
 
 
 def made_part(part: Part, location: Location, table: PartTable, context: Any) -> Any:
-    """What a part's `from_table` makes of a checked table; raises `BuildError` otherwise."""
+    """Build a part by `from_table` from a checked table; raises `BuildError` if this fails."""
     try:
         instance = part.made.from_table(values_of(part.declaration.keys, table), context)
     except foreign_exceptions() as error:
@@ -88,7 +88,7 @@ def made_part(part: Part, location: Location, table: PartTable, context: Any) ->
 def require_torque(
     part: Part, location: Location, torque: Callable[..., Any], *arguments: Any
 ) -> None:
-    """Raise `BuildError` where a part, called once, raises or gives no torque of shape (3,)."""
+    """Raise `BuildError` if a part, called once, raises or returns no torque of shape (3,)."""
     try:
         value = eqx.filter_eval_shape(torque, *arguments)
     except foreign_exceptions() as error:
@@ -104,9 +104,9 @@ def require_estimates(
     period: RealScalar,
     measurement: Measurement,
 ) -> None:
-    """Raise `BuildError` where an estimator, called once, raises or gives no estimate.
+    """Raise `BuildError` if an estimator, called once, raises or returns no estimate.
 
-    Its memory must be of the same shapes and types after a step.
+    Its memory must have the same shapes and types after a step.
     """
     zero = jnp.zeros_like(period)
     upright = Quaternion(jnp.eye(4, dtype=zero.dtype)[0])
@@ -133,7 +133,7 @@ def require_estimates(
 def require_events(
     part: Part, location: Location, actuators: AbstractActuators, *arguments: Any
 ) -> None:
-    """Raise `BuildError` where actuators have another number of event functions than they say."""
+    """Raise `BuildError` unless actuators have `event_count` event functions."""
     try:
         count = actuators.event_count
         values = eqx.filter_eval_shape(actuators.event_functions, *arguments)
@@ -161,7 +161,7 @@ def _method(controller: Controller) -> str:
 
 
 def _answers(controller: Controller, start: PlantState) -> dict[str, tuple[Any, tuple]]:
-    """What a loop asks of a law besides its torque, by the method, and of which shape it must be.
+    """Results of a law's methods other than its torque, by method, with their required shapes.
 
     The number of event functions is the law's own.
     """
@@ -182,7 +182,7 @@ def _answers(controller: Controller, start: PlantState) -> dict[str, tuple[Any, 
 
 
 def _require_arrays(part: Law | Part, location: Location, instance: Any) -> None:
-    """Refuse attributes that are neither numbers nor told apart as what they are not."""
+    """Raise `BuildError` for attributes that are neither arrays nor declared static."""
     for path, leaf in jax.tree_util.tree_flatten_with_path(instance)[0]:
         if not eqx.is_array_like(leaf):
             name = jax.tree_util.keystr(path).lstrip(".")
@@ -226,7 +226,7 @@ def _refuse(part: Law | Part, location: Location, rule: str, value: Any) -> None
 
 
 def _place_of_method(part_class: type, method: str) -> str:
-    """Where a method of a part stands, " (file:12)", or nothing."""
+    """File and line of a method of a part, " (file:12)", or empty."""
     try:
         function = inspect.unwrap(getattr(part_class, method))
         return f" ({inspect.getfile(function)}:{inspect.getsourcelines(function)[1]})"
@@ -244,7 +244,7 @@ def _is_array(leaf: Any) -> bool:
 
 
 def _shapes(tree: Any) -> str:
-    """What a memory is made of, in few words."""
+    """Short description of the arrays of a memory."""
     leaves = [
         f"{leaf.dtype} {leaf.shape}" if _is_array(leaf) else f"the number {leaf!r}"
         for leaf in jax.tree.leaves(tree)

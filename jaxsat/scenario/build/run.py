@@ -1,4 +1,4 @@
-"""From a scenario to the objects of the core."""
+"""Construction of the closed loop and the run of a scenario."""
 
 import enum
 import weakref
@@ -43,7 +43,7 @@ from jaxsat.spacecraft.effector import AbstractEffector
 
 @dataclass(frozen=True)
 class Run:
-    """A closed loop and how it is run, made from a scenario."""
+    """The closed loop of a scenario and how it is run."""
 
     loop: AbstractLoop
     start: PlantState
@@ -53,20 +53,20 @@ class Run:
 
     @property
     def modes(self) -> type[enum.IntEnum] | None:
-        """What the numbers of `mode` mean, for sampled laws; else None."""
+        """Meaning of the numbers of `mode`, for sampled laws; else None."""
         return self.loop.controller.modes if isinstance(self.loop, SampledLoop) else None
 
     def simulate(self, tell: Callable[[str], None] = lambda obstacle: None) -> Trajectory:
-        """Run the loop, see `simulation.engine.fly`, which tells why where diffrax has to."""
+        """Run the loop by `simulation.engine.fly`; `tell` receives the reason for diffrax."""
         return fly(self.loop, self.start, self.times, self.method, tell, self.tolerances)
 
 
 def build(scenario: Scenario) -> Run:
-    """The closed loop of a scenario, its start, the times to save and the way to integrate.
+    """Return the closed loop of a scenario, its start, the times to save and the integration
+    method.
 
-    Raises `PrecisionError` where JAX is set to 32-bit floats, and `BuildError`, which names the
-    key, where the numbers of the scenario make no such loop. What was built last is not built again
-    for the same scenario.
+    Raises `PrecisionError` if JAX is set to 32-bit floats, and `BuildError`, which names the key,
+    if the numbers of the scenario make no such loop. The last result is cached for its scenario.
     """
     if not jax.config.read("jax_enable_x64"):
         raise PrecisionError(
@@ -82,7 +82,7 @@ def build(scenario: Scenario) -> Run:
 
 
 _latest: list[tuple[weakref.ref[Scenario], Run]] = []
-"""The scenario that was built last, and what it became: both are frozen."""
+"""The last scenario built and its run: both are frozen."""
 
 
 def _build(scenario: Scenario) -> Run:
@@ -100,9 +100,9 @@ def _build(scenario: Scenario) -> Run:
 
 
 def build_uncontrolled(scenario: Scenario) -> tuple[ContinuousLoop, PlantState]:
-    """Plant and thrusters without the control law, whatever that is, and the start.
+    """Return plant and thrusters without the control law, and the start.
 
-    Coulomb friction and failures of wheels, which have no part in what can be done, are left out.
+    Coulomb friction and failures of wheels, which do not affect controllability, are left out.
     Raises `BuildError` as `build` does.
     """
     with at_key("spacecraft"):
@@ -117,7 +117,7 @@ def build_uncontrolled(scenario: Scenario) -> tuple[ContinuousLoop, PlantState]:
 
 
 def build_loop(scenario: Scenario) -> AbstractLoop:
-    """Plant, controller and thrusters in the coordinates that the scenario asks for.
+    """Return plant, controller and thrusters in the coordinates of the scenario.
 
     Raises `BuildError` as `build` does.
     """
@@ -158,9 +158,9 @@ def _close_loop(
 
 
 def build_start(scenario: Scenario, effectors: tuple[AbstractEffector, ...] = ()) -> PlantState:
-    """The state at time zero in the attitude parameters that are integrated.
+    """Return the state at time zero in the attitude parameters that are integrated.
 
-    With the states of all these effectors of the plant, None for those at rest.
+    The states of all these effectors are included, None for those at rest.
     """
     table = scenario.initial
     if table.quaternion is None:
@@ -176,12 +176,12 @@ def build_start(scenario: Scenario, effectors: tuple[AbstractEffector, ...] = ()
 
 
 def build_tolerances(scenario: Scenario) -> Tolerances:
-    """The tolerances within which the scenario counts as settled."""
+    """Return the settling tolerances of the scenario."""
     return Tolerances.of_keys(**scenario.settled.model_dump())
 
 
 def build_times(scenario: Scenario) -> Float[Array, " times"]:
-    """Times to save at from zero to the end, s; on the samples of a sampled law."""
+    """Times to save, s, from zero to the end; on the samples of a sampled law."""
     table = scenario.simulation
     unit, count = table.save_every_s, round(table.duration_s / table.save_every_s)
     if not scenario.law.declaration.sampled:
@@ -191,7 +191,7 @@ def build_times(scenario: Scenario) -> Float[Array, " times"]:
 
 
 def build_method(scenario: Scenario, loop: AbstractLoop) -> Method:
-    """Solver and steps: those of `[simulation.solver]`, or what suits the loop.
+    """Return solver and steps: those of `[simulation.solver]`, or defaults for the loop.
 
     Raises `BuildError` for more steps than a run may have.
     """
@@ -217,7 +217,7 @@ def _require_few_steps(scenario: Scenario, loop: AbstractLoop, method: Method) -
         step = scenario.control.period_s / loop.substeps
         key = "control.period_s" if table.solver.substeps is None else "simulation.solver.substeps"
     elif method.first_step is None:
-        return  # adaptive steps, which have a number of their own
+        return  # adaptive steps have their own limit
     else:
         step = float(method.first_step)
         key = "simulation.duration_s" if table.solver.step_s is None else "simulation.solver.step_s"

@@ -1,4 +1,4 @@
-"""From a scenario to what a sampled law is given."""
+"""Construction of the inputs of a sampled law: sensors, delay, navigation."""
 
 import dataclasses
 from typing import Any
@@ -22,9 +22,9 @@ from jaxsat.spacecraft.sensors import Sensors, Tachometers
 
 
 def build_sampling(scenario: Scenario) -> tuple[Sensors | None, RealScalar | None]:
-    """Sensors and delay; None for those that are perfect in every case.
+    """Return sensors and delay; None for those that are perfect in every case.
 
-    None of these sensors beside a gyro and a star tracker, see `build_navigation`.
+    Both are None with a gyro and a star tracker, see `build_navigation`.
     """
     values = dict(scenario.sampling or SamplingTable())
 
@@ -40,7 +40,7 @@ def build_sampling(scenario: Scenario) -> tuple[Sensors | None, RealScalar | Non
 
 
 def build_tachometers(scenario: Scenario) -> Tachometers | None:
-    """The tachometers of a sampled law; None where all are exact and without an outage."""
+    """Return the tachometers of a sampled law; None if all are exact and without an outage."""
     noise, key = tachometer_noise(scenario), key_of_seed(scenario.simulation.seed)
     outages = [
         (one.tachometer_outage_start_s, one.tachometer_outage_s)
@@ -59,9 +59,9 @@ def tachometer_noise(scenario: Scenario) -> np.ndarray:
 
 
 def build_navigation(scenario: Scenario) -> Navigation | None:
-    """What stands between the truth and a sampled law, None without `[gyro]`.
+    """Return sensors and estimator between the plant and a sampled law; None without `[gyro]`.
 
-    The estimator knows the sensors as they are declared, and the orbit of the scenario.
+    The estimator knows the declared sensors and the orbit of the scenario.
     """
     if scenario.gyro is None:
         return None

@@ -1,4 +1,4 @@
-"""From a scenario with a `[dispersion]` table to a Monte-Carlo study."""
+"""Construction of the Monte-Carlo study of a scenario with a `[dispersion]` table."""
 
 import dataclasses
 from collections.abc import Callable
@@ -43,21 +43,21 @@ from jaxsat.studies.dispersions import RATES, Dispersed, Dispersions, StudyCase
 from jaxsat.studies.ensemble import Study
 
 ADAPTIVE_SOLVERS = {"dopri8": 1e-7, "tsit5": 2e-8, "dopri5": 2e-8}
-"""Solvers with a dense output of their own, on which switches are located; and what the tolerance,
-relative and absolute, is where a scenario names none."""
+"""Solvers with dense output of their own, on which switches are located, and their default relative
+and absolute tolerance."""
 
 EngineName = Literal["auto", "native", "scan", "diffrax"]
 CHUNK, NATIVE_CHUNKS = 256, (1024, 4096)
 """Cases computed and written together: by XLA, and fewest and most by the native engine."""
 
 ACCELERATOR_BATCH = 4096
-"""Cases that a GPU needs at once to be busy; it takes hardly longer for them than for one."""
+"""Batch size that keeps a GPU busy; a smaller batch takes hardly less time."""
 
 PILOTS = 256
-"""Cases, of which the one that starts fastest shows whether the steps are fine enough."""
+"""Number of cases of which the one with the fastest start tests the fineness of the steps."""
 
 ERROR_EVERY = 64
-"""Intervals, in one of which the error of equal steps is estimated: a few percent of the time."""
+"""Intervals per error estimate of equal steps: a few percent of the time."""
 
 
 def build_study(
@@ -71,19 +71,19 @@ def build_study(
     history: int | None = None,
     controller: Path | None = None,
 ) -> Study:
-    """The study of `count` cases that a scenario describes, with its own seed unless given.
+    """Return the study of `count` cases of a scenario, by default with the scenario's seed.
 
     `engine` "native" and "scan" take fixed steps for sampled and smooth loops and adaptive ones,
     ended by the law's switches, for laws with corners, "native" as machine code made for the
     program, on the processor, "scan" on JAX's default device; "diffrax" takes the method of a
-    single run. "auto" is "native"; where that cannot be, the study's `remark` says why, and it is
-    "scan", or "diffrax" if the scenario names a solver that the adaptive steps cannot take.
-    Raises `ValueError` where the scenario disperses nothing or something that its loop does not
-    have, and for "native" where that cannot be. `batch_size` cases are in memory together; `chunk`
-    are written together, by default what suits the engine; `history` is the number of instants at
-    which signals of every case are kept. `controller` is the library of an export, which then runs
-    in the place of law and estimator, and whose digests become part of the study's identity; raises
-    `LibraryError` for one that is not of this scenario's controller.
+    single run. "auto" is "native"; if that is impossible, the study's `remark` gives the reason,
+    and the engine is "scan", or "diffrax" if adaptive steps do not support the scenario's solver.
+    Raises `ValueError` if the scenario disperses nothing or something that its loop does not have,
+    and for an impossible "native". `batch_size` cases are in memory together; `chunk` cases are
+    written together, by default a number that suits the engine; `history` is the number of instants
+    at which signals of every case are kept. `controller` is the library of an export, which
+    replaces law and estimator, and whose digests become part of the study's identity; raises
+    `LibraryError` unless it is of this scenario's controller.
     """
     if scenario.dispersion is None:
         raise MissingTable("dispersion")
@@ -118,12 +118,12 @@ def build_study(
 def refined_study(
     scenario: Scenario, count: int, tell: Callable[[str], None], **keys: Any
 ) -> tuple[Scenario, Study]:
-    """`build_study` with `keys`, of a scenario whose substeps leave no larger errors than it allows
-    in the first case and in the one that starts fastest, and that scenario.
+    """Return the scenario with enough substeps that errors are within its limits in the first case
+    and in the one with the fastest start, and its `build_study` with `keys`.
 
-    The substeps stay where the scenario names them. Which they are depends on scenario, seed and
-    design alone, so a study that is resumed or larger, or flies a controller's library, has the
-    same. `tell` receives what was changed.
+    Substeps that the scenario gives stay. The number depends on scenario, seed and design alone, so
+    that studies that are resumed or larger, or use a controller's library, have the same. `tell`
+    receives each change.
     """
     own = {**keys, "controller": None}
     study_of = lambda finer: build_study(finer, count, **own)  # noqa: E731
@@ -133,7 +133,7 @@ def refined_study(
 
 
 def pilot_errors(study: Study) -> Errors:
-    """The largest estimates of the first case and of the fastest of the first `PILOTS`."""
+    """Largest error estimates of the first case and of the fastest of the first `PILOTS`."""
     if not study.program.error_every:
         return None, None
     cases = study.cases(np.arange(min(PILOTS, study.count) if study.has_fixed_size else PILOTS))
@@ -143,7 +143,7 @@ def pilot_errors(study: Study) -> Errors:
 
 
 def _fastest(copies: Dispersed, cases: StudyCase) -> int:
-    """The place of the case that starts fastest, the first of all where no rate is dispersed."""
+    """Index of the case with the fastest start, the first one if no rate is dispersed."""
     if RATES.isdisjoint(copies.dispersions.names):
         return 0
     return int(np.argmax(np.linalg.norm(_start_rates(copies, cases), axis=1)))
@@ -168,7 +168,7 @@ def _names(scenario: Scenario) -> tuple[str, ...]:
 
 
 def _with_library(run: Run, path: Path) -> tuple[Run, dict[str, Any]]:
-    """The run with the library in the loop, and the library's identity."""
+    """Return the run with the library in the loop, and the library's identity."""
     if not isinstance(run.loop, SampledLoop):
         raise ValueError("--controller: must be given with a sampled law.")
     from jaxsat.flight.external import Library, with_library  # whose imports take their time
@@ -178,9 +178,9 @@ def _with_library(run: Run, path: Path) -> tuple[Run, dict[str, Any]]:
 
 
 def study_program(scenario: Scenario, run: Run, seed: int) -> tuple[Dispersed, Program]:
-    """The dispersed copies of a run, and the program that runs them.
+    """Return the dispersed copies of a run, and the program that runs them.
 
-    Raises `ValueError` where the `[dispersion]` table has something that the loop does not have.
+    Raises `ValueError` if the `[dispersion]` table has something that the loop does not have.
     """
     dispersions = build_dispersions(cast(DispersionTable, scenario.dispersion))
     copies = Dispersed(run.loop, run.start, dispersions, seed)
@@ -191,13 +191,13 @@ def study_program(scenario: Scenario, run: Run, seed: int) -> tuple[Dispersed, P
 
 
 def _interval(scenario: Scenario) -> float:
-    """The time (s) between two observations of a loop that is not sampled."""
+    """Time (s) between two observations of a continuous loop."""
     save_every = scenario.simulation.save_every_s
     return save_every / observations_per_save(save_every)
 
 
 def tolerances_of(scenario: Scenario) -> Tolerances:
-    """When a case counts as settled: under a law that has no attitude to go to by its rate alone,
+    """Return the settling tolerances; under a law without a target attitude on the rate alone,
     which at rest is that of the orbit."""
     own = build_tolerances(scenario)
     if scenario.law.declaration.regulates_attitude:
@@ -206,7 +206,7 @@ def tolerances_of(scenario: Scenario) -> Tolerances:
 
 
 def _suitable_chunk(engine: AbstractEngine, count: int) -> int:
-    """Cases of a chunk: some seconds of work for the engine, and some chunks to show progress."""
+    """Cases of a chunk: some seconds of work for the engine, and several chunks in all."""
     if not isinstance(engine, NativeEngine):
         return max(CHUNK, engine.batch_size)
     fewest, most = NATIVE_CHUNKS
@@ -214,14 +214,14 @@ def _suitable_chunk(engine: AbstractEngine, count: int) -> int:
 
 
 def _numbers(scenario: Scenario) -> dict[str, Any]:
-    """The scenario without what no number depends on, and without the seed, which a study has."""
+    """Scenario data that affect numbers, without the seed, which belongs to the study."""
     data = scenario.model_dump(mode="json", exclude={"title", "description", "tuning"})
     del data["simulation"]["seed"]
     return data
 
 
 def build_dispersions(table: DispersionTable) -> Dispersions:
-    """The distributions of a `[dispersion]` table by name."""
+    """Return the distributions of a `[dispersion]` table by name."""
     distributions = {name: distribution_of(entry) for name, entry in table.distributions.items()}
     return Dispersions(distributions, table.frequency_known)
 
@@ -235,7 +235,7 @@ def _design(table: DispersionTable, seed: int, count: int) -> AbstractDesign:
 def _engine(
     scenario: Scenario, run: Run, work: tuple[Program, StudyCase], name: EngineName, batch_size: int
 ) -> tuple[AbstractEngine, str | None]:
-    """The engine, and why it is not the native one if that was wanted."""
+    """Return the engine, and the reason if it is not the requested native one."""
     solver, adaptive = scenario.simulation.solver, _adaptive(scenario, run)
     suits = not adaptive or solver.name in (None, *ADAPTIVE_SOLVERS)
     if name == "diffrax" or (name == "auto" and not suits):
@@ -266,7 +266,7 @@ def _engine(
 
 
 def _adaptive(scenario: Scenario, run: Run) -> bool:
-    """Whether the engines of jaxsat take steps that meet a tolerance."""
+    """Whether jaxsat's engines take error-controlled steps."""
     loop, solver = run.loop, scenario.simulation.solver
     if isinstance(loop, SampledLoop) or solver.steps is not None or solver.step_s is not None:
         return solver.steps == "adaptive" and not isinstance(loop, SampledLoop)
@@ -275,7 +275,7 @@ def _adaptive(scenario: Scenario, run: Run) -> bool:
 
 
 def _requirements(scenario: Scenario, run: Run) -> Requirements | None:
-    """The requirements that can be judged by the state of the loop alone; None without any."""
+    """Requirements that depend on the state of the loop alone; None without any."""
     if not scenario.requirement:
         return None
     shapes = jax.eval_shape(

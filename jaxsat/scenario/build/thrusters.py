@@ -1,4 +1,4 @@
-"""From tables `[[thruster]]` to thrusters that push, and what a law knows of them."""
+"""Construction of pushing thrusters from tables `[[thruster]]`, and their model for a law."""
 
 import dataclasses
 import math
@@ -33,7 +33,7 @@ from jaxsat.spacecraft.thrusters import ThrusterSet
 
 
 def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
-    """The thrusters that work, how they share a command of so many torques, and what fails."""
+    """Return the working thrusters, their allocation for this number of torques, and failures."""
     working = [one for one in scenario.thruster if not one.failed]
     draws_delay = getattr(scenario.dispersion, "delay_s", None) is not None
     delay = draws_delay or (scenario.sampling is not None and scenario.sampling.delay_s > 0)
@@ -54,7 +54,7 @@ def pulsed_thrusters(scenario: Scenario, torques: int) -> PulsedThrusters:
 
 
 def thruster_context(scenario: Scenario) -> ThrusterContext | None:
-    """What a law that commands each thruster knows of those that work; None for others."""
+    """Return the model of working thrusters for a law that commands each; None for others."""
     if not scenario.law.declaration.commands_actuators or not scenario.thruster:
         return None
     working = [one for one in scenario.thruster if not one.failed]
@@ -79,7 +79,7 @@ def thruster_context(scenario: Scenario) -> ThrusterContext | None:
 
 
 def rate_noise(scenario: Scenario) -> float:
-    """Standard deviation (rad/s) of the rates that a sampled law is given, sample by sample."""
+    """Standard deviation (rad/s) of the measurement noise of a sampled law's rates, per sample."""
     if scenario.gyro is not None:
         context = sensor_context(scenario)
         gyro = GYRO.made(dict(scenario.gyro), context)
@@ -121,7 +121,7 @@ def _modulation(scenario: Scenario) -> AbstractModulation:
 
 
 def failing(scenario: Scenario, ideal: Actuators) -> Actuators:
-    """Thrusters of `spacecraft.thruster_torque_axes` with what strikes those that work."""
+    """Thrusters of `spacecraft.thruster_torque_axes` with the failures of those that work."""
     table = scenario.spacecraft
     if scenario.thruster or not scenario.failure:
         return ideal
@@ -143,9 +143,9 @@ def failing(scenario: Scenario, ideal: Actuators) -> Actuators:
 def thruster_failures(
     tables: tuple[FailureTable, ...], thrusters: tuple[ThrusterTable, ...]
 ) -> FailureEvents | None:
-    """Events on working thrusters; those on one that has failed already change nothing.
+    """Return failure events of working thrusters; those of an already failed thruster are omitted.
 
-    Kinds that strike one way of a two-sided thruster strike that which is declared.
+    Kinds that strike one direction of a two-sided thruster strike the declared direction.
     """
     events = []
     places = _places(thrusters)
@@ -168,7 +168,7 @@ def thruster_failures(
 def _events(
     events: list[tuple[FailureTable, int, np.ndarray]], partner: list[int] | None
 ) -> FailureEvents | None:
-    """Tables, which column each strikes, and the torques as it would turn them."""
+    """Events from tables, the column that each strikes, and the torques as turned by each."""
     if not events:
         return None
     kinds = [failure_kind(FailureKind, table) for table, _, _ in events]
@@ -183,7 +183,7 @@ def _events(
 
 
 def _places(thrusters: tuple[ThrusterTable, ...]) -> list[list[int]]:
-    """Columns of each thruster among those that work: none, one, or two of a two-sided one."""
+    """Columns of each thruster among the working ones: none, one, or two for a two-sided one."""
     places, column = [], 0
     for one in thrusters:
         count = 0 if one.failed else len(signs(one))
@@ -195,7 +195,7 @@ def _places(thrusters: tuple[ThrusterTable, ...]) -> list[list[int]]:
 def _turn_thrust(
     thruster: ThrusterTable, torque: np.ndarray, rotation: tuple[float, ...]
 ) -> np.ndarray:
-    """The torque (N m) once the force, or the torque itself, is turned by a rotation vector."""
+    """Torque (N m) after the force, or the torque itself, is turned by a rotation vector (rad)."""
     if thruster.position_m is None:
         return _rotate(torque, rotation)
     way = math.copysign(1.0, float(torque @ thruster.torque()))
@@ -203,7 +203,7 @@ def _turn_thrust(
 
 
 def _rotate(vector: np.ndarray, rotation: tuple[float, ...]) -> np.ndarray:
-    """A vector turned by a rotation vector, rad."""
+    """Vector turned by a rotation vector, rad."""
     from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
 
     return Rotation.from_rotvec(rotation).apply(vector)

@@ -1,1 +1,1 @@
-"""What a scenario can have: one file a part, with its keys, rules and cautions. Needs no JAX."""
+"""Parts of a scenario: one file per part, with its keys, rules and cautions. Needs no JAX."""

@@ -1,4 +1,4 @@
-"""The tables of actuators, made of what these declare, and how failures name them."""
+"""Tables of actuators, from their declarations, and the names of actuators in failures."""
 
 from collections.abc import Sequence
 from typing import Annotated, Any
@@ -19,7 +19,7 @@ from jaxsat.scenario.quantities import (
 
 
 class DeviceTable(ScenarioTable):
-    """A table of one device."""
+    """Table of one device."""
 
     name: Line | None = choice("A name of its own; by default it goes by its number from 1", None)
     type: Line | None = choice(
@@ -28,7 +28,7 @@ class DeviceTable(ScenarioTable):
 
 
 def table_of_device(part: EffectorDeclaration) -> Any:
-    """The class of one table `[[NAME]]` of an actuator, or of a passive part."""
+    """Return the class of one table `[[NAME]]` of an actuator, or of a passive part."""
     fields = fields_of(part.keys)
     if isinstance(part, ActuatorDeclaration):
         fields |= {"failed": (Switch, choice(part.failed, False))}
@@ -37,12 +37,12 @@ def table_of_device(part: EffectorDeclaration) -> Any:
 
 
 def type_name(name: str) -> str:
-    """What the table of all types of an actuator is called."""
+    """Name of the table of all types of an actuator."""
     return f"{name}_type"
 
 
 def table_of_type(name: str, device: type[ScenarioTable]) -> Any:
-    """The class of a table `[NAME_type.TYPE]`, which may have every key that devices share."""
+    """Return the class of a table `[NAME_type.TYPE]`, with every key that devices can share."""
     own = ("name", "type", "failed")
     fields = {key: _optional(one) for key, one in device.model_fields.items() if key not in own}
     doc = f"`[{name}_type.TYPE]`: keys of every [[{name}]] of this type."
@@ -50,7 +50,7 @@ def table_of_type(name: str, device: type[ScenarioTable]) -> Any:
 
 
 def _optional(field: FieldInfo) -> tuple[Any, Any]:
-    """The declaration of a key that may be left out."""
+    """Declaration of a key as optional."""
     kind: Any = field.annotation
     for bound in field.metadata:
         kind = Annotated[kind, bound]
@@ -59,14 +59,14 @@ def _optional(field: FieldInfo) -> tuple[Any, Any]:
 
 
 def names_of(tables: Sequence[Any]) -> list[str]:
-    """The name of each table, or its number from 1."""
+    """Name of each table, or its number from 1."""
     return [getattr(one, "name", None) or str(number) for number, one in enumerate(tables, 1)]
 
 
 def number_of(of: str, actuator: str, tables: Sequence[Any]) -> int | None:
-    """Which of an actuator's tables, from 0, "NAME 3" or "NAME name" is; None if there is none.
+    """Index, from 0, of the actuator's table that "NAME 3" or "NAME name" denotes, or None.
 
-    Of what has no name, such as torque axes, the number is given.
+    Unnamed tables, such as torque axes, are denoted by number.
     """
     kind, _, which = of.partition(" ")
     names = names_of(tables)

@@ -65,7 +65,7 @@ ONE_COEFFICIENT = {
     for key in (*AERODYNAMIC.keys, *SOLAR.keys)
     if key.name.startswith(("drag", "solar")) and "density" not in key.name
 }
-"""What the models of one coefficient have and panels do not, and what it is where left out."""
+"""Keys of the one-coefficient models that panels replace, and their defaults."""
 
 
 @rule_over("panel", *ONE_COEFFICIENT)

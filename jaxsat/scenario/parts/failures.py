@@ -1,4 +1,4 @@
-"""`[[failure]]`: what breaks in flight, and failures that never strike."""
+"""`[[failure]]`: failures in flight, and cautions about ineffective ones."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, Literal
@@ -39,11 +39,11 @@ else:
 _AMOUNTS = {one.name: one for kinds in _KINDS.values() for kind in kinds for one in kind.amounts}
 
 AMOUNTS = sorted(_AMOUNTS)
-"""Keys that say how much."""
+"""Keys that quantify a failure."""
 
 
 class _Failure(ScenarioTable):
-    """What every failure has."""
+    """Keys of every failure."""
 
     of: Line = choice(
         "What fails, such as "
@@ -55,14 +55,14 @@ class _Failure(ScenarioTable):
 
 
 class FailureTable(table_with(fields_of(_AMOUNTS.values()), _Failure)):
-    """`[[failure]]`: what happens to an actuator in flight; the law does not know.
+    """`[[failure]]`: a failure of an actuator in flight, unknown to the law.
 
     Of several failures of one actuator the later one replaces the earlier.
     """
 
     @property
     def part(self) -> str:
-        """What kind of part fails: the first word of `of`."""
+        """Kind of the failing part: the first word of `of`."""
         return self.of.partition(" ")[0]
 
 
@@ -113,7 +113,7 @@ def _failures_say_what_and_how_much(failures, thrusters):
 
 
 def _amounts(number, one, amounts):
-    """Issues on the keys that say how much."""
+    """Yield issues on the keys that quantify a failure."""
     present = [key for key in AMOUNTS if getattr(one, key) is not None]
     what = f'for a failure of kind "{one.kind}"'
     for key in present:
@@ -157,11 +157,11 @@ def _no_fixed_steps_across_a_failure(values):
 
 
 LASTING = ("dead", "stopped", "locked")
-"""Kinds after which one does not expect that an actuator works again."""
+"""Kinds after which an actuator is not expected to work again."""
 
 
 def failure_cautions(scenario: Any) -> Iterator[Issue]:
-    """What never strikes, what strikes an actuator that has failed, and what ends a failure."""
+    """Yield cautions about failures without effect, and failures that end a lasting one."""
     yield from _after_the_end(scenario)
     for number, one in enumerate(scenario.failure):
         if _failed_before(scenario, one):
@@ -172,7 +172,7 @@ def failure_cautions(scenario: Any) -> Iterator[Issue]:
 
 
 def _after_the_end(scenario: Any) -> Iterator[Issue]:
-    """Times at or after the end of the run; of those that are drawn the least ones."""
+    """Yield cautions about times at or after the end of the run; of drawn times the smallest."""
     begins: dict[str, dict[Location, float]] = {
         "failure_time_s": {
             ("failure", number, "at_s"): one.at_s for number, one in enumerate(scenario.failure)
@@ -208,7 +208,7 @@ def _drawn(scenario: Any, key: str) -> Any:
 
 
 def _least(key: str, distribution: Any) -> dict[Location, float]:
-    """The least number that is drawn, and the key that says so; nothing where there is none."""
+    """Smallest value of a distribution, by the key that gives it; empty without one."""
     for name in ("low", "values"):
         bound = getattr(distribution, name)
         if bound is not None:
@@ -217,7 +217,7 @@ def _least(key: str, distribution: Any) -> dict[Location, float]:
 
 
 def _failed_before(scenario: Any, one: FailureTable) -> bool:
-    """Whether it changes nothing of what has failed before the start."""
+    """Whether the failure changes nothing because the actuator has failed before the start."""
     actuator = _BY_NAME[one.part]
     if one.kind not in [kind.text for kind in actuator.idle]:
         return False
@@ -229,7 +229,7 @@ def _failed_before(scenario: Any, one: FailureTable) -> bool:
 
 
 def _working_again(scenario: Any) -> Iterator[Issue]:
-    """Failures of what was dead or had seized, which end that."""
+    """Yield cautions about failures that replace a lasting one, of a dead or seized actuator."""
     last: dict[str, FailureTable] = {}
     for number, one in sorted(enumerate(scenario.failure), key=lambda entry: entry[1].at_s):
         before = last.get(one.of)

@@ -1,4 +1,4 @@
-"""Tables of parts that a scenario names by `kind`, made of what the parts declare."""
+"""Tables of parts that a scenario names by `kind`, from the declarations of the parts."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
@@ -11,7 +11,7 @@ from jaxsat.scenario.quantities import ScenarioTable, choice, fields_of, table_c
 
 
 class PartTable(ScenarioTable):
-    """A table of a part that does not come with jaxsat, with the keys that it declares."""
+    """Table of a part that does not come with jaxsat, with the keys that the part declares."""
 
     model_config = ConfigDict(extra="allow", validate_default=True)
 
@@ -21,16 +21,15 @@ class PartTable(ScenarioTable):
 
 
 class ActuatorsTable(PartTable):
-    """`[actuators]`: what turns the commanded torque into one on the body, in place of thrusters
-    that make it exactly up to their limit.
-    """
+    """`[actuators]`: actuators that convert the commanded torque, in place of thrusters that make
+    it exactly up to their limit."""
 
     plugin: ClassVar[PluginKind] = ACTUATORS
 
 
 @once
 def table_of_part(base: type[PartTable], part: Part) -> type[PartTable]:
-    """The class of the table of a part."""
+    """Return the class of the table of a part."""
 
     class Closed(base):
         model_config = ConfigDict(extra="forbid")
@@ -42,9 +41,9 @@ def table_of_part(base: type[PartTable], part: Part) -> type[PartTable]:
 
 
 def by_its_kind(base: type[PartTable], own: type[PartTable] | None = None) -> WrapValidator:
-    """What makes a table of the class of its kind; `own` is that of the parts of jaxsat.
+    """Return the validator of a table by its kind; `own` is the class for jaxsat's own parts.
 
-    Without a kind it is `own` as well.
+    A table without a kind is of class `own`.
     """
 
     def validate(value: Any, handler: Any) -> Any:

@@ -1,4 +1,4 @@
-"""`[orbit]`: an orbit, the epoch, and the magnetic field; what its keys must be together."""
+"""`[orbit]`: an orbit, the epoch, and the magnetic field; rules across its keys."""
 
 import datetime
 from typing import Annotated, Literal
@@ -29,7 +29,7 @@ from jaxsat.scenario.rules import at, rule
 from jaxsat.scenario.wording import shown
 
 MAX_ALTITUDE = 1.5e6
-"""km; farther out the Earth does not hold an orbit."""
+"""Largest altitude, km; farther out the Earth does not hold an orbit."""
 
 
 def _known_epoch(text: str) -> str:
@@ -38,7 +38,7 @@ def _known_epoch(text: str) -> str:
 
 
 def _as_text(value: object) -> object:
-    """A date or a date and time of TOML as text."""
+    """Return a date or date-time of TOML as text."""
     if isinstance(value, datetime.date):
         return value.isoformat().replace("+00:00", "Z")
     return value
@@ -53,7 +53,7 @@ ELLIPTIC_KEYS = (
     "mean_anomaly_rad",
     "j2",
 )
-"""Keys of `[orbit]` that say what an elliptic orbit is, the first of which makes it one."""
+"""Keys of `[orbit]` that define an elliptic orbit; the first one selects it."""
 
 
 class OrbitTable(ScenarioTable):
@@ -113,7 +113,7 @@ class OrbitTable(ScenarioTable):
     )
 
     def rate(self) -> float:
-        """ω0 of the reference frame, rad/s, given or by the altitude; 0 in an elliptic orbit."""
+        """ω0 of the reference frame, rad/s, given or from the altitude; 0 in an elliptic orbit."""
         if self.rate_rad_s is not None or self.altitude_km is None:
             return self.rate_rad_s or 0.0
         return circular_orbit_rate(1000 * self.altitude_km)
@@ -127,7 +127,7 @@ class OrbitTable(ScenarioTable):
         return (low + high) / 2, (high - low) / (high + low)
 
     def greenwich(self) -> float:
-        """The right ascension of Greenwich at the start, rad, given or by the epoch."""
+        """Right ascension of Greenwich at the start, rad, given or from the epoch."""
         if self.epoch is None:
             return self.sidereal_angle_rad
         return sidereal_angle(epoch_of(self.epoch))
@@ -172,7 +172,7 @@ CIRCULAR_ONLY = (
     ("disturbance.drag_density_kg_m3", 0.0, "no drag, whose density is that of one altitude"),
     ("magnetorquer", (), "no magnetorquers, whose laws take the orbit for a circle"),
 )
-"""Keys for circular orbits alone, what they must be in another, and what to take there."""
+"""Keys for circular orbits alone, their only values in an elliptic one, and the alternative."""
 
 
 @rule("orbit.perigee_altitude_km", *(key for key, _, _ in CIRCULAR_ONLY))

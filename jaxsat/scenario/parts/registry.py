@@ -1,4 +1,4 @@
-"""The tables of all kinds of actuators, and the rules that hold for each of them."""
+"""Tables of all kinds of actuators, and the rules for each of them."""
 
 from collections.abc import Mapping
 
@@ -19,16 +19,16 @@ TABLES: Mapping[str, type[ScenarioTable]] = {
     "thruster": ThrusterTable,
     "wheel": WheelTable,
 }
-"""The class of one table of an actuator or of a passive part, by its name."""
+"""Class of one table of an actuator or of a passive part, by its name."""
 
 TYPES = {type_name(name): table_of_type(name, table) for name, table in TABLES.items()}
-"""The class of one type of an actuator, by the name of the table of types."""
+"""Class of one type of an actuator, by the name of the table of types."""
 
 AXES = "spacecraft.thruster_torque_axes"
 
 
 def _declare_rules(part: EffectorDeclaration) -> None:
-    """Register what holds for every actuator and for every passive part."""
+    """Register the rules of every actuator and of every passive part."""
     name = part.name
 
     @rule(name)
@@ -59,7 +59,7 @@ def _declare_rules(part: EffectorDeclaration) -> None:
 
 
 def _declare_rules_of_actuator(actuator: ActuatorDeclaration) -> None:
-    """Register what holds for every kind of actuator besides."""
+    """Register the additional rules of every kind of actuator."""
     name = actuator.name
 
     @rule(name, "actuators.kind")
@@ -89,7 +89,7 @@ def _declare_rules_of_actuator(actuator: ActuatorDeclaration) -> None:
 
 
 def _suits(actuator: ActuatorDeclaration, declaration: LawDeclaration) -> bool:
-    """Whether a law commands three torques once a period, of any actuators or of this one too."""
+    """Whether a law commands three torques once a period, of any actuators or also of this one."""
     commands = not declaration.commands_actuators or actuator.name in declaration.steers
     return declaration.sampled and declaration.torques == 3 and commands
 

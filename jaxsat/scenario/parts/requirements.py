@@ -1,4 +1,4 @@
-"""`[[requirement]]`: what a run must show, as a formula over its signals."""
+"""`[[requirement]]`: requirements on a run, as formulas over its signals."""
 
 from typing import Annotated, Any
 
@@ -26,7 +26,7 @@ def _known_formula(text: str) -> str:
 
 
 class RequirementTable(ScenarioTable):
-    """`[[requirement]]`: what a run must show."""
+    """`[[requirement]]`: a requirement on a run."""
 
     id: Line = choice("Its name in tables, such as that in a specification")
     text: Text = choice("What it says, as a sentence", "")
@@ -36,7 +36,7 @@ class RequirementTable(ScenarioTable):
 
     @property
     def parsed(self) -> Formula:
-        """The formula."""
+        """The parsed formula."""
         return parse(self.formula)
 
 
@@ -72,7 +72,7 @@ def _windows_begin_in_the_run(requirements, failures, duration):
 
 
 def _window_obstacle(part: Temporal, failures: Any, duration: float) -> str:
-    """What stands against the window of an operator; nothing where it is sound."""
+    """Reason why the window of an operator is invalid; empty if it is valid."""
     if part.after_failure and not failures:
         return f"must have a [[failure]] to count from, got {part.kind} with failure"
     begin, end = (

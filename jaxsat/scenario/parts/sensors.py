@@ -1,7 +1,7 @@
-"""`[sampling]`, or `[gyro]` and sensors of the attitude with `[estimator]` behind them.
+"""`[sampling]`, or `[gyro]` and attitude sensors with an `[estimator]`.
 
-They stand between a sampled law and the plant. Of a table that is given, the keys of the table are
-among the values that rules receive; of one that is not, the table itself is, as None.
+They are between the plant and a sampled law. If such a table is given, rules receive the values of
+its keys; if not, they receive the table itself, as None.
 """
 
 import math
@@ -61,7 +61,7 @@ ATTITUDE_SIGMA = number(
 
 
 class SamplingTable(table_with(fields_of((*WHITE_NOISE.keys, DELAY)))):
-    """`[sampling]`: what is between a sampled law and the plant."""
+    """`[sampling]`: noise and delay between a sampled law and the plant."""
 
     hold_samples: Annotated[Whole, Ge(0), Le(MAX_PERIODS)] = quantity(
         "Samples in a row with invalid measurements for which commands are held, before they are "
@@ -72,18 +72,18 @@ class SamplingTable(table_with(fields_of((*WHITE_NOISE.keys, DELAY)))):
 
 
 def _table_of(sensor: SensorDeclaration) -> Any:
-    """The class of the table of a sensor."""
+    """Class of the table of a sensor."""
     doc = f"`[{sensor.name}]`: {sensor.meaning[0].lower()}{sensor.meaning[1:]}."
     name = sensor.name.replace("_", "-")
     return table_class(name, doc, fields_of(sensor.keys), ScenarioTable, "Table")
 
 
 TABLES = {one.name: (_table_of(one) | None, choice(one.meaning, None)) for one in SENSORS}
-"""The table of each sensor that has one of its own, and what it means."""
+"""Table and meaning of each sensor that has a table of its own."""
 
 
 class EstimatorTable(table_with(fields_of([ATTITUDE_SIGMA]), PartTable)):
-    """`[estimator]`: what is made of the measurements for the law."""
+    """`[estimator]`: estimates of attitude and rates for the law from the measurements."""
 
     plugin: ClassVar[PluginKind] = ESTIMATOR
 
@@ -106,15 +106,15 @@ EstimatorOfAKind = Annotated[
 
 
 MAX_LATENCY = 1000
-"""Control periods until a measurement arrives; as many are waiting."""
+"""Largest latency of a measurement in control periods; as many measurements are buffered."""
 
 
 ATTITUDE = tuple(one.name for one in ATTITUDE_SENSORS)
-"""The tables of the sensors of the attitude."""
+"""Tables of the attitude sensors."""
 
 
 def _given(values: Values) -> list[str]:
-    """Those of `ATTITUDE` that a scenario has."""
+    """Tables of `ATTITUDE` that a scenario has."""
     return [one for one in ATTITUDE if any(key.startswith(f"{one}.") for key in values)]
 
 
@@ -225,7 +225,7 @@ def _delay_within_a_period(period, delay):
 
 
 def sensor_cautions(scenario: Any) -> Iterator[Issue]:
-    """One vector alone, which tells of turns about it only as it turns along the orbit."""
+    """Yield a caution about a single vector: turns about it are observable only as it rotates."""
     given = [name for name in ATTITUDE if getattr(scenario, name) is not None]
     alone = len(given) == 1 and given != ["star_tracker"]
     orbit, duration = scenario.orbit, scenario.simulation.duration_s

@@ -1,4 +1,4 @@
-"""`[[thruster]]`, `[modulation]`: thrusters that push, and how commands become pulses."""
+"""`[[thruster]]`, `[modulation]`: pushing thrusters, and the modulation of commands into pulses."""
 
 import math
 from typing import Annotated, Literal
@@ -18,18 +18,18 @@ from jaxsat.scenario.rules import at, rule, rule_over, sampled_laws
 from jaxsat.scenario.wording import shown
 
 STANDARD_GRAVITY = 9.80665
-"""m/s², which turns a specific impulse in s into an exhaust velocity (CGPM, 1901)."""
+"""Standard gravity, m/s²: specific impulse in s to exhaust velocity (CGPM, 1901)."""
 
 
 MAX_THRUSTERS = 24
-"""Thrusters of which the table of bases stays small."""
+"""Largest number of thrusters for which the table of bases stays small."""
 
 NO_ARM = 1e-12
-"""Over the distance of a thruster; a force through the centre of mass has less by rounding."""
+"""Moment arm that is treated as zero, relative to the thruster's distance: round-off."""
 
 
 class ThrusterTable(table_of_device(THRUSTER)):
-    """`[[thruster]]`: one thruster, by its place and force or by its torque."""
+    """`[[thruster]]`: one thruster, by its position and force or by its torque."""
 
     def torque(self) -> np.ndarray:
         """Torque on the body at full thrust, N m."""
@@ -46,7 +46,7 @@ class ThrusterTable(table_of_device(THRUSTER)):
         return direction / np.linalg.norm(direction) * self.force_N
 
     def propellant_flow(self) -> float:
-        """Propellant at full thrust, kg/s; none where it is not told."""
+        """Propellant flow at full thrust, kg/s; zero if it is not given."""
         if self.specific_impulse_s is None or self.force_N is None:
             return 0.0
         return self.force_N / (self.specific_impulse_s * STANDARD_GRAVITY)
@@ -56,7 +56,7 @@ ModulationKind = Literal["pwm", "delta-sigma", "pwpf", "ideal"]
 
 
 class ModulationTable(ScenarioTable):
-    """`[modulation]`: how commanded thrust becomes pulses."""
+    """`[modulation]`: the modulation of commanded thrust into pulses."""
 
     kind: ModulationKind | None = choice(
         'Pulse width ("pwm"), whole minimum pulses whose remainder is kept ("delta-sigma"), pulse '
@@ -79,7 +79,7 @@ class ModulationTable(ScenarioTable):
 def modulation_kind(
     table: ModulationTable | None, thrusters: tuple[ThrusterTable, ...]
 ) -> ModulationKind:
-    """How thrusters are pulsed; by default the mean thrust has no dead zone, if possible."""
+    """Kind of modulation; by default without a dead zone of the mean thrust, if possible."""
     if table is not None and table.kind is not None:
         return table.kind
     return "delta-sigma" if all(one.min_on_time_s > 0 for one in thrusters) else "pwm"
@@ -115,7 +115,7 @@ def _each_thruster_is_whole(thrusters):
     by_force, by_torque = ("position_m", "direction", "force_N"), ("torque_axis", "torque_N_m")
     for number, one in enumerate(thrusters):
         if one.type is not None:
-            continue  # a type that there is none of, which is told
+            continue  # an unknown type, which another rule reports
         keys = {key for key in by_force + by_torque if getattr(one, key) is not None}
         if keys in (set(by_force), set(by_torque)):
             arm = NO_ARM * np.linalg.norm(one.position_m or 0.0)

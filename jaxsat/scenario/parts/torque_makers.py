@@ -1,4 +1,4 @@
-"""The wheels and thrusters that make a law's torques: wheels what they can, thrusters the rest."""
+"""Wheels and thrusters that make a law's torques: wheels first, thrusters the rest."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,10 +18,10 @@ from jaxsat.core.allocation import (
 from jaxsat.core.declaration.law import LawDeclaration
 
 MISSING = 1e-9
-"""A part of a command, relative to it, that counts as not made."""
+"""Part of a command, relative to the command, below which it is treated as made."""
 
 UNBOUNDED = 1e9
-"""The limit of a wheel that has none, over the largest limit of the others."""
+"""Limit of a wheel without one, relative to the largest limit of the others."""
 
 Tables = Sequence[Any]
 """Checked tables of one kind of actuator."""
@@ -37,30 +37,30 @@ class TorqueMakers:
 
     @staticmethod
     def of(scenario: Any) -> "TorqueMakers":
-        """Those of a checked scenario."""
+        """Return the torque makers of a checked scenario."""
         return TorqueMakers(scenario.wheel, scenario.thruster, scenario.law.declaration)
 
     @property
     def working_wheels(self) -> Tables:
-        """The wheels that have not failed before the start."""
+        """Wheels that have not failed before the start."""
         return [one for one in self.wheels if not one.failed]
 
     @property
     def axes(self) -> Float[np.ndarray, "3 k"]:
-        """A unit column for each wheel that works."""
+        """Unit columns of the working wheels."""
         return wheel_axes(self.working_wheels)
 
     @property
     def pushes(self) -> Float[np.ndarray, "3 m"]:
-        """Torques (N m) at full thrust of thrusters that work, both ways of two-sided ones."""
+        """Full-thrust torques (N m) of working thrusters, both directions of two-sided ones."""
         return working_torques(self.thrusters)
 
     @property
     def directions(self) -> Float[np.ndarray, "3 torques"]:
-        """The directions about which the law commands wheels.
+        """Directions about which the law commands wheels.
 
         They are `torque_directions` of working wheels in a plane under a law for any plane, else
-        the first body axes. A law that commands no torque counts as one that commands three.
+        the first body axes. A law without commanded torques is treated as one that commands three.
         """
         axes = self.axes
         if self.law.any_plane and axes.size and np.linalg.matrix_rank(axes, tol=MISSING) == 2:
@@ -69,7 +69,7 @@ class TorqueMakers:
 
     @property
     def left(self) -> Float[np.ndarray, "torques torques"]:
-        """The part of a command about `directions` that wheels do not make; all without any."""
+        """Part of a command about `directions` that wheels do not make; all without wheels."""
         directions = self.directions
         if not self.wheels:
             return np.eye(directions.shape[1])
@@ -77,7 +77,7 @@ class TorqueMakers:
 
     @property
     def wheels_make_all(self) -> bool:
-        """Whether wheels make every command, so that thrusters beside them do nothing."""
+        """Whether wheels make every command, so that thrusters beside them stay idle."""
         return bool(self.wheels) and not self.left.any()
 
     @property
@@ -96,17 +96,17 @@ class TorqueMakers:
 
     @property
     def relieved(self) -> bool:
-        """Whether thrusters make what wheels lack in torque or momentum.
+        """Whether thrusters make the torque or momentum that wheels lack.
 
-        Of two torques they make only what wheels do not make at all.
+        Of two torques they make only the part that wheels do not make at all.
         """
         return bool(self.wheels and self.pushes.size and self.together)
 
     @property
     def wheel_limit(self) -> float | None:
-        """The largest command (N m) about all axes at once that wheels make within limits.
+        """Largest command (N m) about all axes at once that wheels make within their limits.
 
-        The part of it that they do not make does not count; None for no limit.
+        The part that they do not make at all is ignored; None for no limit.
         """
         torque_limits = [one.torque_limit_N_m for one in self.working_wheels]
         largest = max((one for one in torque_limits if one is not None), default=None)
@@ -120,7 +120,7 @@ class TorqueMakers:
 
     @property
     def limit_of_both(self) -> float:
-        """The largest torque (N m) about all three axes that wheels and thrusters make together."""
+        """Largest torque (N m) about all three axes that wheels and thrusters make together."""
         full = np.sqrt(np.sum(self.pushes**2, axis=0))
         unbounded = UNBOUNDED * full.max()
         limits = np.array([one.torque_limit_N_m or unbounded for one in self.working_wheels])
@@ -129,16 +129,16 @@ class TorqueMakers:
 
 
 def wheel_axes(wheels: Tables) -> Float[np.ndarray, "3 k"]:
-    """A unit column for each wheel."""
+    """Unit columns of the wheels."""
     return unit_columns(np.array([one.axis for one in wheels], float).reshape(-1, 3).T)
 
 
 def left_by_wheels(
     wheels: Tables, torques: int, directions: np.ndarray | None = None
 ) -> Float[np.ndarray, "torques torques"]:
-    """The part of a command that the wheels which work do not make.
+    """Part of a command that the working wheels do not make.
 
-    It is about the first body axes, or about `directions` (3, torques).
+    The command is about the first body axes, or about `directions` (3, torques).
     """
     axes = wheel_axes([one for one in wheels if not one.failed])
     shares = least_squares_map(axes, torques, directions=directions)
@@ -146,11 +146,11 @@ def left_by_wheels(
 
 
 def signs(thruster: Any) -> tuple[float, ...]:
-    """Which way it pushes: 1 and, where it is two-sided, -1."""
+    """Signs of a thruster's torque: 1 and, if it is two-sided, -1."""
     return (1.0, -1.0) if thruster.two_sided else (1.0,)
 
 
 def working_torques(thrusters: Tables) -> Float[np.ndarray, "3 m"]:
-    """Torques (N m) at full thrust of what works at the start, both ways of two-sided ones."""
+    """Full-thrust torques (N m) of working thrusters, both directions of two-sided ones."""
     columns = [sign * one.torque() for one in thrusters if not one.failed for sign in signs(one)]
     return np.array(columns).reshape(-1, 3).T

@@ -1,4 +1,4 @@
-"""`[unloading]`: how magnetorquers take momentum out of wheels."""
+"""`[unloading]`: momentum unloading of wheels by magnetorquers."""
 
 from typing import Annotated
 
@@ -12,7 +12,7 @@ from jaxsat.scenario.wording import shown
 
 
 class UnloadingTable(ScenarioTable):
-    """`[unloading]`: how magnetorquers take momentum out of wheels, or hold it at a bias."""
+    """`[unloading]`: unloading of wheels by magnetorquers, or regulation of a momentum bias."""
 
     time_constant_s: Annotated[Number, within(SECONDS)] = quantity(
         "Time in which the wheels' momentum across the Earth's field is to fall to 1/e", "s", 1000.0

@@ -1,4 +1,4 @@
-"""`[[wheel]]`: rules of reaction wheels, and what their numbers come to."""
+"""`[[wheel]]`: rules of reaction wheels, and quantities derived from their keys."""
 
 from typing import Annotated, Any
 
@@ -24,7 +24,7 @@ from jaxsat.scenario.tables import working_axes
 from jaxsat.scenario.wording import shown
 
 WHEEL_SPEED = Range(-1e6, 1e6)
-"""Speeds of a rotor, rad/s."""
+"""Range of rotor speeds, rad/s."""
 
 
 class WheelTable(table_of_device(WHEEL)):
@@ -44,7 +44,7 @@ class WheelTable(table_of_device(WHEEL)):
 
 
 SPEEDS = {"speed_rad_s": "momentum_N_m_s", "speed_limit_rad_s": "momentum_limit_N_m_s"}
-"""The momenta that a wheel's speeds become, times its rotor's inertia."""
+"""Momentum key that replaces each speed key; the factor is the rotor inertia."""
 
 
 def rotors(wheels: Tables) -> np.ndarray:
@@ -55,12 +55,12 @@ def rotors(wheels: Tables) -> np.ndarray:
 
 
 def free_inertia(inertia: tuple, wheels: Tables) -> np.ndarray:
-    """What turns under a torque of an inertia with the wheels locked: it without rotors, kg m²."""
+    """Inertia without the rotors' spin axes, kg m²; `inertia` is with the wheels locked."""
     return inertia_matrix(inertia) - rotors(wheels)
 
 
 def inertia_of(scenario: Any) -> np.ndarray:
-    """What turns under a torque of a checked scenario, kg m²."""
+    """Inertia of a checked scenario without the rotors' spin axes, kg m²."""
     return free_inertia(scenario.spacecraft.inertia_kg_m2, scenario.wheel)
 
 
@@ -160,7 +160,7 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
 
 
 def _diagnosis_issues(law, wheels, thrusters, axes):
-    """Issues under a law that commands each: they make torques about three axes, or thrusters."""
+    """Yield issues under a law that commands each wheel, for lack of three torques or thrusters."""
     what = f'under the law "{law}", which diagnoses wheels'
     if axes:
         key = "spacecraft.thruster_torque_axes"
@@ -241,7 +241,7 @@ def _failures_suit_the_law(failures, law):
 
 @rule_over("failure", "control.law")
 def _what_has_seized_stays_so_under_a_continuous_law(values):
-    """Issues where a later failure of the same wheel, or one that is drawn so, may free it."""
+    """Yield issues if a later or drawn failure of the same wheel may free a seized rotor."""
     law, failures = values["control.law"], values["failure"]
     if law.declaration.sampled:
         return
