@@ -1,5 +1,4 @@
-"""The spacecraft: inertia, thrusters and what is left of them after failures, wheels,
-magnetorquers, sensors."""
+"""The spacecraft: inertia, thrusters, wheels, gyros, magnetorquers, sensors, their failures."""
 
 from jaxsat.spacecraft.actuators import Actuators as Actuators
 from jaxsat.spacecraft.distribution import WheelsFirst as WheelsFirst

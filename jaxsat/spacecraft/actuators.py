@@ -1,4 +1,4 @@
-"""Thrusters of either sign that make their torque exactly, and actuators of a user's own."""
+"""Two-sided thrusters with a continuous torque, and actuators from plug-ins."""
 
 import abc
 import dataclasses
@@ -25,7 +25,7 @@ from jaxsat.spacecraft.thrusters import DISPERSIBLE, Thrusters
 
 
 class AbstractActuators(eqx.Module):
-    """What turns the torque that a law commands into a torque on the body.
+    """Map from the torque that a control law commands to the torque on the body.
 
     Actuators that a scenario can name also have a `declaration`, a `PartDeclaration`, and a class
     method `from_table(values, context)`: `values` has every declared key, `context` is an
@@ -35,11 +35,11 @@ class AbstractActuators(eqx.Module):
     @property
     @abc.abstractmethod
     def event_count(self) -> int:
-        """How many corners the torque has as a function of the command."""
+        """Number of corners of the torque as a function of the command."""
 
     @abc.abstractmethod
     def __call__(self, command: Float[Array, " torques"]) -> Vector:
-        """The body torque, N m, for a command of two or three torques, N m."""
+        """Return the body torque, N m, for a command of two or three torques, N m."""
 
     @abc.abstractmethod
     def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
@@ -47,40 +47,41 @@ class AbstractActuators(eqx.Module):
 
     @abc.abstractmethod
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractActuators":
-        """These actuators held on the side of each corner that `signs` gives."""
+        """Return these actuators held on the side of each corner that `signs` gives."""
 
 
 class AbstractSmoothActuators(AbstractActuators):
-    """Actuators without corners, or under a sampled law, which needs none of them told."""
+    """Actuators without corners, or under a sampled law, for which corners do not matter."""
 
     @property
     def event_count(self) -> int:
-        """How many corners the torque has: none."""
+        """Number of corners of the torque: zero."""
         return 0
 
     def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
-        """Functions of the command whose zeros are the corners: none."""
+        """Functions of the command whose zeros are the corners: an empty array."""
         return jnp.zeros(0, command.dtype)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractSmoothActuators":
-        """These actuators themselves, as they have no corners."""
+        """Return these actuators, as they have no corners."""
         return self
 
 
 class Actuators(AbstractEffector):
-    """Thrusters of either sign that turn a commanded torque into a body torque.
+    """Two-sided thrusters that turn a commanded torque into a body torque.
 
     The command is (u1, u2) about body x and y, or a torque about each body axis. `torque_axes`
     (3, m) are the directions of the working thrusters' torques, `thrust_map` (m, 2) or (m, 3)
     shares the command among them, and `limit` (N m, may be infinite) bounds each thruster. The
-    map belongs to whoever allocates: `misaligned` changes the true axes and leaves it as it is.
+    map is the allocator's: `misaligned` changes the true axes and leaves the map unchanged.
     `saturated` holds each thruster on one side of its limit, see `smooth_piece`. `failures` strike
-    in flight; what they leave is `gain` times the thrust and `level` of the limit, None for sound.
+    in flight; a failed thruster makes `gain` times its thrust plus `level` times its limit (None
+    without failures).
 
-    With `shared_axes` (3, m), the axes as whoever allocates knows them, thrusters make up for one
-    that is at its limit, and of a torque that they cannot make they make the greatest part, in its
-    direction. With None each thruster is clipped at its own limit, as in equation (5): that is so
-    for commands of two torques.
+    With `shared_axes` (3, m), the allocator's knowledge of the axes, other thrusters make up for a
+    saturated one; of a torque beyond the limits of all, the greatest part is made in its direction.
+    With None (commands of two torques) each thruster is clipped at its own limit, as in
+    equation (5).
     """
 
     kind: ClassVar[str] = "thruster"
@@ -101,9 +102,10 @@ class Actuators(AbstractEffector):
     def of(
         thrusters: Thrusters, limit: float | RealScalar = jnp.inf, torques: int = 2
     ) -> "Actuators":
-        """Actuators made of working thrusters, each limited to `limit` N m.
+        """Return actuators of the working thrusters, each limited to `limit` N m.
 
-        Raises `ValueError` where they cannot make the first `torques` torques independently.
+        Raises `ValueError` where the thrusters cannot make the first `torques` torques
+        independently.
         """
         axes = thrusters.torque_axes
         shares = allocation_matrix(np.asarray(axes), torques)
@@ -115,38 +117,38 @@ class Actuators(AbstractEffector):
         )
 
     def misaligned(self, angles: Float[Array, "m 2"]) -> "Actuators":
-        """These thrusters as they are mounted, while the command is shared as if they were ideal.
+        """Return these thrusters misaligned, with the command allocated as if they were ideal.
 
-        `angles` (rad) turn each torque axis towards two fixed directions across it; their tangents
-        are taken as small.
+        `angles` (rad) turn each torque axis towards two fixed perpendicular directions; the
+        tangents use the small-angle approximation.
         """
         return dataclasses.replace(self, torque_axes=turned_axes(self.torque_axes, angles))
 
     def stronger(self, change: Float[Array, " m"]) -> "Actuators":
-        """Thrusters that make 1 + `change` of the torque that they should."""
+        """Return thrusters that make 1 + `change` times their nominal torque."""
         return dataclasses.replace(self, torque_axes=self.torque_axes * (1 + change)[None])
 
     @property
     def count(self) -> int:
-        """How many thrusters there are."""
+        """Number of thrusters."""
         return self.torque_axes.shape[1]
 
     @property
     def command_size(self) -> int:
-        """How many torques are commanded, which the thrusters share: two or three."""
+        """Number of commanded torques that the thrusters share: two or three."""
         return self.thrust_map.shape[1]
 
     @property
     def event_count(self) -> int:
-        """How many corners the torque has: one for each thruster."""
+        """Number of corners of the torque: one for each thruster."""
         return self.count
 
     def thrust(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
-        """The torque that each thruster is commanded, within its limit, N m."""
+        """Return the torque of each thruster for a command, within its limit, N m."""
         return self._shared(command)[0]
 
     def unmade(self, use: Float[Array, " torques"]) -> Vector:
-        """What is beyond the thrusters' limits, N m."""
+        """Return the torque beyond the thrusters' limits, N m."""
         return self._shared(use)[1]
 
     def _shared(self, command: Float[Array, " torques"]) -> tuple[Float[Array, " m"], Vector]:
@@ -176,7 +178,7 @@ class Actuators(AbstractEffector):
     def driven(
         self, state: None, command: Float[Array, " torques"], struck: Bool[Array, " f"]
     ) -> "tuple[Actuators, Float[Array, ' torques']]":
-        """These thrusters once those failures have struck, and the command as it is."""
+        """Return these thrusters after the failures that have struck, and the unchanged command."""
         return self._after_failures(struck), command
 
     def _after_failures(self, struck: Bool[Array, " f"]) -> "Actuators":
@@ -186,7 +188,7 @@ class Actuators(AbstractEffector):
         return dataclasses.replace(self, torque_axes=axes, gain=gain, level=level, failures=None)
 
     def reach(self, t, plant, state: None, struck, span) -> Reach:
-        """The torque of each thruster (N m), of either sign."""
+        """Return the reach: the torque of each thruster (N m), of either sign."""
         now = self._after_failures(struck)
         gain, level = 1.0, 0.0
         if now.gain is not None and now.level is not None:
@@ -197,31 +199,32 @@ class Actuators(AbstractEffector):
         return Reach(now.torque_axes, each + held - room, each + held + room)
 
     def last_drawn_kind(self, sampled: bool) -> FailureKind:
-        """The last kind that a study draws: a thruster is dead, weak or, with a limit, stuck."""
+        """Last failure kind that a study draws: stuck with a finite limit, else degraded."""
         limit = concrete(self.limit)
         limited = limit is not None and bool(np.all(np.isfinite(limit)))
         return FailureKind.STUCK_AT if limited else FailureKind.DEGRADED
 
     def flight_commands(self, use, memory, period) -> tuple[dict[str, Array], PyTree]:
-        """The torque of each thruster, N m."""
+        """Return the torque of each thruster, N m, by the name of its flight command."""
         return {"thrust": self.thrust(use)}, memory
 
     def event_functions(self, state: None, command, acceleration) -> Float[Array, " m"]:
-        """Positive for each thruster of which more than its limit is asked, or the first of all."""
+        """Return event functions, positive for each thruster beyond its limit, or the first."""
         shares = self.thrust_map @ command
         if self.shared_axes is not None:
             return first_at_limit(shares, self.limit * jnp.ones_like(shares))
         return (shares / self.limit) ** 2 - 1
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "Actuators":
-        """These thrusters, at their limits or not as given."""
+        """Return these thrusters, each at its limit or not as `signs` gives."""
         return dataclasses.replace(self, saturated=signs)
 
 
 class PluginActuators(AbstractEffector):
-    """Actuators that do not come with jaxsat, as an effector that takes so many `torques`.
+    """Actuators of a plug-in, as an effector that takes `torques` commanded torques.
 
-    Of those that store the ideal thrusters of their context, the same is dispersible as of these.
+    Actuators that store the ideal thrusters of their context have the dispersible quantities of
+    these thrusters.
     """
 
     kind: ClassVar[str] = "thruster"
@@ -233,20 +236,20 @@ class PluginActuators(AbstractEffector):
 
     @property
     def dispersible(self) -> Mapping[str, Dispersible]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """What is dispersible in the thrusters that are stored; nothing without exactly one set."""
+        """Dispersible quantities of the stored thrusters; empty unless one set is stored."""
         if len(_stored(self)) != 1:
             return {}
         return {name: _of_stored(one) for name, one in DISPERSIBLE.items()}
 
     @property
     def count(self) -> int:
-        """How many devices there are: one for each torque."""
+        """Number of devices: one for each torque."""
         return self.torques
 
     def driven(
         self, state: None, command: Float[Array, " torques"], struck: Bool[Array, "0"]
     ) -> "tuple[PluginActuators, Float[Array, ' torques']]":
-        """These actuators and the command as they are: they do not fail."""
+        """Return these actuators and the command unchanged: plug-in actuators do not fail."""
         return self, command
 
     def piece(self, mode: tuple, command: Float[Array, " torques"]) -> Vector:
@@ -259,15 +262,15 @@ class PluginActuators(AbstractEffector):
 
     @property
     def event_count(self) -> int:
-        """How many corners the actuators say that their torque has."""
+        """Number of corners of the actuators' torque."""
         return self.actuators.event_count
 
     def event_functions(self, state: None, command, acceleration) -> Float[Array, " m"]:
-        """The functions of the command by which the actuators tell their corners."""
+        """Return the actuators' event functions of the command."""
         return self.actuators.event_functions(command)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "PluginActuators":
-        """The actuators held on the side of each corner that `signs` gives."""
+        """Return the actuators held on the side of each corner that `signs` gives."""
         held = self.actuators.smooth_piece(signs)
         return PluginActuators(actuators=held, torques=self.torques)
 
@@ -277,12 +280,12 @@ def _is_thrusters(part: object) -> bool:
 
 
 def _stored(effector: PluginActuators) -> list[Actuators]:
-    """The sets of ideal thrusters that actuators store."""
+    """Return the sets of ideal thrusters that the actuators store."""
     return [one for one in jax.tree.leaves(effector, is_leaf=_is_thrusters) if _is_thrusters(one)]
 
 
 def _of_stored(own: Dispersible) -> Dispersible:
-    """What changes the one set of thrusters that actuators store."""
+    """Return a dispersible quantity of thrusters as one of the actuators that store them."""
 
     def changed(effector: PluginActuators, state, values):
         def change(part):
@@ -297,11 +300,10 @@ def _of_stored(own: Dispersible) -> Dispersible:
 
 
 class ActuatorContext(NamedTuple):
-    """What a scenario gives actuators besides their own keys.
+    """Inputs from a scenario for actuators besides their own keys.
 
-    `ideal` are the working thrusters as jaxsat has them without actuators of another kind: torque
-    axes, how the command is shared among them, and their limit. The law commands `torques` torques,
-    2 or 3, or 0 for none.
+    `ideal` are the working thrusters of jaxsat without actuators of another kind: torque axes,
+    allocation of the command, and limit. The law commands `torques` torques, 2 or 3, or 0 for none.
     """
 
     ideal: Actuators

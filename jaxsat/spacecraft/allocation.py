@@ -1,7 +1,7 @@
-"""One allocation for all devices: what each is to do so that together they make a torque.
+"""Allocation of a torque to all devices together.
 
 Devices that cost propellant do only what free ones cannot, at the least price (`least_price`);
-free ones share what is left by least squares (`least_squares_within`). Both are exact with bounds.
+free ones share the rest by least squares (`least_squares_within`). Both are exact with bounds.
 """
 
 from collections.abc import Callable
@@ -19,16 +19,16 @@ from jaxsat.spacecraft.effector import Reach
 from jaxsat.spacecraft.least_propellant import GOLDEN, least_price
 
 FREE_PRICE = 1e-6
-"""Of the dearest torque: the price of a torque that is free, so that no more of it is made than
-is needed. The sum of squares decides afterwards how much of it each device makes."""
+"""Price of a free torque relative to the dearest one, so that no more of it is made than needed.
+The least squares then share the free torque among the devices."""
 
 UNBOUNDED = 1e6
-"""Of the torque to be made: the bound of a device without one."""
+"""Bound of a device without one, relative to the torque to be made."""
 
 
 class Allocated(NamedTuple):
-    """The `use` of each device, the torque that they make of the one asked for, and what is left
-    (N m)."""
+    """The `use` of each device, the part of the commanded torque that the uses make, and the part
+    that they do not make (N m)."""
 
     use: Float[Array, " n"]
     made: Vector
@@ -36,13 +36,13 @@ class Allocated(NamedTuple):
 
 
 def allocate(reach: Reach, torque: Vector, before: Vector | None = None) -> Allocated:
-    """Uses within the bounds of `reach` whose torques add up to `before` + `torque` (N m).
+    """Allocate `before` + `torque` (N m) to uses within the bounds of `reach`.
 
-    What devices make that do not obey comes first, and the torque `before`, if given: both are
-    opposed and made as far as possible. Of what is then lacking, the greatest part in its direction
-    is made. Of all such uses these have the least price, which counts from the use nearest to zero,
-    and of those with the same use of devices that have a price, the least sum of squares of use
-    over limit of the others. A price of None is none.
+    The torque of devices that do not obey and the torque `before` have priority: the first is
+    opposed and the second made as far as possible. Of the torque still lacking, the greatest part
+    in its direction is made. Among all such uses the result has the least price, counted from the
+    use nearest to zero, and among uses of equal price the least sum of squares of use over limit
+    of the devices without a price. A price of None is zero.
     """
     idle = within(jnp.zeros_like(reach.low), reach.low, reach.high)
     square = jnp.sum(reach.columns**2, axis=0)
@@ -69,12 +69,12 @@ def allocate_unloading(
     before: Vector | None = None,
     part: Callable[[Float[Array, " n"]], RealScalar] | None = None,
 ) -> Allocated:
-    """Uses that make a `torque`, of which devices that store no momentum make `unloading` first,
-    beside a part of the torque that they make `before` that.
+    """Allocate a `torque` in which devices that store no momentum first make `unloading`.
 
-    Those that store momentum, as `stores` says, make up for `unloading` (N m), which takes it out
-    of them. All three are allocated as by `allocate`. Of `unloading` only a `part` is made, which
-    may depend on the uses for all of it; without it all.
+    They make `unloading` in addition to a torque `before`. Devices that store momentum
+    (`stores`) compensate `unloading` (N m), which reduces their momentum. `allocate` allocates all
+    three. Only the fraction `part` of `unloading` is made, which may depend on the uses for all of
+    it; None makes all.
     """
     before = jnp.zeros_like(torque) if before is None else before
 
@@ -102,7 +102,7 @@ def allocate_unloading(
         skips = (turn < 2) & idle | ((turn == 1) & jnp.all(gently(so_far[0]) == unloading))
         return jax.lax.cond(skips, lambda: so_far, lambda: allocated(so_far[0], turn)), None
 
-    # A loop, because the code of an allocation is long: it is compiled once.
+    # A loop, so that the long code of an allocation is compiled once.
     none = (jnp.zeros_like(reach.high), jnp.zeros_like(torque))
     (use, unmade), _ = jax.lax.scan(one_more, none, jnp.arange(3))
     return Allocated(use, torque - unmade, unmade)
@@ -114,10 +114,10 @@ def share_within(
     shares: Float[Array, " m"],
     beyond: Bool[Array, " m"] | None = None,
 ) -> tuple[Float[Array, " m"], Vector]:
-    """The torques `shares` (N m) along unit `axes`, allocated within a `limit` where they are not.
+    """Return `shares` (N m) along unit `axes`, reallocated where one exceeds its `limit`.
 
-    So they are to the bit what they are without limits until one is `beyond` its own, which is
-    found out where it is not told. Given are the torques, and what of their sum is not made (N m).
+    Until a share is `beyond` its own limit (computed if None), the result equals `shares` to the
+    bit. Returns the torques, and the part of their sum that is not made (N m).
     """
     beyond = jnp.any(jnp.abs(shares) > limit if beyond is None else beyond)
     torque = axes @ jnp.where(beyond, shares, 0.0)
@@ -126,7 +126,7 @@ def share_within(
 
 
 def first_at_limit(shares: Float[Array, " m"], limit: Float[Array, " m"]) -> Float[Array, " m"]:
-    """Positive for the device that is first beyond its limit: event functions of `share_within`."""
+    """Return event functions of `share_within`: positive for the first device beyond its limit."""
     ratios = (shares / limit) ** 2
     others = jnp.where(jnp.eye(ratios.shape[0], dtype=bool), 0.0, ratios)
     return ratios - jnp.maximum(jnp.max(others, axis=1), 1.0)
@@ -139,7 +139,7 @@ def _priced(
     torque: Vector,
     first: Vector,
 ) -> tuple[Float[Array, " n"], Vector]:
-    """Torques of each, and what is not made: at a `price`, then of those that have none."""
+    """Return torques of least price and, of free devices, least squares; and the unmade torque."""
     low, high = bounds
     free, dearest = price <= 0, jnp.max(price)
     spread = 1 + GOLDEN * jnp.arange(price.shape[0], dtype=price.dtype) % 1

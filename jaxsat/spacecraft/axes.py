@@ -11,7 +11,7 @@ from jaxsat.core.errors import ArgumentError
 
 
 def unit_axes(axes: Array, name: str = "axes") -> Float[Array, "3 n"]:
-    """Columns of shape (3, n) scaled to unit length; raises `ValueError` for a zero one."""
+    """Return columns of shape (3, n) scaled to unit length; raises `ValueError` for a zero one."""
     if axes.ndim != 2 or axes.shape[0] != 3:
         raise ArgumentError(name, "must have shape (3, n)", tuple(axes.shape))
     require_finite(name, axes)
@@ -24,15 +24,15 @@ def unit_axes(axes: Array, name: str = "axes") -> Float[Array, "3 n"]:
 
 
 def of_each(value: ArrayLike | list | tuple, count: int) -> Float[Array, " n"]:
-    """A number for each of `count` devices, which is given, or one for all of them."""
+    """Return an array of `count` numbers from one number per device, or one for all."""
     xp, numbers = numpy_if_known(as_float(value))
     return as_float(xp.broadcast_to(numbers, (count,)))
 
 
 def turned_axes(axes: Float[Array, "3 m"], angles: Float[Array, "m 2"]) -> Float[Array, "3 m"]:
-    """Unit columns turned by small angles (rad) towards two directions across each.
+    """Return unit columns turned by small angles (rad) towards two perpendicular directions each.
 
-    The tangents of the angles are taken as small.
+    The tangents use the small-angle approximation.
     """
     across = jnp.stack([directions_across(axis) for axis in axes.T])  # (m, 2, 3)
     turned = axes.T + jnp.sum(angles[:, :, None] * across, axis=1)
@@ -40,7 +40,7 @@ def turned_axes(axes: Float[Array, "3 m"], angles: Float[Array, "m 2"]) -> Float
 
 
 def directions_across(axis: Vector) -> Float[Array, "2 3"]:
-    """Two directions perpendicular to a unit vector and to each other."""
+    """Return two directions perpendicular to a unit vector and to each other."""
     least = jnp.eye(3, dtype=axis.dtype)[jnp.argmin(jnp.abs(axis))]
     first = jnp.cross(axis, least)
     first = first / jnp.sqrt(jnp.sum(first**2))

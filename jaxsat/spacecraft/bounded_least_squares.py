@@ -1,10 +1,10 @@
-"""Torques of devices within their bounds, with the least sum of squares, that make a torque.
+"""Bounded least squares: torques of devices that make a torque with the least sum of squares.
 
 The parametric active-set method (Best, An algorithm for the solution of the parametric quadratic
 programming problem, 1996) for three equations, in plain `jax.numpy`. The torque on the body grows
-from zero, and the solution is optimal all the way. Until a device comes to a bound it is that
-without bounds; then others make up for it, until it leaves its bound or the next one comes to its
-own. Where none can, that is as much of the torque as can be made in its direction.
+from zero, and the solution is optimal all the way. Until a device reaches a bound, the solution is
+the unbounded one; then others make up for it, until it leaves its bound or the next one reaches its
+own. Where no other device can, the result is the greatest part of the torque in its direction.
 """
 
 from typing import NamedTuple
@@ -20,20 +20,20 @@ from jaxsat.spacecraft.least_propellant import part_up_to
 OfEach = Float[Array, " m"]
 
 ROUNDS_A_DEVICE = 8
-"""The method ends after so many rounds for each device; it needs one or two. None comes twice."""
+"""Largest number of rounds per device; the method needs one or two, and no active set recurs."""
 
 FLAT = 1e-9
-"""Of unit columns: what of one is across others is none."""
+"""Tolerance on the component of a unit column across others, below which it is zero."""
 
 NONE = 1e-11
-"""Of a torque: what is below counts as zero."""
+"""Relative tolerance below which a torque is zero."""
 
 BEYOND = 1e-10
-"""Of a torque: where a device comes to its bound within so much more, it counts as being there."""
+"""Relative increase of the torque within which a device that reaches its bound counts as there."""
 
 
 class Bounded(NamedTuple):
-    """Devices along `units`, with torques from `low` to `high` and a `weight` in the squares."""
+    """Devices along `units`: torques from `low` to `high`, and `weight` of each in the squares."""
 
     units: Float[Array, "3 m"]
     low: OfEach
@@ -42,10 +42,11 @@ class Bounded(NamedTuple):
 
 
 class Held(NamedTuple):
-    """What determines a solution: which devices are at a bound, and what could not be made.
+    """Active set of a solution: the devices at a bound, and the facets that ended legs.
 
     Devices with a `side` of 1 are at their upper bound, those with -1 at the lower one. A leg that
-    was not made in full, see `Active`, has in its row of `facets` the normal of what ended it.
+    was not made in full, see `Active`, has in its row of `facets` the normal of the facet that
+    ended it.
     """
 
     side: OfEach
@@ -53,11 +54,11 @@ class Held(NamedTuple):
 
 
 class Active(NamedTuple):
-    """The solution on its way: the torques of all devices that are not `held` are W Aᵀμ, with A the
+    """State of the method: the torques of all devices that are not `held` are W Aᵀμ, with A the
     `units`, W the `weight`, and μ the `multiplier`.
 
-    `ahead` is still to be made by way of this `leg`: 0 comes first, 1 is the torque itself, and 2 a
-    little `BEYOND`. `last` is what was held where the torque ended.
+    `ahead` is the torque still to be made by this `leg`: 0 is the first torque, 1 the torque
+    itself, and 2 a small increase `BEYOND`. `last` is the active set at the end of the torque.
     """
 
     multiplier: Vector
@@ -73,12 +74,12 @@ class Active(NamedTuple):
 def least_squares_within(
     units: Float[Array, "3 m"], low: OfEach, high: OfEach, torque: Vector, first: Vector
 ) -> tuple[OfEach, Vector]:
-    """Torques u along `units`, `low` <= u <= `high`, that make `first` + `torque`, all in N m.
+    """Compute torques u along `units`, `low` <= u <= `high`, that make `first` + `torque` (N m).
 
-    Bounds have zero between them. Where the sum is too much, `first` is made as far as it can be;
-    then, of what the sum lacks, the greatest part in its direction. Of all that make this the one
-    with the least Σ (u / limit)² is given, the limit of each the larger one of its bounds, and what
-    is not made. A device without bounds counts as one with the largest limit of the others.
+    Bounds include zero. Where the sum is out of reach, `first` is made as far as possible; then
+    the greatest part of the rest in its direction. Among all such torques the result has the least
+    Σ (u / limit)², with the larger of a device's bounds as its limit. An unbounded device has the
+    largest limit of the others. Returns u and the torque that is not made.
     """
     limit = jnp.maximum(high, -low)
     finite = jnp.where(jnp.isfinite(limit), limit, 0.0)
@@ -91,10 +92,10 @@ def least_squares_within(
 
 
 def _solved(devices: Bounded, torque: Vector, first: Vector) -> tuple[OfEach, Vector]:
-    """At the last set of devices at their bounds, where all derivatives are.
+    """Return the solution at the last active set, at which all derivatives are taken.
 
-    A device that is just at its bound counts as being there, as it is for a torque slightly
-    `BEYOND`, where the others can make up for that.
+    A device just at its bound counts as held if it is so for a torque slightly `BEYOND`, where the
+    other devices can make up for it.
     """
     end = _ended(*jax.lax.stop_gradient((devices, torque, first)))
     both = jax.tree.map(lambda *x: jnp.stack(x), end.held, end.last)
@@ -113,7 +114,7 @@ def _solved(devices: Bounded, torque: Vector, first: Vector) -> tuple[OfEach, Ve
 
 
 def _at(devices: Bounded, torque: Vector, first: Vector, held: Held) -> tuple[OfEach, Vector]:
-    """Torques of each with these devices at their bounds, and what all are to make together."""
+    """Return the torque of each device with this active set, and the torque of all together."""
     free = _free(devices, held)
     low, high = (jnp.where(jnp.isfinite(x), x, 0.0) for x in (devices.low, devices.high))
     bounds = (low, high)
@@ -126,12 +127,12 @@ def _at(devices: Bounded, torque: Vector, first: Vector, held: Held) -> tuple[Of
         return each + jnp.where(free, devices.weight * ((inverse @ lacks) @ devices.units), 0.0)
 
     at_bounds = jnp.where(held.side > 0, high, jnp.where(held.side < 0, low, 0.0))
-    # The second and third time take away what rounding has left.
+    # The second and third pass remove round-off.
     return jax.lax.fori_loop(0, 3, nearer, at_bounds), total
 
 
 def _beginning(devices: Bounded, torque: Vector, first: Vector) -> Active:
-    """No torque, and all of it ahead."""
+    """Return the initial state: no torque made, all of it ahead."""
     comes_first = jnp.any(first != 0)
     none = jnp.zeros_like(torque)
     held = Held(0 * devices.weight, jnp.stack([none, none]))
@@ -147,7 +148,7 @@ def _beginning(devices: Bounded, torque: Vector, first: Vector) -> Active:
 
 
 def _ended(devices: Bounded, torque: Vector, first: Vector) -> Active:
-    """After all rounds."""
+    """Return the state after the last round."""
     return jax.lax.while_loop(
         lambda at: at.goes & (at.rounds < ROUNDS_A_DEVICE * (devices.low.shape[0] + 1)),
         lambda at: _round(devices, torque, first, at),
@@ -156,13 +157,13 @@ def _ended(devices: Bounded, torque: Vector, first: Vector) -> Active:
 
 
 def _free(devices: Bounded, held: Held) -> Bool[Array, " m"]:
-    """The devices that are not at a bound."""
+    """Return which devices are not at a bound."""
     return (held.side == 0) & (devices.high > devices.low)
 
 
 def _basis(devices: Bounded, free: Bool[Array, " m"]) -> Matrix:
-    """Rows are an orthonormal basis of the torques that these make together, along the strongest
-    first; rows of zeros are left where that is not all."""
+    """Return an orthonormal basis, as rows, of the torques of the free devices, that of the
+    strongest first; rows beyond its rank are zero."""
 
     def with_one_more(row, so_far):
         basis, across = so_far
@@ -181,17 +182,17 @@ def _basis(devices: Bounded, free: Bool[Array, " m"]) -> Matrix:
 
 
 def _span(basis: Matrix) -> Matrix:
-    """The projector on the torques of a `basis`, exactly the identity where they are all."""
+    """Return the projector onto the span of a `basis`, exactly the identity for full rank."""
     span = basis.T @ basis
     whole = jax.lax.stop_gradient(jnp.trace(span)) > 2.5
     return jnp.where(whole, jnp.eye(3, dtype=span.dtype), span)
 
 
 def _inverse(devices: Bounded, free: Bool[Array, " m"], basis: Matrix) -> Matrix:
-    """Of A W Aᵀ on what these devices span, zero across it.
+    """Return the inverse of A W Aᵀ on the span of the free devices, zero across it.
 
-    By A W Aᵀ = L D Lᵀ in their `basis`, in which strong devices come first: this keeps the digits
-    of weak ones, where cofactors lose them all.
+    A W Aᵀ = L D Lᵀ in their `basis`, strong devices first, keeps the digits of weak devices, which
+    cofactors lose.
     """
     along = basis @ devices.units
     gram = (jnp.where(free, devices.weight, 0.0)[None] * along) @ along.T
@@ -208,16 +209,16 @@ def _inverse(devices: Bounded, free: Bool[Array, " m"], basis: Matrix) -> Matrix
 
 
 def _reciprocal(pivot: RealScalar) -> RealScalar:
-    """1 / x, and zero of what is not positive."""
+    """Return 1 / x, and zero unless x is positive."""
     there = pivot > 0
     return jnp.where(there, 1 / jnp.where(there, pivot, 1.0), 0.0)
 
 
 def _round(devices: Bounded, torque: Vector, first: Vector, at: Active) -> Active:
-    """On to where a device comes to a bound or leaves it, or the leg ends.
+    """Advance to where a device reaches a bound or leaves it, or the leg ends.
 
-    Where the free devices do not make what is ahead, the multiplier alone changes, across all that
-    they make, until one at a bound leaves it; if none does, no more can be made.
+    Where the free devices cannot make the torque ahead, only the multiplier changes, across their
+    span, until a device leaves its bound; if none does, no more torque can be made.
     """
     free = _free(devices, at.held)
     basis = _basis(devices, free)
@@ -226,7 +227,7 @@ def _round(devices: Bounded, torque: Vector, first: Vector, at: Active) -> Activ
     square = jnp.sum(across**2)
     stands = square > NONE**2 * jnp.sum(at.ahead**2)
     across = across / jnp.sqrt(jnp.where(stands, square, 1.0))
-    across = across - span @ across  # what rounding has left of a small one
+    across = across - span @ across  # removes the round-off of a small one
     way = jnp.where(stands, across, _inverse(devices, free, basis) @ at.ahead)
     along = way @ devices.units
     along = jnp.where(stands & (jnp.abs(along) <= FLAT), 0.0, along)

@@ -1,7 +1,7 @@
-"""Numbers of a part of the spacecraft that a study may draw: what they change, within what limits.
+"""Quantities of a part of the spacecraft that a study may draw: their effect and their limits.
 
-Limits are those that leave a part in the ranges of `jaxsat.core.ranges`, which the keys of a
-scenario have as well; those of a relative change follow from the nominal number.
+The limits keep a part in the ranges of `jaxsat.core.ranges`, which also bound the keys of a
+scenario; limits of a relative change follow from the nominal number.
 """
 
 from collections.abc import Callable
@@ -22,13 +22,13 @@ class Limits(NamedTuple):
 
     @staticmethod
     def between(values: Range) -> "Limits":
-        """The limits of numbers that are drawn as they are."""
+        """Return the limits of numbers that are drawn directly."""
         return Limits(as_float(values.low), as_float(values.high))
 
     @staticmethod
     def of_change(values: Range, nominal: Float[Array, " n"]) -> "Limits":
-        """Relative changes that keep nominal numbers in their range; zero remains zero whatever it
-        is multiplied with."""
+        """Return limits of relative changes that keep nominal numbers in their range; a nominal
+        zero has no limits."""
         xp, numbers = numpy_if_known(nominal)
         safe = xp.where(numbers == 0, 1.0, numbers)
         one, other = values.low / safe, values.high / safe
@@ -37,12 +37,12 @@ class Limits(NamedTuple):
 
 
 class Dispersible(NamedTuple):
-    """What a drawn quantity changes in an effector, or in its state at the start.
+    """Effect of a drawn quantity on an effector, or on its initial state.
 
-    For quantities that are more than one field of the effector, which their declaration names.
-    `changed` takes the effector, its state and the numbers, `each` so many for every device, and
-    gives effector and state. `within` gives the part of the effector that has the devices. The law
-    is unaware of what is drawn.
+    For quantities that are not a single field of the effector, named in its declaration. `changed`
+    takes the effector, its state and the numbers, `each` of them per device, and returns effector
+    and state. `within` returns the part of the effector that has the devices. The law does not know
+    the drawn numbers.
     """
 
     changed: Callable[[Any, Any, Float[Array, " size"]], tuple[Any, Any]]
@@ -51,5 +51,5 @@ class Dispersible(NamedTuple):
     within: Callable[[Any], Any] = lambda effector: effector
 
     def size(self, effector: Any) -> int:
-        """How many numbers a draw has."""
+        """Return the number of components of a draw."""
         return self.each * self.within(effector).count

@@ -1,4 +1,4 @@
-"""Who of the effectors does what of a law's command."""
+"""Distribution of a law's command among the effectors."""
 
 import abc
 import dataclasses
@@ -23,15 +23,15 @@ from jaxsat.spacecraft.wheels import Wheels, wheel_momentum
 
 
 class Shares(NamedTuple):
-    """What each effector is asked for, and the torque (N m) of which none is, None for none."""
+    """Command of each effector, and the torque (N m) assigned to none; None for no such torque."""
 
     uses: OfEach
     left: Vector | None = None
 
     def torque_unmade(self, effectors: tuple[AbstractEffector, ...]) -> Vector | None:
-        """The torque of a command that effectors do not make, N m; None where it tells of devices.
+        """Return the commanded torque that effectors do not make, N m; None for direct commands.
 
-        It is what none is asked for, and what is beyond the limits of each.
+        This is the torque assigned to no effector plus the torque beyond the limits of each.
         """
         beyond = [one.unmade(use) for one, use in zip(effectors, self.uses, strict=True)]
         parts = [one for one in (self.left, *beyond) if one is not None]
@@ -39,9 +39,9 @@ class Shares(NamedTuple):
 
 
 class AbstractDistribution(eqx.Module):
-    """From a law's command to what each effector of the body is asked for.
+    """Map from a law's command to the commands of the body's effectors.
 
-    A distribution whose uses have corners as functions of the command tells them.
+    A distribution whose uses have corners as functions of the command gives their events.
     """
 
     @abc.abstractmethod
@@ -52,25 +52,25 @@ class AbstractDistribution(eqx.Module):
         command: Float[Array, " torques"],
         effectors: tuple[AbstractEffector, ...],
     ) -> Shares:
-        """What each of the effectors is asked for at time `t` (s), in the order of the body.
+        """Return the command of each effector at time `t` (s), in the order of the body.
 
-        `state` is what the law knows of the plant.
+        `state` is the law's estimate of the plant's state.
         """
 
     def out_of_reach(
         self, command: Float[Array, " torques"], effectors: tuple[AbstractEffector, ...]
     ) -> Float[Array, " torques"]:
-        """What of a command these effectors would not make at any limits, N m; here, nothing."""
+        """Return the part of a command beyond these effectors at any limits, N m; here zero."""
         del effectors
         return jnp.zeros_like(command)
 
     def tells_left(self, effectors: tuple[AbstractEffector, ...]) -> bool:
-        """Whether `Shares.left` counts these effectors."""
+        """Whether `Shares.left` is computed for these effectors."""
         return False
 
     @property
     def event_count(self) -> int:
-        """How many corners the uses have as functions of the command."""
+        """Number of corners of the uses as functions of the command."""
         return 0
 
     def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
@@ -78,19 +78,19 @@ class AbstractDistribution(eqx.Module):
         return jnp.zeros(0, command.dtype)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractDistribution":
-        """The distribution held on the side of each corner that `signs` gives."""
+        """Return the distribution held on the side of each corner that `signs` gives."""
         return self
 
 
 class Direct(AbstractDistribution):
-    """The command has what each effector is asked for, one after the other.
+    """A command that lists the command of each effector, one after the other.
 
-    Effectors after its end are asked for nothing. So a law may command three torques of thrusters
-    that share them, each of the wheels, or duties of thrusters and then torques of wheels.
+    Effectors after its end are idle. So a law may command three torques that thrusters share, a
+    torque of each wheel, or duty cycles of thrusters and then torques of wheels.
     """
 
     def __call__(self, t, state, command, effectors) -> Shares:
-        """Parts of the command; raises `ValueError` where it ends within what an effector takes."""
+        """Return parts of the command; raises `ValueError` if it ends within an effector's part."""
         uses, left = [], command
         for one in effectors:
             size = one.command_size if left.shape[0] else 0
@@ -108,14 +108,14 @@ class Direct(AbstractDistribution):
 class WheelsFirst(AbstractDistribution):
     """Wheels make as much of a commanded torque as they can, and thrusters the rest.
 
-    `wheel_map` (wheels, torques) shares the command, two torques or three, among the wheels, of
-    which those that have failed have rows of zeros. Where that exceeds the `wheel_limit` (N m, None
-    for no limit) of one, `allocate` shares it: others make up for it and, of a torque that they
-    cannot make, the greatest part is made, in its direction. `axes` (3, wheels) has zeros for those
-    that have failed. `rest` (torques, torques) gives the part of the command that is left to other
-    effectors, which is shared as by `Direct`; None where nothing is. With `relief`, of a command of
-    three torques under a sampled law, thrusters also make what wheels lack in torque or momentum,
-    and take momentum out of them; `together` if what wheels leave needs their help. Motors also
+    `wheel_map` (wheels, torques) shares the command, two torques or three, among the wheels; rows
+    of failed wheels are zero. Where a share exceeds its wheel's `wheel_limit` (N m, None for no
+    limit), `allocate` reallocates the shares: other wheels make up for it and, of a torque out of
+    reach, the greatest part is made in its direction. `axes` (3, wheels) has zeros for failed
+    wheels. `rest` (torques, torques) gives the part of the command left to other effectors, shared
+    as by `Direct`; None leaves nothing. With `relief`, for a command of three torques under a
+    sampled law, thrusters also make the torque that wheels cannot make for their limits of torque
+    or momentum, and unload momentum; `together` if the wheels' rest needs their help. Motors also
     make the torque of a known `friction`. `limiting` holds which wheel is at its limit, see
     `smooth_piece`.
     """
@@ -146,11 +146,11 @@ class WheelsFirst(AbstractDistribution):
         others: bool = False,
         directions: ArrayLike | None = None,
     ) -> "WheelsFirst":
-        """Wheels along `axes` (3, wheels), of which those numbered `failed` (from 1) do nothing.
+        """Return the distribution for wheels along `axes` (3, wheels) but the `failed` (from 1).
 
-        Least squares share what all of them can make, about the first body axes or `directions`
-        (3, torques). Raises `ValueError` where that leaves something to `others` and there are
-        none.
+        Least squares share the torques that all working wheels can make, about the first body axes
+        or `directions` (3, torques). Raises `ValueError` where a rest is left and there are no
+        `others`.
         """
         along = None if directions is None else np.asarray(directions, float)
         units = unit_columns(np.asarray(axes, float))
@@ -174,7 +174,7 @@ class WheelsFirst(AbstractDistribution):
         return WheelsFirst(working_axes, as_array(shares), limit, as_array(rest))
 
     def __call__(self, t, state, command, effectors) -> Shares:
-        """The torque of each motor (N m), and what is left to others."""
+        """Return the torque of each motor (N m), and the commands of the others."""
         others = tuple(one for one in effectors if not isinstance(one, Wheels))
         momentum = wheel_momentum(state)
         if self.relief is None or momentum is None:
@@ -193,7 +193,7 @@ class WheelsFirst(AbstractDistribution):
     def _relieved(
         self, relief: Relief, omega: Vector, momentum: Float[Array, " wheels"], command: Vector
     ) -> tuple[Float[Array, " wheels"], Vector, Vector]:
-        """The torque of each wheel, of all thrusters, and what both do not make (N m)."""
+        """Return the torque of each wheel, of all thrusters, and the torque not made (N m)."""
         shares, unloading = self.wheel_map @ command, relief.unloading(omega, momentum)
         low, high = relief.bounds(momentum)
         alone = jnp.all((low <= shares) & (shares <= high)) & jnp.all(unloading == 0)
@@ -207,20 +207,20 @@ class WheelsFirst(AbstractDistribution):
         )
 
     def out_of_reach(self, command, effectors) -> Float[Array, " torques"]:
-        """The part that wheels leave to others, where there are none."""
+        """Return the part that wheels leave to others, if there are no others."""
         alone = all(isinstance(one, Wheels) or not one.command_size for one in effectors)
         return self.rest @ command if alone and self.rest is not None else jnp.zeros_like(command)
 
     def tells_left(self, effectors) -> bool:
-        """Whether `Shares.left` is known: it always is."""
+        """Whether `Shares.left` is computed: always."""
         return True
 
     def wheels(self, command: Float[Array, " torques"]) -> Float[Array, " wheels"]:
-        """The torque that each wheel is to put on the body for a command, N m."""
+        """Return the torque that each wheel puts on the body for a command, N m."""
         return self._shared(command)[0]
 
     def _shared(self, command: Float[Array, " torques"]) -> tuple[Float[Array, " wheels"], Vector]:
-        """That, and what wheels do not make of their part for their limits, N m."""
+        """Return the wheels' torques, and the part beyond their limits, N m."""
         shares = self.wheel_map @ command
         if self.wheel_limit is None:
             return shares, jnp.zeros(3, shares.dtype)
@@ -228,20 +228,20 @@ class WheelsFirst(AbstractDistribution):
 
     @property
     def event_count(self) -> int:
-        """How many corners the uses have: one for each wheel with a torque limit."""
+        """Number of corners of the uses: one for each wheel with a torque limit."""
         return 0 if self.wheel_limit is None else self.wheel_map.shape[0]
 
     def event_functions(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
-        """Positive for the wheel that is first at its limit."""
+        """Return event functions: positive for the wheel that is first at its limit."""
         if self.wheel_limit is None:
             return jnp.zeros(0, command.dtype)
         return first_at_limit(self.wheel_map @ command, self.wheel_limit)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "WheelsFirst":
-        """The same distribution, bounded by one wheel or by none."""
+        """Return the same distribution, bounded by one wheel or by none."""
         return self if self.wheel_limit is None else dataclasses.replace(self, limiting=signs)
 
 
 def torque_of(command: Float[Array, " torques"]) -> Vector:
-    """A command of none, two or three torques about the first body axes, as a torque (N m)."""
+    """Return the torque (N m) of a command of none, two or three torques about the body axes."""
     return jnp.pad(command, (0, 3 - command.shape[0]))

@@ -21,19 +21,19 @@ from jaxsat.spacecraft.environment.orbit import AbstractOrbit
 from jaxsat.spacecraft.spacecraft import OfEach, PlantState, Spacecraft, inverse_of
 
 Struck = tuple[Bool[Array, " _"], ...]
-"""Which failures of each effector have struck."""
+"""Whether each failure of each effector has struck."""
 
 
 class RigidBody(eqx.Module):
     """A rigid body in a circular orbit under a torque and a disturbance.
 
-    With `third_rate_held` an ideal torque about the third body axis keeps ω3 from changing: the
-    assumption under which the paper simulates its three-axis law, and what two reaction wheels
-    with zero total momentum make true. A controller carries a `RigidBody` of its own, what it
-    believes of the plant, so that plant and model can differ.
+    With `third_rate_held` an ideal torque about the third body axis keeps ω3 constant: the
+    assumption of the paper's simulations of its three-axis law, which two reaction wheels with
+    zero total momentum make true. A controller has a `RigidBody` of its own as its model, so that
+    plant and model can differ.
 
-    The inertia is that with all `effectors` locked. Raises `ValueError` for effectors with a state
-    on a body whose third rate is held, and for those with more inertia than the body has with them.
+    The inertia includes all `effectors` locked. Raises `ValueError` for effectors with a state on
+    a body whose third rate is held, and for effectors with more inertia than the whole body.
     """
 
     spacecraft: Spacecraft
@@ -51,19 +51,19 @@ class RigidBody(eqx.Module):
 
     @property
     def stores_momentum(self) -> bool:
-        """Whether any of the effectors stores momentum."""
+        """Whether any effector stores momentum."""
         return any(one.storage() is not None for one in self.effectors)
 
     def relative_rate(self, state: PlantState) -> Vector:
-        """Equation (11): ω_r, the angular velocity relative to the orbit frame, rad/s."""
+        """Angular velocity ω_r relative to the orbit frame, equation (11), rad/s."""
         return state.omega - self.orbit.frame_rate(state.attitude)
 
     def disturbance_torque(self, t: RealScalar, state: PlantState) -> Vector:
-        """T_d at time `t` (s), N m."""
+        """Return the disturbance torque T_d at time `t` (s), N m."""
         return self.disturbance(t, state.attitude, self.spacecraft.inertia)
 
     def total_momentum(self, state: PlantState) -> Vector:
-        """J ω + Σ h in body axes, N m s: constant in inertial axes without external torque."""
+        """Return J ω + Σ h, body axes, N m s: constant in inertial axes without external torque."""
         total = self.spacecraft.inertia @ state.omega
         for one, own in self._with(state):
             stored = one.momentum(own)
@@ -71,27 +71,27 @@ class RigidBody(eqx.Module):
         return total
 
     def _with(self, state: PlantState) -> list[tuple]:
-        """Each effector with its state: none of them where the state has none."""
+        """Return each effector with its state; empty where the plant's state has no effectors."""
         states = state.of_each if self.effectors else ()
         return list(zip(self.effectors, states, strict=True)) if states else []
 
     @staticmethod
     def _sum(torques: Sequence[Vector], first: Vector | None) -> Vector:
-        """The sum of torques after a first one (N m); None is none."""
+        """Return the sum of torques and a first one (N m); None is zero."""
         torques = [*(() if first is None else (first,)), *torques]
         return sum(torques[1:], torques[0]) if torques else jnp.zeros(3)
 
     def _inertia(self, corrections: list[Matrix | None]) -> Matrix:
-        """J + Σ D, kg m²."""
+        """Return J + Σ D, kg m²."""
         return sum((one for one in corrections if one is not None), self.spacecraft.inertia)
 
     def angular_acceleration(self, omega: Vector, torque: Vector) -> Vector:
-        """Equation (1): J dω/dt = -ω × J ω + torque (N m), solved for dω/dt, rad/s²."""
+        """Solve equation (1), J dω/dt = -ω × J ω + torque (N m), for dω/dt, rad/s²."""
         inertia = self.spacecraft.inertia
         return self._solved(inertia, torque - jnp.cross(omega, inertia @ omega))
 
     def _solved(self, inertia: Matrix, torque: Vector):
-        """dω/dt of a body of this inertia (kg m²) under all torques (N m), rad/s²."""
+        """Return dω/dt, rad/s², of a body of this inertia (kg m²) under all torques (N m)."""
         inverse = inverse_of(inertia)
         acceleration = inverse @ torque
         if self.third_rate_held:
@@ -102,7 +102,7 @@ class RigidBody(eqx.Module):
     def constraint_torque(
         self, t: RealScalar, state: PlantState, torque: Vector
     ) -> RealScalar | None:
-        """The ideal torque about the third body axis that holds ω3 at time `t` (s), N m.
+        """Return the ideal torque about the third body axis that holds ω3 at time `t` (s), N m.
 
         With e3 the third axis, -e3ᵀJ⁻¹(T + T_d - ω × Jω) / e3ᵀJ⁻¹e3, for principal axes
         -(J1 - J2) ω1 ω2 - d3 - T3. None where the third rate is free.
@@ -116,13 +116,13 @@ class RigidBody(eqx.Module):
         return -(row @ total) / row[2]
 
     def complete(self, state: PlantState) -> PlantState:
-        """The state with those of all effectors: at rest where it has none."""
+        """Return the state with states of all effectors, at rest where it has none."""
         if state.effectors or not self.effectors:
             return state
         return dataclasses.replace(state, effectors=tuple(one.init() for one in self.effectors))
 
     def later(self, commands: OfEach, elapsed: RealScalar) -> OfEach:
-        """Commands, or pieces, so many seconds after they began to stay."""
+        """Return commands, or pieces, `elapsed` seconds after the begin of their hold."""
         parts = zip(self.effectors, commands, strict=True)
         return tuple(one.later(command, elapsed) for one, command in parts)
 
@@ -130,13 +130,13 @@ class RigidBody(eqx.Module):
 
     @property
     def failure_times(self) -> tuple[Float[Array, " _"], ...]:
-        """When each failure of each effector strikes, s."""
+        """Time of each failure of each effector, s."""
         return tuple(one.failure_times for one in self.effectors)
 
     def after_failures(self, state: PlantState, struck: Struck) -> PlantState:
-        """The state right after these failures have struck: J ω + Σ h is what it was.
+        """Return the state right after these failures have struck, with J ω + Σ h conserved.
 
-        Once more, it changes nothing.
+        Idempotent: a second call changes nothing.
         """
         if not any(one.blows and one.failures is not None for one in self.effectors):
             return state
@@ -151,14 +151,14 @@ class RigidBody(eqx.Module):
     def driven(
         self, state: PlantState, commands: OfEach, struck: Struck
     ) -> "tuple[RigidBody, OfEach]":
-        """The body whose effectors fail no more once these have struck, and their commands."""
+        """Return the body with effectors as these failures leave them, and their commands."""
         parts = zip(self.effectors, state.of_each, commands, struck, strict=True)
         pairs = [one.driven(own, command, mine) for one, own, command, mine in parts]
         body = self.with_effectors(tuple(one for one, _ in pairs))
         return body, tuple(command for _, command in pairs)
 
     def with_effectors(self, effectors: tuple[AbstractEffector, ...]) -> "RigidBody":
-        """This body with other effectors."""
+        """Return this body with other effectors."""
         if len(effectors) != len(self.effectors):
             return dataclasses.replace(self, effectors=effectors)
         return eqx.tree_at(lambda x: x.effectors, self, effectors) if effectors else self
@@ -168,9 +168,9 @@ class RigidBody(eqx.Module):
     def modes(
         self, t: RealScalar, state: PlantState, commands: OfEach, modes: OfEach | None = None
     ) -> OfEach:
-        """How the effectors move on their commands at time `t` (s).
+        """Return the effectors' modes under their commands at time `t` (s).
 
-        By their states, or from the `modes` on in which they were.
+        The search starts from the `modes` given, or from the modes of their states.
         """
         if modes is None:
             modes = tuple(one.mode(own) for one, own in self._with(state))
@@ -182,21 +182,22 @@ class RigidBody(eqx.Module):
     def modes_after(
         self, modes: OfEach, state: PlantState, commands: OfEach, acceleration: Vector
     ) -> OfEach:
-        """The modes after those that effectors have left where dω/dt is this (rad/s²)."""
+        """Return the effectors' next modes for this dω/dt (rad/s²)."""
         parts = zip(self.effectors, modes, state.of_each, commands, strict=True)
         return tuple(one.mode_after(m, s, c, acceleration) for one, m, s, c in parts)
 
     def pieces(self, modes: OfEach, commands: OfEach) -> OfEach:
-        """What the torques of effectors depend on in these modes and on these commands."""
+        """Return the effectors' pieces for these modes and commands."""
         parts = zip(self.effectors, modes, commands, strict=True)
         return tuple(one.piece(mode, command) for one, mode, command in parts)
 
     def acceleration(
         self, t: RealScalar, state: PlantState, torque: Vector | None = None, pieces: OfEach = ()
     ) -> Vector:
-        """dω/dt (rad/s²) at time `t` (s) with effectors in `pieces` and a `torque` (N m) besides.
+        """Return dω/dt (rad/s²) at time `t` (s) with effectors in `pieces` and another `torque` (N
+        m).
 
-        Without pieces effectors make no torque and keep their momenta.
+        Without pieces, effectors make no torque and keep their momenta.
         """
         effects = [
             one.effect(piece, t, state, own)
@@ -210,7 +211,7 @@ class RigidBody(eqx.Module):
     def rate(
         self, t: RealScalar, state: PlantState, torque: Vector | None = None, pieces: OfEach = ()
     ) -> PlantState:
-        """Time derivative of the state; the arguments are those of `acceleration`."""
+        """Return the time derivative of the state; the arguments are those of `acceleration`."""
         acceleration = self.acceleration(t, state, torque, pieces)
         own = jax.tree.map(jnp.zeros_like, state.effectors)
         if pieces:
@@ -221,18 +222,18 @@ class RigidBody(eqx.Module):
     def control_torque(
         self, t: RealScalar, state: PlantState, pieces: OfEach, acceleration: Vector
     ) -> Vector:
-        """The torque of effectors on the body where dω/dt is this, N m."""
+        """Return the effectors' torque on the body for this dω/dt, N m."""
         parts = zip(self.effectors, pieces, state.of_each, strict=True)
         torques = [one.torque(piece, t, state, own, acceleration) for one, piece, own in parts]
         return self._sum(torques, None)
 
     def stored(self, state: PlantState) -> dict[str, Array]:
-        """What effectors store, by the names of signals."""
+        """Return the effectors' signals of state (momenta, angles), by name."""
         parts = self._with(state)
         return {name: x for one, own in parts for name, x in one.stored(own).items()}
 
     def signals(self, state: PlantState, pieces: OfEach, acceleration: Vector) -> dict[str, Array]:
-        """What effectors do, by the names of signals."""
+        """Return the effectors' signals of motion (torques, rates), by name."""
         parts = zip(self.effectors, pieces, state.of_each, strict=True)
         of_each = [one.signals(piece, own, acceleration) for one, piece, own in parts]
         return {name: x for signals in of_each for name, x in signals.items()}
@@ -241,19 +242,19 @@ class RigidBody(eqx.Module):
 
     @property
     def event_count(self) -> int:
-        """How many corners effectors have."""
+        """Number of corners of all effectors."""
         return sum(one.event_count for one in self.effectors)
 
     def event_functions(
         self, state: PlantState, commands: OfEach, acceleration: Vector
     ) -> Float[Array, " m"]:
-        """The effectors' event functions where dω/dt is this (rad/s²)."""
+        """Return the effectors' event functions for this dω/dt (rad/s²)."""
         parts = zip(self.effectors, state.of_each, commands, strict=True)
         functions = [one.event_functions(own, command, acceleration) for one, own, command in parts]
         return jnp.concatenate([*functions, jnp.zeros(0, state.omega.dtype)])
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "RigidBody":
-        """This body with each effector in the smooth piece that its events tell."""
+        """Return this body with each effector in the smooth piece that the event signs give."""
         held, begin = [], 0
         for one in self.effectors:
             held.append(one.smooth_piece(signs[begin : begin + one.event_count]))

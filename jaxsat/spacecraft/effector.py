@@ -1,21 +1,21 @@
-"""What acts on the body, or takes momentum from it: one interface for every kind.
+"""The interface of every kind of effector: a device that acts on the body or stores momentum.
 
 The method is back-substitution (Allard, Schaub and others, J. Aerospace Information Systems 15(12),
 2018). With J the inertia of the body with all effectors locked and h the momentum that each stores
-relative to the body, an effector tells, before dω/dt is known, its torque τ on the body and a
+relative to the body, an effector gives, before dω/dt is known, its torque τ on the body and a
 correction D of the inertia. The body solves
 
     (J + Σ D) dω/dt = -ω × (J ω + Σ h) + Σ τ
 
-once, and gives dω/dt back, from which the effector has the derivative of its own state. A wheel
+once, and returns dω/dt, from which the effector has the derivative of its own state. A wheel
 has D = -J_w a aᵀ, τ = a c and dh/dt = -c - J_w aᵀdω/dt, a magnetorquer D = 0, τ = m × B and no
-state. A failure that strikes at once is the same with an impulse for τ and a change of ω for dω/dt.
+state. An instantaneous failure is the same with an impulse for τ and a change of ω for dω/dt.
 
-Six things belong to an effector. Its *state* is integrated. Its *command* stays between samples or
-comes from a continuous law. Its *mode* tells how it moves (a wheel rests, or is at its limit) and
-may depend on dω/dt. Its *piece* is made of mode and command, and is what the torque depends on
-until the mode changes. Its *failures* make of it another effector that fails no more. Its *reach*
-is what it can do now, which is all that allocation and controllability know of it.
+An effector has six properties. Its *state* is integrated. Its *command* is held between samples or
+comes from a continuous law. Its *mode* is how it moves (a wheel rests, or is at its limit) and
+may depend on dω/dt. Its *piece* follows from mode and command, and determines the torque until the
+mode changes. Its *failures* turn it into another effector that does not fail. Its *reach* is the
+set of its possible torques now, all that allocation and controllability know of it.
 """
 
 import abc
@@ -46,10 +46,10 @@ class Effect(NamedTuple):
 
 
 class EffectorContext(NamedTuple):
-    """What a scenario gives an effector besides its own tables.
+    """Inputs from a scenario for an effector besides its own tables.
 
-    `field` is the magnetic field along the circular orbit. `failures` in flight are the number,
-    from 0, of the device that each strikes, and its checked table `[[failure]]`.
+    `field` is the magnetic field along the circular orbit. `failures` in flight are pairs of the
+    number of the device, from 0, and its checked table `[[failure]]`.
     """
 
     field: AbstractMagneticField
@@ -57,17 +57,16 @@ class EffectorContext(NamedTuple):
 
     @property
     def place(self) -> AbstractPlace:
-        """Where the circular orbit is."""
+        """The circular orbit."""
         return self.field.orbit
 
 
 class Reach(NamedTuple):
-    """What devices can do to the body now: `columns` @ use, each use from `low` to `high`.
+    """Possible torques of devices now: `columns` @ use, each use from `low` to `high`.
 
-    The use of a device is the number that commands it, of a reaction wheel a torque (N m), of a
-    gimbal a rate (rad/s); its column is the torque on the body for one unit of it. `price` is what
-    a unit costs, in kg/s of propellant, None for nothing. A device that does not obey has `low`
-    equal to `high`.
+    The use of a device is its command: for a reaction wheel a torque (N m), for a gimbal a rate
+    (rad/s); its column is the torque on the body per unit of use. `price` is the cost of a unit, in
+    kg/s of propellant, None for zero. A device that does not obey has `low` equal to `high`.
     """
 
     columns: Float[Array, "3 n"]
@@ -77,20 +76,20 @@ class Reach(NamedTuple):
 
     @staticmethod
     def none() -> "Reach":
-        """The reach of an effector that can do nothing."""
+        """Return the reach of an effector that makes no torque."""
         return Reach(jnp.zeros((3, 0)), jnp.zeros(0), jnp.zeros(0))
 
 
 class Storage(NamedTuple):
-    """What each device that stores momentum is: its rotor's inertia about its column of the reach,
-    kg m², zero where that does not turn freely, and the most it can hold, N m s."""
+    """Rotor inertia (kg m²) about the column of the reach, zero for a rotor that does not turn
+    freely, and largest momentum (N m s) of each device that stores momentum."""
 
     rotors: Float[Array | np.ndarray, " n"]
     capacity: Float[Array | np.ndarray, " n"]
 
 
 class Dipoles(NamedTuple):
-    """Devices whose torque is that of a dipole along unit `axes` (body axes), of at most its limit
+    """Devices that make the torque of a dipole along unit `axes` (body axes), up to their `limits`
     (A m²), in the Earth's magnetic `field`."""
 
     axes: Float[Array, "3 k"]
@@ -99,112 +98,112 @@ class Dipoles(NamedTuple):
 
 
 class AbstractEffector(AbstractHeldEffector):
-    """A set of `count` devices of one `kind`, each of which has one number as its command.
+    """A set of `count` devices of one `kind`, each commanded by one number.
 
-    Thrusters may share a command of two or three torques themselves: see `command_size`.
+    Thrusters may share a command of two or three torques instead: see `command_size`.
 
-    What a kind does not have, a state, modes, edges, corners, it need not define. One that a
-    scenario can have is declared in `jaxsat.core.declaration`, and has a class method
-    `from_tables(tables, context)`, which gives the effector and its state at the start, of checked
+    A kind defines only the properties that it has of state, modes, edges and corners. A kind for
+    scenarios is declared in `jaxsat.core.declaration`, and has a class method
+    `from_tables(tables, context)`, which returns the effector and its initial state from checked
     tables and an `EffectorContext`.
     """
 
     kind: ClassVar[str]
-    """What one of them is called; commands and names of those that fail go by it."""
+    """Name of a device, used for commands and failures."""
 
     columns_change: ClassVar[bool] = False
-    """Whether the columns of its reach change with time, attitude or its own state."""
+    """Whether the columns of the reach change with time, attitude or the effector's state."""
 
     dispersible: ClassVar[Mapping[str, Dispersible]] = MappingProxyType({})
-    """What the quantities change that its declaration names as dispersible."""
+    """Effects of the quantities that the declaration lists as dispersible."""
 
     even: ClassVar[bool] = False
-    """Whether its torque depends on command and time alone, and changes evenly in a hold."""
+    """Whether the torque depends on command and time alone, and changes evenly in a hold."""
 
     blows: ClassVar[bool] = False
     """Whether a failure may give the body an impulse: see `blow`."""
 
     mild_corners: ClassVar[bool] = False
-    """Whether steps may pass its corners, see `event_functions`, without much loss."""
+    """Whether steps may pass the corners, see `event_functions`, with little loss of accuracy."""
 
     failures: eqx.AbstractVar[Any]
-    """`AbstractFailures` of its kind, None for none in flight."""
+    """The kind's `AbstractFailures`, None without failures in flight."""
 
     @property
     @abc.abstractmethod
     def count(self) -> int:
-        """How many devices there are."""
+        """Number of devices."""
 
     @property
     def command_size(self) -> int:
-        """How many numbers command it: one for each device."""
+        """Number of components of the command: one for each device."""
         return self.count
 
     # State and command.
 
     def init(self) -> PyTree:
-        """The state at rest; None for a kind without a state."""
+        """Return the state at rest; None for a kind without a state."""
         return None
 
     def idle(self) -> Float[Array, " size"]:
-        """The command that asks for nothing."""
+        """Return the command for zero torque."""
         return jnp.zeros(self.command_size)
 
     def with_momenta(self, state: PyTree, change: Callable[[Array], Array]) -> PyTree:
-        """The state, its rate or its error with `change` of each momentum in it, N m s.
+        """Return the state, its rate or its error with `change` applied to each momentum, N m s.
 
         A similar body that is k times as heavy has k times the momenta, and all else the same.
         """
         return state
 
     def momentum(self, state: PyTree) -> Vector | None:
-        """What is stored relative to the body, in body axes, N m s; None for nothing ever."""
+        """Return the momentum relative to the body, body axes, N m s; None for kinds without."""
         return None
 
     def storage(self) -> Storage | None:
-        """What each device can store, without limit unless stated; None for nothing ever."""
+        """Return each device's storage, unbounded by default; None for kinds without momentum."""
         if self.momentum(self.init()) is None:
             return None
         return Storage(jnp.zeros(self.count), jnp.full(self.count, jnp.inf))
 
     def dipoles(self) -> Dipoles | None:
-        """The dipoles of devices that turn the body in a magnetic field; None for other kinds."""
+        """Return the dipoles of magnetic devices; None for other kinds."""
         return None
 
     def free_inertia(self) -> Matrix | None:
-        """D where all devices move freely, kg m²; None for none ever."""
+        """Return D with all devices free to move, kg m²; None for kinds without a correction."""
         return None
 
     def unmade(self, use: Float[Array, " size"]) -> Vector | None:
-        """The torque of what is asked for that is beyond the limits, as whoever allocates knows
-        them, N m; None for a kind that is asked for something else, or does not tell."""
+        """Return the commanded torque beyond the limits that the allocator knows, N m; None for a
+        kind that is not commanded a torque, or does not compute it."""
         return None
 
     # Failures in flight.
 
     @property
     def failure_times(self) -> Float[Array, " f"]:
-        """When each failure strikes, s; none of those that divide a plan into holds."""
+        """Time of each failure, s; empty if failures divide a plan into holds."""
         return jnp.zeros(0) if self.failures is None else self.failures.at
 
     def last_drawn_kind(self, sampled: bool) -> AbstractFailureKind | None:
-        """The last kind of failure that a study may draw, under a `sampled` law or a continuous
-        one; None for all that its declaration names."""
+        """Return the last kind of failure that a study may draw, under a `sampled` law or a
+        continuous one; None for all kinds of the declaration."""
         return None
 
     def blow(self, state: PyTree, struck: Bool[Array, " f"]) -> Effect:
-        """What the body gets at once where these failures have struck."""
+        """Return the impulse on the body at the instant when these failures strike."""
         return Effect(jnp.zeros(3))
 
     def blown(self, state: PyTree, struck: Bool[Array, " f"], change: Vector) -> PyTree:
-        """The state after a blow that changed the body's ω by `change` (rad/s)."""
+        """Return the state after a blow that changed the body's ω by `change` (rad/s)."""
         return state
 
     @abc.abstractmethod
     def driven(
         self, state: PyTree, command: PyTree, struck: Bool[Array, " f"]
     ) -> "tuple[AbstractEffector, PyTree]":
-        """The effector that fails no more once these failures have struck, and its command."""
+        """Return the effector after these failures, which fails no more, and its command."""
 
     def reach(
         self,
@@ -214,71 +213,71 @@ class AbstractEffector(AbstractHeldEffector):
         struck: Bool[Array, " f"],
         span: RealScalar,
     ) -> Reach:
-        """What the devices can do at time `t` (s) once these failures have struck.
+        """Return the reach at time `t` (s) after the failures that have struck.
 
-        That which they can go on doing for `span` seconds; of zero seconds, now.
+        The reach can be sustained for `span` seconds; zero gives the instantaneous reach.
         """
         return Reach.none()
 
-    # Motion: the effect and the derivative in a mode and a piece, which `AbstractHeldEffector` has.
+    # Motion in a mode and a piece, which `AbstractHeldEffector` defines.
 
     @property
     def mode_passes(self) -> int:
-        """How often `mode_after` is asked to come from `mode` to that at a dω/dt."""
+        """Number of calls of `mode_after` from `mode` to the mode at a dω/dt."""
         return 0
 
     def mode_after(
         self, mode: PyTree, state: PyTree, command: PyTree, acceleration: Vector
     ) -> PyTree:
-        """The mode after one that devices have left where the body has this dω/dt (rad/s²)."""
+        """Return the mode that follows this one where the body has this dω/dt (rad/s²)."""
         return mode
 
     @abc.abstractmethod
     def effect(self, piece: PyTree, t: RealScalar, plant: PlantState, state: PyTree) -> Effect:
-        """Torque and correction of the inertia at time `t` (s); `state` is the effector's own."""
+        """Return torque and correction of the inertia at time `t` (s) for the own `state`."""
 
     def derivative(
         self, piece: PyTree, plant: PlantState, state: PyTree, acceleration: Vector
     ) -> PyTree:
-        """Time derivative of the own state where the body has this dω/dt (rad/s²)."""
+        """Return the derivative of the effector's state where the body has this dω/dt (rad/s²)."""
         return jax.tree.map(jnp.zeros_like, state)
 
     def torque(
         self, piece: PyTree, t: RealScalar, plant: PlantState, state: PyTree, acceleration: Vector
     ) -> Vector:
-        """All that the devices do to the body with them locked, N m."""
+        """Return the total torque of the devices on the body with devices locked, N m."""
         return self.effect(piece, t, plant, state).torque
 
     def signals(self, piece: PyTree, state: PyTree, acceleration: Vector) -> dict[str, Array]:
-        """What the devices do, by the names of signals that they declare."""
+        """Return the declared signals of motion, by name."""
         return {}
 
     def stored(self, state: PyTree) -> dict[str, Array]:
-        """What they store, by the names of signals that they declare."""
+        """Return the declared signals of state, by name."""
         return {}
 
-    # A command that changes continuously: events, and the smooth piece between two of them.
+    # A continuous command: events, and the smooth piece between two of them.
 
     @property
     def event_count(self) -> int:
-        """How many corners there are under a continuous command."""
+        """Number of corners under a continuous command."""
         return 0
 
     def event_functions(
         self, state: PyTree, command: PyTree, acceleration: Vector
     ) -> Float[Array, " m"]:
-        """Functions whose zeros are the corners."""
+        """Return functions whose zeros are the corners."""
         return jnp.zeros(0, acceleration.dtype)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "AbstractEffector":
-        """This effector with each event function on the side that `signs` gives."""
+        """Return this effector with each event function on the side that `signs` gives."""
         return self
 
     def without_corners(self) -> "AbstractEffector":
-        """This effector without failures in flight, and without what needs a held command."""
+        """Return this effector without failures in flight and features that need a held command."""
         if self.failures is None:
             return self
         return eqx.tree_at(lambda one: one.failures, self, None)
 
     def require_continuous(self) -> None:
-        """Raise `ValueError` where the effector cannot have a command that is not held."""
+        """Raise `ValueError` where the effector requires a held command."""

@@ -1,4 +1,4 @@
-"""What happens to a thruster in flight: failures as events at a time."""
+"""Failures of thrusters in flight, as events at a time."""
 
 from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple
@@ -13,15 +13,15 @@ from jaxsat.core.checks import as_float, as_optional_float
 from jaxsat.core.declaration.failures import ONE_WAY, AbstractFailureKind, FailureKind, failure_kind
 
 CYCLE = 10.0
-"""s, in which an intermittent thruster works and fails."""
+"""Period in which an intermittent thruster works and fails, s."""
 
 SOUND = -1.0
-"""In place of a kind: nothing has failed."""
+"""Number in place of a failure kind for an actuator without a failure."""
 
 
 class LastFailure(NamedTuple):
-    """The event that each of m actuators is under: its place among all, -1 for none, its `kind`,
-    `SOUND` for none, its `amount`, and `since` when (s)."""
+    """The last event that struck each of m actuators: its index `event` among all (-1 for none),
+    its `kind` (`SOUND` for none), its `amount`, and its time `since` (s)."""
 
     event: Float[Array, " m"]
     kind: Float[Array, " m"]
@@ -29,7 +29,7 @@ class LastFailure(NamedTuple):
     since: Float[Array, " m"]
 
     def two_signed(self) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-        """Gain and level of each actuator of either sign."""
+        """Return gain and level of each two-sided actuator."""
         kind, amount = self.kind, self.amount
         stuck = (kind == FailureKind.STUCK_ON) | (kind == FailureKind.STUCK_AT)
         held = jnp.where(kind == FailureKind.STUCK_ON, 1.0, amount)
@@ -42,17 +42,17 @@ class LastFailure(NamedTuple):
 class AbstractFailures(eqx.Module):
     """F failures: of actuator `number` each, from 0, `at` (s), of a `kind`, by an `amount`.
 
-    They act in the order of their times, and each replaces what struck its actuator before; of
-    those at one instant the last one does. The numbers are arrays, so that cases which differ in
-    what fails, how and when share one program; that of the actuator and `kind` are rounded, which
-    lets a study draw them. A time of infinity is never.
+    They act in the order of their times, and each replaces the previous failure of its actuator;
+    among simultaneous ones the last acts. The numbers are arrays, so that cases with different
+    failed actuators, kinds and times share one program; `number` and `kind` are rounded, so that a
+    study can draw them. A time of infinity means never.
     """
 
     part: ClassVar[str]
-    """What fails, as tables call it."""
+    """Name of the failed part in tables."""
 
     kinds: ClassVar[type[AbstractFailureKind]]
-    """Members of this enumeration."""
+    """Enumeration of the kinds of failure."""
 
     number: Float[Array, " f"] = eqx.field(converter=as_float)
     at: Float[Array, " f"] = eqx.field(converter=as_float)
@@ -60,12 +60,12 @@ class AbstractFailures(eqx.Module):
     amount: Float[Array, " f"] = eqx.field(converter=as_float)
 
     def largest_amount(self) -> np.ndarray:
-        """The most that a study may draw as the amount of each: all of what it is a part of."""
+        """Return the largest amount of each failure that a study may draw: here 1."""
         return np.ones(self.count)
 
     @classmethod
     def of_tables(cls, failures: Sequence[tuple[int, Any]]) -> Any:
-        """The failures of `EffectorContext.failures`; None without any."""
+        """Return the failures of `EffectorContext.failures`; None without any."""
         if not failures:
             return None
         kind = [failure_kind(cls.kinds, table) for _, table in failures]
@@ -75,17 +75,17 @@ class AbstractFailures(eqx.Module):
 
     @property
     def count(self) -> int:
-        """How many events there are."""
+        """Number of events."""
         return self.at.shape[0]
 
     def hit(self, event: int, count: int) -> Bool[Array, " m"]:
-        """Which of `count` actuators an event strikes."""
+        """Whether an event strikes each of `count` actuators."""
         return jnp.arange(count, dtype=self.number.dtype) == jnp.round(self.number[event])
 
     def last(self, struck: Bool[Array, " f *own"], count: int) -> LastFailure:
-        """What each of `count` actuators is under once those events have struck.
+        """Return the last failure of each of `count` actuators among those that have struck.
 
-        Which have may differ from one to the next, as (f, m).
+        `struck` may differ between actuators, as (f, m).
         """
         none = jnp.full(count, SOUND)
         latest = LastFailure(none, none, 0 * none, none - jnp.inf)
@@ -99,10 +99,10 @@ class AbstractFailures(eqx.Module):
 class FailureEvents(AbstractFailures):
     """Failures of thrusters, of a `FailureKind`.
 
-    `turned` (F, 3, m) are the torques (N m) of all thrusters as each event would turn them.
-    `partner` (m,) is, for each of the two ways of a two-sided thruster, the number of the other
-    one, and for others their own; None where there are none of these. An event strikes both ways
-    but for the kinds `ONE_WAY`.
+    `turned` (F, 3, m) are the torques (N m) of all thrusters after each event of the kind `TURNED`.
+    `partner` (m,) is, for each direction of a two-sided thruster, the number of the other
+    direction, and for other thrusters their own; None without two-sided thrusters. An event
+    strikes both directions but for the kinds `ONE_WAY`.
     """
 
     part: ClassVar[str] = "thruster"
@@ -112,7 +112,7 @@ class FailureEvents(AbstractFailures):
     partner: Float[Array, " m"] | None = eqx.field(converter=as_optional_float, default=None)
 
     def hit(self, event: int, count: int) -> Bool[Array, " m"]:
-        """Which thrusters an event strikes, each way of a two-sided one on its own."""
+        """Whether an event strikes each thruster; two-sided ones count as two."""
         one = super().hit(event, count)
         if self.partner is None:
             return one
@@ -123,10 +123,10 @@ class FailureEvents(AbstractFailures):
     def condition(
         self, t: RealScalar, now: RealScalar, torque: Float[Array, "3 m"]
     ) -> "ThrusterCondition":
-        """State of all thrusters `now` seconds after a sample at time `t` (s).
+        """Return the state of all thrusters `now` seconds after a sample at time `t` (s).
 
-        Their torques in order are `torque`. Whether a valve is late, and whether an intermittent
-        thruster works, is judged at the sample.
+        `torque` are their sound torques. Delays of valves and pauses of intermittent thrusters are
+        evaluated at the sample.
         """
         last = self.last(now >= self.at - t, torque.shape[1])
         return self._condition(last, torque, _paused(last, t))
@@ -134,7 +134,7 @@ class FailureEvents(AbstractFailures):
     def opens(self, t: RealScalar, on: Float[Array, " m"]) -> Bool[Array, " m"]:
         """Whether valves open that are commanded `on` seconds after a sample at time `t` (s).
 
-        None does that is dead, stuck, or intermittent and in its pause.
+        Valves of dead, stuck, and pausing intermittent thrusters do not open.
         """
         last = self.last(on[None] >= (self.at - t)[:, None], on.shape[0])
         fixed = [FailureKind.DEAD, FailureKind.STUCK_ON, FailureKind.STUCK_AT]
@@ -144,7 +144,7 @@ class FailureEvents(AbstractFailures):
     def at_work(
         self, struck: Bool[Array, " f"], torque: Float[Array, "3 m"]
     ) -> "ThrusterCondition":
-        """State of all thrusters once those events have struck, in no pause of any."""
+        """Return the state of all thrusters after the failures that have struck, without pauses."""
         last = self.last(struck, torque.shape[1])
         return self._condition(last, torque, jnp.zeros(torque.shape[1], bool))
 
@@ -164,10 +164,10 @@ class FailureEvents(AbstractFailures):
     def two_signed(
         self, struck: Bool[Array, " f"], axes: Float[Array, "3 m"]
     ) -> tuple[Float[Array, " m"], Float[Array, " m"], Float[Array, "3 m"]]:
-        """State of thrusters of either sign once those events have struck.
+        """Return gain, level and axes of two-sided thrusters after the failures that have struck.
 
-        Their torque in parts of the limit is `gain` x commanded + `level`, along the third. They
-        may be dead, degraded, stuck, turned or reversed.
+        Their torque over the limit is `gain` x commanded + `level`, along the axes. They may be
+        dead, degraded, stuck, turned or reversed.
         """
         last = self.last(struck, axes.shape[1])
         return *last.two_signed(), self._turned(last, axes)
@@ -180,7 +180,7 @@ class FailureEvents(AbstractFailures):
 
 
 def _paused(last: LastFailure, t: RealScalar) -> Bool[Array, " m"]:
-    """Which intermittent thrusters fail at a sample at time `t` (s)."""
+    """Whether each intermittent thruster pauses at a sample at time `t` (s)."""
     pauses = last.kind == FailureKind.INTERMITTENT
     since = t - jnp.where(pauses, last.since, t)
     within = since - CYCLE * jnp.floor(since / CYCLE)
@@ -197,6 +197,6 @@ class ThrusterCondition(NamedTuple):
 
     @staticmethod
     def sound(torque: Float[Array, "3 m"]) -> "ThrusterCondition":
-        """Nothing has failed."""
+        """Return the state of thrusters without failures."""
         one = jnp.ones(torque.shape[1])
         return ThrusterCondition(one, 0 * one, 0 * one, torque)

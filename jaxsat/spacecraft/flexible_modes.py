@@ -1,4 +1,4 @@
-"""Modes of flexible panels and booms, which the body excites as it turns.
+"""Flexible modes of panels and booms, which the body excites as it turns.
 
 Hybrid coordinates (Likins, JPL Technical Report 32-1329, 1970), to first order in the deflection.
 A mode of the frequency Ω with the body held, the damping ratio ζ and the coupling d, in √kg m of
@@ -6,10 +6,10 @@ the mode normalised to 1 kg, has the amplitude η:
 
     d²η/dt² + 2 ζ Ω dη/dt + Ω² η = -d·dω/dt,    h = d dη/dt
 
-and adds the momentum h to that of the body. Put into that of the body, d²η/dt² leaves the inertia
-less d dᵀ and the torque d (2 ζ Ω dη/dt + Ω² η). The state here is the angle θ = η / |d|: that of a
-rigid appendage of the inertia |d|² on a spring about the axis d. Its size does not depend on
-that of the body. Without damping and torque
+and adds the momentum h to that of the body. Substituting d²η/dt² into the body's equation reduces
+its inertia by d dᵀ and adds the torque d (2 ζ Ω dη/dt + Ω² η). The state here is the angle
+θ = η / |d|: that of a rigid appendage of the inertia |d|² on a spring about the axis d,
+independent of the body's size. Without damping and torque
 
     E = ωᵀJω / 2 + h·ω + Σ |d|² ((dθ/dt)² + Ω² θ²) / 2
 
@@ -31,7 +31,7 @@ from jaxsat.spacecraft.effector import AbstractEffector, Effect, EffectorContext
 
 
 class ModeStates(eqx.Module):
-    """The state of modes: angles η / |d| (rad), and their rates (rad/s)."""
+    """State of flexible modes: angles η / |d| (rad), and their rates (rad/s)."""
 
     angle: Float[Array, " k"] = eqx.field(converter=as_float)
     rate: Float[Array, " k"] = eqx.field(converter=as_float)
@@ -42,7 +42,7 @@ class FlexibleModes(AbstractEffector):
 
     `coupling` (√kg m) is the size of d, `frequency` (rad/s) that with the body held, `damping` the
     ratio; each is one number, or one for each mode. The inertia of the spacecraft is that with all
-    modes at rest. Nothing commands them. Raises `ValueError` for an axis, a coupling or a frequency
+    modes at rest. Modes take no command. Raises `ValueError` for an axis, a coupling or a frequency
     of zero.
     """
 
@@ -76,7 +76,7 @@ class FlexibleModes(AbstractEffector):
     def from_tables(
         cls, tables: Sequence[Any], context: EffectorContext
     ) -> "tuple[FlexibleModes, ModeStates]":
-        """The modes of checked tables `[[flexible_mode]]`, and their states at the start."""
+        """Return the modes of checked tables `[[flexible_mode]]`, and their initial states."""
         couplings = np.array([one.coupling_sqrt_kg_m for one in tables], float).T
         modes = cls(
             couplings,
@@ -88,57 +88,57 @@ class FlexibleModes(AbstractEffector):
 
     @property
     def count(self) -> int:
-        """How many modes there are."""
+        """Number of modes."""
         return self.axes.shape[1]
 
     @property
     def command_size(self) -> int:
-        """No numbers: flexible modes take no command."""
+        """Number of components of the command: zero."""
         return 0
 
     def init(self) -> ModeStates:
-        """All are at rest."""
+        """Return the state with all modes at rest."""
         return ModeStates(jnp.zeros(self.count), jnp.zeros(self.count))
 
     def momentum(self, state: ModeStates) -> Vector:
-        """Σ h in body axes, N m s."""
+        """Return Σ h in body axes, N m s."""
         return self.axes @ (self.coupling**2 * state.rate)
 
     def storage(self) -> Storage | None:
-        """None, as the momentum of flexible modes swings to and fro."""
+        """Return None, as flexible modes cannot store momentum: it oscillates."""
         return None
 
     def free_inertia(self) -> Matrix:
-        """-Σ d dᵀ, kg m²."""
+        """Return -Σ d dᵀ, kg m²."""
         return -(self.axes * (self.coupling**2)[None]) @ self.axes.T
 
     def driven(self, state, command, struck) -> "tuple[FlexibleModes, Float[Array, '0']]":
-        """The modes and their command as they are: flexible modes do not fail."""
+        """Return the modes and their command unchanged: flexible modes do not fail."""
         return self, command
 
     def piece(self, mode: tuple, command: Array) -> tuple:
-        """Nothing: their torque follows from their state."""
+        """Return an empty piece, as the torque follows from the state."""
         return ()
 
     def _spring(self, state: ModeStates) -> Float[Array, " k"]:
-        """2 ζ Ω dθ/dt + Ω² θ, rad/s²."""
+        """Return 2 ζ Ω dθ/dt + Ω² θ, rad/s²."""
         damped = 2 * self.damping * state.rate + self.frequency * state.angle
         return self.frequency * damped
 
     def effect(self, piece: tuple, t, plant, state: ModeStates) -> Effect:
-        """The torque of springs and dampers on the body, and -Σ d dᵀ."""
+        """Return the torque of springs and dampers on the body (N m), and -Σ d dᵀ (kg m²)."""
         torque = self.axes @ (self.coupling**2 * self._spring(state))
         return Effect(torque, self.free_inertia())
 
     def torque(self, piece: tuple, t, plant, state: ModeStates, acceleration):
-        """No torque: that of flexible modes is made by no actuator."""
+        """Return zero, as no actuator makes the torque of flexible modes."""
         return jnp.zeros(3)
 
     def derivative(self, piece: tuple, plant, state: ModeStates, acceleration) -> ModeStates:
-        """dθ/dt and d²θ/dt² where the body has this dω/dt (rad/s²)."""
+        """Return dθ/dt and d²θ/dt² where the body has this dω/dt (rad/s²)."""
         excitation = acceleration @ self.axes
         return ModeStates(state.rate, -self._spring(state) - excitation)
 
     def stored(self, state: ModeStates) -> dict[str, Array]:
-        """The angle of each mode (rad), by the name of its signal."""
+        """Return the angle of each mode (rad), by the name of its signal."""
         return {"mode_angle": state.angle}

@@ -1,4 +1,4 @@
-"""Single-gimbal control moment gyros: rotors of steady momentum that gimbals turn.
+"""Single-gimbal control moment gyros: rotors of constant momentum that gimbals turn.
 
 Leve, Hamilton and Peck, Spacecraft Momentum Control Systems, 2015, sections 3.3 and 4.2. A rotor
 has the momentum H relative to the body along its spin axis, which a gimbal turns by the angle δ
@@ -6,9 +6,9 @@ about the gimbal axis g. With s the spin axis at δ = 0, and t = g × s:
 
     h = H (cos δ s + sin δ t),    τ = -dδ/dt H (cos δ t - sin δ s) - dH/dt h / H
 
-is the momentum and the torque on the body. Motors keep H as it is until a rotor runs down,
-dH/dt = -H / T. The inertia of the spacecraft has rotors and gimbals in it, and does not change with
-the angles; gimbals follow their commands at once, within a limit of their rates.
+is the momentum and the torque on the body. Motors keep H constant until a rotor runs down,
+dH/dt = -H / T. The inertia of the spacecraft includes rotors and gimbals, and does not change with
+the angles; gimbals follow their commands instantly, within a rate limit.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,10 +34,10 @@ from jaxsat.spacecraft.spacecraft import PlantState, inverse_of
 from jaxsat.spacecraft.steering import AbstractSteering, SteeringContext
 
 NEARLY_SINGULAR = 0.1
-"""det(A Aᵀ) of unit columns A below which rates of gimbals are damped; an even set has over 1."""
+"""det(A Aᵀ) of unit columns A below which gimbal rates are damped; an even set has over 1."""
 
 DAMPING = 0.01
-"""What is added to A Aᵀ where its determinant is zero."""
+"""Damping added to A Aᵀ where its determinant is zero."""
 
 
 class GimbalFailures(AbstractFailures):
@@ -47,13 +47,13 @@ class GimbalFailures(AbstractFailures):
     kinds: ClassVar[type[AbstractFailureKind]] = GimbalFailureKind
 
     def largest_amount(self) -> np.ndarray:
-        """The longest times in which a rotor may run down, s."""
+        """Return the longest run-down time constant of each rotor, s."""
         return np.full(self.count, SECONDS.high)
 
     def condition(
         self, struck: Bool[Array, " f"], count: int
     ) -> tuple[Bool[Array, " k"], Float[Array, " k"]]:
-        """Which of `count` gimbals are locked, and by what part (1/s) rotors slow down."""
+        """Whether each of `count` gimbals is locked, and relative slowing of rotors, 1/s."""
         last = self.last(struck, count)
         runs_down = last.kind == GimbalFailureKind.RUN_DOWN
         time = jnp.where(runs_down & (last.amount > 0), last.amount, 1.0)
@@ -61,27 +61,27 @@ class GimbalFailures(AbstractFailures):
 
 
 class GyroStates(eqx.Module):
-    """The state of control moment gyros: gimbal angles (rad) and momenta of rotors (N m s)."""
+    """State of control moment gyros: gimbal angles (rad) and momenta of rotors (N m s)."""
 
     angle: Float[Array, " k"] = eqx.field(converter=as_float)
     momentum: Float[Array, " k"] = eqx.field(converter=as_float)
 
 
 class GyroPiece(NamedTuple):
-    """Gimbal rates (rad/s), and by what part rotors slow down (1/s)."""
+    """Gimbal rates (rad/s), and relative slowing of rotors (1/s)."""
 
     rate: Float[Array, " k"]
     slowing: Float[Array, " k"]
 
 
 class ControlMomentGyros(AbstractEffector):
-    """k single-gimbal control moment gyros, each of which is commanded a gimbal rate, rad/s.
+    """k single-gimbal control moment gyros, each commanded by a gimbal rate, rad/s.
 
     `gimbal_axes` and `spin_axes` (3, k), the latter at gimbal angles of zero, are scaled to unit
     length. `rotor_momentum` (N m s) is that of each rotor, `rate_limit` (rad/s) bounds gimbal
-    rates; each is one number, or one for each gyro. `failures` strike them in flight. `slowing`
-    (1/s) is that of rotors which have failed, None for none. Raises `ValueError` for axes that are
-    not perpendicular, a momentum of zero, and a rate limit that is not above zero and finite.
+    rates; each is one number, or one for each gyro. `failures` strike in flight. `slowing` (1/s) is
+    the relative slowing of rotors after failures, None without. Raises `ValueError` for axes that
+    are not perpendicular, a momentum of zero, and a rate limit that is not above zero and finite.
     """
 
     kind: ClassVar[str] = "gimbal"
@@ -136,7 +136,7 @@ class ControlMomentGyros(AbstractEffector):
     def from_tables(
         cls, tables: Sequence[Any], context: EffectorContext
     ) -> "tuple[ControlMomentGyros, GyroStates]":
-        """The gyros of checked tables `[[gimbal]]` of a scenario, and their states at the start."""
+        """Return the gyros of checked tables `[[gimbal]]`, and their initial states."""
 
         def each(key: str) -> np.ndarray:
             return np.array([getattr(one, key) for one in tables], float)
@@ -152,13 +152,13 @@ class ControlMomentGyros(AbstractEffector):
 
     @property
     def count(self) -> int:
-        """How many gyros there are."""
+        """Number of gyros."""
         return self.gimbal_axes.shape[1]
 
     def directions(
         self, angle: Float[Array, " k"]
     ) -> tuple[Float[Array, "3 k"], Float[Array, "3 k"]]:
-        """Unit vectors along each rotor, and along what its momentum changes by."""
+        """Return unit vectors along each rotor's momentum, and along its change by the gimbal."""
         across = jnp.cross(self.gimbal_axes, self.spin_axes, axis=0)
         cosine, sine = jnp.cos(angle)[None], jnp.sin(angle)[None]
         along = cosine * self.spin_axes + sine * across
@@ -167,44 +167,44 @@ class ControlMomentGyros(AbstractEffector):
     # State, effect and derivative.
 
     def init(self) -> GyroStates:
-        """The state at the start: angles of zero, and all rotors at their momentum."""
+        """Return the initial state: angles of zero, and all rotors at their momentum."""
         return GyroStates(jnp.zeros(self.count), self.rotor_momentum)
 
     def with_momenta(self, state: GyroStates, change) -> GyroStates:
-        """The state with each rotor's momentum changed; angles stay, whatever the body's size."""
+        """Return the state with rotor momenta changed; angles do not depend on the body's size."""
         return GyroStates(state.angle, change(state.momentum))
 
     def momentum(self, state: GyroStates) -> Vector:
-        """Σ h in body axes, N m s."""
+        """Return Σ h in body axes, N m s."""
         return self.directions(state.angle)[0] @ state.momentum
 
     def _rates(self, command: Float[Array, " k"]) -> Float[Array, " k"]:
         return jnp.clip(command, -self.rate_limit, self.rate_limit)
 
     def piece(self, mode: tuple, command: Float[Array, " k"]) -> GyroPiece:
-        """The gimbal rates within their limits, and how rotors slow down."""
+        """Return the gimbal rates within their limits, and the slowing of rotors."""
         slowing = jnp.zeros(self.count) if self.slowing is None else self.slowing
         return GyroPiece(self._rates(command), slowing)
 
     def effect(self, piece: GyroPiece, t, plant, state: GyroStates) -> Effect:
-        """The torque on the body: -dh/dt as it is relative to the body, N m."""
+        """Return the torque on the body: -dh/dt relative to the body, N m."""
         along, change = self.directions(state.angle)
         momentum = state.momentum
         return Effect(along @ (piece.slowing * momentum) - change @ (piece.rate * momentum))
 
     def derivative(self, piece: GyroPiece, plant, state: GyroStates, acceleration) -> GyroStates:
-        """The rates of the state: dδ/dt of gimbals and dH/dt of rotors."""
+        """Return the rates of the state: dδ/dt of gimbals and dH/dt of rotors."""
         return GyroStates(piece.rate, -piece.slowing * state.momentum)
 
     def signals(self, piece: GyroPiece, state: GyroStates, acceleration) -> dict[str, Array]:
-        """The rate of each gimbal (rad/s), by the name of its signal."""
+        """Return the rate of each gimbal (rad/s), by the name of its signal."""
         return {"gimbal_rate": piece.rate}
 
     def stored(self, state: GyroStates) -> dict[str, Array]:
-        """The angle of each gimbal (rad), by the name of its signal."""
+        """Return the angle of each gimbal (rad), by the name of its signal."""
         return {"gimbal_angle": state.angle}
 
-    # Failures in flight, and what is left.
+    # Failures in flight, and the remaining reach.
 
     def _condition(self, struck: Bool[Array, " f"]) -> tuple[Bool[Array, " k"], Float[Array, " k"]]:
         if self.failures is None:
@@ -214,7 +214,7 @@ class ControlMomentGyros(AbstractEffector):
     def driven(
         self, state: GyroStates, command: Float[Array, " k"], struck: Bool[Array, " f"]
     ) -> "tuple[ControlMomentGyros, Float[Array, ' k']]":
-        """Gyros that fail no more, and the rate of each gimbal that is not locked, rad/s."""
+        """Return gyros after their failures, and gimbal rates, zero for locked ones, rad/s."""
         if self.failures is None:
             return self, command
         locked, slowing = self._condition(struck)
@@ -227,22 +227,22 @@ class ControlMomentGyros(AbstractEffector):
         return left, jnp.where(locked, 0.0, command)
 
     def reach(self, t, plant, state: GyroStates, struck, span) -> Reach:
-        """The torque of each gyro for a gimbal rate of 1 rad/s, -H (cos δ t - sin δ s), in N m."""
+        """Return the torque of each gyro per gimbal rate (rad/s), -H (cos δ t - sin δ s), N m."""
         _, change = self.directions(state.angle)
         rate = jnp.where(self._condition(struck)[0], 0.0, self.rate_limit)
         return Reach(-change * state.momentum[None], -rate, rate)
 
 
 class GimbalSteering(AbstractSteering):
-    """Rates of gimbals that make a torque: A dδ/dt = τ, with A the columns of their reach.
+    """Gimbal rates that make a torque: A dδ/dt = τ, with A the columns of the gyros' reach.
 
-    τ is the law's command and ω × h, which cancels what the momentum h of the `gyros` does to a
-    body that turns. Rates are least squares within the limits of the gimbals; of a torque that they
-    cannot make, the greatest part is. Near a singular set of angles, where no rate makes a torque
-    about some axis, they are those of the singularity-robust inverse Aᵀ (A Aᵀ + λ 1)⁻¹, in which λ
-    grows from zero (Nakamura and Hanafusa, J. Dynamic Systems, Measurement and Control 108, 1986).
-    No rates are added that make no torque, so that angles may come to a singular set and stay.
-    `working` is 1 for each gyro that is commanded, 0 for others. What gyros do not make is left.
+    τ is the law's command plus ω × h, which cancels the gyroscopic torque of the momentum h of the
+    `gyros`. Rates are least squares within the limits of the gimbals; of a torque out of reach, the
+    greatest part is made. Near a singular set of angles, where no rate makes a torque about some
+    axis, rates are those of the singularity-robust inverse Aᵀ (A Aᵀ + λ 1)⁻¹, in which λ grows from
+    zero (Nakamura and Hanafusa, J. Dynamic Systems, Measurement and Control 108, 1986). There is no
+    null motion, so angles may reach a singular set and stay. `working` is 1 for each commanded
+    gyro, 0 for others. The torque that gyros do not make is left to others.
     """
 
     kind: ClassVar[str] = ControlMomentGyros.kind
@@ -254,14 +254,14 @@ class GimbalSteering(AbstractSteering):
     def from_tables(
         cls, effector: ControlMomentGyros, tables: Sequence[Any], context: SteeringContext
     ) -> "GimbalSteering":
-        """The steering of the gyros that have not failed before the start."""
+        """Return the steering of the gyros without a failure before the start."""
         working = np.array([not one.failed for one in tables], float)
         return cls(cast(ControlMomentGyros, effector.without_corners()), working)
 
     def __call__(
         self, t: RealScalar, state: PlantState, command: Vector
     ) -> tuple[Float[Array, " k"], Vector]:
-        """The rate of each gimbal (rad/s), and the command left to others (N m)."""
+        """Return the rate of each gimbal (rad/s), and the command left to others (N m)."""
         own = state.find(GyroStates)
         if own is None:
             raise ValueError("Argument `state` must have the states of gyros, but has none.")
@@ -276,7 +276,7 @@ class GimbalSteering(AbstractSteering):
 
 
 def _robust(columns: Float[Array, "3 k"], torque: Vector) -> Float[Array, " k"]:
-    """Uses of unit columns that make a torque (N m), damped where the columns lack a direction."""
+    """Return uses of unit columns that make a torque (N m), damped near a lost direction."""
     square = columns @ columns.T
     determinant = jnp.dot(square[0], jnp.cross(square[1], square[2]))
     lack = jnp.maximum(1 - determinant / NEARLY_SINGULAR, 0.0)

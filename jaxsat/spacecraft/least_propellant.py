@@ -1,9 +1,9 @@
-"""Torques within their bounds that make a torque at the least price: a small simplex method.
+"""Bounded least-cost allocation: torques that make a torque at the least price, by the simplex.
 
 The parametric dual simplex method with bounds (Dantzig, Linear Programming and Extensions, 1963,
 chapters 11 and 18) for a linear programme of three equations, in plain `jax.numpy`. The torque
-grows from zero, and the solution is optimal all the way. Where no pivot is left, that is as much
-of the torque as can be made in its direction: there is no first phase, and no penalty.
+grows from zero, and the solution is optimal all the way. Where no pivot is left, the result is the
+greatest part of the torque in its direction: there is no first phase, and no penalty.
 """
 
 import math
@@ -22,29 +22,30 @@ from jaxsat.core.checks import as_float, as_optional_float
 from jaxsat.core.smooth import positive_part, within
 
 PIVOTS_A_THRUSTER = 4
-"""The method ends after so many pivots for each thruster; it needs one or two."""
+"""Largest number of pivots for each thruster; the method needs one or two."""
 
 ZERO = 0.6
-"""The power of the machine's precision that counts as zero, of unit columns and of a torque. By so
-much prices differ at least: else a pivot may change nothing, and such pivots go round in a circle.
+"""Power of the machine precision that is the tolerance on unit columns and torques.
+
+Prices differ by at least this much: equal prices may make pivots cycle without progress.
 """
 
 GOLDEN = (math.sqrt(5) - 1) / 2
-"""Parts of its multiples are spread evenly between 0 and 1, and none comes twice."""
+"""Golden ratio: fractional parts of its multiples are evenly spread in (0, 1) and distinct."""
 
 ANY_WAY = (0.62, -0.31, 0.72)
-"""A direction in which no layout is likely to make less than three torques."""
+"""A generic direction, in which no layout is likely to lose rank."""
 
 
 class Vertex(NamedTuple):
-    """Three thrusters with duties between their bounds, and the others at one of theirs.
+    """Basis of three thrusters with duties between their bounds, the others at one of theirs.
 
-    `members` are their numbers; from m on they are unit torques that are not to be had, with which
-    the method begins. `columns` has a row for each, with its torque over its size, `price`, `upper`
-    and `thrust` (N m) are theirs too. `side` is 1 for a thruster at zero, -1 for one at its upper
-    bound, and 0 for one that is a member or has no duty at all. `ahead` (N m) is still to be made
-    by way of this `leg`, see `_next_leg`. `facets` has a row for each of the first two legs: the
-    normal of the facet of all torques that ended it, zero where nothing did.
+    `members` are the numbers of the basis; from m on they are artificial unit torques, with which
+    the method begins. `columns` has a row for each member, its torque over its size; `price`,
+    `upper` and `thrust` (N m) are also the members'. `side` is 1 for a thruster at zero, -1 for one
+    at its upper bound, and 0 for a member or a thruster without any duty. `ahead` (N m) is the
+    torque still to be made by this `leg`, see `_next_leg`. `facets` has a row for each of the first
+    two legs: the normal of the facet of the torque set that ended it, zero if none did.
     """
 
     members: Int[Array, "3"]
@@ -61,7 +62,7 @@ class Vertex(NamedTuple):
 
 
 class Programme(NamedTuple):
-    """Unit columns of the thrusters' torques, their greatest sizes (N m) and their prices."""
+    """Unit columns of the thrusters' torques, their largest sizes (N m) and their prices."""
 
     units: Float[Array, "3 m"]
     upper: Float[Array, " m"]
@@ -72,12 +73,11 @@ class LeastPropellant(eqx.Module):
     """Duties d, 0 <= d <= limit, that make a torque with least propellant.
 
     `units` (3, m) are the torques at full thrust over their `size` (N m), `price` the cost of a
-    torque by each, and `command_map` (3, torques) makes the torque on the body of a command. Any
-    layout will do, also one whose torques are in a plane. Of a torque that cannot be made in full
-    the greatest part is, in the same direction. At most `between` duties are neither zero nor at
-    their limit. `table` (bases, m, torques) has the duties of
-    `jaxsat.core.allocation.least_propellant`: while none is beyond 1, the one without a negative
-    duty is the solution, and no loop is run.
+    torque by each, and `command_map` (3, torques) maps a command to a torque on the body. Any
+    layout is allowed, also one with coplanar torques. Of a torque out of reach the greatest part is
+    made in its direction. At most `between` duties are neither zero nor at their limit. `table`
+    (bases, m, torques) has the duties of `jaxsat.core.allocation.least_propellant`: while none
+    exceeds 1, the basis without a negative duty is the solution, and no loop runs.
     """
 
     units: Float[Array, "3 m"] = eqx.field(converter=as_float)
@@ -96,10 +96,10 @@ class LeastPropellant(eqx.Module):
         command_map: Float[np.ndarray, "3 torques"] | None = None,
         tabled: bool = False,
     ) -> "LeastPropellant":
-        """The allocation to thrusters with these torques (N m) and costs at full thrust.
+        """Return the allocation to thrusters with these torques (N m) and costs at full thrust.
 
-        A command is a torque (N m) about the body axes unless `command_map` makes it one. Raises
-        `ValueError` where they are `tabled` and make no torque of either sign for some command.
+        A command is a torque (N m) about the body axes unless `command_map` maps it to one. Raises
+        `ValueError` for `tabled` thrusters that cannot make some command in both signs.
         """
         size = np.sqrt(np.sum(torque**2, axis=0))
         price = cost / size
@@ -113,11 +113,12 @@ class LeastPropellant(eqx.Module):
         limit: Float[Array, " m"] | None = None,
         first: Vector | None = None,
     ) -> tuple[Float[Array, " m"], Vector]:
-        """The duties for a `command`, and the torque (N m) that they do not make of it.
+        """Return the duties for a `command`, and the part of its torque (N m) that they do not
+        make.
 
-        They are parts of full thrust on average over a period, up to a `limit` (1 if None), and
-        make a torque `first` (N m) besides. Where that is too much, `first` is made as far as it
-        can be; then, of what the sum lacks, the greatest part in its direction.
+        Duties are mean fractions of full thrust over a period, up to a `limit` (1 if None). They
+        also make a torque `first` (N m). Where the sum is out of reach, `first` is made as far as
+        possible; then the greatest part of the rest in its direction.
         """
         torque = jnp.sum(self.command_map * command[None], axis=1)
         if self.table is None or limit is not None or first is not None:
@@ -139,7 +140,7 @@ class LeastPropellant(eqx.Module):
 
 
 def _smaller(x: Float[Array, " bases"], y: Float[Array, " bases"]) -> Float[Array, " bases"]:
-    """The smaller one, for numbers; which basis is chosen for NaN does not matter."""
+    """Return the smaller of two numbers; the choice for NaN does not matter."""
     return jnp.where(x < y, x, y)
 
 
@@ -152,12 +153,12 @@ def least_price(
     first: Vector,
     runs: BoolScalar,
 ) -> tuple[Float[Array, " m"], Vector]:
-    """Torques u (N m) along `units`, 0 <= u <= `upper`, that make `first` + `torque` (N m).
+    """Compute torques u (N m) along `units`, 0 <= u <= `upper`, that make `first` + `torque` (N m).
 
-    They have the least Σ `price` u, the prices 1 at most. Where the sum is too much, `first` is
-    made as far as it can be; then, of what the sum lacks, the greatest part in its direction. Given
-    are u and what is not made. Derivatives are those at the last vertex. Compiled once, however
-    often it is called; the loop is left out unless it `runs`.
+    They have the least Σ `price` u, with prices of at most 1. Where the sum is out of reach,
+    `first` is made as far as possible; then the greatest part of the rest in its direction. Returns
+    u and the torque not made. Derivatives are those at the last vertex. Compiled once for any
+    number of calls; the loop is skipped unless `runs`.
     """
     count = upper.shape[0]
     spread = GOLDEN * jnp.arange(count, dtype=upper.dtype) % 1
@@ -180,7 +181,7 @@ def least_price(
 
 
 def _zero(x: Array) -> float:
-    """What counts as zero beside 1."""
+    """Return the tolerance relative to 1."""
     return float(jnp.finfo(x.dtype).eps) ** ZERO
 
 
@@ -191,10 +192,10 @@ def part_up_to(
     made: Vector,
     wanted: Vector,
 ) -> Vector:
-    """The part of a `wanted` torque up to a `facet` of all torques, beside what is `made` (N m).
+    """Return the part of a `wanted` torque up to a `facet` of the torque set, from `made` on (N m).
 
-    The torques along `units` are between two `bounds` (N m), of which None is zero. A facet of
-    zero is none.
+    The torques along `units` are between two `bounds` (N m), of which None is zero. A zero facet
+    does not bound.
     """
     low, high = bounds
     along = jnp.sum(facet[:, None] * units, axis=0)
@@ -208,7 +209,7 @@ def part_up_to(
 
 
 def _beginning(upper: Float[Array, " m"], torque: Vector, first: Vector) -> Vertex:
-    """No thrust, and all of the torque ahead."""
+    """Return the initial vertex: no thrust, and all of the torque ahead."""
     comes_first = jnp.any(first != 0)
     none = jnp.zeros_like(torque)
     return Vertex(
@@ -227,7 +228,7 @@ def _beginning(upper: Float[Array, " m"], torque: Vector, first: Vector) -> Vert
 
 
 def inverse_of_columns(columns: Matrix) -> Matrix:
-    """Of the matrix with these columns, one a row."""
+    """Return the inverse, by rows, of the matrix whose columns are the rows of `columns`."""
     a, b, c = columns
     across = jnp.cross(b, c)
     adjugate = jnp.stack([across, jnp.cross(c, a), jnp.cross(a, b)])
@@ -235,7 +236,7 @@ def inverse_of_columns(columns: Matrix) -> Matrix:
 
 
 def _pivot(programme: Programme, torque: Vector, at: Vertex) -> Vertex:
-    """As far as no member meets a bound; then the cheapest other takes the place of that one."""
+    """Advance until a member meets a bound; then the cheapest other thruster replaces it."""
     units, upper, price = programme
     zero = _zero(upper)
     inverse = inverse_of_columns(at.columns)
@@ -276,10 +277,11 @@ def _pivot(programme: Programme, torque: Vector, at: Vertex) -> Vertex:
 def _next_leg(
     upper: Float[Array, " m"], torque: Vector, at: Vertex, turns: BoolScalar, facet: Vector
 ) -> Vertex:
-    """This leg, unless it has ended: 0 comes first, 1 is the torque (N m) itself.
+    """Return the next leg once this one has ended: 0 is the first torque, 1 the torque (N m)
+    itself.
 
-    Where members are torques that are not to be had, the last leg exchanges them for thrusters as
-    far as possible: it goes as good as no way. A change of the torque is then made by thrusters.
+    Where members are artificial torques, the last leg exchanges them for thrusters as far as
+    possible along a negligible torque, so that thrusters make a change of the torque.
     """
     ended = ~turns & (jnp.arange(2) == at.leg)
     ways = jnp.asarray(ANY_WAY, upper.dtype) * (_zero(upper) ** 2 * jnp.max(upper))

@@ -27,8 +27,8 @@ from jaxsat.spacecraft.wheels import wheel_momentum
 class MagnetorquerFailures(AbstractFailures):
     """Failures of magnetorquers, of a `FailureKind`.
 
-    They may be dead, degraded, stuck or reversed; `amount` is that of the kind, of the dipole limit
-    from -1 to 1 where one is stuck.
+    They may be dead, degraded, stuck or reversed; `amount` is that of the kind, for a stuck one the
+    dipole over its limit, from -1 to 1.
     """
 
     part: ClassVar[str] = "magnetorquer"
@@ -37,15 +37,15 @@ class MagnetorquerFailures(AbstractFailures):
     def two_signed(
         self, struck: Bool[Array, " f"], count: int
     ) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
-        """State of so many magnetorquers: their dipole is `gain` x commanded + `level` x limit."""
+        """Return gain and level of the dipoles: gain x commanded + level x limit."""
         return self.last(struck, count).two_signed()
 
 
 class Magnetorquers(AbstractEffector):
     """k magnetorquers along any axes, of shape (3, k) in body axes, scaled to unit length.
 
-    `dipole_limit` (A m²), one number or one for each, bounds their dipoles, which follow a command
-    at once. They act in the Earth's magnetic `field`. `failures` strike them in flight. Raises
+    `dipole_limit` (A m²), one number or one for each, bounds their dipoles, which follow commands
+    instantly. They act in the Earth's magnetic `field`. `failures` strike in flight. Raises
     `ValueError` for an axis or a limit of zero.
     """
 
@@ -83,7 +83,7 @@ class Magnetorquers(AbstractEffector):
     def from_tables(
         cls, tables: Sequence[Any], context: EffectorContext
     ) -> "tuple[Magnetorquers, None]":
-        """The magnetorquers of checked tables `[[magnetorquer]]` of a scenario."""
+        """Return the magnetorquers of checked tables `[[magnetorquer]]` of a scenario."""
         axes = np.array([one.axis for one in tables], float).T
         limits = np.array([one.dipole_limit_A_m2 for one in tables])
         failures = MagnetorquerFailures.of_tables(context.failures)
@@ -91,17 +91,17 @@ class Magnetorquers(AbstractEffector):
 
     @property
     def count(self) -> int:
-        """How many magnetorquers there are."""
+        """Number of magnetorquers."""
         return self.axes.shape[1]
 
     def dipoles(self) -> Dipoles:
-        """Axes and limits in the field."""
+        """Return axes, dipole limits and field."""
         return Dipoles(self.axes, self.dipole_limit, self.field)
 
     def driven(
         self, state: None, command: Float[Array, " k"], struck: Bool[Array, " f"]
     ) -> "tuple[Magnetorquers, Float[Array, ' k']]":
-        """Magnetorquers that fail no more, and the dipole of each, A m²."""
+        """Return magnetorquers after their failures, and the dipole of each, A m²."""
         if self.failures is None:
             return self, command
         gain, level = self.failures.two_signed(struck, self.count)
@@ -109,7 +109,7 @@ class Magnetorquers(AbstractEffector):
         return left, gain * self._dipoles(command) + level * self.dipole_limit
 
     def reach(self, t, plant, state: None, struck, span) -> Reach:
-        """The torque of each for 1 A m², a × B (N m) of its axis a: all in the plane across B."""
+        """Return the torque of each per 1 A m², a × B (N m), a its axis: all perpendicular to B."""
         field = self.field.in_body(jnp.asarray(t), plant.attitude)
         columns = jnp.cross(self.axes, field[:, None], axis=0)
         gain, level = jnp.ones(self.count), jnp.zeros(self.count)
@@ -122,38 +122,38 @@ class Magnetorquers(AbstractEffector):
         return jnp.clip(command, -self.dipole_limit, self.dipole_limit)
 
     def piece(self, mode: tuple, command: Float[Array, " k"]) -> Float[Array, " k"]:
-        """The dipole of each magnetorquer on a command, within its limit, A m²."""
+        """Return the dipole of each magnetorquer for a command, within its limit, A m²."""
         return self._dipoles(command)
 
     def effect(self, piece: Float[Array, " k"], t, plant, state: None) -> Effect:
-        """The torque on the body: m × B (N m) of the dipole m of all."""
+        """Return the torque on the body, m × B (N m), of the total dipole m."""
         field = self.field.in_body(jnp.asarray(t), plant.attitude)
         return Effect(jnp.cross(self.axes @ piece, field))
 
     def signals(self, piece: Float[Array, " k"], state: None, acceleration) -> dict[str, Array]:
-        """The dipole of each magnetorquer (A m²), by the name of its signal."""
+        """Return the dipole of each magnetorquer (A m²), by the name of its signal."""
         return {"dipole": piece}
 
     def flight_commands(self, use, memory, period) -> tuple[dict[str, Array], PyTree]:
-        """The dipole of each, A m²."""
+        """Return the dipole of each, A m², by the name of its flight command."""
         return {"dipole": use}, memory
 
     def misaligned(self, angles: Float[Array, "k 2"]) -> "Magnetorquers":
-        """Magnetorquers turned by small angles (rad) towards two directions across each axis."""
+        """Return magnetorquers turned by small angles (rad) towards two directions across."""
         return eqx.tree_at(lambda one: one.axes, self, turned_axes(self.axes, angles))
 
 
 class MagneticSteering(AbstractSteering):
-    """Dipoles m = B × τ / |B|², which make of a wanted torque τ what is across the field B.
+    """Dipoles m = B × τ / |B|², which make the part of a wanted torque τ across the field B.
 
-    τ = `wanted` u - `unloading` (A h - h0): a part of the law's command u (N m), and what takes
-    momentum h beyond the `bias` h0 (N m s) out of the wheels along `wheel_axes` A, in parts a
-    second. `shares` (k, 3) makes a dipole of the magnetorquers along `axes`. Of all dipoles with
-    the same torque these have the least sum of squares over the `dipole_limit` (A m²) of each,
-    within the limits; of a torque that cannot be made, the greatest part is. What they then make is
-    left out of the command of all other actuators, so that the body feels the law's torque. B is
-    that of the `field` at the attitude that the law has. Sidi, Spacecraft Dynamics and Control,
-    1997, sections 7.4 and 7.5: the cross-product law.
+    τ = `wanted` u - `unloading` (A h - h0): a part of the law's command u (N m), and the unloading
+    at `unloading` (1/s) of the momentum beyond the `bias` h0 (N m s) from wheels along `wheel_axes`
+    A. `shares` (k, 3) maps to dipoles of the magnetorquers along `axes`. Among all dipoles with the
+    same torque these have the least sum of squares over the `dipole_limit` (A m²) of each, within
+    the limits; of a torque out of reach, the greatest part is made. Their torque is subtracted from
+    the command of all other actuators, so that the body receives the law's torque. B is that of the
+    `field` at the law's attitude. Sidi, Spacecraft Dynamics and Control, 1997, sections 7.4 and
+    7.5: the cross-product law.
     """
 
     kind: ClassVar[str] = Magnetorquers.kind
@@ -173,9 +173,9 @@ class MagneticSteering(AbstractSteering):
     def from_tables(
         cls, effector: Magnetorquers, tables: Sequence[Any], context: SteeringContext
     ) -> "MagneticSteering":
-        """Dipoles for what wheels do not make of a command of three torques, and that unload them.
+        """Return the steering for the rest of the wheels' torque, and for unloading of wheels.
 
-        Those that have failed before the start are asked for nothing.
+        Magnetorquers that failed before the start get no command.
         """
         axes, working = np.asarray(effector.axes), [not one.failed for one in tables]
         shares = np.zeros((axes.shape[1], 3))
@@ -186,39 +186,38 @@ class MagneticSteering(AbstractSteering):
     def __call__(
         self, t: RealScalar, state: PlantState, command: Vector
     ) -> tuple[Float[Array, " k"], Vector]:
-        """The dipole of each magnetorquer (A m²), and the command left to others (N m)."""
+        """Return the dipole of each magnetorquer (A m²), and the command left to others (N m)."""
         field = self.field.in_body(t, state.attitude)
         dipoles, torque = self.within_limits(field, self.wanted_torque(state, command))
         return dipoles, command - torque
 
     def within_limits(self, field: Vector, torque: Vector) -> tuple[Float[Array, " k"], Vector]:
-        """The dipole of each (A m²) for a torque (N m) in a field (T, body axes), and what they
-        make of it."""
+        """Return dipoles (A m²) for a torque (N m) in a field (T, body axes), and their torque."""
         reach = self.reach(field)
         dipoles = allocate(reach, reach.columns @ self.unlimited(field, torque)).use
         return dipoles, reach.columns @ dipoles
 
     def reach(self, field: Vector) -> Reach:
-        """What the dipole of each (A m²) makes in a field (T, body axes), within its limit."""
+        """Return the torque of each dipole per A m² in a field (T, body axes), within its limit."""
         limit = jnp.where(jnp.any(self.shares != 0, axis=1), self.dipole_limit, 0.0)
         return Reach(jnp.cross(self.axes, field[:, None], axis=0), -limit, limit)
 
     def within_reach(self, t: RealScalar, state: PlantState, torque: Vector) -> Vector:
-        """What dipoles make that have no limits (N m): none of it is along the field."""
+        """Return the torque of unlimited dipoles (N m), which has no component along the field."""
         field = self.field.in_body(t, state.attitude)
         across = jnp.cross(self.axes, field[:, None], axis=0)
         return across @ self.unlimited(field, self.wanted_torque(state, torque))
 
     def wanted_torque(self, state: PlantState, command: Vector) -> Vector:
-        """The torque (N m) that dipoles are to make for a command of the law (N m)."""
+        """Return the torque (N m) wanted of the dipoles for a command of the law (N m)."""
         return self.wanted @ command - self.unloading * self.excess(state)
 
     def unlimited(self, field: Vector, torque: Vector) -> Float[Array, " k"]:
-        """The dipole of each (A m²) for a torque in a field (T, body axes) if it had no limit."""
+        """Return unlimited dipoles (A m²) for a torque in a field (T, body axes)."""
         return self.shares @ (jnp.cross(field, torque) / jnp.sum(field**2))
 
     def excess(self, state: PlantState) -> Vector:
-        """Momentum of the wheels beyond their bias, N m s, in body axes."""
+        """Return the momentum of the wheels beyond their bias, N m s, in body axes."""
         momentum = wheel_momentum(state)
         if self.wheel_axes is None or momentum is None:
             return jnp.zeros_like(state.omega)

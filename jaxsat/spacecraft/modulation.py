@@ -1,4 +1,4 @@
-"""How duties become pulses: from the part of a period that is wanted to when valves open and close.
+"""Modulation of duties into pulses: opening and closing times of valves in a period.
 
 Every modulator runs once a period. Schmitt triggers and pulse widths after Wie, Space Vehicle
 Dynamics and Control (2nd ed., 2008), section 9.4.
@@ -18,10 +18,10 @@ from jaxsat.core.checks import concrete, positive, require_counts
 
 
 class Pulses(NamedTuple):
-    """Commands to the valves in a period: open from `on` to `off` (s from the sample), at `level`.
+    """Valve commands of a period: open from `on` to `off` (s from the sample), at `level`.
 
-    A thruster has as many pulses as there are rows, in ascending order; one with `off` no later
-    than `on` is none. Valves that are open or shut have level 1; a throttle has less.
+    Rows are a thruster's pulses in ascending order; one with `off` no later than `on` is void. The
+    level is 1 for on-off valves, less for a throttle.
     """
 
     on: Float[Array, "p m"]
@@ -30,11 +30,11 @@ class Pulses(NamedTuple):
 
 
 class AbstractModulation(eqx.Module):
-    """From duties (parts of full thrust, on average over a period) to pulses."""
+    """Map from duties (mean fractions of full thrust over a period) to pulses."""
 
     @abc.abstractmethod
     def init(self, count: int) -> PyTree:
-        """The modulator's memory at the start, for so many thrusters."""
+        """Return the modulator's initial memory for `count` thrusters."""
 
     @abc.abstractmethod
     def __call__(
@@ -44,43 +44,43 @@ class AbstractModulation(eqx.Module):
         period: RealScalar,
         min_on_time: Float[Array, " m"],
     ) -> tuple[Pulses, PyTree]:
-        """The pulses of the period that begins now, and the next memory."""
+        """Return the pulses of the period that begins now, and the next memory."""
 
     @abc.abstractmethod
     def edges(self, between: int, count: int) -> int:
-        """How often, in all, valves may open or shut strictly inside a period.
+        """Return the largest total number of valve switchings strictly inside a period.
 
-        So many thrusters of `count` have a duty between 0 and 1 at most.
+        At most `between` thrusters of `count` have a duty between 0 and 1.
         """
 
     def counts_openings(self) -> bool:
-        """Whether valves open and shut, so that their openings can be counted."""
+        """Whether valves open and shut, so that openings are countable."""
         return True
 
 
 def _one_pulse(width: Float[Array, " m"]) -> Pulses:
-    """Pulses of these widths (s) that begin with the period."""
+    """Return pulses of these widths (s) from the begin of the period."""
     return Pulses(jnp.zeros_like(width)[None], width[None], jnp.ones_like(width)[None])
 
 
 class IdealThrottle(AbstractModulation):
-    """No modulation: the thrust is the duty, all the period long."""
+    """A throttle without modulation: thrust equal to the duty for the whole period."""
 
     def init(self, count: int) -> None:
-        """The memory at the start: a throttle needs none."""
+        """Return None: a throttle has no memory."""
         return
 
     def __call__(self, duty, memory, period, min_on_time):
-        """One pulse as long as the period, as strong as the duty."""
+        """Return one pulse over the whole period, with the duty as its level."""
         pulses = _one_pulse(jnp.zeros_like(duty) + period)
         return pulses._replace(level=duty[None]), memory
 
     def edges(self, between: int, count: int) -> int:
-        """How often valves open or shut inside a period: never."""
+        """Return the number of valve switchings inside a period: zero."""
         return 0
 
     def counts_openings(self) -> bool:
-        """Whether openings are counted: not those of a throttle."""
+        """Whether openings are countable: not for a throttle."""
         return False
 
 
@@ -88,50 +88,50 @@ class PulseWidth(AbstractModulation):
     """Pulse-width modulation: one pulse as long as its duty, none below the minimum on-time."""
 
     def init(self, count: int) -> None:
-        """The memory at the start: pulse widths need none."""
+        """Return None: pulse-width modulation has no memory."""
         return
 
     def __call__(self, duty, memory, period, min_on_time):
-        """One pulse, which begins with the period."""
+        """Return one pulse, from the begin of the period."""
         width = duty * period
         return _one_pulse(jnp.where(width >= min_on_time, width, 0.0)), memory
 
     def edges(self, between: int, count: int) -> int:
-        """How often valves open or shut: each one that fires for a part of a period shuts once."""
+        """Return the largest number of valve switchings: one for each duty between 0 and 1."""
         return between
 
 
 class DeltaSigma(AbstractModulation):
-    """ΔΣ modulation: on-time is summed and given out in whole multiples of the minimum on-time, or
-    all the period long.
+    """ΔΣ modulation: accumulated on-time is released in multiples of the minimum on-time, or for
+    the whole period.
 
-    What is not given out yet stays in the sum, so that the mean thrust has no dead zone.
+    The remainder stays accumulated, so that the mean thrust has no dead zone.
     """
 
     def init(self, count: int) -> Float[Array, " m"]:
-        """No on-time is owed (s)."""
+        """Return the accumulated on-time at the start (s): zero."""
         return jnp.zeros(count)
 
     def __call__(self, duty, memory, period, min_on_time):
-        """One pulse, which begins with the period."""
+        """Return one pulse, from the begin of the period."""
         owed = memory + duty * period
         whole = jnp.floor(owed / min_on_time * (1 + 1e-12))
         width = jnp.where(owed >= period * (1 - 1e-12), period, whole * min_on_time)
         return _one_pulse(width), jnp.minimum(owed - width, period)
 
     def edges(self, between: int, count: int) -> int:
-        """How often valves open or shut: any thruster may fire what it owes, and shut once."""
+        """Return the largest number of valve switchings: any thruster may shut once."""
         return count
 
 
 class PulseWidthPulseFrequency(AbstractModulation):
-    """PWPF modulation: a Schmitt trigger behind a lag, with the thrust fed back.
+    """PWPF modulation: a Schmitt trigger behind a lag, with feedback of the thrust.
 
     With r the duty and y the valve, 0 or 1, the lag obeys df/dt = (`gain` (r - y) - f) /
     `time_constant`; the valve opens at f >= `on_level` and shuts at f <= `off_level`. Duties are
-    held over a period, so f is an exponential between switchings and their instants are exact.
-    `switchings` of them fit in a period, see `of`. The mean thrust follows the duty
-    where it is above `on_level` / `gain`.
+    held over a period, so f is exponential between switchings, whose instants are exact.
+    `switchings` bounds their number in a period, see `of`. The mean thrust follows duties above
+    `on_level` / `gain`.
     """
 
     gain: RealScalar = eqx.field(converter=positive("gain"))
@@ -153,7 +153,7 @@ class PulseWidthPulseFrequency(AbstractModulation):
     def of(
         cls, period: float, gain: float, time_constant: float, on_level: float, off_level: float
     ) -> "PulseWidthPulseFrequency":
-        """The modulator with all switchings that a period (s) can have, for duties from 0 to 1."""
+        """Return the modulator with all switchings that a period (s) can have, duties in [0, 1]."""
         duties = np.linspace(on_level / gain, 1, 1001)[1:]
         discharge, charge = gain * (1 - duties), gain * duties
         pulse = np.log((on_level + discharge) / (off_level + discharge))
@@ -162,11 +162,11 @@ class PulseWidthPulseFrequency(AbstractModulation):
         return cls(gain, time_constant, on_level, off_level, 2 * int(period / shortest) + 2)
 
     def init(self, count: int) -> tuple[Float[Array, " m"], Float[Array, " m"]]:
-        """The lag's output and the valves, 1 where open."""
+        """Return the lag's output and the valves (1 open) at the start: zeros."""
         return jnp.zeros(count), jnp.zeros(count)
 
     def __call__(self, duty, memory, period, min_on_time):
-        """All switchings in their order."""
+        """Return the pulses of all switchings in a period, and the next memory."""
         was_open = memory[1]
 
         def switch(carry, _):
@@ -186,7 +186,7 @@ class PulseWidthPulseFrequency(AbstractModulation):
         return self._pulses(list(instants), was_open, period), tuple(after)
 
     def _wait(self, output, end, level, valve):
-        """Time (s) until the lag's output has come to the level; infinite where it never does."""
+        """Return the time (s) until the lag's output reaches the level; infinite if never."""
         way = jnp.where(valve > 0, -1.0, 1.0)
         reached = way * (output - level) >= 0
         comes = way * (end - level) > 0
@@ -195,7 +195,7 @@ class PulseWidthPulseFrequency(AbstractModulation):
         return jnp.where(reached, 0.0, jnp.where(comes, wait, jnp.inf))
 
     def _pulses(self, instants, was_open, period):
-        """Where the valve begins open, the first pulse begins with the period."""
+        """Return pulses between switchings; an open valve's first one begins with the period."""
         bounds = [jnp.zeros_like(was_open), *instants, jnp.zeros_like(was_open) + period]
         bounds.append(bounds[-1])
         on, off = [], []
@@ -206,5 +206,5 @@ class PulseWidthPulseFrequency(AbstractModulation):
         return Pulses(begins, ends, jnp.ones_like(begins))
 
     def edges(self, between: int, count: int) -> int:
-        """How often valves switch: any may, also one without a duty while its lag decays."""
+        """Return the largest number of switchings: a valve also switches as its lag decays."""
         return count * self.switchings

@@ -1,7 +1,4 @@
-"""What a navigation is given: a rate gyro at every sample, and a star tracker now and then.
-
-The attitude of a star tracker comes some time after it was true.
-"""
+"""Sensors of the navigation: a rate gyro at every sample, and a star tracker with latency."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeVar
@@ -31,8 +28,8 @@ from jaxsat.spacecraft.environment.orbital_torques import Sunlight
 
 
 class SensorContext(NamedTuple):
-    """What a scenario gives a sensor besides its own keys: the time (s) from sample to sample of
-    its law, the Earth's magnetic field, and where the Sun is."""
+    """Inputs from a scenario for a sensor besides its own keys: the sample period (s) of its law,
+    the Earth's magnetic field, and sunlight."""
 
     period: float
     field: AbstractMagneticField
@@ -40,13 +37,13 @@ class SensorContext(NamedTuple):
 
 
 def as_three(value: ArrayLike | list | tuple) -> Vector:
-    """One number for all axes, or one for each."""
+    """Return a vector from one number for all axes, or one for each."""
     array = as_float(value)
     return as_float([value] * 3) if array.ndim == 0 else array
 
 
 def require_both(start: object, length: object) -> None:
-    """Raise `ValueError` for an outage that has a start or a length alone."""
+    """Raise `ValueError` for an outage with only a start or only a length."""
     if (start is None) != (length is None):
         raise ValueError("Arguments `outage_start` and `outage` must be given together.")
 
@@ -65,8 +62,8 @@ class Gyro(eqx.Module):
     """Three rate gyros along the body axes, sampled at the instants of a sampled law.
 
     The model is Farrenkopf's (J. Guidance and Control 1(4), 1978) in the discrete form of Crassidis
-    and Junkins (Optimal Estimation of Dynamic Systems, 2nd ed., 2012, section 4.6). What is
-    measured at a sample is (1 + s) (ω - m × ω) + b + n, held within ±`limit` (rad/s):
+    and Junkins (Optimal Estimation of Dynamic Systems, 2nd ed., 2012, section 4.6). The measurement
+    at a sample is (1 + s) (ω - m × ω) + b + n, saturated at ±`limit` (rad/s):
 
     - n is white with variance σv²/T + σu²T/12 on each axis, where T (s) is the time from sample to
       sample, σv is `noise_density` (angle random walk, rad/√s) and σu is `bias_walk` (rate random
@@ -76,8 +73,8 @@ class Gyro(eqx.Module):
     - s is `scale_factor`, the relative error on each axis, and m is `misalignment`, a small
       rotation (rad, body axes) of the three input axes.
 
-    What is measured is invalid for `outage` (s) from `outage_start` (s) on, which must be later
-    than the first sample; None for both is no outage.
+    Measurements are invalid for `outage` (s) from `outage_start` (s) on, which must be later than
+    the first sample; None for both is no outage.
 
     Raises `ValueError` for a negative density, walk or deviation, a limit that is not positive, and
     an outage without a start or a length.
@@ -102,7 +99,7 @@ class Gyro(eqx.Module):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: SensorContext) -> "Gyro":
-        """The gyro of a checked table `[gyro]` of a scenario, whatever its `context`."""
+        """Return the gyro of a checked table `[gyro]` of a scenario; `context` is not used."""
         limit = values["limit_rad_s"]
         return cls(
             values["noise_density_rad_s_sqrt_Hz"],
@@ -117,25 +114,25 @@ class Gyro(eqx.Module):
         )
 
     def is_valid(self, sample: IntScalar, period: RealScalar) -> BoolScalar | None:
-        """Whether what is measured at this sample is valid, None where it always is; samples are
+        """Whether the measurement of this sample is valid, None without an outage; samples are
         `period` s apart."""
         return outside_outage(sample, period, self.outage_start, self.outage)
 
     def rate_variance(self, period: RealScalar) -> RealScalar:
-        """Variance of the white noise of one sample, (rad/s)², for samples `period` s apart."""
+        """Return the white-noise variance of one sample, (rad/s)², for samples `period` s apart."""
         _, noise, walk, period = numpy_if_known(self.noise_density, self.bias_walk, period)
         return as_float(noise**2 / period + walk**2 * period / 12)
 
     def first_bias(self, noise: Vector) -> Vector:
-        """The bias at the start, rad/s, made of standard normal numbers."""
+        """Return the initial bias, rad/s, from standard normal numbers."""
         return self.bias + self.bias_sigma * noise
 
     def next_bias(self, bias: Vector, noise: Vector, period: RealScalar) -> Vector:
-        """The bias one sample later, rad/s."""
+        """Return the bias one sample later, rad/s."""
         return bias + self.bias_walk * jnp.sqrt(period) * noise
 
     def measured(self, omega: Vector, bias: Vector, noise: Vector, period: RealScalar) -> Vector:
-        """The measured rate, rad/s, of the true ω under a bias and standard normal numbers."""
+        """Return the measured rate, rad/s, for the true ω, a bias and standard normal numbers."""
         turned = omega - jnp.cross(self.misalignment, omega)
         white = jnp.sqrt(self.rate_variance(period)) * noise
         rate = (1 + self.scale_factor) * turned + bias + white
@@ -146,18 +143,19 @@ Queue = TypeVar("Queue")
 
 
 class StarTracker(eqx.Module):
-    """A star tracker whose samples fall on those of a sampled law.
+    """A star tracker whose samples coincide with samples of a sampled law.
 
-    It measures at every `every`-th sample of the law, from the first on, and its measurement is
-    there `latency` samples later, or `arrival` samples later, at most as many, if that is not None.
-    It measures nothing while |ω| exceeds `rate_limit` (rad/s), nor for `outage` (s) from
+    It measures at every `every`-th sample of the law, from the first on, and its measurement
+    arrives `latency` samples later, or `arrival` (at most `latency`) samples later if that is not
+    None. It is blind while |ω| exceeds `rate_limit` (rad/s), and for `outage` (s) from
     `outage_start` (s) on; None for both is no outage.
+
     The error is a small rotation with the standard deviations `across` (rad) about the two
     directions across the boresight and `along` (rad) about the boresight itself. The rows of
     `axes` are these three directions in body axes.
 
     Raises `ValueError` for a deviation or a limit that is not positive, for a boresight without a
-    direction, and for counts that are none.
+    direction, and for counts that are not positive integers.
     """
 
     across: RealScalar
@@ -195,7 +193,7 @@ class StarTracker(eqx.Module):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: SensorContext) -> "StarTracker":
-        """The tracker of a checked table `[star_tracker]`."""
+        """Return the tracker of a checked table `[star_tracker]`."""
         period, update, limit = (
             context.period,
             values["update_period_s"],
@@ -218,23 +216,24 @@ class StarTracker(eqx.Module):
         return jnp.stack([self.across, self.across, self.along])
 
     def measures(self, sample: IntScalar, period: RealScalar, omega: Vector) -> BoolScalar:
-        """Whether there is a measurement at this sample; samples are `period` s apart."""
+        """Whether the tracker measures at this sample; samples are `period` s apart."""
         has_fix = (sample % self.every == 0) & (jnp.sum(omega**2) <= self.rate_limit**2)
         works = outside_outage(sample, period, self.outage_start, self.outage)
         return has_fix if works is None else has_fix & works
 
     def arriving(self, queue: Queue) -> Queue:
-        """What arrives now of all that was measured in the last `latency` samples and now."""
+        """Return the measurement that arrives now from those of the last `latency` samples and
+        now."""
         place = 0 if self.arrival is None else self.latency - self.arrival
         return jax.tree.map(lambda part: part[place], queue)
 
     def measured(self, attitude: Quaternion, noise: Vector) -> Quaternion:
-        """The measured attitude for the true one and standard normal numbers."""
+        """Return the measured attitude for the true one and standard normal numbers."""
         return attitude.turned((self.deviations * noise) @ self.axes)
 
 
 def _frame(boresight: np.ndarray) -> np.ndarray:
-    """Two directions across a boresight and the boresight, as rows."""
+    """Return two directions across a boresight and the boresight, as rows."""
     length = np.linalg.norm(boresight)
     if boresight.shape != (3,) or not 0 < length < np.inf:
         rule = "must be a direction in body axes, three numbers"

@@ -1,4 +1,4 @@
-"""Thrusters that open and shut inside a control period, at their true instants."""
+"""Thrusters whose valves open and shut inside a control period, at exact instants."""
 
 from collections.abc import Mapping
 from typing import ClassVar, NamedTuple, cast
@@ -19,15 +19,16 @@ from jaxsat.spacecraft.modulation import AbstractModulation, Pulses
 from jaxsat.spacecraft.thrusters import DISPERSIBLE, ThrusterSet
 
 ROUNDING = 1e-13
-"""Of a period: ramps that end so close together end together, pulses so close to its end there."""
+"""Tolerance on instants, relative to a period: closer ends of ramps, or of pulses to the period's
+end, coincide."""
 
 
 class ThrusterMemory(NamedTuple):
-    """The modulator's memory, the pulses of the last period, and what was used since the start.
+    """The modulator's memory, the pulses of the last period, and totals since the start.
 
-    `level` is the thrust of each thruster in parts of its full one, None where it takes no time to
-    rise and fall; `open` says which valves were open at the end as given. `pulses` is None where
-    no valve can be late. `openings` counts the times that each valve opened.
+    `level` is the thrust of each thruster over its full one, None for instant rise and fall; `open`
+    marks valves with an open command at the end. `pulses` is None where no valve can be late.
+    `openings` counts the openings of each valve.
     """
 
     modulation: PyTree
@@ -39,10 +40,10 @@ class ThrusterMemory(NamedTuple):
 
 
 class PulsePlan(NamedTuple):
-    """Pulses of a period that begins at `t` (s), and those of the last one that go on in it.
+    """Pulses of a period that begins at `t` (s), and those of the last one that continue in it.
 
-    `before` is the level of each thruster as in `ThrusterMemory`, `memory` is that of the next
-    period but for what is used until then.
+    `before` is the level of each thruster as in `ThrusterMemory`, `memory` is the memory of the
+    next period but for the consumption until then.
     """
 
     t: RealScalar
@@ -53,10 +54,10 @@ class PulsePlan(NamedTuple):
 
 
 class Running(NamedTuple):
-    """What has been up to an instant of a period.
+    """Running totals up to an instant of a period.
 
-    The `level` of each thruster is as in `ThrusterMemory`, `propellant` (kg) what was used,
-    `on_time` ∫ level dt (s) and `impulse` ∫ torque dt (N m s).
+    `level` of each thruster is as in `ThrusterMemory`, `propellant` (kg) the consumption, `on_time`
+    ∫ level dt (s) and `impulse` ∫ torque dt (N m s).
     """
 
     level: Float[Array, " m"] | None
@@ -66,8 +67,8 @@ class Running(NamedTuple):
 
 
 class _Level(NamedTuple):
-    """Levels in a hold: at its begin, how they change (1/s), to what `target`, and when (s) each
-    arrives there. Without ramps they are the target."""
+    """Levels in a hold: at its begin, their slopes (1/s), their `target`, and the time (s) of
+    arrival there. Without ramps they are the target."""
 
     level: Float[Array, " m"]
     slope: Float[Array, " m"] | None
@@ -76,10 +77,10 @@ class _Level(NamedTuple):
 
 
 class Usage(NamedTuple):
-    """What thrusters did in a period.
+    """Usage of thrusters in a period.
 
-    `level` is the mean thrust of each in parts of its full one. Since the start of the run
-    `propellant` (kg) was used, and each valve opened `openings` times.
+    `level` is the mean thrust of each over its full one. `propellant` (kg) and `openings` of each
+    valve are totals since the start of the run.
     """
 
     level: Float[Array, " m"]
@@ -88,9 +89,10 @@ class Usage(NamedTuple):
 
 
 class ThrusterTorque(NamedTuple):
-    """The torque of all thrusters (N m), and how it changes (N m/s), None for a torque that stays.
+    """The torque of all thrusters (N m), and its rate of change (N m/s), None for a constant
+    torque.
 
-    `usage` is that of a period of which it is the mean.
+    `usage` is that of a period over which the torque is the mean.
     """
 
     torque: Vector
@@ -99,14 +101,14 @@ class ThrusterTorque(NamedTuple):
 
 
 class PulsedThrusters(AbstractEffector):
-    """Allocation, modulation, valves and failures of a set of thrusters that push.
+    """Allocation, modulation, valves and failures of a set of one-sided thrusters.
 
-    They run once a period, and what stays in a hold is a `ThrusterTorque`.
+    They run once a period; in a hold their command is a `ThrusterTorque`.
 
     Without an `allocation` the law commands the duty of each.
-    Where valves may be `late`, by a delay of theirs, of the law or of a failure, pulses reach into
-    the next period; `late` must be true, too, where a guard may repeat pulses. A delay of more than
-    a period counts as one; thrust must rise and fall within a period.
+    Where valves may be `late`, by a delay of the valve, of the law or of a failure, pulses extend
+    into the next period; `late` must also be true where a guard may repeat pulses. A delay of more
+    than a period counts as one; thrust must rise and fall within a period.
     """
 
     kind: ClassVar[str] = "thruster"
@@ -125,31 +127,31 @@ class PulsedThrusters(AbstractEffector):
             raise ValueError("Argument `late` must be true for thrusters with a `valve_delay`.")
 
     def misaligned(self, angles: Float[Array, "m 2"]) -> "PulsedThrusters":
-        """Thrusters whose torques are turned, see `ThrusterSet.misaligned`."""
+        """Return thrusters with turned torques, see `ThrusterSet.misaligned`."""
         return eqx.tree_at(lambda one: one.thrusters, self, self.thrusters.misaligned(angles))
 
     def stronger(self, change: Float[Array, " m"]) -> "PulsedThrusters":
-        """Thrusters that make 1 + `change` of their torque, see `ThrusterSet.stronger`."""
+        """Return thrusters with 1 + `change` times their torque, see `ThrusterSet.stronger`."""
         return eqx.tree_at(lambda one: one.thrusters, self, self.thrusters.stronger(change))
 
     @property
     def count(self) -> int:
-        """How many thrusters there are."""
+        """Number of thrusters."""
         return self.thrusters.count
 
     @property
     def command_size(self) -> int:
-        """How many numbers command them: the shared torques, or a duty for each thruster."""
+        """Number of components of the command: the shared torques, or a duty for each thruster."""
         return self.allocation.command_map.shape[1] if self.allocation else self.count
 
     @property
     def failure_times(self) -> Float[Array, "0"]:
-        """No times, as failures divide the plan into holds."""
+        """An empty array, as failures divide the plan into holds."""
         return jnp.zeros(0)
 
     @property
     def holds(self) -> int:
-        """The most holds of a plan: the edges of commands, failures and ramps, and one more."""
+        """Largest number of holds of a plan: edges of commands, failures and ramps, plus one."""
         count = self.count
         edges = self.modulation.edges(self.allocation.between if self.allocation else count, count)
         if self.late:
@@ -160,7 +162,7 @@ class PulsedThrusters(AbstractEffector):
         return edges + 1
 
     def init_memory(self) -> ThrusterMemory:
-        """The memory at the start: all valves are shut, and nothing was used."""
+        """Return the initial memory: all valves shut, and totals of zero."""
         count = self.count
         zero, modulation = jnp.zeros(count), self.modulation.init(count)
         pulses = None
@@ -171,41 +173,42 @@ class PulsedThrusters(AbstractEffector):
         return ThrusterMemory(modulation, pulses, level, zero > 0, zero[0], zero)
 
     def duties(self, command: Float[Array, " torques"]) -> Float[Array, " m"]:
-        """Parts of full thrust, on average over a period, for the law's command."""
+        """Return duties, mean fractions of full thrust over a period, for the law's command."""
         if self.allocation is None:
             return within(command, jnp.zeros_like(command), jnp.ones_like(command))
         return self.allocation(command)[0]
 
     def unmade(self, use: Float[Array, " torques"]) -> Vector | None:
-        """What no duties make, N m; None where the law commands these."""
+        """Return the torque beyond all duties, N m; None where the law commands duties."""
         return None if self.allocation is None else self.allocation(use)[1]
 
     def _pulses(self, command, modulation, period) -> tuple[Pulses, PyTree]:
-        """Pulses, and the modulator's next memory; a valve that is open to the end stays so."""
+        """Return pulses and the modulator's next memory; a pulse to the period's end is exact."""
         duty = self.duties(command)
         pulses, modulation = self.modulation(duty, modulation, period, self.thrusters.min_on_time)
         to_end = pulses.off >= period * (1 - ROUNDING)
         return pulses._replace(off=jnp.where(to_end, period, pulses.off)), modulation
 
     def flight_commands(self, use, memory, period) -> tuple[dict[str, Array], PyTree]:
-        """When each valve opens and closes (s from the sample), and the level of its thrust."""
+        """Return opening and closing times (s from the sample), and the thrust level, by name."""
         least = self.thrusters.min_on_time
         pulses, memory = self.modulation(self.duties(use), memory, period, least)
         return dict(zip(("valve_on", "valve_off", "level"), pulses, strict=True)), memory
 
     def modulator(self, memory: ThrusterMemory) -> PyTree:
-        """The memory of the modulation alone."""
+        """Return the memory of the modulation."""
         return memory.modulation
 
     def plan(self, t, use, memory, period, delay) -> PulsePlan:
-        """Pulses as commanded, shifted by what the valves are late."""
+        """Return the commanded pulses, shifted by the delays of the valves."""
         pulses, modulation = self._pulses(use, memory.modulation, period)
         return self._plan_of(t, pulses, modulation, memory, period, delay)
 
     def plan_guarded(self, t, use, memory, period, delay, decision) -> PulsePlan:
-        """Without a step, the pulses of the last period again, or none; the modulator waits.
+        """Return a plan; without a step it has the pulses of the last period, or none.
 
-        Raises `ValueError` where valves are not `late`, so that pulses are not remembered.
+        The modulator's memory then stays. Raises `ValueError` where valves are not `late`, so that
+        pulses are not remembered.
         """
         if memory.pulses is None:
             raise ValueError("Argument `late` must be true for a loop with a guard.")
@@ -219,7 +222,7 @@ class PulsedThrusters(AbstractEffector):
         return self._plan_of(t, pulses, modulation, memory, period, delay)
 
     def _plan_of(self, t, pulses: Pulses, modulation, memory, period, delay) -> PulsePlan:
-        """The plan of commanded pulses, with the modulator's next memory."""
+        """Return the plan of commanded pulses, with the modulator's next memory."""
         acts = pulses.off > pulses.on
         late = self._lateness(t, period, delay) if self.late else jnp.zeros_like(memory.openings)
         failures = self.failures
@@ -241,7 +244,7 @@ class PulsedThrusters(AbstractEffector):
         return PulsePlan(t, period, pulses, memory.level, following)
 
     def _lateness(self, t, period, delay) -> Float[Array, " m"]:
-        """By how much (s) each valve is late."""
+        """Return the delay of each valve, s."""
         late = self._condition(t, jnp.zeros_like(period)).delay
         for more in (self.thrusters.valve_delay, delay):
             late = late if more is None else late + more
@@ -253,7 +256,7 @@ class PulsedThrusters(AbstractEffector):
         return self.failures.condition(t, now, self.thrusters.torque)
 
     def reach(self, t, plant, state: None, struck, span) -> Reach:
-        """The duty of each, from what leaks to what is left of full thrust."""
+        """Return the reach in duties, from the leak to the remaining part of full thrust."""
         condition = ThrusterCondition.sound(self.thrusters.torque)
         if self.failures is not None:
             condition = self.failures.at_work(struck, self.thrusters.torque)
@@ -261,12 +264,12 @@ class PulsedThrusters(AbstractEffector):
         return Reach(condition.torque, condition.floor, high, self.thrusters.flow)
 
     def begin(self, plan: PulsePlan) -> Running:
-        """What runs through the holds of a plan: nothing was used yet in this period."""
+        """Return the running totals at the begin of a period: zeros."""
         zero = jnp.zeros_like(plan.memory.openings)
         return Running(plan.before, zero[0], zero, jnp.zeros(3, zero.dtype))
 
     def ahead(self, plan: PulsePlan, running: Running, now, period) -> Ahead:
-        """The torque up to the next edge of a command, of a failure or of a ramp."""
+        """Return the torque up to the next edge of a command, of a failure or of a ramp."""
         pulses = plan.pulses
         condition = self._condition(plan.t, now)
         acting = (pulses.on <= now) & (now < pulses.off)
@@ -284,7 +287,7 @@ class PulsedThrusters(AbstractEffector):
         return Ahead(until, torque, _Level(level, slope, target, arrival))
 
     def passed(self, plan: PulsePlan, running: Running, ahead: Ahead, now, end) -> Running:
-        """What runs through a plan, with what was used in a hold."""
+        """Return the running totals after a hold."""
         length, (level, slope, target, arrival) = end - now, ahead.own
         after, mean, torque = None, level, ahead.command.torque
         if slope is not None and arrival is not None:
@@ -300,7 +303,7 @@ class PulsedThrusters(AbstractEffector):
         )
 
     def _ramps(self, now, level, target):
-        """Levels now, how they change (1/s), and when they arrive (s)."""
+        """Return levels now, their slopes (1/s), and their times of arrival (s)."""
         rise, fall = cast(Array, self.thrusters.rise_time), cast(Array, self.thrusters.fall_time)
         rises = target > level
         times = jnp.where(rises, rise, fall)
@@ -310,40 +313,40 @@ class PulsedThrusters(AbstractEffector):
         return jnp.where(moves, level, target), jnp.where(moves, slope, 0.0), arrival
 
     def finish(self, plan: PulsePlan, running: Running) -> tuple[ThrusterMemory, ThrusterTorque]:
-        """The memory with all that was used, and the mean torque with the usage of the period."""
+        """Return the memory with new totals, and the mean torque with the usage of the period."""
         propellant = plan.memory.propellant + running.propellant
         memory = plan.memory._replace(level=running.level, propellant=propellant)
         usage = Usage(running.on_time / plan.period, propellant, memory.openings)
         return memory, ThrusterTorque(running.impulse / plan.period, usage=usage)
 
     def consumption(self, memory: ThrusterMemory) -> dict[str, Array]:
-        """The propellant (kg) and the openings of valves up to a sample."""
+        """Return propellant (kg) and openings of valves up to a sample, by name."""
         return {"propellant": memory.propellant, "valve_openings": memory.openings}
 
-    # What stays in a hold.
+    # Behaviour in a hold.
 
     def driven(
         self, state: None, command: ThrusterTorque, struck: Bool[Array, "0"]
     ) -> "tuple[PulsedThrusters, ThrusterTorque]":
-        """These thrusters and their torque as they are: what has failed is in the torque."""
+        """Return these thrusters and their torque unchanged: the torque includes failures."""
         return self, command
 
     def later(self, command: ThrusterTorque, elapsed: RealScalar) -> ThrusterTorque:
-        """The torque `elapsed` seconds on."""
+        """Return the torque `elapsed` seconds later."""
         if command.rate is None:
             return command
         return command._replace(torque=command.torque + elapsed * command.rate)
 
     def piece(self, mode: tuple, command: ThrusterTorque) -> ThrusterTorque:
-        """The torque as it is."""
+        """Return the torque unchanged."""
         return command
 
     def effect(self, piece: ThrusterTorque, t, plant, state: None) -> Effect:
-        """The torque on the body (N m), with no correction of its inertia."""
+        """Return the torque on the body (N m), with no correction of its inertia."""
         return Effect(piece.torque)
 
     def signals(self, piece: ThrusterTorque, state: None, acceleration) -> dict[str, Array]:
-        """The usage of a period, where it is known."""
+        """Return the usage of a period, by name; empty where it is unknown."""
         if piece.usage is None:
             return {}
         level, propellant, openings = piece.usage
@@ -357,7 +360,7 @@ class PulsedThrusters(AbstractEffector):
 
 
 def _late(pulses: Pulses, before: Pulses, period, late) -> Pulses:
-    """The pulses of the last period and of this one, which begins at 0, all `late` (s)."""
+    """Return the pulses of the last period and of this one, which begins at 0, all `late` (s)."""
     late = late[None]
     return Pulses(
         jnp.concatenate([before.on + (late - period), pulses.on + late]),
@@ -367,6 +370,6 @@ def _late(pulses: Pulses, before: Pulses, period, late) -> Pulses:
 
 
 def _next(edges, now, period) -> RealScalar:
-    """The first edge after now (s), at most the end of the period."""
+    """Return the first edge after now (s), at most the end of the period."""
     ahead = jnp.concatenate(edges)
     return jnp.minimum(jnp.min(jnp.where(ahead > now, ahead, period)), period)

@@ -1,4 +1,4 @@
-"""Thrusters beside wheels: the torque that wheels lack, and momentum out of those nearly full."""
+"""Thrusters beside wheels: torque beyond the wheels' limits, and unloading of momentum."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -12,23 +12,22 @@ from jaxsat.spacecraft.effector import Reach
 OfEach = Float[Array, " wheels"]
 
 FULL = 0.7
-"""Of the largest momentum of a wheel: beyond it thrusters take momentum out."""
+"""Fraction of a wheel's momentum limit beyond which thrusters unload it."""
 
 REACTION = 0.5
-"""Of the largest torque of a wheel: what it makes at its full momentum against thrusters that take
-momentum out."""
+"""Fraction of a wheel's torque limit that unloads it at its momentum limit."""
 
 FASTEST = 0.25
-"""Over a period: the rate at which momentum beyond `FULL` is taken out at most."""
+"""Largest unloading rate of momentum beyond `FULL`, times the period."""
 
 
 class Relief(eqx.Module):
-    """What `thrusters` do for wheels along unit `axes`, (3, wheels), zero for a failed one.
+    """Assistance of `thrusters` to wheels along unit `axes`, (3, wheels), zero for a failed one.
 
     Each wheel has a `torque_limit` (N m) and a `momentum_limit` (N m s), both of which may be
-    infinite. `shares` (wheels, 3) is what each does of a torque, and holds of a momentum, without
-    limits. `inertia` (kg m²) is that of the body; the law runs once in a `period` (s). What the
-    thrusters can do, and at what price, is their reach as whoever allocates knows it.
+    infinite. `shares` (wheels, 3) allocates a torque, or a momentum, to wheels without limits.
+    `inertia` (kg m²) is that of the body; the law runs once in a `period` (s). `thrusters` is their
+    reach, with prices, as the allocator knows it.
     """
 
     thrusters: Reach
@@ -40,9 +39,10 @@ class Relief(eqx.Module):
     period: RealScalar = eqx.field(converter=positive("period"))
 
     def bounds(self, momentum: OfEach) -> tuple[OfEach, OfEach]:
-        """Torques (N m) on the body that each wheel of a `momentum` (N m s) makes for a period.
+        """Return bounds of torques (N m) on the body by wheels of a `momentum` (N m s) for a
+        period.
 
-        A torque on the body takes momentum out of the wheel: it ends at the limit of that.
+        A torque on the body changes the wheel's momentum, whose limit bounds the torque.
         """
         up, down = (
             jnp.maximum(self.momentum_limit + side * momentum, 0.0) / self.period
@@ -51,11 +51,11 @@ class Relief(eqx.Module):
         return -jnp.minimum(self.torque_limit, down), jnp.minimum(self.torque_limit, up)
 
     def unloading(self, omega: Vector, momentum: OfEach) -> Vector:
-        """The torque (N m) by which thrusters take momentum out of wheels at a rate (rad/s).
+        """Return the torque (N m) by which thrusters unload wheels at a body rate (rad/s).
 
-        It counts what each wheel would hold of the momentum of body and wheels once the body rests,
-        so that none is taken out that a slew gives back. Up to `FULL` of its limit that is nothing;
-        beyond, there is a torque in proportion, with no memory: momentum stays about there.
+        It uses each wheel's share of the momentum of body and wheels with the body at rest, so that
+        momentum that a slew returns is not unloaded. The torque is zero up to `FULL` of the limit,
+        and proportional to the excess beyond, without memory: momentum settles near there.
         """
         total = self.inertia @ omega + self.axes @ momentum
         each = self.shares @ total
@@ -69,7 +69,7 @@ class Relief(eqx.Module):
     def allocate(
         self, torque: Vector, unloading: Vector, momentum: OfEach
     ) -> tuple[OfEach, Vector, Vector]:
-        """The torque of each wheel, of all thrusters, and what both do not make (N m)."""
+        """Return the torque of each wheel, of all thrusters, and the torque not made (N m)."""
         low, high = self.bounds(momentum)
         thrusters, free = self.thrusters, jnp.zeros_like(low)
         price = jnp.ones_like(thrusters.high) if thrusters.price is None else thrusters.price

@@ -1,4 +1,4 @@
-"""What a sampled controller knows of the state, and of the momenta of reaction wheels."""
+"""Measurement noise of a sampled controller: attitude, rate, and momenta of reaction wheels."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -17,12 +17,12 @@ from jaxsat.spacecraft.wheels import WheelMomenta
 
 
 def as_key(value) -> UInt32[Array, "2"]:
-    """Key data as two 32-bit words."""
+    """Return key data as two 32-bit words."""
     return jnp.asarray(value, jnp.uint32)
 
 
 class Sensors(eqx.Module):
-    """White Gaussian noise on what is measured, independent on each axis and at each sample.
+    """White Gaussian noise of measurements, independent on each axis and at each sample.
 
     `rate_noise` (rad/s) is the standard deviation on each component of ω. `attitude_noise` (rad) is
     that of each component of a small rotation, in body axes, between the true attitude and the
@@ -35,34 +35,34 @@ class Sensors(eqx.Module):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], key: UInt32[Array, "2"]) -> "Sensors":
-        """The noise of a checked table `[sampling]` of a scenario."""
+        """Return the noise of a checked table `[sampling]` of a scenario."""
         return cls(values["rate_noise_rad_s"], values["attitude_noise_rad"], key)
 
     def __call__(
         self, sample: IntScalar, attitude: AbstractAttitude, omega: Vector
     ) -> tuple[AbstractAttitude, Vector]:
-        """The measured attitude, in the parameters of the true one, and the measured ω, rad/s."""
+        """Return the measured attitude, in the true one's parameters, and the measured ω, rad/s."""
         return self.with_noise(self.noise(sample, omega.dtype), attitude, omega)
 
     def noise(self, sample: IntScalar, dtype: DTypeLike) -> Float[Array, "6"]:
-        """Standard normal numbers of a sample, three for the rate and three for the attitude."""
+        """Return standard normal numbers of a sample, three for rate and three for attitude."""
         return sample_noise(self.key, sample, 6, dtype)
 
     def with_noise(
         self, noise: Float[Array, "6"], attitude: AbstractAttitude, omega: Vector
     ) -> tuple[AbstractAttitude, Vector]:
-        """What is measured with this noise."""
+        """Return the measured attitude and ω (rad/s) with this noise."""
         turned = turned_slightly(attitude, self.attitude_noise * noise[3:])
         return turned, omega + self.rate_noise * noise[:3]
 
     def drawn(self, first: IntScalar, count: int, dtype: DTypeLike) -> "DrawnSensors":
-        """These sensors for `count` samples from number `first` on, with all their noise."""
+        """Return these sensors for `count` samples from number `first` on, with all their noise."""
         noise = jax.vmap(lambda sample: self.noise(sample, dtype))(first + jnp.arange(count))
         return DrawnSensors(self, noise, first)
 
 
 class DrawnSensors(eqx.Module):
-    """Sensors for some samples whose noise has been drawn, the first of them number `first`."""
+    """Sensors with noise drawn in advance for consecutive samples from number `first` on."""
 
     sensors: Sensors
     noise: Float[Array, "samples 6"]
@@ -71,21 +71,21 @@ class DrawnSensors(eqx.Module):
     def __call__(
         self, sample: IntScalar, attitude: AbstractAttitude, omega: Vector
     ) -> tuple[AbstractAttitude, Vector]:
-        """The measured attitude and the measured ω (rad/s), as by the sensors themselves."""
+        """Return the measured attitude and ω (rad/s), equal to those of `sensors`."""
         return self.sensors.with_noise(self.noise[sample - self.first], attitude, omega)
 
 
 def turned_slightly(attitude: AbstractAttitude, rotation: Vector) -> AbstractAttitude:
-    """The attitude after a small rotation of the body (rad, body axes), in the same parameters.
+    """Return the attitude after a small rotation of the body (rad, body axes), same parameters.
 
-    The angle turned is 2 arctan(|rotation| / 2), |rotation| to third order. A turn z stays within
-    π of what it was.
+    The angle is 2 arctan(|rotation| / 2), |rotation| to third order. A turn z stays within π of its
+    former value.
     """
     return in_parameters_of(attitude, attitude.as_quaternion().turned(rotation))
 
 
 def in_parameters_of(attitude: AbstractAttitude, other: Quaternion) -> AbstractAttitude:
-    """Another attitude in the parameters of the first; a turn z stays within π of the first's."""
+    """Return `other` in the parameters of `attitude`; a turn z stays within π of the first's."""
     if isinstance(attitude, Quaternion):
         return other
     if isinstance(attitude, WZ):
@@ -98,10 +98,10 @@ def in_parameters_of(attitude: AbstractAttitude, other: Quaternion) -> AbstractA
 class Tachometers(eqx.Module):
     """White Gaussian noise on the momentum that each wheel's tachometer measures, at each sample.
 
-    `noise` (N m s) is the standard deviation for each wheel. It is a function of `key` (two 32-bit
-    words, which other sensors may share) and of the sample's number. What the tachometer of a wheel
-    tells is invalid for `outage` (s) from `outage_start` (s) on; an infinite start is none, and
-    None for both is none for any wheel. Raises `ArgumentError` for what is negative.
+    `noise` (N m s) is the standard deviation for each wheel. The noise is a function of `key` (two
+    32-bit words, which other sensors may share) and of the sample's number. A wheel's measurement
+    is invalid for `outage` (s) from `outage_start` (s) on; an infinite start means never, None for
+    both that no wheel has an outage. Raises `ArgumentError` for negative noise or outages.
     """
 
     noise: Float[Array, " wheels"] = eqx.field(converter=not_negative("noise"))
@@ -118,14 +118,14 @@ class Tachometers(eqx.Module):
             require_positive("outage", self.outage, zero_allowed=True)
 
     def is_valid(self, sample: IntScalar, period: RealScalar) -> BoolScalar | None:
-        """Whether all momenta of a sample are valid, None if they always are; `period` is in s."""
+        """Whether all momenta of a sample are valid, None without outages; `period` is in s."""
         if self.outage_start is None or self.outage is None:
             return None
         since = sample * period - self.outage_start
         return jnp.all((since < 0) | (since >= self.outage))
 
     def __call__(self, sample: IntScalar, effectors: PyTree) -> PyTree:
-        """States of effectors with the momenta of wheels as they are measured, N m s."""
+        """Return states of effectors with the measured momenta of wheels, N m s."""
         own = fold_in(self.key, jnp.asarray(name_number("tachometers"), jnp.uint32))
 
         def measured(state: PyTree) -> PyTree:

@@ -1,4 +1,4 @@
-"""The rigid body, and the state of the plant: attitude, rate, and the states of effectors."""
+"""The rigid body, and the state of the plant: attitude, rate, and states of effectors."""
 
 import dataclasses
 from typing import TypeVar
@@ -27,7 +27,7 @@ def _as_inertia(value: ArrayLike | list | tuple) -> Matrix:
 
 
 def inverse_of(inertia: Matrix) -> Matrix:
-    """Inverse of an inertia by cofactors: cheap inside a loop and free of LAPACK."""
+    """Return the inverse of an inertia by cofactors: cheap inside a loop and free of LAPACK."""
     xp, (a, b, c) = numpy_if_known(inertia)
     cofactors = xp.stack([xp.cross(b, c), xp.cross(c, a), xp.cross(a, b)])
     inverse = cofactors.T / xp.dot(a, cofactors[0])
@@ -38,9 +38,8 @@ class Spacecraft(eqx.Module):
     """A rigid spacecraft with an inertia in body axes, kg m².
 
     `inertia` is given as three principal moments or as a symmetric positive-definite 3x3 matrix.
-    Raises `ValueError` for anything else. Positive definite is enough for the equations; that the
-    moments also obey the triangle inequality J1 + J2 >= J3, as those of every real body do, is
-    told by `obeys_triangle_inequality`.
+    Raises `ValueError` for anything else. The equations need no more than a positive-definite
+    matrix; `obeys_triangle_inequality` also checks J1 + J2 >= J3, which holds for every real body.
     """
 
     inertia: Matrix = eqx.field(converter=_as_inertia)
@@ -50,7 +49,7 @@ class Spacecraft(eqx.Module):
 
     @property
     def moments(self) -> Vector:
-        """The diagonal of the inertia, J1, J2, J3 of equation (37), kg m²."""
+        """Diagonal of the inertia, J1, J2, J3 of equation (37), kg m²."""
         inertia = concrete(self.inertia)
         if inertia is not None:
             return as_array(np.diagonal(inertia))
@@ -59,22 +58,22 @@ class Spacecraft(eqx.Module):
 
     @property
     def momentum_unit(self) -> RealScalar:
-        """The mean moment of inertia times 1 rad/s, N m s: what momenta are large or small by."""
+        """Unit of momenta, N m s: the mean moment of inertia times 1 rad/s."""
         return jnp.mean(self.moments)
 
     @property
     def inverse_inertia(self) -> Matrix:
-        """Inverse of the inertia."""
+        """Inverse of the inertia, 1/(kg m²)."""
         return inverse_of(self.inertia)
 
     def obeys_triangle_inequality(self) -> bool:
-        """Whether a body of positive mass density can have this inertia (a tolerance of 1e-9)."""
+        """Whether positive mass density can have this inertia (relative tolerance 1e-9)."""
         low, middle, high = jnp.linalg.eigvalsh(self.inertia)
         return bool(low + middle >= high * (1 - 1e-9))
 
 
 OfEach = tuple[PyTree, ...]
-"""One thing for each effector of a body."""
+"""One object for each effector of a body."""
 
 State = TypeVar("State", bound=eqx.Module)
 
@@ -82,7 +81,7 @@ State = TypeVar("State", bound=eqx.Module)
 class PlantState(eqx.Module):
     """Attitude relative to the orbit frame, and inertial angular velocity in body axes, rad/s.
 
-    `effectors` are the states of those of the body; None is all at rest.
+    `effectors` are the states of the body's effectors; None means all at rest.
     """
 
     attitude: AbstractAttitude
@@ -91,13 +90,13 @@ class PlantState(eqx.Module):
 
     @property
     def of_each(self) -> OfEach:
-        """The states of effectors, of which there may be none."""
+        """States of the effectors, possibly empty."""
         return self.effectors or ()
 
     def find(self, kind: type[State]) -> State | None:
-        """The state of an effector that is of this class; None without one."""
+        """Return the effector state of this class; None without one."""
         return next((one for one in self.of_each if isinstance(one, kind)), None)
 
     def normalised(self) -> "PlantState":
-        """This state with attitude parameters that obey their constraint to rounding."""
+        """Return this state with attitude parameters that satisfy their constraint to round-off."""
         return dataclasses.replace(self, attitude=self.attitude.normalised())

@@ -1,4 +1,4 @@
-"""How effectors share in a commanded torque before all other actuators are asked."""
+"""Effectors that take their part of a commanded torque before all other actuators."""
 
 import abc
 from typing import ClassVar, NamedTuple
@@ -14,36 +14,36 @@ from jaxsat.spacecraft.spacecraft import PlantState
 
 
 class AbstractSteering(eqx.Module):
-    """What one `kind` of effector makes of a law's command of three torques.
+    """Steering of one `kind` of effector: its commands for a law's command of three torques.
 
-    That of an effector of a scenario has a class method `from_tables(effector, tables, context)`,
-    which the declaration of the actuator names; `context` is a `SteeringContext`.
+    The steering of an effector of a scenario has a class method `from_tables(effector, tables,
+    context)`, named in the declaration of the actuator; `context` is a `SteeringContext`.
     """
 
     kind: ClassVar[str]
-    """That of the effector of the body that is commanded."""
+    """Kind of the commanded effector."""
 
     @abc.abstractmethod
     def __call__(
         self, t: RealScalar, state: PlantState, command: Vector
     ) -> tuple[Float[Array, " k"], Vector]:
-        """The command of each at time `t` (s), and what of a torque (N m) is left to others.
+        """Return the command of each device at time `t` (s), and the torque left to others (N m).
 
-        `state` is what the law knows of the plant.
+        `state` is the law's estimate of the plant's state.
         """
 
     def within_reach(self, t: RealScalar, state: PlantState, torque: Vector) -> Vector:
-        """The part of a torque (N m) that the kind would make if it had no limits."""
+        """Return the part of a torque (N m) that the kind would make without limits."""
         del t, state
         return torque
 
 
 class SteeringContext(NamedTuple):
-    """What a scenario gives a steering besides its effector and the tables of that.
+    """Inputs from a scenario for a steering besides its effector and the effector's tables.
 
     `left` (3, 3) is the part of a command of three torques that wheels do not make. Wheels along
-    unit `wheel_axes`, zero for those that have failed, are to lose what momentum they have beyond
-    the `bias` (N m s, body axes) in parts of `unloading` a second.
+    unit `wheel_axes`, zero for failed ones, are unloaded towards the `bias` (N m s, body axes) at
+    the rate `unloading` (1/s).
     """
 
     wheel_axes: Float[np.ndarray, "3 wheels"] | None
@@ -53,18 +53,18 @@ class SteeringContext(NamedTuple):
 
 
 class Steered(AbstractDistribution):
-    """Effectors that share in a torque by a `steering` of their own, in its order, then others.
+    """Effectors that share a torque by a `steering` of their own, in its order, then others.
 
-    What steering leaves of the command goes to the other effectors as `rest` shares it; with None
-    it stays unmade. What is out of reach at any limits, such as a torque of magnetorquers along the
-    field that no wheel makes, does not count as unmade.
+    The torque that steering leaves goes to the other effectors by `rest`; with None it stays
+    unmade. A torque out of reach at any limits, such as that of magnetorquers along the field,
+    without wheels to make it, does not count as unmade.
     """
 
     steering: tuple[AbstractSteering, ...] = ()
     rest: AbstractDistribution | None = None
 
     def __call__(self, t, state, command, effectors) -> Shares:
-        """What each effector is asked for; raises `ValueError` for a steering without its own."""
+        """Return each effector's command; raises `ValueError` if a steered one is absent."""
         steered, beyond = {}, command
         for one in self.steering:
             beyond = beyond - one.within_reach(t, state, beyond)
@@ -85,5 +85,5 @@ class Steered(AbstractDistribution):
         return Shares(uses, left)
 
     def tells_left(self, effectors) -> bool:
-        """Whether `Shares.left` is known: that of steering alone is, else the rest says so."""
+        """Whether `Shares.left` is computed: with steering alone, or if `rest` does so."""
         return self.rest is None or self.rest.tells_left(effectors)

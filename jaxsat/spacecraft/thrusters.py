@@ -1,4 +1,4 @@
-"""Thrusters of either sign with their torque map (3)-(9), and thrusters that push."""
+"""Two-sided thrusters with their torque map (3)-(9), and one-sided thrusters."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -28,12 +28,12 @@ DISPERSIBLE: Mapping[str, Dispersible] = MappingProxyType(
         ),
     }
 )
-"""What the quantities change that thrusters of every kind declare as dispersible; a command is
-shared as among nominal thrusters."""
+"""Effects of the dispersible quantities of all kinds of thrusters; the allocation remains that of
+nominal thrusters."""
 
 
 class Thrusters(eqx.Module):
-    """Thrusters by the direction of the torque that each makes, equation (3).
+    """Two-sided thrusters by the direction of the torque that each makes, equation (3).
 
     `torque_axes` has shape (3, m): column j holds the direction cosines of thruster j's torque in
     body axes. Each thruster makes a torque of either sign. Raises `ValueError` for a column that
@@ -47,15 +47,15 @@ class Thrusters(eqx.Module):
 
     @property
     def count(self) -> int:
-        """How many thrusters there are."""
+        """Number of thrusters."""
         return self.torque_axes.shape[1]
 
     def torque(self, thrust: Float[Array, " m"]) -> Vector:
-        """Equations (3), (4), (7): the body torque, N m, of thrusts given as torques, N m."""
+        """Return the body torque, N m, of thrusts as torques, N m: equations (3), (4), (7)."""
         return self.torque_axes @ thrust
 
     def without(self, failed: Sequence[int]) -> "Thrusters":
-        """The thrusters that remain when those numbered `failed` (from 1) have failed."""
+        """Return the thrusters that remain after those numbered `failed` (from 1) have failed."""
         unknown = sorted(set(failed) - set(range(1, self.count + 1)))
         if unknown:
             raise ValueError(
@@ -68,10 +68,10 @@ class Thrusters(eqx.Module):
 
 
 def two_thruster_coupling(thrusters: Thrusters) -> Pair:
-    """b1 and b2 of equation (5): the third torque is b1 u1 + b2 u2.
+    """Return b1 and b2 of equation (5): the third torque is b1 u1 + b2 u2.
 
-    Raises `ValueError` unless there are two thrusters whose torques about the first two body axes
-    are independent; where they are not, (5) divides by zero although the layout may be sound.
+    Raises `ValueError` unless there are two thrusters with independent torques about the first two
+    body axes; otherwise (5) divides by zero although the layout may be controllable.
     """
     if thrusters.count != 2:
         raise ValueError(f"b1, b2 of (5) must have two thrusters, but got {thrusters.count}.")
@@ -86,7 +86,7 @@ def two_thruster_coupling(thrusters: Thrusters) -> Pair:
 
 
 def one_thruster_coupling(thrusters: Thrusters) -> Pair:
-    """c1 and c2 of equation (8): the torque is u1 (1, c1, c2)ᵀ.
+    """Return c1 and c2 of equation (8): the torque is u1 (1, c1, c2)ᵀ.
 
     Raises `ValueError` unless there is one thruster with some torque about the first body axis.
     """
@@ -104,14 +104,14 @@ def _require_normaliser(value: RealScalar, rule: str) -> None:
 
 
 class ThrusterSet(eqx.Module):
-    """m thrusters, each of which pushes one way: its thrust is between zero and full.
+    """m one-sided thrusters: the thrust of each is between zero and full.
 
     At full thrust thruster k makes the torque `torque`[:, k] (N m) and the force `force`[:, k] (N)
     on the body, both in body axes, and uses `flow`[k] (kg/s) of propellant. Its valve opens for
-    `min_on_time`[k] (s) at least. `valve_delay` (s) is the time from a command to the valve, and
-    thrust rises and falls in straight lines that take `rise_time` and `fall_time` (s) from zero to
-    full and back; None is a set in which all of these are zero. Raises `ValueError` for a torque
-    that is zero or not finite, and for times or flows below zero.
+    `min_on_time`[k] (s) at least. `valve_delay` (s) is the time from a command to the valve;
+    thrust rises and falls linearly, in `rise_time` and `fall_time` (s) between zero and full; None
+    means zero for all thrusters. Raises `ValueError` for a torque that is zero or not finite, and
+    for times or flows below zero.
     """
 
     torque: Float[Array, "3 m"] = eqx.field(converter=finite("torque"))
@@ -135,7 +135,7 @@ class ThrusterSet(eqx.Module):
 
     @property
     def count(self) -> int:
-        """How many thrusters there are."""
+        """Number of thrusters."""
         return self.torque.shape[1]
 
     @property
@@ -144,16 +144,16 @@ class ThrusterSet(eqx.Module):
         return self.rise_time is not None
 
     def misaligned(self, angles: Float[Array, "m 2"]) -> "ThrusterSet":
-        """Thrusters whose torques are turned by small angles (rad) towards two directions across.
+        """Return thrusters with torques turned by small angles (rad) towards two directions across.
 
-        Their forces stay. The tangents of the angles are taken as small.
+        Forces do not change. The tangents use the small-angle approximation.
         """
         size = jnp.sqrt(jnp.sum(self.torque**2, axis=0))
         turned = turned_axes(self.torque / size[None], angles)
         return eqx.tree_at(lambda one: one.torque, self, turned * size[None])
 
     def stronger(self, change: Float[Array, " m"]) -> "ThrusterSet":
-        """Thrusters that make 1 + `change` of their torque and force at the same flow."""
+        """Return thrusters with 1 + `change` times their torque and force at the same flow."""
         return eqx.tree_at(
             lambda one: (one.torque, one.force),
             self,

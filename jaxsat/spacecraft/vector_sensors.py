@@ -1,4 +1,4 @@
-"""Sensors of a vector that is known along the orbit: magnetometer, Sun sensor, horizon sensor."""
+"""Sensors of a vector known along the orbit: magnetometer, Sun sensor, horizon sensor."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -34,9 +34,9 @@ from jaxsat.spacecraft.navigation_sensors import (
 
 
 class Observation(NamedTuple):
-    """A vector as it was measured in body axes, and as it then was in the reference frame.
+    """A vector measured in body axes, and its value then in the reference frame.
 
-    Both have the unit of the sensor. Where `seen` is false nothing was measured.
+    Both have the unit of the sensor. `seen` is false without a measurement.
     """
 
     measured: Float[Array, "*latency 3"]
@@ -45,44 +45,44 @@ class Observation(NamedTuple):
 
 
 class FieldAlongOrbit(eqx.Module):
-    """The Earth's magnetic `field` as what a magnetometer sees."""
+    """The Earth's magnetic `field` as the reference of a magnetometer."""
 
     field: AbstractMagneticField
 
     def __call__(self, t: RealScalar) -> tuple[Vector, RealScalar]:
-        """B in the reference frame at `t` (s), T, and 1: it is everywhere."""
+        """Return B in the reference frame at `t` (s), T, and its visibility, always 1."""
         field = self.field(t)
         return field, jnp.ones_like(field[0])
 
 
 class Nadir(eqx.Module):
-    """The direction to the Earth's centre from an `orbit`, as what a horizon sensor sees."""
+    """The direction to the Earth's centre from an `orbit`, as the reference of a horizon sensor."""
 
     orbit: AbstractPlace
 
     def __call__(self, t: RealScalar) -> tuple[Vector, RealScalar]:
-        """Unit vector in the reference frame at `t` (s), and 1: it is everywhere."""
+        """Return the unit vector in the reference frame at `t` (s), and visibility, always 1."""
         up = self.orbit.up(t)
         return -up, jnp.ones_like(up[0])
 
 
 class VectorSensor(eqx.Module):
-    """Measures in body axes a vector that is known in the reference frame of the attitude.
+    """A sensor that measures in body axes a vector known in the reference frame of the attitude.
 
-    `reference` gives at a time (s) the vector, in the unit of the sensor, and 1 where there is
-    something to see, else 0. What is measured of a vector v in body axes is
-    (1 + s) (v - m × v) + b + n: s is `scale_factor`, the relative error on each axis, m is
-    `misalignment`, a small rotation (rad), b is `bias`, and n is white noise with the standard
-    deviation `noise` on each axis. Of a unit vector only the noise across it tells, which is an
-    angle (Shuster and Oh, J. Guidance and Control 4(1), 1981).
+    `reference` returns at a time (s) the vector, in the unit of the sensor, and its visibility, 1
+    or 0. The measurement of a vector v in body axes is (1 + s) (v - m × v) + b + n: s is
+    `scale_factor`, the relative error on each axis, m is `misalignment`, a small rotation (rad), b
+    is `bias`, and n is white noise with the standard deviation `noise` on each axis. For a unit
+    vector only the noise across it matters, which is an angle (Shuster and Oh, J. Guidance and
+    Control 4(1), 1981).
 
-    It measures at every `every`-th sample of a sampled law, from the first on, and needs `latency`
-    samples to tell. It measures nothing where a unit vector is more than `half_angle` (rad) from
-    the `boresight`, None for a field of view that is everything, nor for `outage` (s) from
-    `outage_start` (s) on, None for both is no outage. `name` tells its noise from that of others.
+    It measures at every `every`-th sample of a sampled law, from the first on, with a latency of
+    `latency` samples. It is blind where a unit vector is more than `half_angle` (rad) from the
+    `boresight`, None for an unlimited field of view, and for `outage` (s) from `outage_start` (s)
+    on, None for both is no outage. `name` selects its noise stream.
 
     Raises `ValueError` for noise that is not positive, numbers that are not finite, a boresight
-    without a direction, counts that are none, and an outage without a start or a length.
+    without a direction, counts that are not positive, and an outage without a start or a length.
     """
 
     reference: FieldAlongOrbit | Sunlight | Nadir
@@ -111,7 +111,7 @@ class VectorSensor(eqx.Module):
     def observed(
         self, sample: IntScalar, period: RealScalar, attitude: Quaternion, key: UInt32[Array, "2"]
     ) -> Observation:
-        """What is measured at a sample of the run; samples are `period` s apart.
+        """Return the measurement at a sample of the run; samples are `period` s apart.
 
         The noise is a function of the `key` of all sensors, the sensor's name and the sample.
         """
@@ -131,19 +131,19 @@ class VectorSensor(eqx.Module):
 
 
 def magnetometer(values: Mapping[str, Any], context: SensorContext) -> VectorSensor:
-    """The magnetometer of a checked table `[magnetometer]`, in the field of the scenario."""
+    """Return the magnetometer of a checked table `[magnetometer]`, in the scenario's field."""
     own = {"bias": values["bias_T"], "scale_factor": values["scale_factor"]}
     reference, noise = FieldAlongOrbit(context.field), values["noise_T"]
     return VectorSensor(reference, "magnetometer", noise, **own, **_common(values, context))
 
 
 def sun_sensor(values: Mapping[str, Any], context: SensorContext) -> VectorSensor:
-    """The Sun sensor of a checked table `[sun_sensor]`, under the Sun of the scenario."""
+    """Return the Sun sensor of a checked table `[sun_sensor]`, under the scenario's Sun."""
     return _of_direction(context.sunlight, "sun sensor", values, context)
 
 
 def horizon_sensor(values: Mapping[str, Any], context: SensorContext) -> VectorSensor:
-    """The horizon sensor of a checked table `[horizon_sensor]`, in the orbit of the scenario."""
+    """Return the horizon sensor of a checked table `[horizon_sensor]`, in the scenario's orbit."""
     return _of_direction(Nadir(context.sunlight.orbit), "horizon sensor", values, context)
 
 

@@ -1,4 +1,4 @@
-"""What happens to reaction wheels in flight, as events at a time, and what they can still do."""
+"""Failures of reaction wheels in flight, as events at a time, and the remaining reach."""
 
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
@@ -26,7 +26,7 @@ class WheelFailures(AbstractFailures):
     kinds: ClassVar[type[AbstractFailureKind]] = WheelFailureKind
 
     def largest_amount(self) -> np.ndarray:
-        """The most friction that a wheel may have, else all of its torque."""
+        """Return the largest amount of each failure: of friction its range's upper end, else 1."""
         kinds = concrete(self.kind)
         if kinds is None:
             return super().largest_amount()
@@ -34,7 +34,7 @@ class WheelFailures(AbstractFailures):
         return np.where(np.isin(np.rint(kinds), friction), FRICTION.high, 1.0)
 
     def condition(self, struck: Bool[Array, " f"], wheels: int) -> "WheelCondition":
-        """State of so many wheels once those events have struck."""
+        """Return the condition of `wheels` wheels after the failures that have struck."""
         last = self.last(struck, wheels)
         kind, amount = last.kind, last.amount
         silent = (kind == WheelFailureKind.DEAD) | (kind == WheelFailureKind.STOPPED)
@@ -48,7 +48,7 @@ class WheelFailures(AbstractFailures):
         )
 
     def frees_a_wheel(self) -> bool:
-        """Whether a wheel that has seized is struck once more, as far as the numbers are known."""
+        """Whether a later failure strikes a seized wheel, as far as the numbers are concrete."""
         columns = [concrete(one) for one in (self.number, self.at, self.kind)]
         if any(one is None for one in columns):
             return False
@@ -59,9 +59,9 @@ class WheelFailures(AbstractFailures):
 
 
 class WheelCondition(NamedTuple):
-    """State of all wheels: motor torque = `gain` x commanded, or its full one in a `runaway`.
+    """Condition of all wheels: motor torque = `gain` x commanded, or its limit in a `runaway`.
 
-    Friction is `friction` times what it was, and Coulomb friction at least `coulomb` N m; a wheel
+    Friction is multiplied by `friction`, and Coulomb friction is at least `coulomb` N m; a wheel
     that has `stopped` does not turn.
     """
 
@@ -77,7 +77,7 @@ class WheelCondition(NamedTuple):
         momentum: Float[Array, " wheels"],
         limit: Float[Array, " wheels"] | None,
     ) -> Float[Array, " wheels"]:
-        """The torque that motors make when a `torque` is commanded within their `limit` (N m)."""
+        """Return the motor torques for a commanded `torque` within their `limit` (N m)."""
         if limit is not None:
             full = jnp.where(momentum < 0, limit, -limit)
             torque = jnp.where(self.runaway, full, torque)
@@ -90,7 +90,7 @@ def driven(
     command: Float[Array, " wheels"],
     struck: Bool[Array, " f"],
 ) -> "tuple[Wheels, Float[Array, ' wheels']]":
-    """Wheels that fail no more but are in their condition, and what their motors make, N m."""
+    """Return wheels in the condition after their failures, and their motor torques, N m."""
     if wheels.failures is None:
         return wheels, command
     condition = wheels.failures.condition(struck, wheels.count)
@@ -115,9 +115,9 @@ def driven(
 def reach(
     wheels: "Wheels", momentum: Float[Array, " wheels"], struck: Bool[Array, " f"], span: RealScalar
 ) -> Reach:
-    """The torque of each motor that friction leaves, N m, whichever way the wheel turns.
+    """Return the reach: motor torques less friction, N m, in either direction of the wheel.
 
-    Within the room that its momentum leaves for `span` seconds. One that runs away makes its full
+    They are bounded by the momentum's room for `span` seconds. A runaway wheel makes its full
     torque.
     """
     motor = jnp.full_like(momentum, jnp.inf)
@@ -144,15 +144,15 @@ def reach(
 
 
 def _for_span(room: Float[Array, " wheels"], span) -> Float[Array, " wheels"]:
-    """The torque (N m) that takes this room of momentum (N m s) in a time (s)."""
+    """Return the torque (N m) that uses up this room of momentum (N m s) in a time (s)."""
     room = jnp.maximum(room, 0.0)
     now = jnp.where(room > 0, jnp.inf, 0.0)
     return jnp.where(span > 0, room / jnp.where(span > 0, span, 1.0), now)
 
 
 def require_continuous(wheels: "Wheels") -> None:
-    """Raise `ValueError` for Coulomb friction, at once or after a failure, and for a wheel that
-    has seized and fails once more."""
+    """Raise `ValueError` for Coulomb friction, initial or after a failure, and for a seized wheel
+    that fails again."""
     failures = wheels.failures
     kinds = None if failures is None else concrete(failures.kind)
     rubs = kinds is not None and np.any(np.rint(kinds) == WheelFailureKind.FRICTION_TO)

@@ -1,4 +1,4 @@
-"""Motor torques of wheels with friction of known size."""
+"""Motor torques that compensate the known friction of wheels."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,20 +11,20 @@ from jaxsat.spacecraft.wheels import Wheels
 OfEach = Float[Array, " wheels"]
 
 STILL = 4.0
-"""Sigmas of a momentum that may be zero."""
+"""Standard deviations of noise within which a measured momentum may be zero."""
 
 SLIGHT = 0.1
-"""Of what friction holds back of a wheel at rest: the least torque for which it is to turn."""
+"""Smallest torque that is to start a wheel at rest, relative to its friction."""
 
 SMALLEST = 1e-30
-"""Keeps a quotient of two zeros finite."""
+"""Positive floor that keeps a quotient of two zeros finite."""
 
 
 def motor_torque(torque: OfEach, friction: OfEach, side: OfEach) -> OfEach:
-    """Motor torques (N m) that do `torque` (N m) to the body against `friction` (N m).
+    """Return motor torques (N m) that make `torque` (N m) on the body against `friction` (N m).
 
-    Friction helps or hinders a wheel that turns, on the `side` from -1 to 1. One near rest has to
-    break away from it.
+    Friction acts by the wheel's direction of rotation, `side` from -1 to 1. A wheel near rest must
+    overcome it to break away.
     """
     most = jnp.maximum(friction, 0.0)
     held = (1 - jnp.abs(side)) * jnp.clip(torque / SLIGHT, -most, most)
@@ -32,10 +32,10 @@ def motor_torque(torque: OfEach, friction: OfEach, side: OfEach) -> OfEach:
 
 
 class WheelFriction(eqx.Module):
-    """Friction of each wheel as whoever commands it knows it.
+    """Friction of each wheel as known to the controller.
 
-    `coulomb` (N m) brakes a wheel that turns, and `decay` (1/s) times its momentum. Momenta below
-    `rest` (N m s) may be those of a wheel at rest.
+    `coulomb` (N m) brakes a turning wheel, and `decay` (1/s) times its momentum. Momenta below
+    `rest` (N m s) may belong to a wheel at rest.
     """
 
     coulomb: OfEach = eqx.field(converter=as_float)
@@ -46,10 +46,10 @@ class WheelFriction(eqx.Module):
     def of(
         wheels: Wheels, works: ArrayLike, momentum_noise: ArrayLike, period: float
     ) -> "WheelFriction | None":
-        """That of those of the `wheels` whose motor `works`; None where they have none.
+        """Return the friction of `wheels`, zero unless the motor `works`; None without friction.
 
-        A law that runs once in a `period` (s) knows their momenta by tachometers with noise (N m s,
-        a standard deviation). A wheel may come to rest within a period.
+        A law that runs once in a `period` (s) measures momenta by tachometers with noise (N m s, a
+        standard deviation). A wheel may come to rest within a period.
         """
         if wheels.coulomb_friction is None and wheels.viscous_friction is None:
             return None
@@ -60,6 +60,6 @@ class WheelFriction(eqx.Module):
         return WheelFriction(coulomb, decay, np.maximum(rest, SMALLEST))
 
     def motor_torque(self, torque: OfEach, momentum: OfEach) -> OfEach:
-        """Motor torques (N m) of wheels of a `momentum` (N m s) that do `torque` to the body."""
+        """Return motor torques (N m) of wheels of a `momentum` (N m s) that make `torque` (N m)."""
         side = jnp.clip(momentum / self.rest, -1.0, 1.0)
         return motor_torque(torque, self.coulomb + self.decay * jnp.abs(momentum), side)

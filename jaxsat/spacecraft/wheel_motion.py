@@ -1,16 +1,16 @@
-"""How wheels move: the torque between two instants at which it jumps, and when these are.
+"""Motion of wheels: the torque between two instants at which it jumps, and these instants.
 
-Without a rotor inertia, or while the body turns evenly, the momentum of a wheel under a command
-that stays is a scalar linear ODE, monotonic in time. So the instants at which it comes to zero,
-where Coulomb friction may hold it, and to its limit are closed forms.
+Without a rotor inertia, or while the body turns evenly, the momentum of a wheel under a held
+command obeys a scalar linear ODE, and is monotonic in time. So the instants at which it reaches
+zero, where Coulomb friction may hold it, and its limit have closed forms.
 
-What changes the momentum of a wheel whose rotor has an inertia is also the drag J_w a·dω/dt of a
-body that turns faster:
+The momentum of a wheel whose rotor has an inertia is also changed by the drag J_w a·dω/dt of an
+accelerating body:
 
     dh/dt = -(c + b h / J_w + τ sign h) - J_w a·dω/dt
 
-So a wheel at rest is held by Coulomb friction up to |c + J_w a·dω/dt| = τ, one at the limit of its
-momentum is held until both together slow it down, and held wheels turn with the body as if locked.
+So a wheel at rest is held by Coulomb friction up to |c + J_w a·dω/dt| = τ, one at its momentum
+limit is held until both together slow it down, and held wheels turn with the body as if locked.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
 OfEach = Float[Array, " wheels"]
 
 SMALL = 1e-4
-"""Below this -log(1 - x)/x is taken from its series, whose next term is x⁵/6."""
+"""Threshold below which -log(1 - x)/x is taken from its series, whose next term is x⁵/6."""
 
 
 class WheelPiece(NamedTuple):
-    """Wheels between two edges: the torque of those that turn is drive + decay h on the body, N m.
+    """Wheels between two edges: turning wheels put the torque drive + decay h on the body, N m.
 
-    `drive` in N m and `decay` in 1/s, of shape (wheels,), stay while the command does. `turns`
-    tells which wheels do not keep their momentum relative to the body; None for wheels without a
-    rotor inertia, of which those that keep it make no torque.
+    `drive` in N m and `decay` in 1/s, of shape (wheels,), are constant while the command is.
+    `turns` marks wheels whose momentum relative to the body changes; None for wheels without a
+    rotor inertia, of which held wheels make no torque.
     """
 
     drive: Float[Array, " wheels"]
@@ -42,7 +42,7 @@ class WheelPiece(NamedTuple):
     turns: Bool[Array, " wheels"] | None = None
 
     def torque(self, momentum: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
-        """The torque of motor and friction along each axis, N m, at these momenta, N m s.
+        """Return the torque of motor and friction along each axis, N m, at these momenta, N m s.
 
         Zero for wheels that do not turn.
         """
@@ -50,9 +50,9 @@ class WheelPiece(NamedTuple):
 
 
 def time_to(target, begin, piece: WheelPiece) -> Float[Array, " wheels"]:
-    """Seconds until momenta come from `begin` to `target`, ahead of them; infinite for never.
+    """Return seconds until momenta get from `begin` to `target` ahead; infinite if never.
 
-    None are left to a target that is behind them by rounding.
+    Zero for a target that is behind by round-off.
     """
     speed = -piece.torque(begin)
     moves = (speed != 0) & jnp.isfinite(target)
@@ -64,7 +64,7 @@ def time_to(target, begin, piece: WheelPiece) -> Float[Array, " wheels"]:
 
 
 def _log_ratio(x: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
-    """-log(1 - x) / x for x in [0, 1), 1 at zero."""
+    """Return -log(1 - x) / x for x in [0, 1), 1 at zero."""
     series = 1 + x * (1 / 2 + x * (1 / 3 + x * (1 / 4 + x / 5)))
     small = x < SMALL
     away = jnp.where(small, 0.5, x)
@@ -72,10 +72,10 @@ def _log_ratio(x: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
 
 
 class _Course(NamedTuple):
-    """How momenta go under a command that stays.
+    """Course of momenta under a held command.
 
     The sign of Coulomb friction `before` and `after` the instant `zero` (s) at which a momentum
-    comes to zero, and the instant `limit` (s) at which it comes to its limit; infinite for never.
+    reaches zero, and the instant `limit` (s) at which it reaches its limit; infinite if never.
     """
 
     before: OfEach
@@ -87,11 +87,11 @@ class _Course(NamedTuple):
 def edges_of(
     wheels: "Wheels", momentum: OfEach, command: OfEach, period: RealScalar
 ) -> Float[Array, " edges"]:
-    """Instants (s) in [0, `period`] at which the torque of a wheel jumps, in no order.
+    """Return instants (s) in [0, `period`] at which the torque of a wheel jumps, unordered.
 
-    The command stays for the `period` (s), from `momentum` (N m s) on. Each wheel has one edge
+    The command is held for the `period` (s), from `momentum` (N m s) on. Each wheel has one edge
     where it comes to rest, if there is Coulomb friction, and one at its limit, if it has one:
-    `period` where that does not happen.
+    `period` for an event that does not happen.
     """
     course = _course(wheels, momentum, command)
     edges = [] if wheels.coulomb_friction is None else [course.zero]
@@ -102,9 +102,9 @@ def edges_of(
 def piece_after(
     wheels: "Wheels", momentum: OfEach, command: OfEach, elapsed: RealScalar
 ) -> WheelPiece:
-    """The piece that holds `elapsed` seconds after a command began to stay at `momentum`.
+    """Return the piece `elapsed` seconds after the begin of a hold at `momentum`.
 
-    Between two edges it is asked for in their middle, where rounding decides nothing.
+    Callers evaluate it midway between two edges, where round-off has no effect.
     """
     course, drive = _course(wheels, momentum, command), wheels.motor_torque(command)
     side = jnp.where(elapsed < course.zero, course.before, course.after)
@@ -117,8 +117,8 @@ def piece_after(
 def snapped(
     wheels: "Wheels", momentum: OfEach, command: OfEach, elapsed: RealScalar, reached: OfEach
 ) -> OfEach:
-    """What momenta have `reached` (N m s), `elapsed` seconds after a command began to stay at
-    `momentum`: exactly zero, or the limit, where the edge at which they come to it is then."""
+    """Return the momenta `reached` (N m s) `elapsed` seconds after the begin of a hold at
+    `momentum`: exactly zero, or the limit, at the edge where they reach it."""
     course = _course(wheels, momentum, command)
     if wheels.momentum_limit is not None:
         limit = jnp.sign(reached) * wheels.momentum_limit
@@ -127,13 +127,13 @@ def snapped(
 
 
 def unlimited_torque(wheels: "Wheels", momentum: OfEach, command: OfEach) -> OfEach:
-    """The torque on the body along each axis off the momentum limits, N m, at one instant."""
+    """Return the torque on the body along each axis without momentum limits, N m."""
     drive = wheels.motor_torque(command)
     return _piece(wheels, drive, _side(wheels, momentum, drive)).torque(momentum)
 
 
 def _side(wheels: "Wheels", momentum: OfEach, drive: OfEach) -> OfEach:
-    """The sign of Coulomb friction: zero for a wheel that it holds at rest."""
+    """Return the sign of Coulomb friction: zero for a wheel that it holds at rest."""
     if wheels.coulomb_friction is None:
         return jnp.zeros_like(drive)
     from_rest = jnp.where(jnp.abs(drive) > wheels.coulomb_friction, -jnp.sign(drive), 0.0)
@@ -141,7 +141,7 @@ def _side(wheels: "Wheels", momentum: OfEach, drive: OfEach) -> OfEach:
 
 
 def _piece(wheels: "Wheels", drive: OfEach, side: OfEach) -> WheelPiece:
-    """Wheels off their limits whose Coulomb friction has these signs."""
+    """Return the piece of wheels below their limits with these signs of Coulomb friction."""
     decay = jnp.zeros_like(drive) + wheels.decay
     if wheels.coulomb_friction is None:
         return WheelPiece(drive, decay)
@@ -170,7 +170,7 @@ def _course(wheels: "Wheels", momentum: OfEach, command: OfEach) -> _Course:
 
 
 class WheelStates(NamedTuple):
-    """How each wheel moves: whether it `rests`, is `limited` to the momentum it has, or turns.
+    """Mode of each wheel: whether it `rests`, is `limited` to its momentum, or turns.
 
     `side` is the sign of its Coulomb friction, zero where it rests or turns about zero.
     """
@@ -181,11 +181,11 @@ class WheelStates(NamedTuple):
 
     @property
     def turns(self) -> Bool[Array, " wheels"]:
-        """Which wheels do not keep their momentum relative to the body."""
+        """Whether each wheel's momentum relative to the body changes."""
         return ~(self.rests | self.limited)
 
     def piece(self, wheels: "Wheels", drive: OfEach) -> WheelPiece:
-        """The torque of `wheels` in these states whose motors make the torques `drive` (N m)."""
+        """Return the torque of `wheels` in these states with the motor torques `drive` (N m)."""
         drive, decay = self._unheld(wheels, drive)
         turns = self.turns
         return WheelPiece(jnp.where(turns, drive, 0.0), jnp.where(turns, decay, 0.0), turns)
@@ -198,10 +198,10 @@ class WheelStates(NamedTuple):
     def margins(
         self, wheels: "Wheels", momentum: OfEach, drive: OfEach, drag: OfEach
     ) -> Float[Array, "2 wheels"]:
-        """How far each wheel is from leaving its state: below zero for one that has left it.
+        """Return the margin of each wheel's state: below zero for a wheel that has left it.
 
-        The first row belongs to rest and to what is held, the second to the limit of momentum. In
-        N m s for wheels that turn, in N m for others; `drag` (N m) is J_w a·dω/dt.
+        The first row is for rest and holds, the second for the momentum limit. In N m s for turning
+        wheels, in N m for others; `drag` (N m) is J_w a·dω/dt.
         """
         torque, decay = self._unheld(wheels, drive)
         slowing = torque + decay * momentum + drag
@@ -224,9 +224,9 @@ class WheelStates(NamedTuple):
         return jnp.stack([first, second])
 
     def left(self, margins: Float[Array, "2 wheels"], drive: OfEach, drag: OfEach) -> "WheelStates":
-        """The states after those of which a margin is below zero.
+        """Return the states after leaving those with a margin below zero.
 
-        A wheel that comes to zero rests, if only until its own margin is asked.
+        A wheel whose momentum reaches zero rests, if only until its own margin is evaluated.
         """
         first, second = margins < 0
         stops, goes = first & self.turns, first & self.rests
@@ -238,7 +238,7 @@ class WheelStates(NamedTuple):
     def snapped(
         self, wheels: "Wheels", momentum: OfEach, margins: Float[Array, "2 wheels"]
     ) -> OfEach:
-        """Momenta (N m s) that are exactly zero, or the limit, where wheels have come to it."""
+        """Return momenta (N m s), exactly zero or the limit for wheels that reached it."""
         first, second = margins < 0
         if wheels.momentum_limit is not None:
             limit = wheels.momentum_limit
@@ -248,7 +248,7 @@ class WheelStates(NamedTuple):
 
 
 def first_states(wheels: "Wheels", momentum: OfEach) -> WheelStates:
-    """The states of wheels by their momenta (N m s) alone: those that may be held are."""
+    """Return the states of wheels by their momenta (N m s) alone, held wherever possible."""
     never = jnp.zeros_like(momentum) > 0
     rests = limited = never
     if wheels.coulomb_friction is not None:

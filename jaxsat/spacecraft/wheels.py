@@ -1,15 +1,15 @@
-"""Reaction wheels: what torque they make, and when their momenta meet a limit or zero.
+"""Reaction wheels: their torque, and the edges at which momenta reach a limit or zero.
 
-A wheel's momentum h is that relative to the body, and the inertia of the spacecraft is the one with
-its wheels locked. A motor that is commanded a torque c turns the body by c and the wheel by -c;
-viscous and Coulomb friction b and τ brake the wheel and take the body along. A rotor with the
-inertia J_w about its axis a also stays behind where the body turns faster:
+A wheel's momentum h is relative to the body, and the inertia of the spacecraft includes its locked
+wheels. A motor with a commanded torque c turns the body by c and the wheel by -c; viscous and
+Coulomb friction b and τ brake the wheel and drag the body along. A rotor with the inertia J_w
+about its axis a also lags behind an accelerating body:
 
     dh/dt = -(c + b h / J_w + τ sign h) - J_w a·dω/dt
 
-At its limit a wheel takes no torque that would raise its momentum further. Which wheels are held is
-their mode; `jaxsat.spacecraft.wheel_motion` has it, and in closed form when that changes where it
-does not depend on the body.
+At its limit a wheel takes no torque that would raise its momentum further. The mode is the set of
+held wheels; `jaxsat.spacecraft.wheel_motion` computes it, and its changes in closed form where they
+do not depend on the body.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,17 +37,17 @@ OfEach = ArrayLike | list | tuple | None
 """One number, one for each wheel, or None."""
 
 STATE_PASSES = 3
-"""How often it is asked which wheels are held, each time with the rates that this gives."""
+"""Number of passes for the set of held wheels, each with the rates of the last."""
 
 
 class WheelMomenta(eqx.Module):
-    """The state of wheels: the momentum of each relative to the body, N m s."""
+    """State of wheels: the momentum of each relative to the body, N m s."""
 
     momentum: Float[Array, " wheels"] = eqx.field(converter=as_float)
 
 
 def _momentum_limits(one: "Wheels") -> Limits:
-    """The limits of momenta: that of each wheel which has one."""
+    """Return the limits of drawn momenta: each wheel's momentum limit, at most `TORQUE.high`."""
     limit = as_float(TORQUE.high) if one.momentum_limit is None else one.momentum_limit
     largest = jnp.minimum(limit, TORQUE.high)
     return Limits(-largest, largest)
@@ -58,10 +58,10 @@ class Wheels(AbstractEffector):
 
     `torque_limit` (N m) bounds each motor's torque and `momentum_limit` (N m s) each momentum.
     `rotor_inertia` (kg m²) is that of each rotor about its axis, part of the spacecraft's inertia.
-    `viscous_friction` (N m s/rad), which needs it, and `coulomb_friction` (N m) brake the rotors.
-    Each is one number, or one for each wheel, and None for none. `failures` strike them in flight.
-    `limited` holds each wheel at its momentum limit or off it, see `smooth_piece`, `seized` those
-    at rest that have seized. Raises `ValueError` for numbers that no wheel has.
+    `viscous_friction` (N m s/rad), which needs a rotor inertia, and `coulomb_friction` (N m) brake
+    the rotors. Each is one number, or one for each wheel, or None. `failures` strike in flight.
+    `limited` holds each wheel at its momentum limit or off it, see `smooth_piece`, `seized` marks
+    seized wheels at rest. Raises `ValueError` for numbers outside their ranges.
     """
 
     kind: ClassVar[str] = "wheel"
@@ -123,9 +123,9 @@ class Wheels(AbstractEffector):
     def from_tables(
         cls, tables: Sequence[Any], context: EffectorContext
     ) -> tuple["Wheels", WheelMomenta]:
-        """The wheels of checked tables `[[wheel]]` of a scenario, and their momenta at the start.
+        """Return the wheels of checked tables `[[wheel]]` of a scenario, and their initial momenta.
 
-        What none of them has is left out.
+        A property that no wheel has is None.
         """
 
         def each(key: str, absent: float) -> np.ndarray | None:
@@ -148,11 +148,11 @@ class Wheels(AbstractEffector):
 
     @property
     def count(self) -> int:
-        """How many wheels there are."""
+        """Number of wheels."""
         return self.axes.shape[1]
 
     def rotors(self, turns: Bool[Array, " wheels"] | None = None) -> Matrix:
-        """Σ J_w a aᵀ (kg m²) over the wheels that turn, by default all: their part of the body."""
+        """Return Σ J_w a aᵀ (kg m²) over turning wheels, by default all: a part of the body."""
         if self.rotor_inertia is None:
             return jnp.zeros((3, 3))
         inertia = self.rotor_inertia if turns is None else jnp.where(turns, self.rotor_inertia, 0.0)
@@ -160,20 +160,20 @@ class Wheels(AbstractEffector):
 
     @property
     def decay(self) -> Float[Array, " wheels"]:
-        """b / J_w: the part of a momentum that viscous friction takes a second, 1/s."""
+        """Relative decay of momenta by viscous friction, b / J_w, 1/s."""
         if self.viscous_friction is None or self.rotor_inertia is None:
             return jnp.zeros(self.count)
         inertia = jnp.where(self.rotor_inertia > 0, self.rotor_inertia, 1.0)
         return self.viscous_friction / inertia
 
     def motor_torque(self, command: Float[Array, " wheels"]) -> Float[Array, " wheels"]:
-        """The torque that motors make on a command, N m, without friction and momentum limit."""
+        """Return the motor torques for a command, N m, without friction and momentum limit."""
         if self.torque_limit is None:
             return command
         return jnp.clip(command, -self.torque_limit, self.torque_limit)
 
     def _drag(self, acceleration: Vector) -> Float[Array, " wheels"]:
-        """J_w a·dω/dt of each wheel, N m."""
+        """Return J_w a·dω/dt of each wheel, N m."""
         if self.rotor_inertia is None:
             return jnp.zeros(self.count, acceleration.dtype)
         return self.rotor_inertia * (self.axes.T @ acceleration)
@@ -181,19 +181,19 @@ class Wheels(AbstractEffector):
     # State, effect and derivative.
 
     def init(self) -> WheelMomenta:
-        """The state at the start: all wheels stand still."""
+        """Return the state with all wheels at rest."""
         return WheelMomenta(jnp.zeros(self.count))
 
     def with_momenta(self, state: WheelMomenta, change) -> WheelMomenta:
-        """The state with each wheel's momentum changed."""
+        """Return the state with each wheel's momentum changed."""
         return WheelMomenta(change(state.momentum))
 
     def momentum(self, state: WheelMomenta) -> Vector:
-        """The momentum of all wheels relative to the body, A h in body axes, N m s."""
+        """Return the momentum of all wheels relative to the body, A h in body axes, N m s."""
         return self.axes @ state.momentum
 
     def storage(self) -> Storage:
-        """The inertia of each rotor, and the momentum limit of each wheel."""
+        """Return the inertia of each rotor, and the momentum limit of each wheel."""
         rotors, most = self.rotor_inertia, self.momentum_limit
         return Storage(
             jnp.zeros(self.count) if rotors is None else rotors,
@@ -201,7 +201,7 @@ class Wheels(AbstractEffector):
         )
 
     def free_inertia(self) -> Matrix | None:
-        """The correction of the inertia by all wheels, -Σ J_w a aᵀ, kg m²."""
+        """Return the correction of the inertia by all wheels, -Σ J_w a aᵀ, kg m²."""
         return self._correction(None)
 
     def _correction(self, turns: Bool[Array, " wheels"] | None) -> Matrix | None:
@@ -209,36 +209,36 @@ class Wheels(AbstractEffector):
 
     @property
     def mode_passes(self) -> int:
-        """How often `mode_after` is called: never where `limited` says which wheels are held."""
+        """Number of calls of `mode_after`: zero if `limited` holds the wheels."""
         if self.limited is not None:
             return 0
         return 1 if self.rotor_inertia is None else STATE_PASSES
 
     def mode(self, state: WheelMomenta) -> WheelStates:
-        """How wheels move by their momenta alone: those that may be held are."""
+        """Return the wheels' mode by their momenta alone, held wherever possible."""
         return first_states(self, state.momentum)
 
     def mode_after(
         self, mode: WheelStates, state: WheelMomenta, command, acceleration
     ) -> WheelStates:
-        """How wheels move once those have left their state of which a margin is below zero."""
+        """Return the mode after wheels with a margin below zero have left their state."""
         if self.limited is not None:
             return mode
         drive, drag = self.motor_torque(command), self._drag(acceleration)
         return mode.left(mode.margins(self, state.momentum, drive, drag), drive, drag)
 
     def piece(self, mode: WheelStates, command: Float[Array, " wheels"]) -> WheelPiece:
-        """The drive and decay of each wheel, and which of them turn."""
+        """Return the drive and decay of each wheel, and which of them turn."""
         return mode.piece(self, self.motor_torque(command))
 
     def effect(self, piece: WheelPiece, t, plant, state: WheelMomenta) -> Effect:
-        """The torque A c (N m), and the correction -Σ J_w a aᵀ (kg m²) of the wheels that turn."""
+        """Return the torque A c (N m), and the correction -Σ J_w a aᵀ (kg m²) of turning wheels."""
         return Effect(self.axes @ piece.torque(state.momentum), self._correction(piece.turns))
 
     def derivative(
         self, piece: WheelPiece, plant, state: WheelMomenta, acceleration
     ) -> WheelMomenta:
-        """dh/dt = -c - J_w aᵀdω/dt of the wheels that turn, N m."""
+        """Return dh/dt = -c - J_w aᵀdω/dt of turning wheels, N m."""
         return WheelMomenta(self._rate(piece, state, acceleration))
 
     def _rate(self, piece: WheelPiece, state: WheelMomenta, acceleration):
@@ -251,9 +251,9 @@ class Wheels(AbstractEffector):
     def made(
         self, piece: WheelPiece, state: WheelMomenta, acceleration: Vector
     ) -> Float[Array, " wheels"]:
-        """What each wheel does to the body along its axis, N m.
+        """Return the torque of each wheel on the body along its axis, N m.
 
-        Of one that keeps its momentum it is what turns its rotor with the body.
+        For a held wheel this is the reaction to turning its rotor with the body.
         """
         torque = piece.torque(state.momentum)
         if piece.turns is None or self.rotor_inertia is None:
@@ -261,19 +261,19 @@ class Wheels(AbstractEffector):
         return jnp.where(piece.turns, torque, -self._drag(acceleration))
 
     def torque(self, piece: WheelPiece, t, plant, state: WheelMomenta, acceleration):
-        """The torque A c with what turns rotors that keep their momentum, N m."""
+        """Return the torque A c including the reaction of held rotors, N m."""
         return self.axes @ self.made(piece, state, acceleration)
 
     def signals(self, piece: WheelPiece, state: WheelMomenta, acceleration) -> dict[str, Array]:
-        """The torque of each wheel (N m), by the name of its signal."""
+        """Return the torque of each wheel (N m), by the name of its signal."""
         return {"wheel_torque": self.made(piece, state, acceleration)}
 
     def stored(self, state: WheelMomenta) -> dict[str, Array]:
-        """The momentum of each wheel (N m s), by the name of its signal."""
+        """Return the momentum of each wheel (N m s), by the name of its signal."""
         return {"wheel_momentum": state.momentum}
 
     def flight_commands(self, use, memory, period) -> tuple[dict[str, Array], PyTree]:
-        """The torque of each motor on the body, N m."""
+        """Return the torque of each motor on the body, N m, by the name of its flight command."""
         return {"wheel_torque": use}, memory
 
     # Failures in flight.
@@ -284,13 +284,13 @@ class Wheels(AbstractEffector):
         return self.failures.condition(struck, self.count).stopped
 
     def blow(self, state: WheelMomenta, struck: Bool[Array, " f"]) -> Effect:
-        """The impulse of wheels that seize (N m s), and the inertia of the rotors that turn on."""
+        """Return the impulse of seizing wheels (N m s), and the correction by other rotors."""
         stopped = self._stopped(struck)
         impulse = self.axes @ jnp.where(stopped, state.momentum, 0.0)
         return Effect(impulse, self._correction(~stopped))
 
     def blown(self, state: WheelMomenta, struck: Bool[Array, " f"], change) -> WheelMomenta:
-        """The state after a blow: those that seize stand still, and J_w aᵀω + h of others stays."""
+        """Return the state after a blow: seized wheels at rest, J_w aᵀω + h of others unchanged."""
         momentum = state.momentum
         if self.rotor_inertia is not None:
             momentum = momentum - self._drag(change)
@@ -299,16 +299,16 @@ class Wheels(AbstractEffector):
     def driven(
         self, state: WheelMomenta, command: Float[Array, " wheels"], struck: Bool[Array, " f"]
     ) -> "tuple[Wheels, Float[Array, ' wheels']]":
-        """Wheels that fail no more but are in their condition, and what their motors make, N m."""
+        """Return wheels in the condition after their failures, and their motor torques, N m."""
         return wheel_failures.driven(self, state.momentum, command, struck)
 
     def reach(self, t, plant, state: WheelMomenta, struck, span) -> Reach:
-        """The torque of each motor that friction leaves, N m, whichever way the wheel turns."""
+        """Return the reach: motor torques less friction, N m, in either direction of the wheel."""
         return wheel_failures.reach(self, state.momentum, struck, span)
 
     def last_drawn_kind(self, sampled: bool) -> WheelFailureKind:
-        """The last kind that a study draws: `RUNAWAY` only where all have a torque limit, and
-        `FRICTION_TO`, the one before, only under a sampled law."""
+        """Return the last kind that a study draws: `RUNAWAY` only if all wheels have a torque
+        limit, and `FRICTION_TO`, the one before, only under a sampled law."""
         if not sampled:
             return WheelFailureKind.FRICTION_BY
         limits = None if self.torque_limit is None else concrete(self.torque_limit)
@@ -316,7 +316,7 @@ class Wheels(AbstractEffector):
         return WheelFailureKind.RUNAWAY if limited else WheelFailureKind.FRICTION_TO
 
     def without_corners(self) -> "Wheels":
-        """The same wheels without Coulomb friction and failures in flight."""
+        """Return the same wheels without Coulomb friction and failures in flight."""
         return eqx.tree_at(
             lambda one: (one.coulomb_friction, one.failures),
             self,
@@ -328,26 +328,26 @@ class Wheels(AbstractEffector):
 
     @property
     def edge_count(self) -> int:
-        """How many edges there are: one a wheel that friction may stop, and one a wheel with a
-        limit."""
+        """Number of edges: one for each wheel if there is Coulomb friction, and one for each if
+        there is a momentum limit."""
         return self.count * sum(x is not None for x in (self.coulomb_friction, self.momentum_limit))
 
     @property
     def follows_body(self) -> bool:
-        """Whether edges must be searched: where rotors have an inertia and wheels may be held."""
+        """Whether edges must be searched: if rotors have an inertia and wheels may be held."""
         holds = self.edge_count > 0 or self.seized is not None
         return self.rotor_inertia is not None and holds
 
     def edges(self, state: WheelMomenta, command, period) -> Float[Array, " edges"]:
-        """The instants (s) at which wheels come to rest or to their limits."""
+        """Return the instants (s) at which wheels come to rest or reach their limits."""
         return wheel_motion.edges_of(self, state.momentum, command, period)
 
     def held_piece(self, state: WheelMomenta, command, elapsed) -> WheelPiece:
-        """The piece after `elapsed` s, while the body turns evenly or without a rotor inertia."""
+        """Return the piece after `elapsed` s, for an even body rate or without a rotor inertia."""
         return wheel_motion.piece_after(self, state.momentum, command, elapsed)
 
     def snapped(self, state: WheelMomenta, command, elapsed, reached: WheelMomenta) -> WheelMomenta:
-        """The state with momenta exactly zero, or at the limit, where wheels come to it then."""
+        """Return the state with momenta exactly zero, or at the limit, at the edge there."""
         momentum = state.momentum
         return WheelMomenta(
             wheel_motion.snapped(self, momentum, command, elapsed, reached.momentum)
@@ -356,34 +356,34 @@ class Wheels(AbstractEffector):
     def margins(
         self, mode: WheelStates, state: WheelMomenta, command, acceleration
     ) -> Float[Array, "2 wheels"]:
-        """How far wheels are from leaving rest or a hold, and from their momentum limit."""
+        """Return the margins of wheels to leaving rest or a hold, and to their momentum limit."""
         drive, drag = self.motor_torque(command), self._drag(acceleration)
         return mode.margins(self, state.momentum, drive, drag)
 
     def approach(
         self, mode: WheelStates, state: WheelMomenta, command, acceleration
     ) -> Float[Array, "2 wheels"]:
-        """How fast margins of turning wheels change: where one breaks loose nothing jumps."""
+        """Return the rates of the margins of turning wheels; others leave without a jump."""
         rate = self._rate(self.piece(mode, command), state, acceleration)
         speeds = jnp.stack([mode.side * rate, -jnp.sign(state.momentum) * rate])
         return jnp.where(mode.turns[None], speeds, 0.0)
 
     def come(self, mode: WheelStates, state: WheelMomenta, margins) -> WheelMomenta:
-        """The state with momenta exactly zero, or at the limit, where wheels have come to it."""
+        """Return the state, momenta exactly zero or at the limit for wheels that reached it."""
         return WheelMomenta(mode.snapped(self, state.momentum, margins))
 
-    # A command that changes continuously: events, and the smooth piece between two of them.
+    # A continuous command: events, and the smooth piece between two of them.
 
     @property
     def event_count(self) -> int:
-        """How many corners there are: one for each wheel with a momentum limit."""
+        """Number of corners: one for each wheel with a momentum limit."""
         return 0 if self.momentum_limit is None else self.count
 
     def event_functions(self, state: WheelMomenta, command, acceleration) -> Float[Array, " m"]:
-        """Positive for each wheel that is held at its limit.
+        """Return functions that are positive for each wheel held at its limit.
 
-        A wheel comes to it by its momentum and leaves it by what drives it alone, so that rounding
-        of a momentum at the limit is no event.
+        A wheel reaches the limit by its momentum and leaves it by its driving torque alone, so that
+        round-off of a momentum at the limit is no event.
         """
         momentum = state.momentum
         if self.momentum_limit is None:
@@ -394,18 +394,18 @@ class Wheels(AbstractEffector):
         return arrives if self.limited is None else jnp.where(self.limited, growth, arrives)
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "Wheels":
-        """These wheels, at their momentum limits or not as given."""
+        """Return these wheels, each at its momentum limit or not as `signs` gives."""
         if not self.event_count:
             return self
         return eqx.tree_at(lambda x: x.limited, self, signs, is_leaf=lambda x: x is None)
 
     def require_continuous(self) -> None:
-        """Raise `ValueError` for Coulomb friction, at once or after a failure, and for a wheel that
-        has seized and fails once more."""
+        """Raise `ValueError` for Coulomb friction, initial or after a failure, and for a seized
+        wheel that fails again."""
         wheel_failures.require_continuous(self)
 
 
 def wheel_momentum(state: Any) -> Float[Array, "*cases wheels"] | None:
-    """The momentum of each wheel in a state of the plant, N m s; None where it has no wheels."""
+    """Return the momentum of each wheel in a plant's state, N m s; None without wheels."""
     own = state.find(WheelMomenta)
     return None if own is None else own.momentum

@@ -1,4 +1,4 @@
-"""What surrounds the spacecraft: its orbit and the torques that disturb it."""
+"""The environment of the spacecraft: orbit, magnetic field and disturbance torques."""
 
 from jaxsat.spacecraft.environment.disturbances import PeriodicTorque as PeriodicTorque
 from jaxsat.spacecraft.environment.orbit import AbstractOrbit as AbstractOrbit

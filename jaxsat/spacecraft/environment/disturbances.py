@@ -1,4 +1,4 @@
-"""Torques on the body that no thruster makes, in body axes, N m."""
+"""Disturbance torques on the body, in body axes, N m."""
 
 import abc
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractP
 
 
 class DisturbanceContext(NamedTuple):
-    """What a scenario gives a disturbance besides its own keys.
+    """Inputs from a scenario for a disturbance besides its own keys.
 
     The nominal `inertia` (kg m²), the `orbit_rate` (rad/s) of the reference frame, the magnetic
     `field` along the orbit, and checked tables `[[panel]]`.
@@ -33,34 +33,34 @@ class DisturbanceContext(NamedTuple):
 
     @property
     def place(self) -> AbstractPlace:
-        """Where the orbit is."""
+        """The orbit."""
         return self.field.orbit
 
     @property
     def circle(self) -> CircularOrbit:
-        """Where the circular orbit is; raises `ValueError` where the orbit is none."""
+        """The circular orbit; raises `ValueError` for an elliptic one."""
         return self.field.circle
 
 
 class AbstractDisturbance(eqx.Module):
     """A disturbance torque T_d in body axes.
 
-    One that a scenario can name also has a `declaration`, a `PartDeclaration`, and a class method
-    `from_table(values, context)`: `values` has every declared key, those of jaxsat get every key of
-    `[disturbance]`; `context` is a `DisturbanceContext`. An array that it holds is a number that
-    may change without compiling anew.
+    A disturbance that a scenario can name also has a `declaration`, a `PartDeclaration`, and a
+    class method `from_table(values, context)`: `values` has every declared key, for jaxsat's own
+    disturbances every key of `[disturbance]`; `context` is a `DisturbanceContext`. Arrays that it
+    stores may change without recompilation.
     """
 
     @abc.abstractmethod
     def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
-        """The torque at time `t` (s), N m; `inertia` is the body's true inertia, kg m²."""
+        """Return the torque at time `t` (s), N m; `inertia` is the body's true inertia, kg m²."""
 
 
 class NoDisturbance(AbstractDisturbance):
-    """No torque at all."""
+    """Absence of disturbance torques."""
 
     def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
-        """Zero."""
+        """Return zero."""
         return jnp.zeros(3, inertia.dtype)
 
 
@@ -79,15 +79,15 @@ class PeriodicTorque(AbstractDisturbance):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: DisturbanceContext) -> "PeriodicTorque":
-        """The torque of a table of a scenario, of zeros where it has none."""
+        """Return the torque of a table of a scenario, with zeros for absent keys."""
         return cls(values["amplitude_N_m"], values["frequency_rad_s"], values["phase_rad"])
 
     def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
-        """Equation (2)."""
+        """Return the torque of equation (2) at time `t` (s), N m."""
         return self.at(t)
 
     def at(self, t: RealScalar) -> Vector:
-        """Equation (2) at time `t` (s), N m."""
+        """Return the torque of equation (2) at time `t` (s), N m."""
         return self.amplitude * sin(self.frequency * t + self.phase)
 
 
@@ -102,11 +102,11 @@ class ConstantTorque(AbstractDisturbance):
     def from_table(
         cls, values: Mapping[str, Any], context: DisturbanceContext
     ) -> "ConstantTorque | None":
-        """The torque of a table of a scenario; None where it is zero."""
+        """Return the torque of a table of a scenario; None where it is zero."""
         return cls(values["constant_N_m"]) if any(values["constant_N_m"]) else None
 
     def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
-        """The same torque always."""
+        """Return the constant torque, N m."""
         return self.torque
 
 
@@ -124,7 +124,7 @@ class GravityGradient(AbstractDisturbance):
     def from_table(
         cls, values: Mapping[str, Any], context: DisturbanceContext
     ) -> AbstractDisturbance | None:
-        """The torque of a table of a scenario; None where it does not act."""
+        """Return the torque of a table of a scenario; None where it is disabled."""
         if not values["gravity_gradient"]:
             return None
         place = context.place
@@ -135,34 +135,34 @@ class GravityGradient(AbstractDisturbance):
         )
 
     def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
-        """3 ω0² n × J n with n = C (0, 0, 1)ᵀ."""
+        """Return 3 ω0² n × J n with n = C (0, 0, 1)ᵀ, N m."""
         nadir = attitude.as_dcm().matrix[:, 2]
         return 3 * self.orbit_rate**2 * jnp.cross(nadir, inertia @ nadir)
 
 
 class GravityGradientAt(AbstractDisturbance):
-    """Gravity-gradient torque 3 GM/r³ n × J n at the `place` of any orbit, n as before."""
+    """Gravity-gradient torque 3 GM/r³ n × J n at the `place` of any orbit, n towards the centre."""
 
     place: AbstractPlace
 
     def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
-        """3 GM/r³ n × J n."""
+        """Return 3 GM/r³ n × J n, N m."""
         nadir = -(attitude.as_dcm().matrix @ self.place.up(t))
         size = 3 * EARTH_GRAVITY / self.place.distance(t) ** 3
         return size * jnp.cross(nadir, inertia @ nadir)
 
 
 def has_gravity_gradient(disturbance: AbstractDisturbance) -> bool:
-    """Whether the gravity gradient on a circular orbit is one of the torques of a disturbance."""
+    """Whether a disturbance includes the gravity gradient on a circular orbit."""
     terms = disturbance.terms if isinstance(disturbance, SumOfDisturbances) else (disturbance,)
     return any(isinstance(term, GravityGradient) for term in terms)
 
 
 class SumOfDisturbances(AbstractDisturbance):
-    """Several disturbances at once."""
+    """Sum of several disturbances."""
 
     terms: tuple[AbstractDisturbance, ...]
 
     def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
-        """The sum of the terms."""
+        """Return the sum of the terms, N m."""
         return sum((term(t, attitude, inertia) for term in self.terms), jnp.zeros(3, inertia.dtype))

@@ -1,4 +1,4 @@
-"""Elliptic orbit, with the secular motion that the Earth's oblateness gives it."""
+"""Elliptic orbit with the secular rates from the Earth's oblateness."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -10,11 +10,11 @@ from jaxsat.core.trigonometry import cos, sin
 from jaxsat.spacecraft.environment.orbit import AbstractPlace
 
 NEWTON_STEPS = 6
-"""After as many, the anomaly is within 1e-14 of itself up to `MAX_ECCENTRICITY`."""
+"""Steps to an eccentric anomaly within 1e-14 of the exact one up to `MAX_ECCENTRICITY`."""
 
 
 def eccentric_anomaly(mean: RealScalar, eccentricity: RealScalar) -> RealScalar:
-    """E of Kepler's equation E - e sin E = M, rad, for M (rad) from -π to π.
+    """Solve Kepler's equation E - e sin E = M for E, rad, for M (rad) from -π to π.
 
     A fixed number of Newton's steps, which can be differentiated, from M + e sin M / (1 - sin(M +
     e) + sin M) (Prussing and Conway, Orbital Mechanics, 1993, section 2.2) for |M|.
@@ -29,14 +29,14 @@ def eccentric_anomaly(mean: RealScalar, eccentricity: RealScalar) -> RealScalar:
 
 
 class EllipticOrbit(AbstractPlace):
-    """Where an elliptic orbit is. The reference frame of attitudes is the inertial one.
+    """An elliptic orbit. The reference frame of attitudes is the inertial one.
 
     Mean elements at time zero: `semi_major_axis` in m, `eccentricity` up to 0.9, and in rad
     `inclination`, right ascension of the ascending `node`, `argument_of_perigee`, `mean_anomaly`,
     and the `sidereal_angle` of Greenwich. `oblateness` is J2, by which node, perigee and mean
     anomaly move at their secular rates (Vallado, Fundamentals of Astrodynamics and Applications,
-    2013, section 9.6); zero leaves Kepler's ellipse. Periodic terms of J2, drag and third bodies
-    are left out. Raises `ValueError` for an orbit that is no ellipse.
+    2013, section 9.6); zero gives Kepler's ellipse. Periodic terms of J2, drag and third bodies
+    are left out. Raises `ValueError` for an orbit that is not an ellipse.
     """
 
     semi_major_axis: RealScalar = eqx.field(converter=positive("semi_major_axis"))
@@ -55,11 +55,11 @@ class EllipticOrbit(AbstractPlace):
             require_finite(name, getattr(self, name))
 
     def greenwich(self) -> RealScalar:
-        """The sidereal angle, rad."""
+        """Return the sidereal angle of Greenwich at time zero, rad."""
         return self.sidereal_angle
 
     def secular_rates(self) -> tuple[RealScalar, RealScalar, RealScalar]:
-        """Secular rates of node, argument of perigee and mean anomaly, rad/s."""
+        """Return the secular rates of node, argument of perigee and mean anomaly, rad/s."""
         axis, inclination = self.semi_major_axis, self.inclination
         motion = jnp.sqrt(EARTH_GRAVITY / axis) / axis
         square = 1 - self.eccentricity**2
@@ -69,7 +69,7 @@ class EllipticOrbit(AbstractPlace):
         return -size * cos(inclination), perigee, motion + size * jnp.sqrt(square) * across
 
     def position(self, t: RealScalar) -> Vector:
-        """From the Earth's centre in inertial axes at time `t` (s), m."""
+        """Return the position from the Earth's centre in inertial axes at time `t` (s), m."""
         node_rate, perigee_rate, motion = self.secular_rates()
         mean = self.mean_anomaly + motion * t
         mean = mean - 2 * jnp.pi * jnp.round(mean / (2 * jnp.pi))
@@ -86,17 +86,17 @@ class EllipticOrbit(AbstractPlace):
         )
 
     def axes(self, t: RealScalar) -> Matrix:
-        """The inertial axes themselves."""
+        """Return the identity: the reference axes are the inertial ones."""
         return jnp.eye(3, dtype=self.semi_major_axis.dtype)
 
     def up(self, t: RealScalar) -> Vector:
-        """Unit vector away from the Earth's centre, in inertial axes."""
+        """Return the unit vector away from the Earth's centre, in inertial axes."""
         return self.position(t) / self.distance(t)
 
     def depth(self, t: RealScalar, vector: Vector) -> RealScalar:
-        """The component towards the Earth's centre of a vector in inertial axes."""
+        """Return the component towards the Earth's centre of a vector in inertial axes."""
         return -jnp.sum(self.up(t) * vector)
 
     def distance(self, t: RealScalar) -> RealScalar:
-        """From the Earth's centre, m."""
+        """Return the distance from the Earth's centre at time `t` (s), m."""
         return jnp.sqrt(jnp.sum(self.position(t) ** 2))

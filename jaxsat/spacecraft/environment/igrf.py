@@ -1,8 +1,8 @@
 """The Earth's magnetic field of the IGRF-14, anywhere and along a circular orbit.
 
-`igrf14.shc` has the coefficients that the International Association of Geomagnetism and Aeronomy
-(IAGA) publishes (https://doi.org/10.5281/zenodo.14012302; also by NOAA): every five years from 1900
-to 2025, and for 2030 what secular variation makes of them. Between, they are linear in time.
+`igrf14.shc` has the coefficients of the International Association of Geomagnetism and Aeronomy
+(IAGA; https://doi.org/10.5281/zenodo.14012302; also by NOAA): every five years from 1900 to 2025,
+and for 2030 extrapolated by secular variation. Between these dates they are linear in time.
 """
 
 from typing import Any
@@ -30,10 +30,10 @@ DEGREE = 13
 ORDERS = DEGREE + 1
 
 EXACT = 32
-"""Points of an orbit, and turns of the Earth, by which a field of this degree is known exactly."""
+"""Numbers of orbital phases and Earth angles that determine such a field exactly."""
 
 PLACES = 160
-"""On the orbit, and turns of the Earth, in the table of `IgrfField`."""
+"""Numbers of orbital phases and Earth angles in the table of `IgrfField`."""
 
 Coefficients = Float[np.ndarray, "2 orders orders"]
 """g and h of degrees (rows) and orders (columns) from 0 on, T, Schmidt semi-normalised."""
@@ -41,7 +41,7 @@ Coefficients = Float[np.ndarray, "2 orders orders"]
 
 @once
 def _published() -> tuple[np.ndarray, Float[np.ndarray, "dates 2 orders orders"]]:
-    """The dates, and coefficients at each."""
+    """Return the dates of the published coefficients, and the coefficients, T."""
     text = text_of("jaxsat.spacecraft.environment", "igrf14.shc")
     lines = [line for line in text.splitlines() if not line.startswith("#")]
     dates = np.array([f"{float(year):.0f}-01-01" for year in lines[1].split()], "datetime64[us]")
@@ -53,7 +53,7 @@ def _published() -> tuple[np.ndarray, Float[np.ndarray, "dates 2 orders orders"]
 
 
 def igrf_coefficients(date: np.datetime64) -> Coefficients:
-    """The coefficients at a date, UTC. Raises `ArgumentError` for one that the IGRF-14 lacks."""
+    """Return the coefficients at a UTC date; raises `ArgumentError` beyond the IGRF-14."""
     first, last = IGRF_DATES
     if not first <= date <= last:
         raise ArgumentError("date", f"must be from {first} to {last}", date)
@@ -64,7 +64,7 @@ def igrf_coefficients(date: np.datetime64) -> Coefficients:
 
 
 def _recursion() -> Float[np.ndarray, "3 orders orders"]:
-    """Factors by which rows of degree n follow from those of n - 1 and n - 2, and what is added."""
+    """Return factors of degrees n - 1 and n - 2 in the recursion for n, and constants."""
     follow, drop, begin = np.zeros((3, ORDERS, ORDERS))
     begin[0, 0] = begin[1, 1] = 1.0
     for n in range(1, ORDERS):
@@ -78,7 +78,7 @@ def _recursion() -> Float[np.ndarray, "3 orders orders"]:
 
 
 def _slopes() -> Float[np.ndarray, "orders orders"]:
-    """Factors by which the slope of order m is the function of order m + 1."""
+    """Return the factors between the derivative of order m and the function of order m + 1."""
     n, m = np.mgrid[:ORDERS, :ORDERS]
     squares = np.maximum((n - m) * (n + m + 1), 0) / np.where(m == 0, 2, 1)
     return np.sqrt(squares)
@@ -90,9 +90,9 @@ RECURSION, SLOPES = _recursion(), _slopes()
 def igrf_field(
     position: Float[Array | np.ndarray, "*shape 3"], coefficients: Coefficients
 ) -> Float[Array | np.ndarray, "*shape 3"]:
-    """B (T) at a `position` (m) in axes that turn with the Earth: z north, x to Greenwich.
+    """Return B (T) at a `position` (m) in Earth-fixed axes: z north, x to Greenwich.
 
-    JAX arrays or NumPy arrays, as the position is. B = -∇V,
+    The array type, JAX or NumPy, is that of the position. B = -∇V,
 
         V = a Σ (a/r)ⁿ⁺¹ Σ (g C_m + h S_m) H_n^m(u),    C_m + i S_m = (s + i t)^m,
 
@@ -128,7 +128,7 @@ def igrf_field(
 
 
 def _powers(xp: Any, s: Any, t: Any) -> tuple[Any, Any]:
-    """Real and imaginary parts of (s + i t)^m, m from 0 to the degree, along a last axis."""
+    """Return real and imaginary parts of (s + i t)^m, m from 0 to the degree, along a last axis."""
     cosines, sines = [1 + 0 * s], [0 * s]
     for _ in range(DEGREE):
         c, d = cosines[-1], sines[-1]
@@ -138,7 +138,7 @@ def _powers(xp: Any, s: Any, t: Any) -> tuple[Any, Any]:
 
 
 def _functions(u: Any) -> list[Any]:
-    """H_n^m(u) of every order m along the last axis, for degrees n from 0 on."""
+    """Return H_n^m(u) of every order m along the last axis, for degrees n from 0 on."""
     rows = [RECURSION[2, 0] + 0 * u]
     for n in range(1, ORDERS):
         follow, drop, begin = RECURSION[:, n]
@@ -149,10 +149,10 @@ def _functions(u: Any) -> list[Any]:
 class IgrfField(AbstractMagneticField):
     """The IGRF-14 at a `date` (UTC) along the circular `orbit`, within 1e-6 of the field.
 
-    In orbit axes it is periodic in the argument of latitude and in the longitude of the node, a
-    trigonometric polynomial of degree 13 in both, here a `table` of cubic B-splines, T, with three
-    places more of each than a period has: no neighbours wrap. Secular variation within a run is
-    left out. Raises `ArgumentError` for a date that the IGRF-14 lacks.
+    In orbit axes the field is periodic in the argument of latitude and in the longitude of the
+    node, a trigonometric polynomial of degree 13 in both, here a `table` of cubic B-splines, T,
+    padded by three places in each so that interpolation needs no wrapping. Secular variation within
+    a run is left out. Raises `ArgumentError` for a date that the IGRF-14 lacks.
     """
 
     orbit: AbstractPlace
@@ -170,7 +170,7 @@ class IgrfField(AbstractMagneticField):
         return self.first_degree
 
     def over(self, t: RealScalar, turn: RealScalar) -> Vector:
-        """B in orbit axes, T, where the orbit is at time `t` (s) and the Earth has turned by `turn`
+        """Return B in orbit axes, T, with the orbit at time `t` (s) and the Earth turned by `turn`
         (rad) since time zero: periodic in both."""
         orbit = self.circle
         phase, late = place_on_circle(orbit.argument_of_latitude + orbit.rate * t, PLACES)
@@ -182,7 +182,7 @@ class IgrfField(AbstractMagneticField):
     def sampled(
         self, t: Float[np.ndarray, "*#shape"], turn: Float[np.ndarray, "*#shape"]
     ) -> Float[np.ndarray, "*both 3"]:
-        """`over` of broadcast arrays in NumPy, for tables."""
+        """Return `over` for broadcast NumPy arrays."""
         orbit, table = self.circle, np.asarray(self.table)
         phase, late = _place(float(orbit.argument_of_latitude) + float(orbit.rate) * t)
         node, east = _place(float(orbit.node) - float(orbit.sidereal_angle) - turn)
@@ -194,15 +194,15 @@ class IgrfField(AbstractMagneticField):
 
 
 def _place(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`place_on_circle` in NumPy."""
+    """Return `place_on_circle` in NumPy."""
     place = np.mod(angle * (PLACES / (2 * np.pi)), PLACES)
     low = np.minimum(np.floor(place), PLACES - 1).astype(int)
     return low, place - low
 
 
 def _weights(share: Any) -> list[Any]:
-    """Six times those of the cubic B-splines that overlap, at a share of the way between the middle
-    two."""
+    """Return six times the weights of the overlapping cubic B-splines, at a share of the way
+    between the middle two."""
     rest = 1 - share
     first, last = rest * rest * rest, share * share * share
     second, third = (4 - 3 * x * x * (2 - x) for x in (share, rest))
@@ -212,7 +212,7 @@ def _weights(share: Any) -> list[Any]:
 def _exact(
     radius: float, inclination: float, coefficients: Coefficients
 ) -> Float[np.ndarray, "phases turns 3"]:
-    """B in orbit axes at equally spaced arguments of latitude and longitudes of the node."""
+    """Return B in orbit axes at equally spaced arguments of latitude and longitudes of the node."""
     turns = np.arange(EXACT) * 2 * np.pi / EXACT
     c, s = np.cos(turns)[:, None], np.sin(turns)[:, None]
     east, north = np.cos(turns), np.sin(turns)
@@ -232,10 +232,10 @@ def _vectors(*parts: Any) -> Float[np.ndarray, "phases turns 3"]:
 def _splines(
     rate: float, inclination: float, date: np.datetime64
 ) -> Float[np.ndarray, "phases turns 3"]:
-    """A 36th of the coefficients of B-splines, T.
+    """Return the coefficients of B-splines divided by 36, T.
 
-    They are those of Fourier divided by the transform of a B-spline. What is left of each wave of
-    number p is its aliases, 2 (p / PLACES)^4 of it.
+    They are the Fourier coefficients divided by the transform of a B-spline. The relative error of
+    a wave of number p is that of its aliases, 2 (p / PLACES)^4.
     """
     radius = float(np.cbrt(EARTH_GRAVITY / rate**2))
     exact = _exact(radius, inclination, igrf_coefficients(date))

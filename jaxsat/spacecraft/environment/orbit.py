@@ -1,8 +1,8 @@
 """Circular orbit, the rate of its LVLH frame, and the Earth's magnetic field along an orbit.
 
 The orbit frame has x along the velocity, z towards the Earth's centre and y = z × x, minus the
-orbit normal. It turns at (0, -ω0, 0) in its own axes. The field here is that of a tilted dipole
-that turns with the Earth (Wertz, Spacecraft Attitude Determination and Control, 1978, appendix H).
+orbit normal. It turns at (0, -ω0, 0) in its own axes. The field is that of a tilted dipole that
+turns with the Earth (Wertz, Spacecraft Attitude Determination and Control, 1978, appendix H).
 For the whole IGRF see `jaxsat.spacecraft.environment.igrf`.
 """
 
@@ -23,22 +23,22 @@ EARTH_ROTATION = 7.292115e-5  # rad/s, WGS 84
 
 
 class AbstractOrbit(eqx.Module):
-    """How the orbit frame's own rotation appears in body axes."""
+    """Model of the orbit frame's own rotation in body axes."""
 
     rate: eqx.AbstractVar[RealScalar]
 
     @abc.abstractmethod
     def frame_rate(self, attitude: AbstractAttitude) -> Vector:
-        """Angular velocity of the orbit frame in body axes, rad/s: the term C_bo ω_e of (11)."""
+        """Return the rate of the orbit frame in body axes, rad/s: the term C_bo ω_e of (11)."""
 
 
 class ExactOrbit(AbstractOrbit):
-    """Equation (11) as it is: C (0, -ω0, 0)ᵀ. `rate` is ω0 in rad/s."""
+    """Exact form of equation (11): C (0, -ω0, 0)ᵀ. `rate` is ω0 in rad/s."""
 
     rate: RealScalar = eqx.field(converter=finite("rate"))
 
     def frame_rate(self, attitude: AbstractAttitude) -> Vector:
-        """C (0, -ω0, 0)ᵀ, rad/s."""
+        """Return C (0, -ω0, 0)ᵀ, rad/s."""
         return -self.rate * attitude.as_dcm().matrix[:, 1]
 
 
@@ -48,41 +48,41 @@ class SmallAngleOrbit(AbstractOrbit):
     rate: RealScalar = eqx.field(converter=finite("rate"))
 
     def frame_rate(self, attitude: AbstractAttitude) -> Vector:
-        """(0, -ω0, 0)ᵀ whatever the attitude, rad/s."""
+        """Return (0, -ω0, 0)ᵀ, rad/s, for any attitude."""
         zero = jnp.zeros_like(self.rate)
         return jnp.stack([zero, -self.rate, zero])
 
 
 class AbstractPlace(eqx.Module):
-    """Where a spacecraft is, and how the reference frame of its attitude is turned there."""
+    """Position of a spacecraft along its orbit, and orientation of its reference frame."""
 
     @abc.abstractmethod
     def greenwich(self) -> RealScalar:
-        """The right ascension of Greenwich at time zero, rad."""
+        """Return the right ascension of Greenwich at time zero, rad."""
 
     @abc.abstractmethod
     def axes(self, t: RealScalar) -> Matrix:
-        """Axes of the reference frame at time `t` (s), as rows, in inertial axes."""
+        """Return the axes of the reference frame at time `t` (s), as rows, in inertial axes."""
 
     @abc.abstractmethod
     def up(self, t: RealScalar) -> Vector:
-        """Unit vector away from the Earth's centre at time `t` (s), in the reference frame."""
+        """Return the unit vector from the Earth's centre at `t` (s), in the reference frame."""
 
     @abc.abstractmethod
     def depth(self, t: RealScalar, vector: Vector) -> RealScalar:
-        """The component towards the Earth's centre of a vector in the reference frame."""
+        """Return the component towards the Earth's centre of a vector in the reference frame."""
 
     @abc.abstractmethod
     def distance(self, t: RealScalar) -> RealScalar:
-        """From the Earth's centre at time `t` (s), m."""
+        """Return the distance from the Earth's centre at time `t` (s), m."""
 
 
 class CircularOrbit(AbstractPlace):
-    """Where a circular orbit is, in inertial axes with x to the equinox and z to the north pole.
+    """A circular orbit in inertial axes with x to the equinox and z to the north pole.
 
-    `rate` ω0 in rad/s, from which the `radius` follows; at time zero the `inclination`, right
-    ascension of the ascending `node`, `argument_of_latitude` of the spacecraft, and the
-    `sidereal_angle` of Greenwich, rad. Neither the node nor the plane moves.
+    `rate` ω0 in rad/s determines the `radius`; at time zero the `inclination`, right ascension of
+    the ascending `node`, `argument_of_latitude` of the spacecraft, and the `sidereal_angle` of
+    Greenwich, rad. Node and plane are fixed.
     """
 
     rate: RealScalar = eqx.field(converter=as_float)
@@ -98,11 +98,11 @@ class CircularOrbit(AbstractPlace):
 
     @property
     def radius(self) -> RealScalar:
-        """(GM / ω0²)^⅓, m."""
+        """Radius (GM / ω0²)^⅓, m."""
         return jnp.cbrt(EARTH_GRAVITY / self.rate**2)
 
     def axes(self, t: RealScalar) -> Matrix:
-        """Axes of the orbit frame at time `t` (s), as rows, in inertial axes."""
+        """Return the axes of the orbit frame at time `t` (s), as rows, in inertial axes."""
         along = self.argument_of_latitude + self.rate * t
         c, s, ci, si = cos(along), sin(along), cos(self.inclination), sin(self.inclination)
         cn, sn = cos(self.node), sin(self.node)
@@ -112,25 +112,25 @@ class CircularOrbit(AbstractPlace):
         return jnp.stack([forward, -normal, -up])
 
     def greenwich(self) -> RealScalar:
-        """The sidereal angle, rad."""
+        """Return the sidereal angle of Greenwich at time zero, rad."""
         return self.sidereal_angle
 
     def up(self, t: RealScalar) -> Vector:
-        """Minus the third axis."""
+        """Return minus the third axis of the orbit frame."""
         return jnp.array([0.0, 0.0, -1.0], self.rate.dtype)
 
     def depth(self, t: RealScalar, vector: Vector) -> RealScalar:
-        """The third component of a vector in orbit axes."""
+        """Return the third component of a vector in orbit axes."""
         return vector[2]
 
     def distance(self, t: RealScalar) -> RealScalar:
-        """The radius, m."""
+        """Return the radius, m."""
         return self.radius
 
 
 def place_on_circle(angle: RealScalar, count: int) -> tuple[IntScalar, RealScalar]:
-    """The last of so many equally spaced places on a circle up to an angle (rad), and the share of
-    the way from there to the next."""
+    """Return the last of `count` equally spaced places on a circle up to an angle (rad), and the
+    share of the way from there to the next."""
     place = angle * (count / (2 * np.pi))
     place = place - count * jnp.floor(place / count)
     low = jnp.minimum(jnp.floor(place), count - 1).astype(int)
@@ -138,10 +138,10 @@ def place_on_circle(angle: RealScalar, count: int) -> tuple[IntScalar, RealScala
 
 
 DIPOLE = (-1450.9e-9, 4652.5e-9, -29404.8e-9)
-"""g11, h11 and g10 of IGRF-13 for 2020, T: the dipole in axes that turn with the Earth."""
+"""g11, h11 and g10 of IGRF-13 for 2020, T: the dipole in Earth-fixed axes."""
 
 REFERENCE_RADIUS = 6371.2e3
-"""That of the IGRF, m."""
+"""Reference radius of the IGRF, m."""
 
 
 class AbstractMagneticField(eqx.Module):
@@ -151,7 +151,7 @@ class AbstractMagneticField(eqx.Module):
 
     @property
     def circle(self) -> CircularOrbit:
-        """The orbit; raises `ValueError` where it is no circle."""
+        """The circular orbit; raises `ValueError` for another one."""
         if not isinstance(self.orbit, CircularOrbit):
             raise ValueError(f"Expected a circular orbit, but got {type(self.orbit).__name__}.")
         return self.orbit
@@ -159,40 +159,40 @@ class AbstractMagneticField(eqx.Module):
     @property
     @abc.abstractmethod
     def dipole(self) -> Vector:
-        """The first degree as (g11, h11, g10), T."""
+        """The first degree of the field as (g11, h11, g10), T."""
 
     @abc.abstractmethod
     def over(self, t: RealScalar, turn: RealScalar) -> Vector:
-        """B in orbit axes, T, where the orbit is at time `t` (s) and the Earth has turned by `turn`
+        """Return B in orbit axes, T, with the orbit at time `t` (s) and the Earth turned by `turn`
         (rad) since time zero: periodic in both."""
 
     @abc.abstractmethod
     def sampled(
         self, t: Float[np.ndarray, "*#shape"], turn: Float[np.ndarray, "*#shape"]
     ) -> Float[np.ndarray, "*both 3"]:
-        """`over` of broadcast arrays in NumPy, for tables: XLA takes longer to compile it."""
+        """Return `over` for broadcast NumPy arrays, for tables, which XLA compiles too slowly."""
 
     def __call__(self, t: RealScalar) -> Vector:
-        """B at time `t` (s) in orbit axes, T."""
+        """Return B at time `t` (s) in orbit axes, T."""
         return self.over(t, EARTH_ROTATION * t)
 
     def in_body(self, t: RealScalar, attitude: AbstractAttitude) -> Vector:
-        """B at time `t` (s) in body axes, T."""
+        """Return B at time `t` (s) in body axes, T."""
         return attitude.as_dcm().matrix @ self(t)
 
 
 class DipoleField(AbstractMagneticField):
-    """The first degree of the IGRF: (R/r)³ (3 (m·r̂) r̂ - m) of the Earth's dipole m."""
+    """The Earth's dipole m, the first degree of the IGRF: (R/r)³ (3 (m·r̂) r̂ - m)."""
 
     orbit: AbstractPlace
 
     @property
     def dipole(self) -> Vector:
-        """`DIPOLE`, T."""
+        """The constant `DIPOLE`, T."""
         return as_float(DIPOLE)
 
     def over(self, t: RealScalar, turn: RealScalar) -> Vector:
-        """B in orbit axes, T."""
+        """Return B in orbit axes, T."""
         axes, angle = self.orbit.axes(t), self.orbit.greenwich() + turn
         east, north = cos(angle), sin(angle)
         x, y, z = DIPOLE
@@ -203,7 +203,7 @@ class DipoleField(AbstractMagneticField):
     def sampled(
         self, t: Float[np.ndarray, "*#shape"], turn: Float[np.ndarray, "*#shape"]
     ) -> Float[np.ndarray, "*both 3"]:
-        """B in orbit axes, T."""
+        """Return B in orbit axes, T."""
         orbit = self.orbit
         if not isinstance(orbit, CircularOrbit):
             each = jnp.vectorize(self.over, signature="(),()->(n)")

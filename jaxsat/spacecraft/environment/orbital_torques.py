@@ -1,4 +1,4 @@
-"""Disturbances by the place in the orbit: residual dipole, drag and solar pressure.
+"""Disturbances that depend on the orbital position: residual dipole, drag, solar pressure.
 
 Wertz, Spacecraft Attitude Determination and Control, 1978, sections 5.1, 17.2 and appendix H.
 """
@@ -19,11 +19,11 @@ from jaxsat.spacecraft.environment.disturbances import AbstractDisturbance, Dist
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField, AbstractPlace, CircularOrbit
 
 SOLAR_PRESSURE = 4.56e-6
-"""At the Earth's mean distance from the Sun on a surface that absorbs all light, N/m²."""
+"""Solar pressure on a surface that absorbs all light at 1 au, N/m²."""
 
 
 class MagneticTorque(AbstractDisturbance):
-    """A dipole fixed in the body (A m²), in the Earth's magnetic `field`."""
+    """Torque of a dipole fixed in the body (A m²) in the Earth's magnetic `field`."""
 
     declaration: ClassVar[PartDeclaration] = MAGNETIC
 
@@ -34,20 +34,22 @@ class MagneticTorque(AbstractDisturbance):
     def from_table(
         cls, values: Mapping[str, Any], context: DisturbanceContext
     ) -> "MagneticTorque | None":
-        """The torque of a table of a scenario; None for no dipole."""
+        """Return the torque of a table of a scenario; None for no dipole."""
         dipole = values["residual_dipole_A_m2"]
         return cls(dipole, context.field) if any(dipole) else None
 
     def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
-        """m × B in body axes."""
+        """Return m × B in body axes, N m."""
         return jnp.cross(self.dipole, self.field.in_body(t, attitude))
 
 
 class AerodynamicTorque(AbstractDisturbance):
-    """Drag of one coefficient: the force ½ ρ v² `coefficient` `area` against the velocity.
+    """Torque of drag with one coefficient: the force ½ ρ v² `coefficient` `area` against the
+    velocity.
 
-    `density` ρ in kg/m³ is constant, `area` in m², v the speed of the circular `orbit` (the air's
-    own is left out). It acts at the `centre` of pressure (m) from the centre of mass, body axes.
+    `density` ρ in kg/m³ is constant, `area` in m², v the speed of the circular `orbit` (motion of
+    the air is left out). The force acts at the `centre` of pressure, m from the centre of mass,
+    body axes.
     """
 
     declaration: ClassVar[PartDeclaration] = AERODYNAMIC
@@ -62,7 +64,7 @@ class AerodynamicTorque(AbstractDisturbance):
     def from_table(
         cls, values: Mapping[str, Any], context: DisturbanceContext
     ) -> "AerodynamicTorque | None":
-        """The torque of a table of a scenario; None where there is no air, or it strikes panels."""
+        """Return the torque of a table of a scenario; None without air or with panels."""
         if not values["drag_density_kg_m3"] or context.panels:
             return None
         return cls(
@@ -74,7 +76,7 @@ class AerodynamicTorque(AbstractDisturbance):
         )
 
     def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
-        """centre × force in body axes."""
+        """Return centre × force in body axes, N m."""
         forward = attitude.as_dcm().matrix[:, 0]
         speed = self.orbit.rate * self.orbit.radius
         force = -0.5 * self.density * speed**2 * self.coefficient * self.area * forward
@@ -82,10 +84,10 @@ class AerodynamicTorque(AbstractDisturbance):
 
 
 class Sunlight(eqx.Module):
-    """Where light comes from along an orbit: the Sun's direction is fixed in inertial axes.
+    """Direction and shadow of sunlight along an orbit: the Sun's direction is inertially fixed.
 
-    `sun` is of any length but zero. With `eclipses` the Earth has a shadow, a cylinder as wide as
-    its equator, into which no light comes.
+    `sun` is of any length but zero. With `eclipses` the Earth has a cylindrical shadow as wide as
+    its equator, without light.
     """
 
     sun: Vector = eqx.field(converter=finite("sun"))
@@ -96,7 +98,7 @@ class Sunlight(eqx.Module):
         require_positive("sun", jnp.sum(self.sun**2))
 
     def __call__(self, t: RealScalar) -> tuple[Vector, RealScalar]:
-        """Unit vector to the Sun in the reference frame at `t` (s), and the light there, 0 or 1."""
+        """Return the unit vector to the Sun, reference frame, at `t` (s), and the light, 0 or 1."""
         towards = self.orbit.axes(t) @ (self.sun / jnp.sqrt(jnp.sum(self.sun**2)))
         if not self.eclipses:
             return towards, jnp.ones_like(towards[2])
@@ -107,12 +109,12 @@ class Sunlight(eqx.Module):
 
 
 class SolarPressureTorque(AbstractDisturbance):
-    """Light of one coefficient: the force P `coefficient` `area` away from the Sun.
+    """Torque of solar pressure with one coefficient: the force P `coefficient` `area` from the Sun.
 
-    `coefficient` is 1 for a surface that absorbs all light and 2 for a mirror across it; `area` in
-    m². It acts at the `centre` of pressure (m) from the centre of mass, body axes. `sun` is the
-    direction to the Sun, fixed in inertial axes, of any length but zero; see `Sunlight` for
-    `eclipses`.
+    `coefficient` is 1 for a surface that absorbs all light and 2 for a mirror that faces the Sun;
+    `area` in m². The force acts at the `centre` of pressure, m from the centre of mass, body axes.
+    `sun` is the direction to the Sun, fixed in inertial axes, of any length but zero; see
+    `Sunlight` for `eclipses`.
     """
 
     declaration: ClassVar[PartDeclaration] = SOLAR
@@ -128,14 +130,14 @@ class SolarPressureTorque(AbstractDisturbance):
         self.light()
 
     def light(self) -> Sunlight:
-        """Where the light comes from."""
+        """Return the direction and shadow of the light."""
         return Sunlight(self.sun, self.orbit, self.eclipses)
 
     @classmethod
     def from_table(
         cls, values: Mapping[str, Any], context: DisturbanceContext
     ) -> "SolarPressureTorque | None":
-        """The torque of a table of a scenario; None where nothing is lit, or panels are."""
+        """Return the torque of a table of a scenario; None without area or with panels."""
         if not values["solar_area_m2"] or context.panels:
             return None
         return cls(
@@ -148,7 +150,7 @@ class SolarPressureTorque(AbstractDisturbance):
         )
 
     def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
-        """centre × force in body axes."""
+        """Return centre × force in body axes, N m."""
         towards, light = self.light()(t)
         push = -light * SOLAR_PRESSURE * self.coefficient * self.area
         return jnp.cross(self.centre, push * (attitude.as_dcm().matrix @ towards))

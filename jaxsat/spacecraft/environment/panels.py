@@ -25,9 +25,9 @@ class Panels(eqx.Module):
     """P flat plates that air and light strike on the side of their normals, in body axes.
 
     `area` in m²; `normal` outwards, of any length but zero; `centre` of each in m from the centre
-    of mass; its `drag_coefficient`; and the shares of light that it reflects, `specular` as a
-    mirror and `diffuse` evenly, of which the rest is absorbed. None shadows another. Raises
-    `ValueError` for numbers that no plate has.
+    of mass; `drag_coefficient`; and the reflected shares of light, `specular` and `diffuse`, of
+    which the rest is absorbed. Plates do not shadow each other. Raises `ValueError` for numbers
+    outside their ranges.
     """
 
     area: Float[Array, " p"] = eqx.field(converter=not_negative("area"))
@@ -42,24 +42,24 @@ class Panels(eqx.Module):
 
     @classmethod
     def from_tables(cls, tables: Sequence[Any]) -> "Panels":
-        """The panels of checked tables `[[panel]]` of a scenario."""
+        """Return the panels of checked tables `[[panel]]` of a scenario."""
         names = ("area_m2", "normal", "centre_m", "drag_coefficient", "specular", "diffuse")
         return cls(*(np.array([getattr(one, name) for one in tables]) for name in names))
 
     def unit_normals(self) -> Float[Array, "p 3"]:
-        """The normals, of length 1."""
+        """Return the normals scaled to unit length."""
         return self.normal / jnp.sqrt(jnp.sum(self.normal**2, axis=1, keepdims=True))
 
     def torque(self, force: Float[Array, "p 3"]) -> Vector:
-        """The torque of a force on the centre of each, N m."""
+        """Return the torque of a force (N) on the centre of each panel, N m."""
         return jnp.sum(jnp.cross(self.centre, force), axis=0)
 
 
 class PanelDrag(AbstractDisturbance):
     """Drag on `panels`: -½ ρ v² C_d A (n·v̂) v̂ on each that faces the velocity.
 
-    `density` ρ in kg/m³ is constant, v the speed of the circular `orbit` (the air's own is left
-    out).
+    `density` ρ in kg/m³ is constant, v the speed of the circular `orbit` (motion of the air is
+    left out).
     """
 
     declaration: ClassVar[PartDeclaration] = PANEL_DRAG
@@ -72,14 +72,14 @@ class PanelDrag(AbstractDisturbance):
     def from_table(
         cls, values: Mapping[str, Any], context: DisturbanceContext
     ) -> "PanelDrag | None":
-        """The torque on the panels of a scenario; None where there is no air or no panel."""
+        """Return the torque on the panels of a scenario; None without air or panels."""
         density = values["drag_density_kg_m3"]
         if not density or not context.panels:
             return None
         return cls(density, Panels.from_tables(context.panels), context.circle)
 
     def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
-        """Σ centre × force in body axes."""
+        """Return Σ centre × force in body axes, N m."""
         panels, forward = self.panels, attitude.as_dcm().matrix[:, 0]
         speed = self.orbit.rate * self.orbit.radius
         facing = jnp.maximum(panels.unit_normals() @ forward, 0.0)
@@ -90,8 +90,8 @@ class PanelDrag(AbstractDisturbance):
 class PanelSolarPressure(AbstractDisturbance):
     """Light on `panels`: -P A cosθ ((1 - C_s) ŝ + 2 (C_s cosθ + C_d / 3) n) on each that is lit.
 
-    ŝ points to the Sun, cosθ = n·ŝ, C_s and C_d are the shares of light that are reflected as by
-    a mirror and evenly.
+    ŝ points to the Sun, cosθ = n·ŝ, C_s and C_d are the specularly and diffusely reflected shares
+    of light.
     """
 
     declaration: ClassVar[PartDeclaration] = PANEL_LIGHT
@@ -103,14 +103,14 @@ class PanelSolarPressure(AbstractDisturbance):
     def from_table(
         cls, values: Mapping[str, Any], context: DisturbanceContext
     ) -> "PanelSolarPressure | None":
-        """The torque on the panels of a scenario; None where there is no panel."""
+        """Return the torque on the panels of a scenario; None without panels."""
         if not context.panels:
             return None
         light = Sunlight(values["sun_direction"], context.place, values["eclipses"])
         return cls(Panels.from_tables(context.panels), light)
 
     def __call__(self, t: RealScalar, attitude: AbstractAttitude, inertia: Matrix) -> Vector:
-        """Σ centre × force in body axes."""
+        """Return Σ centre × force in body axes, N m."""
         panels, normal = self.panels, self.panels.unit_normals()
         towards, pressure = self.light(t)
         sun = attitude.as_dcm().matrix @ towards
