@@ -1,4 +1,4 @@
-"""Which oscillation of the two driven axes is asked for, by the errors of the third one.
+"""Demanded oscillation of the two driven axes, from the errors of the third one.
 
 With ω - e ≈ (ρ S, (α S + β C) / ρ), e the orbit frame's rate in body axes, S = sin νt and
 C = cos νt, the slow rate s and slow turn ẑ (ω3 and z without their ripple) obey on average
@@ -20,7 +20,7 @@ TINY = 1e-12
 
 
 class AbstractDemand(eqx.Module):
-    """Which oscillation to ask for, given the slow rate s (rad/s) and slow turn ẑ (rad)."""
+    """Demanded oscillation for a slow rate s (rad/s) and slow turn ẑ (rad)."""
 
     @abc.abstractmethod
     def __call__(
@@ -30,7 +30,7 @@ class AbstractDemand(eqx.Module):
 
 
 def beyond(turn: RealScalar, rest: RealScalar) -> RealScalar:
-    """The part of a turn (rad) that is not within ± `rest`."""
+    """The part of a turn (rad) outside ± `rest`."""
     return turn - jnp.clip(turn, -rest, rest)
 
 
@@ -47,7 +47,7 @@ class MorinSamson(AbstractDemand):
     def __call__(
         self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar
     ) -> tuple[RealScalar, RealScalar]:
-        """α = -(2 / c)(k3² ẑ + 2ζ k3 s), β = 0, of ẑ what is beyond `rest`."""
+        """α = -(2 / c)(k3² ẑ + 2ζ k3 s), β = 0, with the part of ẑ outside ± `rest`."""
         correction = self.k3**2 * beyond(turn, self.rest) + 2 * self.damping * self.k3 * rate
         alpha = -2 * reciprocal(coupling) * correction
         return alpha, jnp.zeros_like(alpha)
@@ -66,7 +66,8 @@ class TwoChannel(AbstractDemand):
     def __call__(
         self, rate: RealScalar, turn: RealScalar, coupling: RealScalar, frequency: RealScalar
     ) -> tuple[RealScalar, RealScalar]:
-        """α = -(2 / c) k3 s, β = 2ν (kz ẑ + s), of ẑ what is beyond `rest`, and s only there."""
+        """α = -(2 / c) k3 s, β = 2ν (kz ẑ + s), of ẑ the part outside ± `rest`, and s only
+        there."""
         excess = beyond(turn, self.rest)
         share = jnp.where(self.rest > 0, jnp.abs(excess) / (jnp.abs(excess) + self.rest + TINY), 1)
         alpha = -2 * reciprocal(coupling) * self.k3 * rate

@@ -1,4 +1,4 @@
-"""Least squares for what the two torques and the gyroscopic terms do to the driven axes."""
+"""Least squares for the effect of the two torques and the gyroscopic terms on the driven axes."""
 
 from typing import NamedTuple
 
@@ -22,16 +22,16 @@ UNKNOWN_TORQUE = 0.002
 """Standard deviation of unknown torques over an interval, as a share of the limit."""
 
 BELIEVED = 3.0
-"""Standard deviations of the prior within which an estimate is believed."""
+"""Bound on estimates, in standard deviations of the prior."""
 
 
 class DrivenMemory(NamedTuple):
-    """Errors of the model, a row for x and y each, their covariances, and the present interval.
+    """Errors of the model, a row for x and y each, their covariances, and the current interval.
 
     Columns belong to the accelerations by the two torques and to the six products. `first` are the
-    (p1, p2) at its beginning, `expected` is what the model makes of it, `regressor` what the errors
-    are multiplied with, all rad/s but for the products' rad²/s. `omega` is the last (p1, p2, s),
-    and `torque` about x and y (N m) acts from then on.
+    (p1, p2) at its beginning, `expected` their change by the model, `regressor` the factors of the
+    errors, all rad/s but for the products' rad²/s. `omega` is the last (p1, p2, s), and `torque`
+    about x and y (N m) acts from then on.
     """
 
     errors: Float[Array, "2 8"]
@@ -48,7 +48,7 @@ class DrivenFit(eqx.Module):
     """Recursive least squares for dp/dt = S⁻¹ (u + gyroscopic torque) + E (S⁻¹ u, products).
 
     Any two torques and any inertia give dp/dt = B u + Q(p1, p2, s), exactly, Q quadratic
-    (`docs/laws.md`); E is what B and Q differ from the model's. Over an interval of `samples`
+    (`docs/laws.md`); E is the difference of B and Q from the model's. Over an interval of `samples`
     control periods Δp less the model's part is linear in E. `limit` (N m) is that of the torques,
     `rate_noise` (rad/s) the standard deviation of a measured rate.
     """
@@ -73,7 +73,7 @@ class DrivenFit(eqx.Module):
         return jnp.stack([jnp.stack(x), jnp.stack(y)])
 
     def init(self, omega: Vector) -> DrivenMemory:
-        """The memory of a fit that knows no error yet, at the rates (p1, p2, s), rad/s."""
+        """The initial memory, with zero errors, at the rates (p1, p2, s), rad/s."""
         none = jnp.zeros(2, omega.dtype)
         variance = (self.prior**2).astype(omega.dtype)
         return DrivenMemory(
@@ -84,13 +84,13 @@ class DrivenFit(eqx.Module):
             jnp.zeros(8, omega.dtype),
             omega,
             none,
-            jnp.array(-1),  # the first sample only begins the first interval
+            jnp.array(-1),  # the first sample only begins an interval
         )
 
     def sampled(
         self, t: RealScalar, state: PlantState, memory: DrivenMemory, period: RealScalar
     ) -> DrivenMemory:
-        """The memory after one sample more, `period` (s) after the last."""
+        """The memory after one more sample, `period` (s) after the last."""
         omega = self.form.slow(self.form.axes @ state.omega)
         begun, middle = memory.samples >= 0, (memory.omega + omega) / 2
         turning = self.form.gyroscopic_torque
@@ -143,7 +143,7 @@ class DrivenFit(eqx.Module):
         return jnp.clip(memory.errors, -most, most)
 
     def change(self, errors: Float[Array, "2 8"], omega: Vector, torque: Pair) -> Pair:
-        """What errors change dp/dt by at the rates (p1, p2, s) and a torque about x and y."""
+        """Change of dp/dt by the errors at the rates (p1, p2, s) and a torque about x and y."""
         regressor = jnp.concatenate([self._by_inertia(torque), products_of(omega)])
         return jnp.sum(errors * regressor[None, :], axis=1)
 
@@ -161,7 +161,7 @@ class FittedDynamics(AbstractCorrection):
     driven: Float[Array, "2 8"] | None
 
     def __call__(self, omega, torque, acceleration):
-        """Along x and y as fitted, and about n besides."""
+        """The acceleration corrected along x and y, and about n."""
         axes = self.form.axes
         rates = self.form.slow(axes @ omega)
         if self.driven is not None:

@@ -1,7 +1,7 @@
-"""What a law should believe of the third axis, from observer and least squares together.
+"""Estimate of the third axis, from observer and least squares together.
 
-No torque acts about the third axis, so what cannot be cancelled there must be known: the ripple
-of the periodic d3, and the errors through which torques meant for the first two axes reach it.
+No torque acts about the third axis, so what cannot be cancelled there must be known: the ripple of
+the periodic d3, and the errors through which torques meant for the first two axes reach it.
 """
 
 from typing import NamedTuple
@@ -22,31 +22,30 @@ from jaxsat.core.quotients import reciprocal
 from jaxsat.core.trees import choose
 
 MIN_COUPLING, MIN_SHARE = 0.2, 0.2
-"""A coupling below both the first and this share of the model's c is not believed: the laws divide
-by it."""
+"""Smallest credible coupling, absolute and relative to the model's c: the laws divide by it."""
 
 
 MOST_TILT, MOST_TURN = 0.06, 0.03
-"""How far the laws go from an attitude that cannot be held, of tilt of the body's third axis alone
-and of turn about it alone, rad. Settled means within 0.05 of z and of |w|, which is half of the
-tilt, both of the body's axes whatever the plane of the torques."""
+"""Largest departure of the laws from an attitude that cannot be held, as tilt of the body's third
+axis alone and as turn about it alone, rad. The tolerances are 0.05 of z and of |w|, which is half
+of the tilt, both of the body's axes whatever the plane of the torques."""
 
 STILL = 1e-30
-"""Added to what may be zero, in the unit of its sum: keeps the quotient of two zeros finite."""
+"""Added to sums that may be zero, in their unit, so that the quotient of two zeros is finite."""
 
 
 class ThirdAxis(NamedTuple):
-    """What a law knows of the third axis.
+    """Estimate of the third axis for a law.
 
     `rate` is s less its value at rest in the orbit frame (rad/s), `lean` are the (ε1, ε2) by which
-    the turn about n is that of s, p1 and p2, and the ripples of rate (rad/s) and turn (rad) are
-    those to ignore. `products` are the six factors of ds/dt. The first two, a of p1 p2 and b of
-    p1² - p2², are those of one product `coupling` = √(a² + 4b²) of the rates about the axes of the
-    reduced inertia; `axes` is (cos, sin) of the angle about n from x and y to these.
-    Where the target attitude cannot be held, the laws go to the nearest that can be, at most
-    `MOST_TILT` or `MOST_TURN` away: `turn` is the rotation vector to it along (x, y, n) (rad),
-    `orbit_rate` and `rest` are the orbit frame's rate along (x, y, n) and (p1, p2, s) at rest there
-    (rad/s), and `drift` is what ds/dt (rad/s²) is left.
+    the turn about n is that of s, p1 and p2, and the ripples of rate (rad/s) and turn (rad) are to
+    be ignored. `products` are the six factors of ds/dt. The first two, a of p1 p2 and b of p1² -
+    p2², follow from one product `coupling` = √(a² + 4b²) of the rates about the axes of the reduced
+    inertia; `axes` is (cos, sin) of the angle about n from x and y to these. Where the target
+    attitude cannot be held, the laws go to the nearest that can be, at most `MOST_TILT` or
+    `MOST_TURN` away: `turn` is the rotation vector to it along (x, y, n) (rad), `orbit_rate` and
+    `rest` are the orbit frame's rate along (x, y, n) and (p1, p2, s) at rest there (rad/s), and
+    `drift` is the remaining ds/dt (rad/s²).
     """
 
     rate: RealScalar
@@ -67,9 +66,9 @@ class ThirdAxis(NamedTuple):
 
 
 class ThirdAxisBelief(NamedTuple):
-    """What follows from the fitted errors alone, see `ThirdAxis`.
+    """Consequences of the fitted errors alone, see `ThirdAxis`.
 
-    It is made anew only where these have changed, as it takes roots and quotients.
+    They are recomputed only after a change of these, as this takes roots and quotients.
     """
 
     coupling: RealScalar
@@ -89,16 +88,16 @@ class EstimatorMemory(NamedTuple):
 
 
 class ThirdAxisEstimator(eqx.Module):
-    """Observer and fit together; without either the third axis is what the model says it is.
+    """Observer and fit together; without either the third axis is that of the model.
 
-    The observer predicts the measured ω3 with the fitted errors in it, so that a new estimate
-    does not look like a disturbance. A drift at rest within ± `balanced` (rad/s²), unless that is
-    None, is no reason to leave the target attitude. `gradient` is √3 ω0 times the direction to the
-    Earth's centre along (x, y, n) in the target attitude (rad/s), None where no gravity gradient
-    acts: its torque 3 ω0² o × J o is that of -ω × J ω at ω = √3 ω0 o with the other sign, so it
-    changes s by the same products. If it `balances_steady`, the observer's steady acceleration
-    counts as a part of the drift at rest: what errors of the products leave of it. `most_turn`
-    (rad) is how far the held attitude may turn about n alone.
+    The observer predicts the measured ω3 with the fitted errors, so that a new estimate does not
+    look like a disturbance. A drift at rest within ± `balanced` (rad/s²), unless that is None, does
+    not move the attitude from the target. `gradient` is √3 ω0 times the direction to the Earth's
+    centre along (x, y, n) in the target attitude (rad/s), None without gravity gradient: its torque
+    3 ω0² o × J o is that of -ω × J ω at ω = √3 ω0 o with the other sign, so it changes s by the
+    same products. If it `balances_steady`, the observer's steady acceleration is part of the drift
+    at rest: the residual of errors of the products. `most_turn` (rad) is the largest turn of the
+    held attitude about n alone.
     """
 
     form: NormalForm
@@ -110,7 +109,7 @@ class ThirdAxisEstimator(eqx.Module):
     most_turn: RealScalar = eqx.field(converter=as_float, default=MOST_TURN)
 
     def init(self, omega: Vector) -> EstimatorMemory:
-        """The memory of an estimator that knows nothing but (p1, p2, s), rad/s."""
+        """The memory with the rates (p1, p2, s), rad/s, and no errors."""
         return EstimatorMemory(
             None if self.observer is None else self.observer.init(omega[2]),
             None if self.least_squares is None else self.least_squares.init(omega),
@@ -121,7 +120,7 @@ class ThirdAxisEstimator(eqx.Module):
 
     @staticmethod
     def _no_belief(omega: Vector) -> ThirdAxisBelief:
-        """Before the first sample, which makes one."""
+        """Placeholder until the first sample computes a belief."""
         zero = jnp.zeros_like(omega[0])
         return ThirdAxisBelief(zero, jnp.zeros_like(omega[:2]), jnp.zeros_like(omega), zero)
 
@@ -133,10 +132,10 @@ class ThirdAxisEstimator(eqx.Module):
         attitude: Quaternion | None = None,
         thrust: Float[Array, " k"] | None = None,
     ) -> tuple[ThirdAxis, EstimatorMemory]:
-        """One sample: what to believe now of (p1, p2, s), and the next memory; `period` in s.
+        """The estimate from one sample of (p1, p2, s), and the next memory; `period` in s.
 
-        `attitude` is that of `NormalState`; gravity gradient is left out without it. `thrust` is
-        what the fit has regressors of beside its eight.
+        `attitude` is that of `NormalState`; without it gravity gradient is ignored. `thrust` are
+        regressors of the fit beside its eight.
         """
         c, lean, started = self.form.coupling, self.form.lean, memory.started
         factors = self.form.other_products.at[0].add(c)
@@ -151,7 +150,7 @@ class ThirdAxisEstimator(eqx.Module):
         if self.observer is not None:
             known = [(omega - last)[:2], products, *([] if thrust is None else [thrust])]
             change = jnp.sum(factors * products) + jnp.sum(jnp.concatenate(known) * errors)
-            # By the period, not the span: sine and cosine are then the same for all cases.
+            # Period, not span, so that sine and cosine are uniform over all cases.
             advanced = self.observer.advance(ripple, omega, change, period)
             first = self.observer.init(omega[2])
             ripple = choose(started, advanced, first)
@@ -173,7 +172,7 @@ class ThirdAxisEstimator(eqx.Module):
         return self._third_axis(omega, ripple, errors, factors, lean, belief), following
 
     def _balanced_steady(self, ripple: PyTree) -> RealScalar | None:
-        """The steady acceleration (rad/s²) that the attitude is to balance, if it is."""
+        """The steady acceleration (rad/s²) that the attitude balances, if any."""
         if self.observer is None or not self.balances_steady:
             return None
         return self.observer.believed(ripple).steady
@@ -185,8 +184,8 @@ class ThirdAxisEstimator(eqx.Module):
         lean: Float[Array, "2"],
         steady: RealScalar | None,
     ) -> ThirdAxisBelief:
-        """From the factors of ds/dt believed; `c` and `lean` are the model's own, `steady` (rad/s²)
-        is what the attitude balances beside the products."""
+        """The belief from the estimated factors of ds/dt; `c` and `lean` are the model's own,
+        `steady` (rad/s²) is balanced by the attitude beside the products."""
         coupling, axes = _main_axes(products[0], products[1])
         if self.least_squares is not None:  # else the model's own value, however small
             coupling = jnp.maximum(coupling, jnp.minimum(MIN_COUPLING, MIN_SHARE * jnp.abs(c)))
@@ -233,8 +232,8 @@ class ThirdAxisEstimator(eqx.Module):
     def _balance(
         self, products: Float[Array, "6"], lean: Float[Array, "2"], steady: RealScalar | None
     ) -> Vector:
-        """The least turn (rad) from the orbit frame to where s stays, in the unit of `_reach`, of
-        which it is at most one."""
+        """The smallest turn (rad) from the orbit frame to where s stays, measured by `_reach`,
+        where it is at most 1."""
         drift, by_turn = _drift(products, lean, self.form.orbit_rate)
         if self.gradient is not None:
             less, slope = _drift(products, lean, self.gradient)
@@ -251,10 +250,10 @@ class ThirdAxisEstimator(eqx.Module):
 
     @property
     def _reach(self) -> Matrix:
-        """W: turns δ along (x, y, n) with δ·W⁻¹δ ≤ 1 are those to which the laws go, rad².
+        """W: turns δ along (x, y, n) with δ·W⁻¹δ ≤ 1 are permitted to the laws, rad².
 
         An ellipsoid with `MOST_TILT` along the body's first two axes and `MOST_TURN` along its
-        third, pressed along n until it reaches `most_turn` that way, where the end game turns.
+        third, compressed along n until it reaches `most_turn` there, where the end game turns.
         """
         _, axes, about_n = numpy_if_known(self.form.axes, self.most_turn)
         turn, tilt = MOST_TURN**2, MOST_TILT**2
@@ -268,7 +267,7 @@ class ThirdAxisEstimator(eqx.Module):
 def _drift(
     products: Float[Array, "6"], lean: Float[Array, "2"], rate: Vector
 ) -> tuple[RealScalar, Vector]:
-    """ds/dt at a rate (rad/s) that the orbit gives along (x, y, n), and by a turn of the body."""
+    """ds/dt at the orbit's rate along (x, y, n) (rad/s), and its derivative by a body turn."""
     change = jax.value_and_grad(lambda rates: jnp.sum(products * products_of(rates)))
     drift, slope = change(leaned(rate, lean))
     return drift, jnp.cross(slope.at[:2].add(-lean * slope[2]), rate)
@@ -288,7 +287,7 @@ def in_body(attitude: Quaternion, vector: Vector) -> Vector:
 
 
 def _main_axes(a: RealScalar, b: RealScalar) -> tuple[RealScalar, Float[Array, "2"]]:
-    """`coupling` and `axes` of `ThirdAxis`: half of the angle of (a, -2b), by its half-angles."""
+    """`coupling` and `axes` of `ThirdAxis`: half of the angle of (a, -2b), by half-angles."""
     along = jnp.abs(a) + STILL
     coupling = jnp.sqrt(along**2 + 4 * b**2)
     large = jnp.sqrt((1 + along / coupling) / 2)

@@ -1,4 +1,4 @@
-"""The fine stage: a large oscillation until all is small, then a small one that stays."""
+"""Fine stage: a large oscillation until all errors are small, then a small one that holds."""
 
 import dataclasses
 import enum
@@ -20,11 +20,11 @@ from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
 
 HOLDING_TURN = 0.01
-"""Turn (rad) at which the end game asks for its largest amplitude."""
+"""Turn (rad) at which the end game demands its largest amplitude."""
 
 SURE_SHARE, LEAST_SHARE = 0.7, 0.2
-"""Of the end game's largest ds/dt: what can be relied on, as the orbit takes some of it, and the
-least that counts as left to stop the slow rate where a drift takes the rest."""
+"""Shares of the end game's largest ds/dt: the dependable one, as the orbit takes some of it, and
+the smallest deceleration of the slow rate where a drift takes the rest."""
 
 
 class FineMode(enum.IntEnum):
@@ -35,8 +35,8 @@ class FineMode(enum.IntEnum):
 
 
 class FineMemory(NamedTuple):
-    """The oscillation asked for last, whether the end game works, and its `HoldRecord`, `None`
-    where holds do not coast."""
+    """The last oscillation, whether the end game is active, and its `HoldRecord`, `None` if holds
+    do not coast."""
 
     oscillation: Oscillation
     late: BoolScalar
@@ -47,8 +47,8 @@ class FineStage(eqx.Module):
     """Oscillator and end game, with the hand-over between them.
 
     The end game is the same oscillation with amplitudes up to `holding_amplitude` (rad/s).
-    `fade_lean` takes the correction of the turn for leaning axes away as the tilt grows, by the
-    factor max(0, 1 - |w|²).
+    `fade_lean` reduces the correction of the turn for leaning axes as the tilt grows, by the factor
+    max(0, 1 - |w|²).
     """
 
     oscillator: Oscillator
@@ -61,7 +61,7 @@ class FineStage(eqx.Module):
 
     @property
     def end_game(self) -> Oscillator:
-        """The oscillator that holds: its demand is critically damped and at its largest at
+        """The oscillator of holds, with a critically damped demand that is largest at
         `HOLDING_TURN`."""
         form, amplitude = self.oscillator.form, self.holding_amplitude
         most = form.coupling * amplitude**2 / 2  # of |ds/dt|, rad/s²
@@ -74,7 +74,7 @@ class FineStage(eqx.Module):
         )
 
     def init(self, omega: Vector) -> FineMemory:
-        """The memory at the start: the stage oscillates, with no amplitude yet."""
+        """The initial memory: the stage oscillates, with zero amplitude."""
         hold = HoldRecord.none(omega) if self.handover.coasts else None
         return FineMemory(self.oscillator.init(omega), jnp.array(False), hold)
 
@@ -87,9 +87,8 @@ class FineStage(eqx.Module):
         aid: Aid | None = None,
         largest: RealScalar | None = None,
     ) -> tuple[Pair, Pair, FineMemory]:
-        """The torque about x and y, not yet limited (N m), the rates asked for (rad/s), and the
-        next memory. `largest` is the largest amplitude (rad/s), `None` for that of the oscillator.
-        """
+        """The torque about x and y before limiting (N m), the reference rates (rad/s), and the next
+        memory. `largest` is the largest amplitude (rad/s), `None` for that of the oscillator."""
         tilt = tilt_of(state.attitude)
         if self.fade_lean:
             third = third._replace(lean=third.lean * jnp.maximum(0.0, 1 - tilt.size**2))
@@ -126,7 +125,7 @@ class FineStage(eqx.Module):
             slow_late = choose(coast.drifts, coast.opposed(from_wanted, HOLDING_TURN), slow)
             third_late = third._replace(drift=jnp.where(coast.drifts, 0.0, third.drift))
 
-        # Choosing what is small lets the two share the rest, roots and quotients above all.
+        # Both share all that follows from the chosen request, above all roots and quotients.
         if aid is not None:
             alone = jnp.min(aid.push) > 0
             slow_late = Slow(*(jnp.where(alone, 0.0, x) for x in slow_late))
@@ -138,8 +137,7 @@ class FineStage(eqx.Module):
 
 
 class OscillatorySettlingMemory(NamedTuple):
-    """Memories of the stage and the estimator, the rates asked for, and how many samples there
-    were."""
+    """Memories of the stage and the estimator, the reference rates, and the number of samples."""
 
     fine: FineMemory
     estimator: EstimatorMemory
@@ -148,9 +146,9 @@ class OscillatorySettlingMemory(NamedTuple):
 
 
 class OscillatorySettling(AbstractSampledController):
-    """Oscillates from any start until all is small, then less: all three axes settle.
+    """Oscillates from any start until all errors are small, then less: all three axes settle.
 
-    `torque_limit` (N m) cuts the commands, `period` is in s.
+    `torque_limit` (N m) clips the commands, `period` is in s.
     """
 
     modes: ClassVar[type[enum.IntEnum]] = FineMode
@@ -166,11 +164,11 @@ class OscillatorySettling(AbstractSampledController):
 
     @property
     def form(self) -> NormalForm:
-        """The plant that is believed, and its frame."""
+        """The law's model of the plant, with its frame."""
         return self.fine.oscillator.form
 
     def init(self, state: PlantState) -> OscillatorySettlingMemory:
-        """The memory at the start: no oscillation yet, nothing estimated."""
+        """The initial memory: no oscillation, no estimate."""
         omega = self.form.seen(state).omega
         return OscillatorySettlingMemory(
             self.fine.init(omega),
@@ -182,7 +180,7 @@ class OscillatorySettling(AbstractSampledController):
     def step(
         self, t: RealScalar, state: PlantState, memory: OscillatorySettlingMemory
     ) -> tuple[Pair, OscillatorySettlingMemory]:
-        """Estimate, then the fine stage, whose clock begins with the law."""
+        """Update the estimate, then the fine stage, whose clock begins with the law."""
         clock = memory.samples * self.period
         view = self.form.seen(state)
         third, estimator = self.estimator.update(
@@ -199,5 +197,5 @@ class OscillatorySettling(AbstractSampledController):
         return jnp.where(memory.fine.late, 0.0, omega[:2] - memory.reference)
 
     def mode(self, memory: OscillatorySettlingMemory) -> IntScalar:
-        """The `FineMode` at work."""
+        """The active `FineMode`."""
         return jnp.where(memory.fine.late, FineMode.HOLDING, FineMode.OSCILLATING)

@@ -1,4 +1,4 @@
-"""What a sampled loop does at a sample whose measurements are invalid.
+"""Guard of a sampled loop against samples with invalid measurements.
 
 `jaxsat.flight.guard` writes the same rules as C.
 """
@@ -19,18 +19,17 @@ from jaxsat.spacecraft.held_effector import Decision
 
 
 class GuardState(NamedTuple):
-    """What was asked for at the last sample, and how many samples in a row were held since the law
-    last made a step."""
+    """The last commands, and the number of successive samples held since the law's last step."""
 
     last: PyTree
     missed: IntScalar
 
 
 class Guard(eqx.Module):
-    """A law makes no step at a sample with invalid measurements, and its memory stays as it is.
+    """A guard skips the law at a sample with invalid measurements, and keeps its memory.
 
-    At the first `hold_samples` such samples in a row, effectors are asked for what they were last
-    asked for, then for nothing. Raises `ArgumentError` for a number of samples below zero.
+    At the first `hold_samples` such samples in a row, effectors repeat their last command, then
+    receive none. Raises `ArgumentError` for a number of samples below zero.
     """
 
     hold_samples: IntScalar
@@ -41,18 +40,18 @@ class Guard(eqx.Module):
         self.hold_samples = as_array(np.asarray(hold_samples, np.int32))
 
     def init(self, asked: PyTree) -> GuardState:
-        """The state before the first sample, at which something like `asked` is asked for."""
+        """The state before the first sample, with the structure of the command `asked`."""
         last = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), asked)
         return GuardState(last, jnp.zeros_like(self.hold_samples))
 
     def decide(self, valid: BoolScalar, state: GuardState) -> Decision:
-        """What is done at a sample."""
+        """The decision at a sample."""
         return Decision(valid, state.missed < self.hold_samples)
 
     def asked(
         self, decision: Decision, asked: PyTree, state: GuardState
     ) -> tuple[PyTree, GuardState]:
-        """What is asked for, of which `asked` is what a step asks for, and the next state."""
+        """The commands, from those of a step (`asked`), and the next state."""
 
         def one(new: Array, last: Array) -> Array:
             return jnp.where(decision.steps, new, jnp.where(decision.held, last, 0))

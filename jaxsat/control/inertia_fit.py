@@ -1,4 +1,4 @@
-"""A rigid body with one torque: the frame that is easiest to steer in, and a fit of its inertia."""
+"""A rigid body with one torque: the frame of its steering, and a fit of its inertia."""
 
 from typing import NamedTuple
 
@@ -68,14 +68,14 @@ class TorqueAxisFrame(NamedTuple):
 
 
 PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-"""Of the six numbers of an inertia in its matrix."""
+"""Matrix indices of the six numbers of an inertia."""
 
 MOMENT_ERROR, PRODUCT_ERROR, AXIS_ERROR = 0.08, 0.015, 0.012
 """Standard deviations of a moment relative to itself, of a product relative to the geometric mean
 of its two moments, and of the direction of the torque axis (rad)."""
 
 BELIEVED = 3.0
-"""Standard deviations of the prior within which an estimate is believed."""
+"""Bound on estimates, in standard deviations of the prior."""
 
 
 def _basis() -> np.ndarray:
@@ -86,14 +86,14 @@ def _basis() -> np.ndarray:
 
 
 BASIS = _basis()
-"""Symmetric matrices (6, 3, 3), of which an inertia is the sum."""
+"""Basis (6, 3, 3) of the symmetric matrices, with the numbers of an inertia as coefficients."""
 
 
 class InertiaMemory(NamedTuple):
-    """Errors of the model and their covariance, the last rates, and the present interval.
+    """Errors of the model and their covariance, the last rates, and the current interval.
 
     `first` are the rates (rad/s) at its beginning, `squares` is ∫ω ωᵀ dt and `impulse` ∫u dt;
-    `torque` (N m) was asked for at the last of its `samples`.
+    `torque` (N m) was commanded at the last of its `samples`.
     """
 
     errors: Float[Array, "8"]
@@ -110,11 +110,11 @@ class InertiaFit(eqx.Module):
     """Recursive least squares for J and the torque axis b in J dω/dt = -ω × Jω + b u.
 
     Over an interval J Δω + ∫ω × Jω dt = b ∫u dt, which is linear in the six numbers of J and the
-    two by which b leans; the torque that is commanded gives the unit. `moments` (kg m²) are those
-    of the model, whose principal axes everything is in, `axis` its unit vector b. `rate_noise`
-    (rad/s) is the standard deviation of a measured rate, `torque_noise` (N m) that of unknown
-    torques over an interval of `samples` control periods. What is believed keeps within three
-    standard deviations of the prior.
+    two by which b leans; the commanded torque sets the scale. `moments` (kg m²) are those of the
+    model, in whose principal axes all is expressed, `axis` its unit vector b. `rate_noise` (rad/s)
+    is the standard deviation of a measured rate, `torque_noise` (N m) that of unknown torques over
+    an interval of `samples` control periods. Estimates are bounded by three standard deviations of
+    the prior.
     """
 
     moments: Vector = eqx.field(converter=positive("moments"))
@@ -136,7 +136,7 @@ class InertiaFit(eqx.Module):
         return jnp.concatenate([MOMENT_ERROR * self.moments, PRODUCT_ERROR * products, lean])
 
     def init(self, omega: Vector) -> InertiaMemory:
-        """The memory of a fit that knows no error yet."""
+        """The initial memory, with zero errors."""
         zero = jnp.zeros_like(omega[0])
         return InertiaMemory(
             jnp.zeros(8, omega.dtype),
@@ -146,11 +146,11 @@ class InertiaFit(eqx.Module):
             jnp.zeros((3, 3), omega.dtype),
             zero,
             zero,
-            jnp.array(-1),  # the first sample only begins the first interval
+            jnp.array(-1),  # the first sample only begins an interval
         )
 
     def believed(self, memory: InertiaMemory) -> tuple[Matrix, Vector]:
-        """J (kg m²) and the unit vector b."""
+        """Estimated J (kg m²) and unit vector b."""
         prior = self.prior
         errors = jnp.clip(memory.errors, -BELIEVED * prior, BELIEVED * prior)
         inertia = jnp.diag(self.moments) + jnp.sum(
@@ -160,7 +160,7 @@ class InertiaFit(eqx.Module):
         return inertia, axis / jnp.sqrt(jnp.sum(axis**2))
 
     def sampled(self, memory: InertiaMemory, omega: Vector, period: RealScalar) -> InertiaMemory:
-        """One sample more, `period` (s) after the last, from where on its torque was held."""
+        """The memory one sample later, after `period` (s) with the last torque held."""
         started = memory.samples >= 0
         span = jnp.where(started, period, 0.0)
         middle = (memory.omega + omega) / 2

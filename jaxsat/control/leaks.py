@@ -1,7 +1,7 @@
-"""Torque about the normal of a plane of torques, by what the mounting of the thrusters leaks.
+"""Torque about the normal of a plane of torques, from mounting errors (leaks) of the thrusters.
 
-Thrusters that together make no torque in the plane make the sum of what each leaks across it. That
-sum is small, but a plane whose sums have either sign is three axes.
+Thrusters whose torques cancel in the plane still produce the sum of their leaks across it. That sum
+is small, but a plane whose sums have either sign gives three axes.
 """
 
 import dataclasses
@@ -26,27 +26,27 @@ PRIOR_LEAK = 0.03
 """Standard deviation of a leak, over the torque of a thruster."""
 
 ACROSS = 0.05
-"""Of a thruster's torque: one that makes more across the plane is not of the plane."""
+"""Largest torque across the plane, relative to a thruster's torque, of a thruster of the plane."""
 
 SURE_LEAK, SURE_SIGMAS = 1e-3, 4.0
-"""A sum of leaks counts that exceeds this part of the torques, and so many standard deviations."""
+"""Smallest usable sum of leaks, relative to the torques, and in standard deviations."""
 
 LEAST_PUSH = 20.0
-"""The least acceleration about n that counts, over what the oscillation of a hold makes."""
+"""Smallest usable acceleration about n, relative to that of a hold's oscillation."""
 
 USED = 0.5
-"""Of the acceleration that can be made: what the control of the turn asks for."""
+"""Share of the possible acceleration that the control of the turn demands."""
 
 CONTROLLED_TURN = 0.04
-"""rad: where it asks for that."""
+"""Turn, rad, at which it demands that share."""
 
 
 class Aid(NamedTuple):
-    """What thrusters do about n beside the two torques.
+    """Effect of thrusters about n beside the two torques.
 
-    `thrust` (rad/s) is what they did in the last period, as the leaks are fitted. `drift` (rad/s²)
-    is the mean acceleration by the leaks of what makes the torques in the plane, and `push`
-    (rad/s²) that of which thrusters are capable towards -n and n.
+    `thrust` (rad/s) is the thrusters' action in the last period, for the fit of leaks. `drift`
+    (rad/s²) is the mean acceleration by the leaks of the torques in the plane, and `push` (rad/s²)
+    the possible acceleration towards -n and n.
     """
 
     thrust: Float[Array, " k"]
@@ -55,8 +55,8 @@ class Aid(NamedTuple):
 
 
 class LeakMemory(NamedTuple):
-    """`duty` (2, m) is that of the most torque towards -n and n, which is `push` (rad/s²) over
-    n·Jn. `owed` (rad/s) is what was asked for and is less than a pulse, `drift` that of `Aid`."""
+    """`duty` (2, m) of the largest torque towards -n and n, `push` (rad/s²), that torque over n·Jn,
+    `owed` (rad/s), the demand below one pulse, and `drift` of `Aid`."""
 
     duty: Float[Array, "2 m"]
     push: Pair
@@ -65,19 +65,19 @@ class LeakMemory(NamedTuple):
 
     @staticmethod
     def none(count: int) -> "LeakMemory":
-        """The memory before anything is known of leaks."""
+        """The memory before any leak is known."""
         zero = jnp.zeros(count)
         return LeakMemory(jnp.zeros((2, count)), zero[:2], zero[0], zero[0])
 
 
 class Leaks(eqx.Module):
-    """What the leaks are learnt of, and how they are used.
+    """Data for the fit of leaks and for their use.
 
-    The rows of `basis` (k, m) are combinations of thrusters which make no torque in the plane, as
-    acceleration (rad/s²) that all of their torque would make about n. `plane` (2, m) are the
-    torques about x and y (N m), and `flat` (m,) tells which thrusters are of the plane. `inertia`
-    is n·Jn, `least` (rad/s²) the least acceleration that counts, `averaged` (s) the time constant
-    of the mean of `Aid.drift`, `pulse` (s) that of each thruster.
+    The rows of `basis` (k, m) are combinations of thrusters without torque in the plane, as
+    acceleration (rad/s²) that their full torque would cause about n. `plane` (2, m) are the torques
+    about x and y (N m), and `flat` (m,) marks the thrusters of the plane. `inertia` is n·Jn,
+    `least` (rad/s²) the smallest usable acceleration, `averaged` (s) the time constant of the mean
+    of `Aid.drift`, `pulse` (s) that of each thruster.
     """
 
     basis: Float[Array, "k m"] = eqx.field(converter=as_float)
@@ -124,26 +124,26 @@ class Leaks(eqx.Module):
         return Leaks(basis, plane, as_array(flat), inertia, least, averaged, pulse), law
 
     def aid(self, memory: LeakMemory, on_time: Float[Array, " m"], holds: BoolScalar) -> Aid:
-        """After a period in which the thrusters had these on-times (s).
+        """The aid after a period with these on-times (s) of the thrusters.
 
-        Where the law `holds` and cannot push, the mean of all that acts about n is what it needs
-        to know, and a constant torque must not be taken for leaks: it says nothing of the thrust.
+        Where the law `holds` and cannot push, the law needs the mean of all that acts about n, and
+        a constant torque must not be fitted as leaks: the thrust is then zero.
         """
         untold = holds & (jnp.max(memory.push) <= 0)
         thrust = jnp.where(untold, 0.0, self.basis @ on_time)
         return Aid(thrust, jnp.where(untold, 0.0, memory.drift), memory.push)
 
     def believed(self, fit: Fit) -> Float[Array, " k"]:
-        """Leaks of the combinations that stand out of the noise, parts of their torque."""
+        """Significant leaks of the combinations, relative to their torque."""
         leaks, variance = fit.estimate[8:], jnp.diagonal(fit.covariance.matrix)[8:]
         sure = (leaks**2 > SURE_SIGMAS**2 * variance) & (jnp.abs(leaks) > SURE_LEAK)
         return jnp.where(sure, leaks, 0.0)
 
     def found(self, fit: Fit, limit: Float[Array, " m"], memory: LeakMemory) -> LeakMemory:
-        """The memory with the duties that fitted `leaks` allow, of thrusters up to a `limit`.
+        """The memory with the duties that the fitted leaks permit, of thrusters up to a `limit`.
 
-        Thrusters out of the plane, whose pulses are large, are used for a sign that those of the
-        plane do not make.
+        Thrusters out of the plane, whose pulses are large, serve a sign that those of the plane
+        cannot produce.
         """
         leaks, covariance = self.believed(fit), fit.covariance.matrix[8:, 8:]
         about = self.inertia * (leaks @ self.basis)
@@ -184,8 +184,8 @@ class Leaks(eqx.Module):
         period: RealScalar,
         memory: LeakMemory,
     ) -> tuple[Float[Array, " m"], LeakMemory]:
-        """Duties with those that make the `wanted` acceleration (rad/s²) about n, in whole pulses
-        of all thrusters of a combination at once."""
+        """Duties with the `wanted` acceleration (rad/s²) about n added, in whole pulses of all
+        thrusters of a combination at once."""
         leaking = jnp.sum(self.believed(fit) * (self.basis @ (limit * duty)))
         share = period / (self.averaged + period)
         owed = memory.owed + wanted * period
@@ -203,9 +203,9 @@ class Leaks(eqx.Module):
 
 
 def wanted_push(slow: Slow, drift: RealScalar, push: Pair) -> RealScalar:
-    """The acceleration (rad/s²) about n that the control of the turn asks for.
+    """The acceleration (rad/s²) about n that the control of the turn demands.
 
-    Critically damped; `drift` (rad/s²) is made up for. With one sign alone it is no more than that.
+    Critically damped, with compensation of `drift` (rad/s²); with one sign alone no more than that.
     """
     least = jnp.min(push)
     square = USED * least / CONTROLLED_TURN

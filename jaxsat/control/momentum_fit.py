@@ -1,8 +1,8 @@
-"""The momentum of body and wheels that nothing from outside changes, learnt with the inertia.
+"""Fit of the total momentum of body and wheels together with the inertia.
 
-With the inertia J that a law believes, E its error and the wheels' momentum A h the total one is
-H = Cᵀ ((J + E) ω + A h) in the axes of the target, C the attitude. It is the same at all times, so
-Cᵀ (J ω + A h) = H - Cᵀ E ω is linear in three numbers of H and six of E: recursive least squares.
+With the inertia J of the law's model, E its error and the wheels' momentum A h the total is H = Cᵀ
+((J + E) ω + A h) in the axes of the target, C the attitude. Without external torque it is constant:
+recursive least squares of Cᵀ (J ω + A h) = H - Cᵀ E ω, linear in H (3) and E (6).
 """
 
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from jaxsat.core.trees import Symmetric
 from jaxsat.spacecraft.spacecraft import Spacecraft
 
 SAMPLES = 10
-"""Control periods from one update to the next."""
+"""Number of control periods between updates."""
 
 
 class MomentumMemory(NamedTuple):
@@ -33,9 +33,9 @@ class MomentumMemory(NamedTuple):
 class MomentumFit(eqx.Module):
     """Recursive least squares for the total momentum and the errors of the inertia.
 
-    The standard deviation of a momentum that is not known yet is `unknown`, that of a total one
-    that is read is `noise`; in each update momentum has changed by `walk` from outside. All are
-    rates (rad/s): the momentum over the mean moment.
+    The standard deviation of an unknown momentum is `unknown`, that of a measured total is `noise`;
+    external torque changes the momentum by `walk` between updates. All are rates (rad/s): the
+    momentum over the mean moment.
     """
 
     spacecraft: Spacecraft
@@ -44,7 +44,7 @@ class MomentumFit(eqx.Module):
     walk: RealScalar = eqx.field(converter=positive("walk"))
 
     def init(self) -> MomentumMemory:
-        """The memory of a fit that knows no momentum yet."""
+        """The initial memory, with zero estimates."""
         prior = jnp.concatenate([self._prior(), jnp.full(3, self.unknown)])
         return MomentumMemory(jnp.zeros(9), Symmetric(jnp.diag(prior**2)), jnp.array(SAMPLES))
 
@@ -61,7 +61,7 @@ class MomentumFit(eqx.Module):
         return unit * memory.estimate[6:], unit * jnp.sqrt(jnp.maximum(variance, 0.0))
 
     def inertia(self, memory: MomentumMemory) -> Matrix:
-        """J + E, kg m²; E as far as three standard deviations of its prior."""
+        """J + E, kg m², with E bounded by three standard deviations of its prior."""
         prior = BELIEVED * self._prior()
         errors = jnp.clip(memory.estimate[:6], -prior, prior)
         error = jnp.sum(errors[:, None, None] * jnp.asarray(BASIS, errors.dtype), axis=0)
@@ -75,8 +75,8 @@ class MomentumFit(eqx.Module):
         total: Vector,
         again: BoolScalar,
     ) -> MomentumMemory:
-        """One sample more: the attitude, ω (rad/s) and the `total` momentum Cᵀ(Jω + A h) (N m s)
-        as believed. `again` says that H is new: something has failed."""
+        """The memory after one more sample: the attitude, ω (rad/s) and the `total` momentum Cᵀ(Jω
+        + A h) (N m s) by the model. `again` is true if H is new, after a failure."""
         due = (memory.samples + 1 >= SAMPLES) | again
 
         def corrected() -> MomentumMemory:
@@ -93,7 +93,7 @@ class MomentumFit(eqx.Module):
         total: Vector,
         again: BoolScalar,
     ) -> MomentumMemory:
-        """The three equations, one at a time."""
+        """The memory after the three equations, one at a time."""
         estimate, covariance = memory.estimate, memory.covariance.matrix
         fresh = jnp.where(again, self.unknown, self.walk)
         grown = jnp.concatenate([jnp.zeros(6), jnp.ones(3)]) * fresh

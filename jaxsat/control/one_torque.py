@@ -1,8 +1,8 @@
 """All three rates to zero with one torque about a fixed axis.
 
 The momentum across the torque axis b turns in the body only by gyroscopic torque. Held at zero
-momentum about b it turns by itself to one direction, d ∝ J⁻¹b × b, and there a spin about b of
-either sense takes it away; docs/one_torque.md has the derivation.
+momentum about b it turns by itself to one direction, d ∝ J⁻¹b × b, where a spin about b of either
+sense reduces it; docs/one_torque.md has the derivation.
 """
 
 import enum
@@ -30,46 +30,46 @@ RATE_GAIN = 12.0
 """Default of the inner loop's gain, times the `loop_time` of `Scaling`."""
 
 RATE_NOISE, TORQUE_NOISE = 3e-6, 2e-3
-"""What the least squares expect: noise of a rate, rad per `fine_time`, and unknown torques beside
-the periodic one in parts of the torque limit."""
+"""Noise in the least squares: of a rate, rad per `fine_time`, and unknown torques besides the
+periodic one, relative to the torque limit."""
 
 HELD = 0.52
 """Share of the torque limit that holds the momentum about b against gyroscopic torque."""
 
 OVERWHELMED, RECOVERED = 1.15, 0.6
-"""Gyroscopic torque over the torque limit beyond which the law only damps, and until when."""
+"""Gyroscopic torque over the torque limit at which pure damping begins and ends."""
 
 MOST_GROWTH, REGROWTH = 4.0, 0.8
-"""Of the momentum, over the larger of √(ηT / γ) and that at the beginning: beyond it the law only
-damps, until it is below this share of it."""
+"""Momentum at which pure damping begins, over the larger of √(ηT / γ) and the initial momentum, and
+the share of it at which damping ends."""
 
 BRAKE_SIDE = 1.7
 """A brake may be faster than a turn where |y| is below this times x."""
 
 PASSED, FAST = 0.5, 0.3
-"""A brake goes on past y = 0 while |y| is below this share of what it still turns y by, and the
-spin is above this share of what is asked for."""
+"""A brake continues past y = 0 while |y| is below the first share of the remaining turn of y, and
+the spin above the second share of the demanded one."""
 
 SLOW, QUICK, SPIN = 0.25, 0.5, 2.3
-"""Momentum across b, over √(ηT / γ), below which the law spins up to turn faster, and until when;
-and the spin's momentum over that."""
+"""Momentum across b, over √(ηT / γ), below which the law spins up to turn faster, and at which it
+stops to; and the spin's momentum over that."""
 
 STILL, BRAKED = 1.3, 0.3
-"""Spinning up begins below this momentum about b over that across it, and where no brake of this
+"""Spinning up begins below this ratio of momentum about b to that across it, where no brake of this
 share of the largest can begin."""
 
 LEFT = 0.15
-"""Share of the rest rate that a brake leaves."""
+"""Share of the rest rate that remains after a brake."""
 
 LEAVE_REST = 1.2
-"""Rate over the rest rate at which the law goes on."""
+"""Rate over the rest rate at which the law resumes."""
 
 SMALL = 1e-30
-"""Keeps quotients and roots of zero finite: rad²/s², or of a momentum that one torque makes."""
+"""Keeps quotients and roots of zero finite: rad²/s², or relative to a momentum scale."""
 
 
 class OneTorqueMode(enum.IntEnum):
-    """What the law is doing."""
+    """Modes of the law."""
 
     DAMPING = 1
     TURNING = 2
@@ -79,7 +79,7 @@ class OneTorqueMode(enum.IntEnum):
 
 
 class Momenta(NamedTuple):
-    """Along b, d and e, N m s."""
+    """Momenta along b, d and e, N m s."""
 
     w: RealScalar
     x: RealScalar
@@ -87,7 +87,7 @@ class Momenta(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """The momentum about b that is asked for (N m s), its derivative (N m), and what it is for."""
+    """The demanded momentum about b (N m s), its derivative (N m), and the mode."""
 
     momentum: RealScalar
     derivative: RealScalar
@@ -95,8 +95,8 @@ class Wanted(NamedTuple):
 
 
 class OneTorqueMemory(NamedTuple):
-    """The estimate, whether the law damps, spins up or rests, the mode, and the momentum (N m s)
-    above which the model must be wrong."""
+    """The estimate, whether the law damps, spins up or rests, the mode, and the largest credible
+    momentum (N m s), beyond which the model is wrong."""
 
     fit: InertiaMemory
     damps: BoolScalar
@@ -109,14 +109,14 @@ class OneTorqueMemory(NamedTuple):
 class OneTorque(AbstractSampledController):
     """Turns the momentum (x, y) across b to y = 0, x > 0, and brakes it there by spinning about b.
 
-    With w the momentum about b, dx/dt = -γw² + w((α-ζ)y - ηx) + γy² and
-    dy/dt = w((δ-α)x + ηy) - γxy. The law asks for w = -C / (pγy), with which |y| falls as xᵖ,
-    within ± r √(x² + y²) while it turns and ± (3ηT x / γ)^⅓ while it brakes, which a torque of ηT
-    follows to x = 0 in finite time. Below `rest_rate` (rad/s) it rests. Rates that make gyroscopic
-    torques beyond `torque_limit` T (N m), and momentum that grows, are damped by a torque against
-    b·ω; a momentum so small that it turns slowly is made larger first. `share` is η, `turn_ratio`
-    r, `exponent` p; `rate_gain` (1/s) is that on w, `period` in s. The rows of `principal` are the
-    principal axes of the model, in which `fit` works.
+    With w the momentum about b, dx/dt = -γw² + w((α-ζ)y - ηx) + γy² and dy/dt = w((δ-α)x + ηy) -
+    γxy. The law demands w = -C / (pγy), with which |y| decreases as xᵖ, within ± r √(x² + y²) while
+    it turns and ± (3ηT x / γ)^⅓ while it brakes, which a torque of ηT follows to x = 0 in finite
+    time. Below `rest_rate` (rad/s) it rests. Rates with gyroscopic torques beyond `torque_limit` T
+    (N m), and growing momentum, are damped by a torque against b·ω; a small momentum, which turns
+    slowly, is increased first. `share` is η, `turn_ratio` r, `exponent` p; `rate_gain` (1/s) is the
+    gain on w, `period` in s. The rows of `principal` are the principal axes of the model, in which
+    `fit` works.
     """
 
     declaration: ClassVar[LawDeclaration] = ONE_TORQUE
@@ -135,7 +135,7 @@ class OneTorque(AbstractSampledController):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "OneTorque":
-        """The law of a table of a scenario.
+        """The law from a scenario's table.
 
         Raises `UnsuitableModel` where the torque axis is a principal axis.
         """
@@ -177,7 +177,7 @@ class OneTorque(AbstractSampledController):
         )
 
     def init(self, state: PlantState) -> OneTorqueMemory:
-        """The memory at the start: nothing is estimated."""
+        """The initial memory, without estimates."""
         no = jnp.array(False)
         omega = self.principal @ state.omega
         fit = self.fit.init(omega)
@@ -190,7 +190,7 @@ class OneTorque(AbstractSampledController):
     def step(
         self, t: RealScalar, state: PlantState, memory: OneTorqueMemory
     ) -> tuple[Float[Array, "1"], OneTorqueMemory]:
-        """Estimate, choose what to do, and the torque."""
+        """Update the estimate, choose the mode, and compute the torque."""
         omega = self.principal @ state.omega
         fit = memory.fit
         if self.estimates:
@@ -218,13 +218,13 @@ class OneTorque(AbstractSampledController):
         return torque[None], OneTorqueMemory(fit, damps, spins, rests, mode, memory.most)
 
     def mode(self, memory: OneTorqueMemory) -> IntScalar:
-        """The `OneTorqueMode` at work."""
+        """The active `OneTorqueMode`."""
         return memory.mode
 
     def _wanted(
         self, frame: TorqueAxisFrame, at: Momenta, spun: BoolScalar, rests: BoolScalar
     ) -> tuple[Wanted, BoolScalar]:
-        """What to do, and whether that is to spin up."""
+        """The demand, and whether it is to spin up."""
         w, x, y = at
         force = self.share * self.torque_limit
         unit = jnp.sqrt(force / frame.gamma)
@@ -260,11 +260,10 @@ class OneTorque(AbstractSampledController):
     def _turning(
         self, frame: TorqueAxisFrame, at: Momenta, turn, brake, most, left, small
     ) -> tuple[RealScalar, RealScalar]:
-        """|w| that takes |y| down as xᵖ, without a limit, and its sign.
+        """|w| that decreases |y| as xᵖ, without a limit, and its sign.
 
-        The sign is kept where a brake has taken y past zero and turning round would take longer
-        than what is left of it, and where y is as good as zero. `small` (N m s) keeps quotients
-        finite.
+        The sign is kept where a brake has taken y past zero and reversing would take longer than
+        the rest of the brake, and where y is nearly zero. `small` (N m s) keeps quotients finite.
         """
         w, x, y = at
         coupling = frame.coupling(x, y)

@@ -25,13 +25,13 @@ from jaxsat.core.quotients import reciprocal
 from jaxsat.core.smooth import without_slope
 
 NO_AMPLITUDE = 1e-8
-"""In parts of the largest amplitude; keeps it away from zero, where its root has no derivative."""
+"""Smallest amplitude, relative to the largest: its root has no derivative at zero."""
 
 
 class Oscillation(NamedTuple):
-    """The oscillation asked for last: α, β in (rad/s)², amplitude ρ in rad/s.
+    """The last demanded oscillation: α, β in (rad/s)², amplitude ρ in rad/s.
 
-    `axes` is (cos, sin) of the angle about n to the axes that it is about, see `ThirdAxis`.
+    `axes` is (cos, sin) of the angle about n to the oscillation's axes, see `ThirdAxis`.
     """
 
     alpha: RealScalar
@@ -41,10 +41,10 @@ class Oscillation(NamedTuple):
 
 
 class OscillationRequest(NamedTuple):
-    """What a demand asks for, and what is granted of it; squares of rates but for the last two.
+    """Demand for an oscillation, and its limits; squares of rates but for the last two.
 
-    `alpha` and `beta` are asked for, `dead` is the (α, β) that a slow rate of the dead zone would
-    ask for, `most` the largest h; ρ = √(h `share`) + `least`.
+    `alpha` and `beta` are demanded, `dead` is the (α, β) demanded by a slow rate of the dead zone,
+    `most` the largest h; ρ = √(h `share`) + `least`.
     """
 
     alpha: RealScalar
@@ -55,7 +55,7 @@ class OscillationRequest(NamedTuple):
     least: RealScalar
 
     def granted(self, axes: Pair) -> Oscillation:
-        """What is asked for beyond the dead zone, scaled down so that h is at most `most`."""
+        """The demand beyond the dead zone, scaled down so that h is at most `most`."""
         size = _size(self.alpha, self.beta, self.least)
         left = _size(*self.dead, self.least)
         granted = jnp.clip(size - left, self.least**2, self.most)
@@ -83,11 +83,11 @@ class Tracking(NamedTuple):
 class Oscillator(eqx.Module):
     """From slow errors to rate references: the law without its estimator and torque limit.
 
-    `frequency` is ν (rad/s), `tilt_gain` k (1/s) pulls the tilt to its oscillation, `rate_gain`
-    kω (1/s) the rates to theirs. `largest_amplitude` is ρm (rad/s), and `ratio` r shares the
-    product out: ρ = √(h / r) about the first axis and h / ρ about the second, h = |(α, β)|.
-    Of h as much is not asked for as belongs to a slow rate of `dead_zone` (rad/s): the end game
-    can do that, and an estimate that is not yet sure is not chased.
+    `frequency` is ν (rad/s), `tilt_gain` k (1/s) pulls the tilt to its oscillation, `rate_gain` kω
+    (1/s) the rates to theirs. `largest_amplitude` is ρm (rad/s), and `ratio` r divides the product:
+    ρ = √(h / r) about the first axis and h / ρ about the second, h = |(α, β)|. The part of h due to
+    a slow rate of `dead_zone` (rad/s) is not demanded: the end game covers it, and an uncertain
+    estimate is not chased.
     """
 
     form: NormalForm
@@ -100,7 +100,7 @@ class Oscillator(eqx.Module):
     dead_zone: RealScalar = eqx.field(converter=not_negative("dead_zone"), default=0.0)
 
     def init(self, omega: Vector) -> Oscillation:
-        """The oscillation at the start: none."""
+        """The initial oscillation, of no amplitude."""
         zero = jnp.zeros_like(omega[0])
         return Oscillation(zero, zero, zero + self._no_amplitude, jnp.stack([zero + 1, zero]))
 
@@ -109,11 +109,11 @@ class Oscillator(eqx.Module):
         return NO_AMPLITUDE * self.largest_amplitude
 
     def slow(self, clock: RealScalar, tilt: Tilt, third: ThirdAxis, last: Oscillation) -> Slow:
-        """s and ẑ: what remains of ω3 and z without the ripple of the oscillation asked for last.
+        """s and ẑ: the rest of ω3 and z without the ripple of the last oscillation.
 
-        The terms in e are there because the body turns with the orbit frame: with the rates at
-        rest e and s every product of rates couples p1 and p2 into s, and the tilt turns e away from
-        the third axis.
+        The terms in e account for the body's turn with the orbit frame: with the rates at rest e
+        and s every product of rates couples p1 and p2 into s, and the tilt turns e away from the
+        third axis.
         """
         nu, c = self.frequency, third.coupling
         alpha, beta, rho, axes = last
@@ -140,8 +140,8 @@ class Oscillator(eqx.Module):
     def request(
         self, slow: Slow, third: ThirdAxis, aim: RealScalar | None = None
     ) -> OscillationRequest:
-        """What the demand asks for, with what takes the drift away; `aim` (rad/s) is the slow rate
-        to reach in place of none."""
+        """The demand, with compensation of the drift; `aim` (rad/s) is the slow rate to reach
+        instead of zero."""
         excess = slow.rate if aim is None else slow.rate - aim
         alpha, beta = self.demand(excess, slow.turn, third.coupling, self.frequency)
         alpha = alpha - 2 * reciprocal(third.coupling) * third.drift
@@ -153,7 +153,7 @@ class Oscillator(eqx.Module):
         )
 
     def oscillation(self, slow: Slow, third: ThirdAxis) -> Oscillation:
-        """What is granted of the request."""
+        """The granted part of the request."""
         return self.request(slow, third).granted(third.axes)
 
     def tracking(
@@ -173,18 +173,18 @@ class Oscillator(eqx.Module):
         return Tracking(frame - pull + swing, derivative)
 
     def torque(self, omega: Vector, tracking: Tracking) -> Pair:
-        """The torque about x and y that tracks, not yet limited, N m."""
+        """The tracking torque about x and y before limiting, N m."""
         return tracking_torque(self.form, omega, tracking.rate, tracking.derivative, self.rate_gain)
 
 
 def along(axes: Pair, x: RealScalar, y: RealScalar) -> tuple[RealScalar, RealScalar]:
-    """Components of the vector (x, y) along axes turned about n, their (cos, sin) given."""
+    """Components of the vector (x, y) along axes turned about n, given as (cos, sin)."""
     cosine, sine = axes
     return cosine * x + sine * y, cosine * y - sine * x
 
 
 def turned(axes: Pair, x: RealScalar, y: RealScalar) -> Pair:
-    """The opposite of `along`."""
+    """Inverse of `along`."""
     cosine, sine = axes
     return jnp.stack([cosine * x - sine * y, cosine * y + sine * x])
 

@@ -1,4 +1,4 @@
-"""A manoeuvre planned in flight: search, follow, then the end game of the law of three slews."""
+"""A manoeuvre planned in flight: search, tracking, then the end game of the law of three slews."""
 
 import dataclasses
 import enum
@@ -23,26 +23,25 @@ from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
 
 FLOWN_OUT = 0.2
-"""The rest of a plan that is flown to its end, times τ; at least what the search for a new one may
-take."""
+"""The rest of a plan, in τ, that is flown without replanning; at least the duration of a search."""
 
 MOST_MANOEUVRES = 6
-"""How many plans of all guesses follow each other without a hold that lasts."""
+"""Largest number of successive plans from all guesses without a lasting hold."""
 
 RIPPLE_SLACK = (1.0, 3.0, 3.0)
-"""Of the slow rate of a hold: when it begins and while it lasts, over the ripple that is expected,
-and until when, in radians of the ripple."""
+"""Slack on the slow rate of a hold, at its begin and during it, relative to the expected ripple,
+and its duration, in radians of the ripple."""
 
 FAR = 0.1
-"""Rotation from the target (rad) from which on three slews follow a plan that fails; nearer, the
+"""Rotation from the target (rad) above which three slews follow a failed plan; below, the
 oscillation does."""
 
 RATE_NOISE = 2.5e-4
-"""Of the rates that the driven axes are estimated by, rad per τ."""
+"""Noise of the rates in the fit of the driven axes, rad per τ."""
 
 
 class PlannedMode(enum.IntEnum):
-    """What is at work. STOPPING and SLEWING are at work only where a plan failed."""
+    """The active mode. STOPPING and SLEWING are active only after a failed plan."""
 
     STOPPING = Phase.STOPPING.value
     SLEWING = Phase.SLEWING.value
@@ -53,19 +52,19 @@ class PlannedMode(enum.IntEnum):
 
     @property
     def label(self) -> str:
-        """The name of the mode as people see it."""
+        """The name of the mode for people."""
         fallback = self in (PlannedMode.STOPPING, PlannedMode.SLEWING)
         return f"plan failed {self.name.lower()}" if fallback else self.name.lower()
 
 
 SETTLING = 0
-"""Of `PlannedMemory.stage`: the law of three slews is at work, in whichever phase."""
+"""Value of `PlannedMemory.stage` while the law of three slews is active, in any phase."""
 
 
 class PlannedMemory(NamedTuple):
-    """Memories of the law of three slews and of the search, and the plan that is followed.
+    """Memories of the law of three slews and of the search, and the tracked plan.
 
-    `stage` is PLANNING, FOLLOWING or `SETTLING`, `failures` the number of plans that failed,
+    `stage` is PLANNING, FOLLOWING or `SETTLING`, `failures` the number of failed plans,
     `manoeuvres` that of plans since the last hold, `searched` the time in units of τ at which the
     last search began, negative before the first.
     """
@@ -81,18 +80,18 @@ class PlannedMemory(NamedTuple):
 
 
 class PlannedSettling(AbstractSampledController):
-    """Plans the quickest manoeuvre in flight, follows it, and settles with what is left over.
+    """Plans the fastest manoeuvre in flight, tracks it, and settles the remaining errors.
 
-    While the first plan is sought, which takes `search.most_pieces` periods at the most, the body
-    coasts. The plan begins `search.closing_pieces` periods after the best guess is chosen, in the
-    state in which the model expects the body then. Plans use 1 - `margin` of the torque limit,
-    feedback along the plan (`jaxsat.control.planning.tracking`) all of it. Every `replan` seconds a
-    new plan is sought from the measured state, near the old one, which is followed until the new
-    one is found; the end of a plan is flown as it is. If that misses the target, as where the model
-    is wrong, another manoeuvre is planned. Then `settling`, the law of three slews, oscillates and
-    holds. Where no plan arrives it does everything, and the failure counts. When the end game loses
-    the attitude a new manoeuvre is planned. No sample takes more than `search.iterations`
-    iterations of the planner. A plan has so many `intervals`.
+    During the search for the first plan, of at most `search.most_pieces` periods, the body coasts.
+    The plan begins `search.closing_pieces` periods after the choice of the best guess, in the state
+    that the model predicts for that time. Plans use 1 - `margin` of the torque limit, feedback
+    along the plan (`jaxsat.control.planning.tracking`) all of it. Every `replan` seconds a search
+    from the measured state begins near the current plan, which is tracked until the new one is
+    ready; the end of a plan is flown unchanged. If the plan misses the target, as with an
+    inaccurate model, another manoeuvre is planned. Then `settling`, the law of three slews,
+    oscillates and holds. If no plan arrives, that law does everything, and the failure counts. When
+    the end game loses the attitude a new manoeuvre is planned. No sample takes more than
+    `search.iterations` iterations of the planner. A plan has `intervals` intervals.
 
     Raises `ArgumentError` for numbers out of range.
     """
@@ -118,11 +117,11 @@ class PlannedSettling(AbstractSampledController):
 
     @property
     def form(self) -> NormalForm:
-        """The plant that is believed, and its frame."""
+        """The law's model of the plant, with its frame."""
         return self.settling.form
 
     def program(self, settling: SettlingMemory, driven: DrivenMemory) -> Transcription:
-        """The programme of the plans: torques about x and y, the dynamics as estimated."""
+        """The nonlinear program of the plans: torques about x and y, the dynamics as estimated."""
         limit, form = self.settling.torque_limit * (1 - self.margin), self.form
         fit, fitted = settling.estimator.fit, None
         if fit is not None:
@@ -132,7 +131,7 @@ class PlannedSettling(AbstractSampledController):
         return Transcription(form.model, axes, limit, objective, self.intervals, 1, fitted)
 
     def init(self, state: PlantState) -> PlannedMemory:
-        """The memory at the start: nothing is planned."""
+        """The initial memory, without a plan."""
         zero = jnp.zeros_like(state.omega[0])
         settling = self.settling.init(state)._replace(phase=jnp.array(Phase.OSCILLATING))
         driven = self.driven.init(self.form.slow(self.form.axes @ state.omega))
@@ -145,7 +144,7 @@ class PlannedSettling(AbstractSampledController):
     def step(
         self, t: RealScalar, state: PlantState, memory: PlannedMemory
     ) -> tuple[Pair, PlannedMemory]:
-        """One sample of the law of three slews and one piece of the search; then what is due."""
+        """One sample of the law of three slews, one piece of the search, and the torque."""
         driven = self.driven.sampled(t, state, memory.driven, self.period)
         program, stage = self.program(memory.settling, driven), memory.stage
         law_phase = jnp.where(stage == SETTLING, SETTLING, Phase.OSCILLATING)
@@ -206,9 +205,9 @@ class PlannedSettling(AbstractSampledController):
     def _ahead(
         self, program: Transcription, now: RealScalar, x, begins, stage: IntScalar
     ) -> tuple[RealScalar, Float[Array, "7"]]:
-        """Time and state, after coasting, at which a plan that is sought now is to begin.
+        """Time and state, after coasting, at which a plan of the current search begins.
 
-        The best guess is taken up there; the guesses are for half of the longest search.
+        The best guess is improved from there; the guesses begin after half of the longest search.
         """
         halfway, closing = (self.search.most_pieces + 1) // 2, self.search.closing_pieces
         periods = jnp.where(stage == PlannedMode.PLANNING, jnp.where(begins, halfway, closing), 0)
@@ -218,7 +217,7 @@ class PlannedSettling(AbstractSampledController):
     def _next_search(
         self, program: Transcription, now: RealScalar, x, memory: PlannedMemory, begins, first
     ) -> tuple[Search, RealScalar]:
-        """The search, which may now begin from all guesses or from the rest of the plan.
+        """The search, which may now restart from all guesses or from the rest of the plan.
 
         `first` are time and state at the begin of a plan from all guesses.
         """
@@ -234,16 +233,16 @@ class PlannedSettling(AbstractSampledController):
         return search, jnp.where(begins | again, now, memory.searched)
 
     def judged(self, memory: PlannedMemory) -> SettlingMemory:
-        """The memory without that of the search, which may try what diverges."""
+        """The memory without that of the search, whose trials may diverge."""
         return memory.settling
 
     def rate_error(self, state: PlantState, memory: PlannedMemory) -> Pair:
-        """ω - ω_d of the law of three slews where it is at work, else NaN, rad/s."""
+        """ω - ω_d of the law of three slews while it is active, else NaN, rad/s."""
         error = self.settling.rate_error(state, memory.settling)
         return jnp.where(memory.stage == SETTLING, error, jnp.nan)
 
     def mode(self, memory: PlannedMemory) -> IntScalar:
-        """The `PlannedMode` at work."""
+        """The active `PlannedMode`."""
         phase = self.settling.mode(memory.settling)
         return jnp.where(memory.stage == SETTLING, phase, memory.stage)
 
@@ -255,7 +254,7 @@ def _is_far(program: Transcription, x: Float[Array, "7"]) -> BoolScalar:
 
 
 def planned_settling(settling: ThreeSlewSettling) -> PlannedSettling:
-    """The law that plans, for the spacecraft of a law of three slews."""
+    """The planning law, from a law of three slews for the same spacecraft."""
     ripple = settling.estimator.observer
     if ripple is not None:
         enter, stay, grace = RIPPLE_SLACK

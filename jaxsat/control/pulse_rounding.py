@@ -1,4 +1,4 @@
-"""Whole pulses whose torque impulse is nearest to that of the duties that were asked for."""
+"""Rounding of duties to whole pulses with the nearest torque impulse."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,22 +8,22 @@ from jaxsat.core.array_types import RealScalar, Vector
 from jaxsat.core.checks import as_float, not_negative
 
 ROUNDS = 2
-"""Pulses that are added at most to what is surely whole, in a period."""
+"""Largest number of pulses added in a period to the surely whole ones."""
 
 WORTH = 0.7
-"""Of a pulse's own effect: the least rate change along it that is still wanted when it is given.
+"""Smallest demanded rate change along a pulse, relative to the pulse's own, for which it fires.
 
-At a half it would be as wrong afterwards the other way, and noise would set off its opposite.
+At one half the error would be as large the other way, and noise would fire the opposite pulse.
 """
 
 
 class PulseRounding(eqx.Module):
-    """Thrusters that give whole pulses leave an error of the rate; this keeps it small in all.
+    """Rounding of all thrusters' duties to whole pulses with a small joint error of the rate.
 
-    What each thruster owes by itself would add up: the sums of several err by several pulses, and
-    those of opposite thrusters by noise that has no mean. Here the rate change that is owed is one
-    vector, and a pulse is given by whatever thruster lessens it most. `effect` (3, m) is the rate
-    change at full thrust (rad/s²), `least` (s) the pulse of each, zero where any width will do.
+    Separate remainders of thrusters would add up: sums of several err by several pulses, and those
+    of opposite thrusters by noise without a mean. Here the owed rate change is one vector, and the
+    thruster that reduces it most fires the pulse. `effect` (3, m) is the rate change at full thrust
+    (rad/s²), `least` (s) the pulse of each, zero for any width.
     """
 
     effect: Float[Array, "3 m"] = eqx.field(converter=as_float)
@@ -38,9 +38,9 @@ class PulseRounding(eqx.Module):
     ) -> Float[Array, " m"]:
         """Duties (parts of a period, s) that are whole pulses, or all the period long.
 
-        They also make the rate change `besides` (rad/s), for which duties have no room, if given.
-        Thrusters make the part `limit` of their thrust, and none if it is zero. The duties of those
-        without a least pulse stay as they are.
+        They also produce the rate change `besides` (rad/s), which exceeds the given duties, if
+        given. Thrusters produce the part `limit` of their thrust, and do not fire if it is zero.
+        Duties of thrusters without a smallest pulse are unchanged.
         """
         free = self.least <= 0
         least = jnp.where(free, period, self.least)

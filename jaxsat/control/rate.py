@@ -40,7 +40,7 @@ class RateLaw(AbstractBacksteppingLaw):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "RateLaw":
-        """The law of a table of a scenario."""
+        """The law from a scenario's table."""
         return cls(context.model, values["k1"], values["k2"], values["omega3_width_rad_s"])
 
     def init(self, state: PlantState) -> Memory:
@@ -56,7 +56,7 @@ class RateLaw(AbstractBacksteppingLaw):
         return state.omega[2:] if self.width is None else state.omega[:0]
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "RateLaw":
-        """The law that keeps to ω3 > 0 or to ω3 < 0."""
+        """The law restricted to ω3 > 0 or ω3 < 0."""
         return self if not signs.size else dataclasses.replace(self, turning_right=signs[0])
 
     def reference_rate(self, state: PlantState) -> Pair:
@@ -72,7 +72,7 @@ class RateLaw(AbstractBacksteppingLaw):
         return -self.k2 * self.model.spacecraft.moments[:2] * rate_error
 
     def memory_rate(self, rate_error: Pair, memory: Memory) -> Memory:
-        """The rate of the memory, of which the law has none."""
+        """The rate of the memory, which is empty."""
         return memory
 
     def lyapunov(

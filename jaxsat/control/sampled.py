@@ -1,4 +1,4 @@
-"""The contract of controllers that run once a period, as on a computer."""
+"""Interface of sampled controllers, which run once per period."""
 
 import abc
 import enum
@@ -22,17 +22,17 @@ class OneMode(enum.IntEnum):
 
 
 def mode_label(mode: enum.IntEnum) -> str:
-    """How a mode is shown to people: its `label` if it has one, else its name in words."""
+    """Label of a mode for people: its `label` if it has one, else its name in words."""
     return getattr(mode, "label", mode.name.lower().replace("_", " "))
 
 
 class AbstractSampledController(eqx.Module):
     """A controller that runs once every `period` seconds; its torque is held in between.
 
-    One with several modes lists them in `modes` and tells in `mode` which is at work. Files and
-    figures show a mode by its name in words, or by a property `label` of the enumeration. One that
-    cannot be written as flight code says why in `no_flight_code`. Raises
-    `TypeError` for `modes` that are no `enum.IntEnum`, or of which `mode` does not tell.
+    A controller with several modes lists them in `modes` and returns the active one in `mode`.
+    Files and figures show a mode by its name in words, or by a property `label` of the enumeration.
+    A controller without flight code states the reason in `no_flight_code`. Raises `TypeError` for
+    `modes` that are no `enum.IntEnum`, or without an own `mode`.
     """
 
     period: eqx.AbstractVar[RealScalar]
@@ -57,36 +57,36 @@ class AbstractSampledController(eqx.Module):
         """The torque to hold, N m, and the memory for the next sample."""
 
     def rate_error(self, state: PlantState, memory: Memory) -> Pair:
-        """How far the rates are from the reference of the active law, rad/s; here NaN, for none."""
+        """Rate error relative to the reference of the active law, rad/s; here NaN, for none."""
         return jnp.full(2, jnp.nan, state.omega.dtype)
 
     def judged(self, memory: Memory) -> Memory:
-        """What of the memory must stay finite, else the run ends as one that diverged; here, all of
+        """The part of the memory that must stay finite, else the run has diverged; here, all of
         it."""
         return memory
 
     def telemetry(self, memory: Memory) -> Mapping[str, Array]:
-        """What the controller tells of itself, by the names of signals."""
+        """Telemetry of the controller, by the names of signals."""
         return {}
 
     @property
     def tells_unmade(self) -> bool:
-        """Whether `telemetry` has the torque that actuators do not make; here, that has none."""
+        """Whether `telemetry` has the torque that actuators do not make; here, no."""
         return False
 
     @property
     def known(self) -> Bool[Array, " wheels"] | None:
-        """Which wheels it knows to have failed before the start; here None, of a law that watches
-        none."""
+        """Mask of wheels known to have failed before the start; here None, for a law without
+        diagnosis."""
         return None
 
     def holds_by_rods(
         self, axes: Float[np.ndarray, "3 k"], rods: Bool[np.ndarray, " rods"]
     ) -> bool:
-        """Whether, over an orbit, these magnetorquers make the torques that wheels along these axes
-        do not; here, always."""
+        """Whether, over an orbit, these magnetorquers produce the torques that wheels along these
+        axes cannot; here, always."""
         return True
 
     def mode(self, memory: Memory) -> IntScalar:
-        """Which part of the controller is at work, a member of `modes`; here, the only one."""
+        """The active mode, a member of `modes`; here, the only one."""
         return jnp.array(OneMode.ONE_LAW)

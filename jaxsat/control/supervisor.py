@@ -1,4 +1,4 @@
-"""The quickest way that settles: stop, slew, then the fine stage."""
+"""Supervisor of the fastest settling: stop, slew, then the fine stage."""
 
 import enum
 import math
@@ -25,7 +25,7 @@ SINE_OF_SQUARE = 4 / math.pi
 """Amplitude of the sine in a square wave of amplitude 1."""
 
 STOPPED = 1.5
-"""The rate law's dead zone times this: below it ω3 counts as gone."""
+"""|ω3| below which it counts as stopped, relative to the rate law's dead zone."""
 
 
 class Phase(enum.IntEnum):
@@ -38,11 +38,11 @@ class Phase(enum.IntEnum):
 
 
 class SettlingMemory(NamedTuple):
-    """The phase but `HOLDING`, the memories of its parts, and when the phase began (s).
+    """The phase except `HOLDING`, the memories of its parts, and the begin of the phase (s).
 
-    `samples` counts those since the law began, from which all its times count. `lost` says whether
-    a fine stage has ended without success, and `slew_axes` are (cos, sin) of the angle about n from
-    x and y to the axes of the slews, None where these stay x and y.
+    `samples` counts from the begin of the law, the origin of all its times. `lost` is true after a
+    fine stage has ended without success, and `slew_axes` are (cos, sin) of the angle about n from x
+    and y to the axes of the slews, None where these stay x and y.
     """
 
     phase: IntScalar
@@ -62,16 +62,15 @@ class ThreeSlewSettling(AbstractSampledController):
     """Settles all three axes in phases: finite-time rate law, three slews, fine stage.
 
     The slews begin when |ω3| is below 1.5 times the rate law's dead zone and |ω1|, |ω2| are below
-    `stopped_rate` (rad/s), the fine stage when the third slew is over. It all begins again when
-    |z| exceeds `lost_turn` (rad) or s its value at rest by `lost_rate` (rad/s) in the fine stage.
-    No phase is stayed in in vain: the slews also begin after `patience` (s) where |ω3| is below
-    `slow_rate` (rad/s), and where it is not the rate law brakes and begins again; the fine stage
-    begins after as long beyond the planned end of the slews, and all begins again where the slews
-    meet twice `slow_rate`, and after as long in the fine stage where |z| is still above `late_turn`
-    (rad). Once it has begun again from the fine stage, that asks for no oscillation that the
-    torque cannot make (`made_amplitude`), and if the law `turns_slews` these are about the axes
-    that are believed to be those of the reduced inertia. `torque_limit` (N m) cuts the commands,
-    `period` is in s.
+    `stopped_rate` (rad/s), the fine stage after the third slew. All begins again when |z| exceeds
+    `lost_turn` (rad) or s its value at rest by `lost_rate` (rad/s) in the fine stage. Every phase
+    has a time limit: the slews also begin after `patience` (s) if |ω3| is below `slow_rate`
+    (rad/s), otherwise the rate law brakes and begins again; the fine stage begins `patience` after
+    the planned end of the slews. All begins again if the slews meet twice `slow_rate`, and after
+    `patience` in the fine stage if |z| is still above `late_turn` (rad). After a restart from the
+    fine stage, that demands no oscillation that the torque cannot produce (`made_amplitude`), and a
+    law that `turns_slews` slews about the estimated axes of the reduced inertia. `torque_limit` (N
+    m) clips the commands, `period` is in s.
     """
 
     modes: ClassVar[type[enum.IntEnum]] = Phase
@@ -99,11 +98,11 @@ class ThreeSlewSettling(AbstractSampledController):
 
     @property
     def form(self) -> NormalForm:
-        """The plant that is believed, and its frame."""
+        """The law's model of the plant, with its frame."""
         return self.planner.form
 
     def init(self, state: PlantState) -> SettlingMemory:
-        """The first phase, nothing known yet."""
+        """The memory of the first phase, without estimates."""
         omega = self.form.seen(state).omega
         return SettlingMemory(
             jnp.array(Phase.STOPPING),
@@ -121,11 +120,12 @@ class ThreeSlewSettling(AbstractSampledController):
 
     @property
     def made_amplitude(self) -> RealScalar:
-        """The largest amplitude (rad/s) of an oscillation that torques within the limit make.
+        """The largest amplitude (rad/s) of an oscillation that torques within the limit can
+        produce.
 
         A rate ρ sin νt takes a torque of amplitude S ν ρ, and the sine in a square wave at the
-        limit has 4/π of it. A larger request comes late and with another mean product p1 p2 than
-        asked for; where c is small, that may turn the body about n for ever.
+        limit has 4/π of it. A larger demand is met late and with another mean product p1 p2, which
+        for small c may turn the body about n for ever.
         """
         oscillator, (first, second, _) = self.fine.oscillator, self.form.moments
         largest = jnp.maximum(first, second * oscillator.ratio) * oscillator.frequency
@@ -138,7 +138,7 @@ class ThreeSlewSettling(AbstractSampledController):
     def step(
         self, t: RealScalar, state: PlantState, memory: SettlingMemory
     ) -> tuple[Pair, SettlingMemory]:
-        """Estimate, choose the phase, run the three parts and take the one whose turn it is."""
+        """Update the estimate, choose the phase, run the three parts and take the active one."""
         return self.in_phase(state, memory, jnp.zeros_like(memory.phase))
 
     def in_phase(
@@ -148,7 +148,7 @@ class ThreeSlewSettling(AbstractSampledController):
         prescribed: IntScalar,
         aid: Aid | None = None,
     ) -> tuple[Pair, SettlingMemory]:
-        """As `step`, in a phase that is given; 0 where it is chosen."""
+        """As `step`, in the phase `prescribed`; 0 for a free choice."""
         t = self.clock(memory)
         view = self.form.seen(state)
         third, estimator = self.estimator.update(
@@ -173,7 +173,7 @@ class ThreeSlewSettling(AbstractSampledController):
         slewing = choose(begun & (phase == Phase.SLEWING), plan, slewing)
         signs = choose(again, self.rate_law.init(state), memory.signs)
         vain = (phase == Phase.STOPPING) & ~begun & (t - memory.since > self.patience)
-        signs = signs._replace(most=jnp.where(vain, 0.0, signs.most))  # brakes, and chooses anew
+        signs = signs._replace(most=jnp.where(vain, 0.0, signs.most))  # brakes, then chooses again
         fine = choose(begins_fine, self.fine.init(view.omega), memory.fine)
         since = jnp.where(begun | vain, t, memory.since)
 
@@ -221,15 +221,15 @@ class ThreeSlewSettling(AbstractSampledController):
         return jnp.where(holding, 0.0, self.form.seen(state).omega[:2] - memory.reference)
 
     def mode(self, memory: SettlingMemory) -> IntScalar:
-        """The `Phase` at work."""
+        """The active `Phase`."""
         holding = (memory.phase == Phase.OSCILLATING) & memory.fine.late
         return jnp.where(holding, Phase.HOLDING, memory.phase)
 
     def slew_axes(self, memory: SettlingMemory, third: ThirdAxis) -> Pair | None:
-        """Axes of the slews under way, or of slews that would begin now.
+        """Axes of the current slews, or of slews that would begin now.
 
-        Once a fine stage has been lost these are believed to be the axes of the reduced inertia:
-        about others a rate p changes s by b p², which is much where c is small.
+        After a lost fine stage these are the estimated axes of the reduced inertia: about others a
+        rate p changes s by b p², which is large where c is small.
         """
         if memory.slew_axes is None:
             return None
@@ -264,7 +264,7 @@ class ThreeSlewSettling(AbstractSampledController):
 
 
 def _along_x(like: Float[Array, " n"]) -> Pair:
-    """(cos, sin) of no angle, in the precision of `like`."""
+    """(cos, sin) of zero, in the precision of `like`."""
     return jnp.stack([jnp.ones_like(like[0]), jnp.zeros_like(like[0])])
 
 

@@ -1,8 +1,8 @@
 """Switching between the rate law and the three-axis law, as the paper proposes in section 5.
 
-The rate law takes over while |ω3| is large and hands back when |ω3| has become small. Which law
-is active is memory, so this controller is a sampled one: it looks at the state once a period and
-the torque is held in between.
+The rate law takes over while |ω3| is large and hands back when |ω3| has become small. The active
+law is memory, so this controller is sampled: it reads the state once per period and the torque is
+held in between.
 """
 
 import enum
@@ -26,19 +26,19 @@ from jaxsat.spacecraft.dynamics import PlantState
 
 
 class SwitchingMode(enum.IntEnum):
-    """Which of the two laws is active."""
+    """The active one of the two laws."""
 
     THREE_AXIS_LAW = 0
     RATE_LAW = 1
 
     @property
     def label(self) -> str:
-        """The law's name as the paper has it."""
+        """The law's name in the paper."""
         return "rate law" if self is SwitchingMode.RATE_LAW else "three-axis law"
 
 
 class SwitchingMemory(NamedTuple):
-    """What `SwitchingLaw` remembers from one sample to the next."""
+    """Memory of `SwitchingLaw` from one sample to the next."""
 
     rate_law_active: BoolScalar
     previous_reference: Pair
@@ -77,7 +77,7 @@ class SwitchingLaw(AbstractSampledController):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "SwitchingLaw":
-        """The law of a table of a scenario."""
+        """The law from a scenario's table."""
         limit = math.inf if context.torque_limit is None else context.torque_limit
         usual = limit / np.diag(np.asarray(context.model.spacecraft.inertia))[:2]
         rate_limit, three_axis_limit = (values[name] for name in SLOPE_LIMITS)
@@ -92,7 +92,7 @@ class SwitchingLaw(AbstractSampledController):
         )
 
     def init(self, state: PlantState) -> SwitchingMemory:
-        """The three-axis law active unless |ω3| already exceeds the upper threshold."""
+        """The initial memory: the three-axis law, unless |ω3| exceeds the upper threshold."""
         return SwitchingMemory(
             jnp.abs(state.omega[2]) > self.upper_threshold,
             jnp.zeros(2, state.omega.dtype),
@@ -103,7 +103,7 @@ class SwitchingLaw(AbstractSampledController):
     def step(
         self, t: RealScalar, state: PlantState, memory: SwitchingMemory
     ) -> tuple[Pair, SwitchingMemory]:
-        """Choose the law, then its torque with the reference derivative by difference."""
+        """The torque of the chosen law, with the reference derivative by a backward difference."""
         threshold = jnp.where(memory.rate_law_active, self.lower_threshold, self.upper_threshold)
         active = jnp.abs(state.omega[2]) > threshold
         reference = self._reference(state, active)
@@ -125,7 +125,7 @@ class SwitchingLaw(AbstractSampledController):
         return state.omega[:2] - self._reference(state, memory.rate_law_active)
 
     def mode(self, memory: SwitchingMemory) -> IntScalar:
-        """The `SwitchingMode` at work; its numbers are those of `rate_law_active`."""
+        """The active `SwitchingMode`; its numbers equal those of `rate_law_active`."""
         return memory.rate_law_active.astype(int)
 
     def _reference(self, state: PlantState, rate_law_active: BoolScalar) -> Pair:

@@ -35,7 +35,7 @@ class OscillatorState(NamedTuple):
 
 
 class Rotation(AbstractIntegratingFactor):
-    """Turns (Ωα, dα/dt) by Ωt, as the oscillators by themselves do from time zero to t.
+    """Rotation of (Ωα, dα/dt) by Ωt, the free motion of the oscillators from time zero to t.
 
     `cosine` and `sine` are those of Ωt, `frequency` is Ω (rad/s).
     """
@@ -45,7 +45,7 @@ class Rotation(AbstractIntegratingFactor):
     frequency: Pair
 
     def into_frame(self, memory: OscillatorState) -> OscillatorState:
-        """Ωα and dα/dt at time zero from which the oscillators by themselves come to a state."""
+        """Ωα and dα/dt at time zero from which free oscillators reach a state."""
         cosine, sine, scaled = self.cosine, self.sine, self.frequency * memory.position
         return OscillatorState(
             scaled * cosine - memory.velocity * sine, memory.velocity * cosine + scaled * sine
@@ -60,15 +60,15 @@ class Rotation(AbstractIntegratingFactor):
         )
 
     def rate_in_frame(self, rate_error: Pair) -> OscillatorState:
-        """The rate error, turned."""
+        """The rate error, rotated."""
         return OscillatorState(-rate_error * self.sine, rate_error * self.cosine)
 
 
 class InternalModel(eqx.Module):
     """Two oscillators d²α/dt² + Ω² α = η driven by the rate error.
 
-    Fed back through dα/dt they cancel a disturbance of the frequencies Ω (`frequency`, rad/s,
-    shape (2,)), whatever its amplitude and phase.
+    Feedback of dα/dt cancels a disturbance of the frequencies Ω (`frequency`, rad/s, shape (2,)),
+    whatever its amplitude and phase.
     """
 
     frequency: Pair = eqx.field(converter=positive("frequency"))
@@ -95,7 +95,7 @@ class InternalModel(eqx.Module):
         )
 
     def integrating_factor(self, t: RealScalar) -> Rotation:
-        """How far the oscillators have turned by themselves at time `t` (s)."""
+        """The free rotation of the oscillators at time `t` (s)."""
         angle = self.frequency * t
         return Rotation(cos(angle), sin(angle), self.frequency)
 
@@ -106,9 +106,9 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
     Gains, all positive: `k3` and `mu` in 1/s, `a` (no unit) bounds the part of the reference that
     steers z, `k4` in N m s, one number or one for each axis. `internal_model` cancels a periodic
     disturbance; None leaves it out. `attitude_weight` (N m) multiplies the attitude terms of (42),
-    1 as printed. `saturation_width` in (0, 1] rounds the corner of sat, which is sharp without,
-    and `tilt_width` δ puts |w|² + δ² under the fraction of (41), 0 as printed. `saturated` holds
-    the sharp sat on one side of each corner, see `smooth_piece`.
+    1 as printed. `saturation_width` in (0, 1] rounds the corner of sat, which is sharp without, and
+    `tilt_width` δ puts |w|² + δ² under the fraction of (41), 0 as printed. `saturated` fixes the
+    sharp sat to one side of each corner, see `smooth_piece`.
     """
 
     declaration: ClassVar[LawDeclaration] = THREE_AXIS
@@ -130,7 +130,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "ThreeAxisLaw":
-        """The law of a table of a scenario."""
+        """The law from a scenario's table."""
         frequency = values["internal_model_frequency_rad_s"] or context.disturbance_frequency[:2]
         return cls(
             context.model,
@@ -159,7 +159,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         return steering[:0] if self.saturation_width is not None else steering**2 - self.a**2
 
     def smooth_piece(self, signs: Bool[Array, " m"]) -> "ThreeAxisLaw":
-        """The law whose sat saturates, or does not, as given."""
+        """The law with each sat fixed to saturation (true) or not."""
         return self if not signs.size else dataclasses.replace(self, saturated=signs)
 
     def relative_reference_rate(self, state: PlantState) -> Pair:
@@ -175,7 +175,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         return self.mu * bounded - pull * w
 
     def _steering(self, state: PlantState) -> Pair:
-        """q (w2, -w1), what sat bounds in (41)."""
+        """q (w2, -w1), the argument of sat in (41)."""
         attitude = state.attitude.as_wz()
         w1, w2 = attitude.w
         relative_rate3 = self.model.relative_rate(state)[2]
@@ -199,7 +199,7 @@ class ThreeAxisLaw(AbstractBacksteppingLaw):
         return self.attitude_weight * attitude_terms - self.k4 * damped
 
     def memory_rate(self, rate_error: Pair, memory: Memory) -> Memory:
-        """The internal model of (42)."""
+        """Rate of the internal model of (42)."""
         return None if self.internal_model is None else self.internal_model.rate(memory, rate_error)
 
     def integrating_factor(self, t: RealScalar) -> AbstractIntegratingFactor | None:

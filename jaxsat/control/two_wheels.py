@@ -3,12 +3,12 @@
 With n the normal of both wheel axes no wheel changes n·Jω. Without momentum about n it is zero, so
 ω is perpendicular to e3 = Jn / |Jn|: in a frame with that third axis the third rate is zero, as in
 Wang, Jia, Jin, Xu, Acta Astronautica 83 (2013) 44-53, whatever the inertia. Torques J e1, J e2 are
-perpendicular to n: both wheels make them.
+perpendicular to n: the two wheels can produce them.
 
 As in (40) one part of the reference pulls the tilt w and the other, perpendicular to it, steers the
-turn z. But the tilt is pulled to a size ρ that shrinks with |z|, instead of to zero: the turn made
-is the area around which w goes, and a tilt that is gone before the turn cannot steer it any more.
-Momentum about n that is left makes a third rate: the turn steered is that much more.
+turn z. But the tilt is pulled to a size ρ that shrinks with |z|, instead of to zero: the turn
+equals the area that w encloses, and a tilt that vanishes before the turn can no longer steer it.
+Remaining momentum about n makes a third rate, which adds to the steered turn.
 """
 
 import equinox as eqx
@@ -22,16 +22,16 @@ from jaxsat.core.quotients import share_within
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 TILT_GAIN, TURN_GAIN, RATE_GAIN = 1.0, 0.4, 3.0
-"""On the tilt, on the turn and on rate errors, over the natural frequency."""
+"""Gains on the tilt, the turn and rate errors, over the natural frequency."""
 
 AREA, MOST_TILT = 0.4, 0.5
 """ρ² over |z|, and the largest ρ."""
 
 NO_TURN = 0.01
-"""rad; a turn below this needs no tilt."""
+"""Turn, rad, below which no tilt is needed."""
 
 NO_TILT = 0.01
-"""A tilt of this size and less has half a direction, or none."""
+"""Size of the tilt below which its direction fades."""
 
 SMALLEST = 1e-30
 """Keeps a quotient of two zeros finite."""
@@ -40,13 +40,13 @@ SMALLEST = 1e-30
 class TwoWheels(eqx.Module):
     """Attitude by two wheels, with little momentum about their common normal.
 
-    `model` is the plant as the law believes it.
+    `model` is the law's model of the plant.
     """
 
     model: RigidBody
 
     def frame(self, normal: Vector, inertia: Matrix) -> Matrix:
-        """Rows e1, e2, e3 in body axes, where no wheel turns about the unit vector `normal`."""
+        """Rows e1, e2, e3 in body axes; no wheel turns about the unit vector `normal`."""
         along = inertia @ normal / self.model.spacecraft.momentum_unit
         third = along / jnp.sqrt(jnp.sum(along**2) + SMALLEST)
         across = jnp.eye(3)[jnp.argmin(jnp.abs(third))]
@@ -63,10 +63,10 @@ class TwoWheels(eqx.Module):
         max_rate: RealScalar,
         held: Quaternion,
     ) -> Vector:
-        """The torque on the body (N m) of an `inertia` (kg m²), but for gyroscopic ones.
+        """The torque on the body (N m) of an `inertia` (kg m²), without gyroscopic torque.
 
-        `natural_frequency` (rad/s) sets all gains, rates asked for are at most `max_rate` (rad/s).
-        The attitude to go to is `held`, relative to the target.
+        `natural_frequency` (rad/s) sets all gains, reference rates are at most `max_rate` (rad/s).
+        The attitude to reach is `held`, relative to the target.
         """
         frame = self.frame(normal, inertia)
         orbit = frame @ self.model.orbit.frame_rate(state.attitude)
@@ -85,8 +85,8 @@ class TwoWheels(eqx.Module):
 
 
 def reference(attitude: Quaternion, third: RealScalar) -> Pair:
-    """The rates about the first two axes to turn with where the `third` is given, all over the
-    natural frequency."""
+    """The reference rates about the first two axes for a given `third` rate, all over the natural
+    frequency."""
     wz = attitude.as_wz()
     z = wz.z + third / TURN_GAIN
     w, turn = wz.w, jnp.abs(z)
@@ -94,7 +94,7 @@ def reference(attitude: Quaternion, third: RealScalar) -> Pair:
     beyond = jnp.maximum(turn - NO_TURN, 0.0)
     size = jnp.sqrt(AREA) * beyond / jnp.sqrt(beyond + NO_TURN)  # ρ
     size = size / jnp.sqrt(1 + (size / MOST_TILT) ** 2)
-    directed = w + jnp.stack([NO_TILT * size, 0.0 * size])  # so that there is one
+    directed = w + jnp.stack([NO_TILT * size, 0.0 * size])  # defined without tilt
     direction = directed / jnp.sqrt(jnp.sum(directed**2) + NO_TILT**2)
     pull = TILT_GAIN * (size * direction - w)
     steer = 2 * TURN_GAIN * z / (square + size**2 + NO_TILT**2)

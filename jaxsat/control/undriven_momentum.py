@@ -1,9 +1,9 @@
-"""Momentum about the axis that no wheel drives, and the attitudes that two wheels hold with it.
+"""Momentum about the axis that no wheel drives, and the attitudes that two wheels can hold with it.
 
 Two wheels with the normal n leave n·Jω = n·(C H - β): H is the total momentum in the axes of the
-target, C the attitude, β the momentum of wheels that are not in use, fixed in the body. Rest needs
-n·C H = n·β: the angle between n and the momentum is to be arccos(n·β / |H|). The least rotation of
-the body to such an attitude turns n in the plane of n and H.
+target, C the attitude, β the momentum of unused wheels, fixed in the body. Rest requires n·C H =
+n·β: the angle between n and the momentum must be arccos(n·β / |H|). The smallest rotation of the
+body to such an attitude turns n in the plane of n and H.
 """
 
 from typing import NamedTuple
@@ -21,8 +21,8 @@ SMALLEST = 1e-30
 class HeldAttitude(NamedTuple):
     """The attitude nearest to the target at which two wheels hold the body at rest.
 
-    `attitude` is relative to the target, at an `angle` (rad) from it. `exists` is false where
-    momentum about n is left at every attitude.
+    `attitude` is relative to the target, at an `angle` (rad) from it. `exists` is false if momentum
+    about n remains at every attitude.
     """
 
     attitude: Quaternion
@@ -33,10 +33,10 @@ class HeldAttitude(NamedTuple):
 def nearest_held(
     momentum: Vector, coasting: Vector, normal: Vector, error: RealScalar
 ) -> HeldAttitude:
-    """By the `momentum` H at the target attitude, without that which the target's rate needs, and
-    that of `coasting` wheels, and the unit vector n, all in body axes.
+    """The held attitude for the `momentum` H at the target attitude, without the part that the
+    target's rate needs, the momentum of `coasting` wheels, and the unit vector n, all in body axes.
 
-    H is known to within an `error`, all in the same unit: as far as it is less, the attitude is the
+    H is known to within an `error`, all in the same unit: well below it, the attitude is the
     target.
     """
     unit = length(momentum) + SMALLEST
@@ -47,7 +47,7 @@ def nearest_held(
     wanted = normal @ coasting
     beside = jnp.sqrt(jnp.maximum(whole**2 - wanted**2, 0.0))
     turn = jnp.arctan2(size, along) - jnp.arctan2(beside, wanted)
-    least = jnp.eye(3)[jnp.argmin(jnp.abs(normal))]  # where n is along H any axis across it will do
+    least = jnp.eye(3)[jnp.argmin(jnp.abs(normal))]  # n along H: any axis across
     other = jnp.cross(normal, least)
     axis = jnp.where(size > 1e-9 * whole + SMALLEST, across, other)
     axis = axis / jnp.sqrt(jnp.sum(axis**2) + SMALLEST)

@@ -1,4 +1,4 @@
-"""What is left of a set of wheels after failures, and how a torque is shared among them.
+"""Remaining capability of wheels after failures, and the allocation of a torque among them.
 
 The weighted least squares of a 3 x 3 system by its adjugate: no factorisation in the loop.
 """
@@ -23,28 +23,28 @@ from jaxsat.spacecraft.wheels import Wheels
 OfEach = Float[Array, " m"]
 
 SPARE = 0.02
-"""Of the sum of squares of all wheels' parts along an axis: what must be left along each."""
+"""Share of the sum of squares of all wheels' components that must remain along each axis."""
 
 MOST_MOMENTUM = 0.9
-"""Of what the wheels left can hold: what a slew may make them hold."""
+"""Largest momentum for a slew, relative to the capacity of the remaining wheels."""
 
 LEAST_MOMENTUM = 0.02
-"""Of the same: what a slew may make them hold however full they are."""
+"""Smallest momentum that is always available to a slew, relative to the same capacity."""
 
 PARALLEL = 1e-3
-"""Sine of the angle between the Earth's field and the normal of two wheels' plane that is none:
-magnetorquers then take nothing out of them."""
+"""Sine of the angle between the Earth's field and the normal of two wheels' plane that is treated
+as zero: magnetorquers then cannot unload them."""
 
 SMALLEST = 1e-30
 """Keeps a quotient of two zeros finite."""
 
 
 class Wheeled(NamedTuple):
-    """What wheels can do in a condition.
+    """Capability of wheels in a condition.
 
-    `usable` (N m) is the torque that each has to spare beyond what brakes it, zero for one that is
-    left out. `left` is what they make together, `normal` the unit vector about which they make
-    least, and `shares` (m, 3) what each does of a torque on the body.
+    `usable` (N m) is the torque of each beyond its friction, zero for an excluded one. `left` is
+    their joint capability, `normal` the unit vector of the least torque, and `shares` (m, 3) the
+    allocation of a torque on the body.
     """
 
     usable: OfEach
@@ -54,39 +54,39 @@ class Wheeled(NamedTuple):
 
     @property
     def working(self) -> Bool[Array, " m"]:
-        """Which wheels are used."""
+        """Mask of the used wheels."""
         return self.usable > 0
 
 
 def adjugate(matrix: Matrix) -> Matrix:
-    """det(M) M⁻¹ of a symmetric matrix, also where there is no inverse."""
+    """Adjugate det(M) M⁻¹ of a symmetric matrix, which also exists without an inverse."""
     a, b, c = matrix
     return jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)])
 
 
 class WheelAllocation(eqx.Module):
-    """Which wheels are used in a condition, and what each does of a commanded torque.
+    """Choice of the wheels in a condition, and allocation of a commanded torque to them.
 
-    Wheels are weighted by the torque that they have to spare. Where that of one is too small,
-    others make up for it; of a command that they cannot make, the greatest part is. Momentum that
-    makes no torque on the body, where there are more wheels than axes, is driven to zero.
+    Wheels are weighted by their usable torque. If one has too little, others compensate; of an
+    infeasible command the largest possible part is produced. With more wheels than axes, momentum
+    without torque on the body is driven to zero.
     """
 
     filter: WheelFilter
 
     @property
     def wheels(self) -> Wheels:
-        """The wheels that the law believes in."""
+        """The wheels of the law's model."""
         return self.filter.wheels
 
     def find(
         self, condition: ActuatorCondition, momentum: OfEach, before: "Wheeled | None" = None
     ) -> Wheeled:
-        """What is left at momenta (N m s); `before` is what was left at the last sample.
+        """The capability at momenta (N m s); `before` is that at the last sample.
 
-        A wheel is left out that has failed, or has less than `WEAK` of its torque to spare. Half of
-        what is asked of others is enough for one that was used, and for axes that were there, so
-        that nothing changes to and fro.
+        A wheel is excluded if it has failed, or its usable torque is below `WEAK` of its full
+        torque. The thresholds are halved for wheels in use and for axes that were available, as
+        hysteresis.
         """
         wheels, full = self.wheels, self.filter.full
         spare = condition.part * full - self.filter.friction(momentum, condition)
@@ -109,7 +109,7 @@ class WheelAllocation(eqx.Module):
             int(Left.THREE_AXES),
             jnp.where(minors > plane * trace, int(Left.PLANE), int(Left.LESS)),
         )
-        # Along the normal of a plane nothing is asked for; one there makes an inverse.
+        # No torque is demanded along a plane's normal; a term there makes gram invertible.
         more = jnp.where(left == Left.THREE_AXES, 0.0, trace) * jnp.outer(normal, normal)
         more = more + jnp.where(left == Left.LESS, trace + SMALLEST, 0.0) * jnp.eye(3)
         filled = gram + more
@@ -118,7 +118,7 @@ class WheelAllocation(eqx.Module):
         return Wheeled(usable, left, normal, (weight[None] * axes).T @ inverse)
 
     def shared(self, wheeled: Wheeled, torque: Vector) -> OfEach:
-        """What each wheel does to the body (N m) for a `torque` (N m), or its part in a plane."""
+        """Torque of each wheel on the body (N m) for a `torque` (N m), or its part in a plane."""
         reach = Reach(self.wheels.axes, -wheeled.usable, wheeled.usable)
         within_plane = self.wheels.axes @ (wheeled.shares @ torque)
         return allocate(reach, within_plane).use
@@ -126,9 +126,9 @@ class WheelAllocation(eqx.Module):
     def balanced(
         self, wheeled: Wheeled, nearest: OfEach, momentum: OfEach, unloading: RealScalar
     ) -> OfEach:
-        """Torques (N m) with the `nearest` to those of a command, and what balances the momenta.
+        """Torques (N m): the `nearest` to those of a command, plus the balance of the momenta.
 
-        `unloading` (1/s) is the rate at which momentum without effect on the body is taken out, as
+        `unloading` (1/s) is the rate at which momentum without effect on the body is removed, as
         far as the command leaves room.
         """
         held = jnp.where(wheeled.working, momentum, 0.0)
@@ -137,11 +137,11 @@ class WheelAllocation(eqx.Module):
         return nearest + idle * within(wheeled.usable, nearest, idle)
 
     def unloadable(self, wheeled: Wheeled, momentum: OfEach, bias: Vector, field: Vector) -> Vector:
-        """What wheels in use hold of their momenta (N m s) beyond a `bias`, as far as they make all
-        torques against one that takes it out across the Earth's `field` (T).
+        """Momentum (N m s) of the used wheels beyond a `bias`, as far as they can produce all
+        torques that oppose its removal across the Earth's `field` (T).
 
-        Of two wheels that is the part along the one direction in their plane that is across the
-        field, of one it is nothing.
+        For two wheels that is the component along the one direction in their plane across the
+        field, for one wheel zero.
         """
         excess = self.wheels.axes @ jnp.where(wheeled.working, momentum, 0.0) - bias
         direction = jnp.cross(wheeled.normal, field)
@@ -152,9 +152,9 @@ class WheelAllocation(eqx.Module):
         return jnp.where(wheeled.left == Left.THREE_AXES, excess, plane)
 
     def commands(self, condition: ActuatorCondition, momentum: OfEach, torque: OfEach) -> OfEach:
-        """Motor torques (N m), within the limits, that do `torque` (N m) to the body.
+        """Motor torques (N m), within the limits, that produce `torque` (N m) on the body.
 
-        Of what is commanded a weak motor makes a part.
+        A weak motor produces only a part of its command.
         """
         full, part = self.filter.full, condition.part
         friction, side = self.filter.friction(momentum, condition), self.filter.side(momentum)
@@ -163,9 +163,9 @@ class WheelAllocation(eqx.Module):
         return jnp.clip(command, -full, full)
 
     def largest_momentum(self, wheeled: Wheeled, stored: Vector) -> RealScalar | None:
-        """Momentum (N m s) that a slew about any axis may give the body; None for no limit.
+        """Largest momentum (N m s) of the body in a slew about any axis; None without a limit.
 
-        `stored` (N m s) is what wheels in use hold when the body is at rest.
+        `stored` (N m s) is the momentum of the used wheels when the body is at rest.
         """
         limit = self.wheels.momentum_limit
         if limit is None:
@@ -178,7 +178,7 @@ class WheelAllocation(eqx.Module):
 
 
 def within(usable: OfEach, torque: OfEach, more: OfEach) -> RealScalar:
-    """The part of `more`, at most 1, that fits with what is `made` into the torques to spare."""
+    """The part of `more`, at most 1, that fits beside `torque` into the `usable` torques."""
     room = jnp.maximum(usable - jnp.abs(torque), 0.0)
     size = jnp.abs(more)
     return jnp.minimum(

@@ -1,4 +1,4 @@
-"""From measurements to what a sampled law is given: estimators, and sensors with a state."""
+"""Navigation for sampled laws: estimators, and sensors with a state."""
 
 from jaxsat.control.navigation.estimator import AbstractEstimator as AbstractEstimator
 from jaxsat.control.navigation.estimator import Estimate as Estimate

@@ -1,4 +1,4 @@
-"""The contract of attitude estimators, and turns of the body as they reckon with them."""
+"""Interface of attitude estimators, and the body rotations that they use."""
 
 import abc
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from jaxsat.spacecraft.vector_sensors import Observation, VectorSensor
 
 
 def rotation(angle: Vector) -> Quaternion:
-    """The turn of the body by a rotation vector, rad."""
+    """The rotation of the body by a rotation vector, rad."""
     square = jnp.sum(angle**2) / 4
     turns = square > 0
     half = jnp.sqrt(jnp.where(turns, square, 1.0))
@@ -26,12 +26,12 @@ def rotation(angle: Vector) -> Quaternion:
 
 
 def product(q: Quaternion, turn: Quaternion) -> Quaternion:
-    """q ⊗ p: the attitude q, then the turn p of the body."""
+    """q ⊗ p: the attitude q, then the body rotation p."""
     return Quaternion(turn.q[0] * q.q + 2 * q.rate(turn.q[1:]).q)
 
 
 def between(q: Quaternion, p: Quaternion) -> Quaternion:
-    """The turn of the body from the attitude q to the attitude p, at most half a circle."""
+    """The body rotation from the attitude q to the attitude p, at most half a circle."""
     turn = product(Quaternion(q.q * jnp.array([1.0, -1.0, -1.0, -1.0])), p).q
     return Quaternion(jnp.where(turn[0] < 0, -turn, turn))
 
@@ -39,7 +39,7 @@ def between(q: Quaternion, p: Quaternion) -> Quaternion:
 def difference(q: Quaternion, p: Quaternion) -> Vector:
     """The small rotation (rad) with which `q.turned` gives p, the rotation vector to second order.
 
-    2 tan(θ/2) in place of θ, so that a whole turn is found at once; held near half a circle.
+    2 tan(θ/2) in place of θ corrects a large rotation in one step; bounded near half a circle.
     """
     turn = between(q, p).q
     return 2 * turn[1:] / jnp.maximum(turn[0], 0.01)
@@ -55,21 +55,21 @@ def rotation_vector(q: Quaternion, p: Quaternion) -> Vector:
 
 
 def towards(expected: Vector, measured: Vector) -> Vector:
-    """The small rotation of the body (rad) across a vector that brings it from where it is expected
-    in body axes to where it was measured.
+    """The small rotation of the body (rad) across a vector that moves its expected to its measured
+    direction in body axes.
 
-    2 tan(θ/2) in place of the angle θ between both, as of `difference`; held near half a circle.
+    2 tan(θ/2) in place of the angle θ between both, as in `difference`; bounded near half a circle.
     """
     size = jnp.sqrt(jnp.sum(expected**2) * jnp.sum(measured**2))
     return 2 * jnp.cross(measured, expected) / jnp.maximum(size + expected @ measured, 0.01 * size)
 
 
 class Measurement(NamedTuple):
-    """What arrives at one sample: the measured rate (rad/s) of this instant, and an attitude.
+    """Measurements that arrive at one sample: the present rate (rad/s), and an attitude.
 
-    The attitude is that of the latency of the sensors earlier; where `seen` is false there is none.
-    Without a star tracker both are None. `vectors` are what magnetometer, Sun sensor and
-    horizon sensor measured then, in this order, of those that there are.
+    The attitude is older by the latency of the sensors; there is none where `seen` is false.
+    Without a star tracker both are None. `vectors` are the simultaneous measurements of
+    magnetometer, Sun sensor and horizon sensor, in this order, without absent ones.
     """
 
     rate: Vector
@@ -79,11 +79,11 @@ class Measurement(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What an estimator believes at one sample, in body axes.
+    """Estimate at one sample, in body axes.
 
     The attitude is relative to the orbit frame, `omega` the inertial rate (rad/s), `bias` that of
-    the gyro (rad/s). The deviations are the standard deviations that it claims for the errors of
-    attitude (rad), rate and bias (rad/s) about each axis. None is what it does not estimate.
+    the gyro (rad/s). The sigmas are the computed standard deviations of the errors of attitude
+    (rad), rate and bias (rad/s) about each axis. None marks values that are not estimated.
     """
 
     attitude: Quaternion
@@ -95,11 +95,11 @@ class Estimate(NamedTuple):
 
 
 class EstimatorContext(NamedTuple):
-    """What a scenario gives an estimator besides its own keys: the sensors as they are declared,
-    the orbit, and the time (s) from sample to sample.
+    """Data from a scenario for an estimator besides its own keys: the sensors as declared, the
+    orbit, and the sample period (s).
 
-    `tracker` is None without a star tracker; `vectors` are those of magnetometer, Sun sensor
-    and horizon sensor, in this order, that there are.
+    `tracker` is None without a star tracker; `vectors` are the present ones of magnetometer, Sun
+    sensor and horizon sensor, in this order.
     """
 
     gyro: Gyro
@@ -110,7 +110,7 @@ class EstimatorContext(NamedTuple):
 
     @property
     def latency(self) -> int:
-        """Samples until what all sensors of the attitude measured has arrived."""
+        """Number of samples until the measurements of all attitude sensors have arrived."""
         return latency_of(self.tracker, self.vectors)
 
 
@@ -120,7 +120,7 @@ def latency_of(tracker: StarTracker | None, vectors: Sequence[VectorSensor]) -> 
 
 
 class AbstractEstimator(eqx.Module):
-    """Turns the measurements of a run, one sample after the other, into estimates.
+    """Estimator: the measurements of a run, one sample after the other, to estimates.
 
     Estimators that a scenario can name also have a `declaration`, a `PartDeclaration`, and a class
     method `from_table(values, context)`: `values` has every declared key, `context` is an
@@ -143,16 +143,16 @@ class AbstractEstimator(eqx.Module):
 
 
 class RawMeasurements(AbstractEstimator):
-    """No estimator: the measured rate, and the attitude that the star tracker gave last."""
+    """No estimator: the measured rate, and the last attitude of the star tracker."""
 
     def init(self, attitude: Quaternion, sigma: RealScalar) -> Quaternion:
-        """The first estimate, until the first measurement."""
+        """The first estimate, used until the first measurement."""
         return attitude
 
     def step(
         self, sample: IntScalar, period: RealScalar, measurement: Measurement, memory: Quaternion
     ) -> tuple[Estimate, Quaternion]:
-        """What was measured; vectors have no part in it."""
+        """The measurement as an estimate; vectors are ignored."""
         if measurement.attitude is None or measurement.seen is None:
             return Estimate(memory, measurement.rate), memory
         q = jnp.where(measurement.seen, measurement.attitude.q, memory.q)

@@ -41,7 +41,7 @@ class Belief(NamedTuple):
 
 
 class KalmanMemory(NamedTuple):
-    """The belief at the sample that the sensors now tell of, and the rates since (rad/s)."""
+    """The belief at the sample of the latest arrivals, and the rates since (rad/s)."""
 
     belief: Belief
     rates: Float[Array, "samples 3"]
@@ -51,20 +51,20 @@ class MultiplicativeFilter(AbstractEstimator):
     """The multiplicative extended Kalman filter of Lefferts, Markley and Shuster (1982).
 
     Between samples the attitude turns by the trapezoidal mean of the measured rates less the
-    estimated bias, with the coning term, and by the orbit frame's own motion. Since a rate takes
-    part in the turns before and after its sample, its noise is correlated from one turn to the
-    next; the filter carries that correlation, so that its covariance is that of its errors. An
-    attitude is taken in as three scalar measurements about the star tracker's axes, and a vector v
-    as those of the rows of [v ×]: nothing is inverted.
+    estimated bias, with the coning term, and by the orbit frame's own motion. As a rate enters the
+    turns before and after its sample, its noise is correlated from one turn to the next; the filter
+    carries that correlation, so that its covariance is that of its errors. An attitude is processed
+    as three scalar measurements about the star tracker's axes, a vector v as those of the rows of
+    [v ×]: no matrix is inverted.
 
     Measurements with latency belong to an earlier sample. The filter itself stays at that sample
-    and is predicted from there with the rates since, which is exact.
+    and predicts from there with the later rates, which is exact.
 
-    `gyro`, `tracker` and `orbit` are what the filter believes of them; `vector_noise` are the
-    standard deviations of the sensors of vectors, in their units, and `vector_latency` is their
-    latency in samples. A rate at the gyro's limit counts as unknown within that limit, so that the
-    next measurement decides. Scale factors and misalignments are not estimated, nor is the bias of
-    a magnetometer.
+    `gyro`, `tracker` and `orbit` are the filter's models; `vector_noise` are the standard
+    deviations of the sensors of vectors, in their units, and `vector_latency` is their latency in
+    samples. A rate at the gyro's limit is treated as unknown within that limit, so that the next
+    measurement decides. Scale factors and misalignments are not estimated, nor is the bias of a
+    magnetometer.
     """
 
     orbit: AbstractOrbit
@@ -75,13 +75,13 @@ class MultiplicativeFilter(AbstractEstimator):
 
     @property
     def latency(self) -> int:
-        """Samples until what is measured has arrived."""
+        """Number of samples until a measurement has arrived."""
         return max(self.vector_latency, 0 if self.tracker is None else self.tracker.latency)
 
     def init(self, attitude: Quaternion, sigma: RealScalar) -> KalmanMemory:
-        """A belief without correlations; the bias is believed to be zero.
+        """A belief without correlations and with zero bias.
 
-        Its variance is what the gyro declares: that of the draw, and the square of the rest.
+        The bias variance is declared by the gyro: that of the draw, plus the square of the rest.
         """
         identity = jnp.eye(3, dtype=attitude.q.dtype)
         zero = jnp.zeros_like(identity)
@@ -92,7 +92,7 @@ class MultiplicativeFilter(AbstractEstimator):
     def step(
         self, sample: IntScalar, period: RealScalar, measurement: Measurement, memory: KalmanMemory
     ) -> tuple[Estimate, KalmanMemory]:
-        """The estimate with all that has arrived by this sample."""
+        """The estimate with all measurements that have arrived by this sample."""
         rates = jnp.concatenate([memory.rates, measurement.rate[None]])
         first = sample - self.latency - 1
 
@@ -140,7 +140,7 @@ class MultiplicativeFilter(AbstractEstimator):
         )
 
     def corrected(self, belief: Belief, measurement: Measurement) -> Belief:
-        """The belief after the measured attitude and vectors, of those that there are."""
+        """The belief after the available measurements of attitude and vectors."""
         tracker, attitude, valid = self.tracker, measurement.attitude, measurement.seen
         if tracker is not None and attitude is not None and valid is not None:
             off = difference(Quaternion(belief.q), attitude)
@@ -154,19 +154,19 @@ class MultiplicativeFilter(AbstractEstimator):
         return belief
 
     def _turned(self, q, turn: Quaternion, half) -> Float[Array, "4"]:
-        """The attitude after the body's turn, the orbit frame's own split around it."""
+        """The attitude after the body's turn, with the orbit frame's own split around it."""
         q = Quaternion(q)
         q = q.turned(-half * self.orbit.frame_rate(q))
         q = product(q, turn)
         return q.turned(-half * self.orbit.frame_rate(q)).q
 
     def _variance(self, rate, period) -> Vector:
-        """Of the noise of a measured rate, about each axis; of the whole range at its limit."""
+        """Variance of a measured rate about each axis; that of the whole range at its limit."""
         within_limit = jnp.abs(rate) < self.gyro.limit
         return jnp.where(within_limit, self.gyro.rate_variance(period), self.gyro.limit**2)
 
     def _estimate(self, belief: Belief, rate, period) -> Estimate:
-        """The error of the rate is -(β + n)."""
+        """Estimate of a belief, with a rate error of -(β + n)."""
         of_bias = _diagonal(belief.bias)
         of_rate = of_bias + self._variance(rate, period) + 2 * _diagonal(belief.bias_noise)
         deviations = map(jnp.sqrt, (_diagonal(belief.attitude), of_rate, of_bias))
@@ -186,9 +186,9 @@ def _corrected(estimator: MultiplicativeFilter, belief: Belief, measurement: Mea
 def _taken_in(
     belief: Belief, off: Vector, axes: Matrix, variances: tuple[RealScalar, ...], seen: BoolScalar
 ) -> Belief:
-    """The belief after a small rotation (rad) of which the components along `axes` were measured.
+    """The belief after measurement of a small rotation (rad) by its components along `axes`.
 
-    Each with a variance, in (rad times the length of its axis)².
+    Each has a variance, in (rad times the length of its axis)².
     """
     attitude, bias = jnp.zeros_like(belief.b), jnp.zeros_like(belief.b)
     for axis, variance in zip(axes, variances, strict=True):
@@ -204,8 +204,8 @@ def _narrowed(
 ) -> tuple[Belief, tuple[Vector, Vector], RealScalar]:
     """The covariances after a measurement of δ along an axis with this variance (rad²).
 
-    Also E δy and E βy of the measured y, and the inverse of its variance; zero where nothing is
-    seen. These make the gains.
+    The tuple also has E δy and E βy of the measured y, and the inverse of its variance (zero
+    without a measurement), which form the gains.
     """
     attitude, bias = belief.attitude @ axis, axis @ belief.cross
     scale = jnp.where(valid, 1 / (axis @ attitude + variance), 0.0)

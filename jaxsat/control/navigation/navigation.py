@@ -1,4 +1,4 @@
-"""Sensors with a state of their own and the estimator behind them."""
+"""Navigation: sensors with a state, and their estimator."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -27,9 +27,9 @@ from jaxsat.spacecraft.vector_sensors import Observation, VectorSensor
 
 
 class Delivery(NamedTuple):
-    """An attitude of the star tracker (unit quaternion, scalar first), and whether there is one.
+    """An attitude of the star tracker (unit quaternion, scalar first), and whether it is present.
 
-    Both are None without a star tracker. `vectors` are what the sensors of vectors measured.
+    Both are None without a star tracker. `vectors` are the measurements of the vector sensors.
     """
 
     attitude: Float[Array, "*latency 4"] | None
@@ -38,10 +38,10 @@ class Delivery(NamedTuple):
 
 
 class NavigationState(NamedTuple):
-    """The gyro's bias (rad/s), what has yet to be delivered, and the estimator's memory.
+    """The gyro's bias (rad/s), undelivered measurements, and the estimator's memory.
 
-    Of what is to be delivered the oldest stands first; None is sensors without latency. `rate` is
-    the last valid measurement of the gyro (rad/s), None where all are valid.
+    The oldest undelivered one is first; None for sensors without latency. `rate` is the last valid
+    measurement of the gyro (rad/s), None where all are valid.
     """
 
     bias: Vector
@@ -51,11 +51,12 @@ class NavigationState(NamedTuple):
 
 
 class Told(NamedTuple):
-    """What a law is given at a sample; with sensors and estimator that have a state, the next one.
+    """Input of a law at a sample; with sensors and estimator that have a state, also the next
+    state.
 
-    `errors` are those of the estimate by the names of signals: truth less estimate, and three of
-    the deviations claimed, of what is estimated. `valid` is whether the law may use it, None where
-    it always may.
+    `errors` of the estimated quantities, by the names of signals, are truth less estimate, and
+    three times the computed deviations. `valid` is whether the law may use the input, None for
+    always.
     """
 
     state: PlantState
@@ -67,11 +68,10 @@ class Told(NamedTuple):
 class Navigation(eqx.Module):
     """Gyro, sensors of the attitude and estimator between the true state and a sampled law.
 
-    What all sensors of the attitude measure at a sample is delivered at once, when that of the
-    slowest has arrived. There is at least one of them: `tracker`, `magnetometer`, `sun_sensor`,
-    `horizon_sensor`.
-    `attitude_sigma` (rad) is the standard deviation of the first estimate about each axis. All that
-    is random is a function of `key` (two 32-bit words) and of the sample's number.
+    The measurements of all attitude sensors at a sample are delivered together, when the slowest
+    has arrived. At least one is given: `tracker`, `magnetometer`, `sun_sensor`, `horizon_sensor`.
+    `attitude_sigma` (rad) is the standard deviation of the first estimate about each axis. All
+    randomness is a function of `key` (two 32-bit words) and of the sample's number.
     """
 
     gyro: Gyro
@@ -89,12 +89,12 @@ class Navigation(eqx.Module):
 
     @property
     def vectors(self) -> tuple[VectorSensor, ...]:
-        """Magnetometer, Sun sensor and horizon sensor, of those that there are."""
+        """The present ones of magnetometer, Sun sensor and horizon sensor."""
         each = (self.magnetometer, self.sun_sensor, self.horizon_sensor)
         return tuple(one for one in each if one is not None)
 
     def init(self, state: PlantState) -> NavigationState:
-        """The state before the first sample, when the truth is `state`: bias and estimate drawn."""
+        """The state before the first sample, for the true `state`, with drawn bias and estimate."""
         own = fold_in(self.key, name_number("start of navigation"))
         noise = sample_noise(own, jnp.array(0), 6, state.omega.dtype)
         sigma, true = self.attitude_sigma, state.attitude.as_quaternion()
@@ -108,10 +108,9 @@ class Navigation(eqx.Module):
     def step(
         self, sample: IntScalar, period: RealScalar, plant: PlantState, state: NavigationState
     ) -> tuple[Estimate, NavigationState]:
-        """The estimate at a sample of the run when the truth is `plant`, and the next state.
+        """The estimate at a sample of the run for the true state `plant`, and the next state.
 
-        Samples are `period` s apart. In place of an invalid rate, the estimator is given the last
-        valid one.
+        Samples are `period` s apart. An invalid rate is replaced by the last valid one.
         """
         noise = sample_noise(self.key, sample, 9, plant.omega.dtype)
         rate = self.gyro.measured(plant.omega, state.bias, noise[:3], period)
@@ -133,14 +132,14 @@ class Navigation(eqx.Module):
         return estimate, NavigationState(bias, waiting, memory, last)
 
     def example(self) -> Measurement:
-        """A measurement of the shapes of all of this navigation."""
+        """A measurement with the array shapes of this navigation."""
         attitude = Quaternion(as_float([1.0, 0.0, 0.0, 0.0]))
         nothing = self._nothing(attitude)
         attitude_or_none = None if nothing.attitude is None else attitude
         return Measurement(attitude.q[1:], attitude_or_none, nothing.seen, nothing.vectors)
 
     def _nothing(self, attitude: Quaternion) -> Delivery:
-        """A delivery that tells nothing, of the shapes of one that does."""
+        """A delivery without measurements, of the usual shapes."""
         unseen, vector = jnp.array(False), jnp.eye(3, dtype=attitude.q.dtype)[0]
         vectors = tuple(Observation(vector, vector, unseen) for _ in self.vectors)
         if self.tracker is None:
@@ -150,7 +149,7 @@ class Navigation(eqx.Module):
     def _measured(
         self, sample: IntScalar, period: RealScalar, plant: PlantState, noise: Vector
     ) -> Delivery:
-        """What the sensors of the attitude measure now; `noise` is the star tracker's."""
+        """The present measurements of the attitude sensors; `noise` is the star tracker's."""
         true = plant.attitude.as_quaternion()
         vectors = tuple(one.observed(sample, period, true, self.key) for one in self.vectors)
         if self.tracker is None:
@@ -159,7 +158,7 @@ class Navigation(eqx.Module):
         return Delivery(attitude.q, self.tracker.measures(sample, period, plant.omega), vectors)
 
     def _arriving(self, queue: Delivery) -> Delivery:
-        """What is delivered now of all that was measured lately and now."""
+        """The present delivery from the queue of present and earlier measurements."""
         oldest = jax.tree.map(lambda part: part[0], queue)
         if self.tracker is None:
             return oldest
@@ -168,7 +167,7 @@ class Navigation(eqx.Module):
     def told(
         self, sample: IntScalar, period: RealScalar, plant: PlantState, state: NavigationState
     ) -> Told:
-        """What the law is given, the attitude in the parameters of the true one; as `step`."""
+        """The law's input, with the attitude in the parameters of the true one; as `step`."""
         estimate, following = self.step(sample, period, plant, state)
         attitude = in_parameters_of(plant.attitude, estimate.attitude)
         errors = _errors(plant, state.bias, estimate)

@@ -1,13 +1,13 @@
 """Limits of the torques, and the end of a plan within tolerances, as logarithmic barriers.
 
 A limit s >= 0 of a torque with the multiplier z has s z = μ on the central path (primal-dual).
-Newton's step for s and z is eliminated, so that only terms in the torques u are left:
-½ curvature du² + gradient du.
+Newton's step for s and z is eliminated, so that only terms in the torques u remain: ½ curvature du²
++ gradient du.
 
 The arrival ψ of a plan's last state (`Transcription.arrival`) is R e, where e lies in the unit
 balls of tilt, turn and rate, and R are their radii. Each ball has the slack c = 1 - |e|² >= 0 with
 a multiplier z, c z = μ on the central path. Newton's step for z is eliminated, so that terms in e
-are left: ½ deᵀ H de + gᵀ de.
+remain: ½ deᵀ H de + gᵀ de.
 """
 
 from functools import reduce
@@ -24,21 +24,21 @@ from jaxsat.core.tolerances import Tolerances
 Torques = Float[Array, " m"]
 
 TO_BOUNDARY = 0.99
-"""The share of the way to a limit that one step may go."""
+"""Largest share of the distance to a limit in one step."""
 
 LEAVING = 1e3
-"""A multiplier stays within this factor of μ / s."""
+"""Largest ratio of a multiplier to μ / s, in either direction."""
 
 
 def longest_step(value: Array, change: Array) -> RealScalar:
-    """The longest step, at most 1, after which positive values are positive."""
+    """The longest step, at most 1, after which positive values stay positive."""
     falling = change < 0
     steps = -TO_BOUNDARY * value / jnp.where(falling, change, -1.0)
     return jnp.minimum(1.0, jnp.min(jnp.where(falling, steps, 1.0)))
 
 
 def stepped(x: Array, change: Array, step: RealScalar) -> Array:
-    """The value after a step; without a step unchanged, also where the change is NaN."""
+    """The value after a step; unchanged for a step of zero, even if the change is NaN."""
     return x + jnp.where(step > 0, step * change, 0.0)
 
 
@@ -65,22 +65,22 @@ class Limit(eqx.Module):
 
 
 class TorqueCost(eqx.Module):
-    """What the torques of one interval cost, with the barriers of their limits.
+    """Cost of the torques of one interval, with the barriers of their limits.
 
-    |u| <= 1 are two limits. With two more the torques cost their sizes: over an interval of unit
-    length the least t with -t <= u <= t. `limits` are 1 + u, 1 - u and, for sizes, t - u, t + u.
+    |u| <= 1 are two limits. Two more make the cost the torques' sizes: over an interval of unit
+    length the smallest t with -t <= u <= t. `limits` are 1 + u, 1 - u and, for sizes, t - u, t + u.
     """
 
     limits: tuple[Limit, ...]
 
     @staticmethod
     def free(u: Torques, mu: RealScalar) -> "TorqueCost":
-        """The terms of torques that cost nothing, on the central path of `mu`."""
+        """The terms of torques without cost, on the central path of `mu`."""
         return TorqueCost(tuple(Limit(slack, mu / slack) for slack in (1 + u, 1 - u)))
 
     @staticmethod
     def of_sizes(u: Torques, mu: RealScalar, length: RealScalar) -> "TorqueCost":
-        """Terms of torques that cost their sizes, on the central path: t² = u² + 2 t μ / length."""
+        """Terms of torques with a cost of sizes, on the central path: t² = u² + 2 t μ / length."""
         ratio = mu / length
         size = ratio + jnp.sqrt(ratio**2 + u**2)
         slacks = (1 + u, 1 - u, size - u, size + u)
@@ -100,7 +100,7 @@ class TorqueCost(eqx.Module):
         return curvature + 4 * below * above / both, gradient
 
     def _size_terms(self, mu: RealScalar, length: RealScalar) -> tuple[Torques, Torques, Torques]:
-        """z/s of the limits of t, and the slope of the cost by t."""
+        """z/s of the limits of t, and the derivative of the cost by t."""
         below, above = self.limits[2:]
         slope = length - mu / below.slack - mu / above.slack
         return below.multiplier / below.slack, above.multiplier / above.slack, slope
@@ -125,7 +125,7 @@ class TorqueCost(eqx.Module):
     def moved(
         self, change: "TorqueCost", primal: RealScalar, dual: RealScalar, mu: RealScalar
     ) -> "TorqueCost":
-        """The cost after these steps; without a step unchanged, also where the change is NaN."""
+        """The cost after these steps; unchanged for a step of zero, even if the change is NaN."""
         pairs = zip(self.limits, change.limits, strict=True)
         return TorqueCost(tuple(limit.moved(other, primal, dual, mu) for limit, other in pairs))
 
@@ -142,10 +142,10 @@ class TorqueCost(eqx.Module):
 
 
 BALLS = np.repeat(np.eye(3), (2, 1, 3), axis=0)
-"""Which part of the arrival belongs to which ball: tilt, turn, rate."""
+"""Incidence of the arrival's components and the balls: tilt, turn, rate."""
 
 INSIDE = 0.9
-"""Of a radius, where the place of a guess is at most."""
+"""Largest size of a guess's place, relative to a radius."""
 
 
 def radii_of(tolerances: Tolerances, time_unit: RealScalar) -> Vector:
@@ -156,7 +156,7 @@ def radii_of(tolerances: Tolerances, time_unit: RealScalar) -> Vector:
 
 
 def inside(place: Float[Array, "6"]) -> Float[Array, "6"]:
-    """The place drawn back into the balls."""
+    """The place scaled back into the balls."""
     sizes = jnp.sqrt(place**2 @ BALLS)
     return place * (BALLS @ (INSIDE / jnp.maximum(sizes, INSIDE)))
 
@@ -167,7 +167,7 @@ def slacks(place: Float[Array, "6"]) -> Vector:
 
 
 def barrier(place: Float[Array, "6"], mu: RealScalar) -> RealScalar:
-    """What the balls cost at a place."""
+    """Barrier cost of the balls at a place."""
     return -mu * jnp.sum(jnp.log(slacks(place)))
 
 
@@ -192,7 +192,7 @@ class EndTerms(NamedTuple):
 
 
 def longest_place_step(place: Float[Array, "6"], change: Float[Array, "6"]) -> RealScalar:
-    """The longest step, at most 1, after which a share of every slack is left."""
+    """The longest step, at most 1, after which a share of every slack remains."""
     square = change**2 @ BALLS
     along = (place * change) @ BALLS
     root = jnp.sqrt(along**2 + square * TO_BOUNDARY * slacks(place))

@@ -1,4 +1,4 @@
-"""Where the search for a plan begins: ways to the target with random bumps, or an earlier plan."""
+"""Initial guesses of a plan: paths to the target with random bumps, or an earlier plan."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,25 +10,25 @@ from jaxsat.core.array_types import RealScalar
 from jaxsat.core.once import once
 
 BUMPS, BUMPS_OVER_SQUARE = 0.5, 1 / 16
-"""Standard deviation of the bumps of the quaternion: the first, or so much times the square of a
-short duration, about what torques turn within a quarter of it."""
+"""Standard deviation of the quaternion's bumps: the first, or the second times the square of a
+short duration, about the rotation by the torques within a quarter of it."""
 
 SPREAD = (1.0, 3.0)
 """Durations of guesses over that of one slew with one thruster."""
 
 LEAST_DURATION, LEAST_REST = 0.5, 0.05
-"""Of a guess, and of what is left of an earlier plan of least time, in units of τ."""
+"""Smallest duration of a guess, and of the rest of an earlier plan of least time, in units of τ."""
 
 
 BLOCK = 12
-"""Random numbers are drawn for as many guesses at once."""
+"""Number of guesses per block of random numbers."""
 
 
 @once
 def random_numbers(count: int) -> dict[str, Float[np.ndarray, "count ..."]]:
-    """What makes the guesses differ: the same for every start, half of them for each sign of q.
+    """Random numbers of the guesses: equal for every start, half of them for each sign of q.
 
-    Those of fewer guesses are the first of those of more.
+    The numbers of fewer guesses are the first of those of more.
     """
     blocks = [_block(number) for number in range(-(-count // BLOCK))]
     numbers = {name: np.concatenate([one[name] for one in blocks])[:count] for name in blocks[0]}
@@ -46,9 +46,9 @@ def _block(number: int) -> dict[str, Float[np.ndarray, "block ..."]]:
 
 
 def slew_duration(program: Transcription, x: Float[Array, "7"]) -> RealScalar:
-    """How long the tilt and turn of a start take as one slew with one thruster, in units of τ.
+    """Duration of one slew over a start's tilt and turn with one thruster, in units of τ.
 
-    Without derivatives: it is only where a search begins, and its root has none at the target.
+    It only begins a search: not differentiated, as its root has no derivative at the target.
     """
     x = lax.stop_gradient(x)
     moments = program.model.spacecraft.moments
@@ -65,9 +65,9 @@ def guess(
     duration: RealScalar | None = None,
     least: float = 0.0,
 ) -> Unknowns:
-    """A straight way from `x` to the target with bumps, without torque, for some random numbers.
+    """A straight path from `x` to the target with bumps from random numbers, without torque.
 
-    Its duration is given, or longer than `least` (both in units of τ).
+    The duration is given, or random and longer than `least` (both in units of τ).
     """
     if duration is None:
         duration = jnp.maximum(slew_duration(program, x), least) * numbers["stretch"]
@@ -91,7 +91,7 @@ def resampled(
 ) -> Unknowns:
     """The rest of a plan after the time `passed`, on this program's intervals, beginning at `x`.
 
-    Of a plan of least time at least `LEAST_REST`; a duration that is given stays as it is.
+    A plan of least time keeps at least `LEAST_REST`; a given duration is unchanged.
     """
     count, rest = plan.torque.shape[0], plan.duration - passed
     if program.objective is PlanObjective.TIME:

@@ -1,8 +1,8 @@
 """An interior-point method for the nonlinear program of a plan.
 
 Every iteration takes one Newton step, shortened until it leaves the torques within their limits and
-makes a merit function smaller: the objective with its barriers plus ρ Σ|defects|, ρ above every
-multiplier. The barrier parameter μ falls as soon as steps are long and the defects small.
+decreases a merit function: the objective with its barriers plus ρ Σ|defects|, ρ above every
+multiplier. The barrier parameter μ decreases once steps are long and the defects small.
 """
 
 from typing import NamedTuple
@@ -27,46 +27,46 @@ from jaxsat.control.planning.transcription import ARRIVALS, PlanObjective, Trans
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 
 INSIDE = 0.9
-"""Torques of a guess are at most this share of the limit."""
+"""Largest torque of a guess, relative to the limit."""
 
 HALVINGS = 6
-"""Of a step, before it is given up."""
+"""Largest number of halvings of a step."""
 
 DEFECT_TOLERANCE = 1e-7
-"""Sum of all defects and of the arrival, without dimension, at which a plan can be flown."""
+"""Dimensionless tolerance on the sum of all defects and of the arrival of a flyable plan."""
 
 LARGEST_CHANGE = 1.0
-"""Of any state in one step."""
+"""Largest change of any state in one step."""
 
 LARGEST_STRETCH = 0.3
-"""Of the duration in one step, as a share of it."""
+"""Largest relative change of the duration in one step."""
 
 STEADY = 1e-3
-"""The change that a converged plan would still make: of the duration and of the objective with its
-barriers, as shares of what they are and of what the barriers may cost."""
+"""Tolerance on the remaining change of a converged plan: of the duration and of the objective with
+its barriers, relative to their values with the largest cost of the barriers."""
 
 CALM = 0.1
 """Σ of defects below which μ falls."""
 
 FALL = 0.5
-"""Factor of μ."""
+"""Factor of μ per decrease."""
 
 PROXIMITIES = (1e-4, 1e4)
 """Range of the weight of squared changes of the torques."""
 
 PENALTY = 1.5
-"""ρ over the largest multiplier."""
+"""ρ relative to the largest multiplier."""
 
 SUFFICIENT, ROUNDING = 1e-4, 1e-9
-"""A step counts if the merit falls by that share of what its slope promises; less is rounding."""
+"""Least decrease of the merit, relative to its slope's prediction, and its round-off."""
 
 
 class Settings(NamedTuple):
-    """Where μ begins and ends, the first weight of changes, and how many iterations there may be.
+    """Initial and final μ, the initial weight of changes, and the largest number of iterations.
 
-    Σ 2 μ over all torques is what the objective may be above the optimum, in units of τ. The
-    duration stays above `least_duration` (τ): where there is nearly nothing to do a shorter one
-    would be worth more than the defects that it makes.
+    Σ 2 μ over all torques bounds the excess of the objective over the optimum, in units of τ. The
+    duration stays above `least_duration` (τ): near the target a shorter one would gain more than
+    its defects cost.
     """
 
     first_barrier: float | RealScalar
@@ -77,9 +77,9 @@ class Settings(NamedTuple):
 
 
 class Iterate(NamedTuple):
-    """Where the method is: unknowns, torques' cost, multipliers of the arrival and of its balls.
+    """State of the method: unknowns, torques' cost, multipliers of the arrival and of its balls.
 
-    `defects` is the sum of all; `done` where the last step found the plan to be optimal.
+    `defects` is the sum of all defects; `done` is true if the plan is optimal.
     """
 
     unknowns: Unknowns
@@ -96,7 +96,7 @@ class Iterate(NamedTuple):
 def solve(
     program: Transcription, begin: RealScalar, guess: Unknowns, settings: Settings
 ) -> Iterate:
-    """The local optimum from a guess, if there are enough iterations; `Iterate.done` tells."""
+    """The local optimum from a guess, if the iterations suffice: see `Iterate.done`."""
 
     def under_way(at: Iterate):
         return ~at.done & (at.iterations < settings.iterations)
@@ -167,7 +167,7 @@ def iterated(program: Transcription, begin: RealScalar, at: Iterate, settings: S
     calm = (length > LARGEST_STRETCH) & (defects < CALM)
     mu = jnp.maximum(at.barrier * FALL, settings.last_barrier)
     steady = jnp.abs(step.change.duration) < STEADY * at.unknowns.duration
-    # A large weight of changes makes the step small, not what is left to gain.
+    # A large weight of changes makes the step small, but not the possible gain.
     freed = jnp.abs(slope) * jnp.maximum(1.0, at.proximity)
     steady = steady & (freed < STEADY * _scale(program, at))
     last = at.barrier <= settings.last_barrier
@@ -194,7 +194,7 @@ def _end_multipliers(
 
 
 def _scale(program: Transcription, at: Iterate) -> RealScalar:
-    """The objective, and what it may be above the optimum for the barriers: μ for each limit."""
+    """The objective, plus its largest excess over the optimum by the barriers: μ for each limit."""
     limits = len(at.cost.limits) * at.unknowns.torque.size
     limits += 0 if at.end_multipliers is None else len(at.end_multipliers)
     return program.value(at.unknowns) + limits * at.barrier
@@ -253,10 +253,8 @@ def _line_search(
     longest: RealScalar,
     settings: Settings,
 ) -> tuple[RealScalar, RealScalar, RealScalar]:
-    """The step's length, 0 where none makes the merit smaller, and the defects after it.
-
-    And by how much the whole step changes the objective with its barriers, to first order.
-    """
+    """The step's length, 0 if none decreases the merit, the defects after it, and the first-order
+    change of the objective with its barriers over the whole step."""
     length, mu = _length(program, at), at.barrier
     penalty = PENALTY * step.largest_multiplier
 

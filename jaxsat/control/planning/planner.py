@@ -1,4 +1,4 @@
-"""The planner: from any state to rest at the target, in least time or with least effort."""
+"""Planner from any state to rest at the target, in least time or with least effort."""
 
 import dataclasses
 import enum
@@ -28,21 +28,21 @@ from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 FINE = CLOSE._replace(iterations=80)
-"""Of the search from the best that was found. The one from every guess, `ROUGH`, has half of the
+"""Settings of the search from the best guess. The search from every guess, `ROUGH`, has half of the
 intervals."""
 
 STRETCHED = FINE._replace(first_barrier=1e-2, iterations=150)
-"""Of the search near a plan of another duration, from which it is farther away."""
+"""Settings of the search near a plan of another duration, which is a more distant start."""
 
 FINE_SUBSTEPS = 4
-"""Runge-Kutta steps in an interval then; in the search before it is one."""
+"""Number of Runge-Kutta steps per interval in that search; one in the search before."""
 
 
 class PlanStatus(enum.IntEnum):
-    """What became of a plan.
+    """Status of a plan.
 
-    A plan that is SOLVED is locally optimal. One that is FLYABLE arrives within `ARRIVING`, but may
-    be longer or dearer than need be. One that is FAILED must not be flown.
+    A SOLVED plan is locally optimal. A FLYABLE one arrives within `ARRIVING`, but may be longer or
+    costlier than necessary. A FAILED one must not be flown.
     """
 
     SOLVED = 0
@@ -53,9 +53,9 @@ class PlanStatus(enum.IntEnum):
 class Plan(NamedTuple):
     """Torques of the thrusters (N m), held over equal intervals, and the states at their ends.
 
-    It begins at `begin` and takes `duration` (s). `quaternion` is scalar first, from the orbit to
-    the body frame, `omega` in rad/s. `effort` is ∫ Σ|T_i| dt of the thrusters (N m s), `status` a
-    `PlanStatus`, `defects` the sum of what the states miss, in units without dimension.
+    The plan begins at `begin` and takes `duration` (s). `quaternion` is scalar first, from the
+    orbit to the body frame, `omega` in rad/s. `effort` is ∫ Σ|T_i| dt of the thrusters (N m s),
+    `status` a `PlanStatus`, `defects` the dimensionless sum of the defects.
     """
 
     begin: RealScalar
@@ -77,14 +77,13 @@ class Plan(NamedTuple):
 
 
 class Planner(eqx.Module):
-    """Plans for a body with thrusters that each make up to `limit` N m of either sign.
+    """Plans for a body with thrusters that each produce up to `limit` N m of either sign.
 
     The plans use 1 - `margin` of the limit. `torque_axes` (3, m) are the directions of the
-    thrusters' torques; one that is longer than 1 makes as much more than the limit. Two are enough
-    wherever the normal form has c ≠ 0. The search is local: it begins from `guesses` ways to the
-    target, with half of the `intervals`, and goes on from the best. What the model believes of the
-    disturbance is known to the plan in advance. Plans end at rest or, with `tolerances`, where a
-    spacecraft begins to be within them.
+    thrusters' torques; a longer one than 1 exceeds the limit by that factor. Two are enough
+    wherever the normal form has c ≠ 0. The search is local: it begins from `guesses` paths to the
+    target, with half of the `intervals`, and continues from the best. The plan uses the model's
+    disturbance in advance. Plans end at rest or, with `tolerances`, where a spacecraft enters them.
 
     Raises `ArgumentError` for numbers out of range, and for a model with wheels.
     """
@@ -117,9 +116,9 @@ class Planner(eqx.Module):
     ) -> Plan:
         """The plan of least effort that takes `duration` (s).
 
-        It is FAILED where that is too short, not positive or not finite. With a plan of another
-        duration from the same state it is sought `near` that alone, flown at another pace. Where
-        there is hardly time enough guesses fail, and a quick plan leads there.
+        The status is FAILED if that is too short, not positive or not finite. With a plan `near` of
+        another duration from the same state, the search starts from that plan alone, flown at
+        another pace. Where the time hardly suffices guesses fail, and a fast plan leads there.
         """
         duration = as_float(duration)
         if near is None:
@@ -131,7 +130,7 @@ class Planner(eqx.Module):
         return plan._replace(duration=duration, status=status)
 
     def replanned(self, t: RealScalar, state: PlantState, plan: Plan) -> Plan:
-        """The plan of least time from a state on the way of an earlier plan, sought near it."""
+        """The plan of least time from a state along an earlier plan, by a search near it."""
         program = self._program(PlanObjective.TIME, self.intervals, FINE_SUBSTEPS)
         unit, unknowns = program.time_unit, _unknowns(program, plan)
         x = in_hemisphere_of(unknowns.states[0], program.scaled(state))

@@ -1,9 +1,9 @@
-"""Newton's step of a plan by a Riccati recursion: its cost is linear in the number of intervals.
+"""Newton's step of a plan by a Riccati recursion, at a cost linear in the number of intervals.
 
 The step is that of a linear-quadratic problem in the changes of (x, T), where T is a state without
-dynamics, and of u. The Hessian has no term of the dynamics' second derivatives (Gauss-Newton): it
-is positive definite, and near an optimum at the limits of the torques, as those of least time are,
-the step is Newton's all the same. References: Rao, Wright, Rawlings, J. Optim. Theory Appl. 99(3),
+dynamics, and of u. The Hessian omits the dynamics' second derivatives (Gauss-Newton): it is
+positive definite, and near an optimum at the limits of the torques, as those of least time are, the
+step is Newton's nevertheless. References: Rao, Wright, Rawlings, J. Optim. Theory Appl. 99(3),
 1998; Wächter and Biegler, Math. Program. 106(1), 2006.
 """
 
@@ -19,16 +19,16 @@ from jaxsat.control.planning.transcription import STATES, Transcription, Unknown
 from jaxsat.core.array_types import RealScalar
 
 ARRIVAL_WEIGHT = 1e5
-"""Of |arrival|² in the step, with multipliers: it arrives exactly as they converge."""
+"""Weight of |arrival|² in the step, with multipliers, which make it exact as they converge."""
 
 DURATION_PROXIMITY = 0.01
-"""Of the squared change of T, beside that of the torques'."""
+"""Weight of the squared change of T, relative to that of the torques' changes."""
 
 
 class QuadraticTerms(NamedTuple):
-    """The step's cost by the torques and by T; `proximity` holds it near where it begins.
+    """The step's cost by the torques and by T; `proximity` holds the step near its begin.
 
-    `duration_curvature` is infinite where the duration is given. `end` is of the place in the
+    `duration_curvature` is infinite for a given duration. `end` belongs to the place in the
     tolerances where the plan ends.
     """
 
@@ -124,7 +124,7 @@ def newton_step(
 
 
 def _arrival_terms(multipliers: Float[Array, "6"], end: EndTerms | None):
-    """Weight and multipliers of what a plan misses, the change of the place eliminated.
+    """Weight and multipliers of a plan's missed arrival, with the change of the place eliminated.
 
     The place moves by (W R² + H)⁻¹ (R (λ + W m) - g) where the arrival misses it by m.
     """
@@ -151,7 +151,7 @@ def _place_curvature(end: EndTerms) -> Float[Array, "6 6"]:
 
 
 def _backward(program: Transcription, begin: RealScalar, at: Unknowns, terms: QuadraticTerms, end):
-    """The cost to go at the first state, and all stages."""
+    """Cost-to-go at the first state, and all stages."""
     m = at.torque.shape[1]
     still = jnp.eye(STATES + 1)[STATES:]
 

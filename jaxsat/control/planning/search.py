@@ -1,4 +1,4 @@
-"""The search for a plan in pieces: so many iterations at a time, from where it stopped."""
+"""Search for a plan in pieces: a number of iterations at a time, resumed where it stopped."""
 
 from typing import NamedTuple
 
@@ -16,33 +16,33 @@ from jaxsat.core.checks import require_counts, require_finite, require_positive
 from jaxsat.core.trees import choose
 
 ROUGH = Settings(first_barrier=1e-2, last_barrier=3e-4, proximity=0.1, iterations=30)
-"""Of the search from every guess."""
+"""Settings of the search from every guess."""
 
 CLOSE = Settings(first_barrier=5e-4, last_barrier=3e-5, proximity=0.01, iterations=60)
-"""Of the search from the best that was found, and from the rest of an earlier plan."""
+"""Settings of the search from the best guess, and from the rest of an earlier plan."""
 
 ARRIVING = 1e-4
-"""Σ of defects, without dimension, up to which a plan counts as one that arrives."""
+"""Largest dimensionless sum of defects of a plan that arrives."""
 
 CREDIBLE, CREDIBLE_SHARE, UNSOUND = 1e-2, 0.1, 1e3
-"""Above this sum of defects, or above this share of what the start itself misses, a rough plan is
-taken only where none is below; its worth is so much more."""
+"""Above this sum of defects, or this share of the start's own arrival error, a rough plan is chosen
+only if none is below; the third number is added to its worth."""
 
 
 CLOSING = 20
 """Iterations that improve the best guess, in nearly all searches: the median is 9 or 10."""
 
 GUESSED = 1.2
-"""Durations of guesses over the least that there may be, at least."""
+"""Smallest ratio of a guess's duration to the shortest permitted one."""
 
 
 class Search(NamedTuple):
-    """How far a search is.
+    """State of a search.
 
-    `stage` is the number of the guess under way, then that of the guesses while the best is being
-    improved, and one more when it is over. `fresh` where the stage has no iteration yet. `best` has
-    the duration `worth`; `begin` (in units of τ) and `start` are those of the plan, which takes
-    at least `least` (τ).
+    `stage` is the number of the current guess, then that of the guesses while the best is being
+    improved, and one more at the end. `fresh` marks a stage without iterations. `best` has the
+    duration `worth`; `begin` (in units of τ) and `start` are those of the plan, which takes at
+    least `least` (τ).
     """
 
     stage: IntScalar
@@ -56,7 +56,7 @@ class Search(NamedTuple):
 
 
 class PlanSearch(eqx.Module):
-    """Minimum time from `guesses` ways to the target, in pieces of at most `iterations`.
+    """Minimum time from `guesses` paths to the target, in pieces of at most `iterations`.
 
     A plan from the guesses takes at least `shortest` (τ), see `Settings.least_duration`.
     """
@@ -72,22 +72,22 @@ class PlanSearch(eqx.Module):
 
     @property
     def most_pieces(self) -> int:
-        """How many pieces a search from all guesses takes at the most."""
+        """Largest number of pieces of a search from all guesses."""
         rough, close = int(ROUGH.iterations) + 1, int(CLOSE.iterations) + 1
         return -(-(self.guesses * rough + close) // self.iterations)
 
     @property
     def closing_pieces(self) -> int:
-        """In how many pieces the best guess is nearly always improved."""
+        """Number of pieces that nearly always suffices to improve the best guess."""
         return -(-CLOSING // self.iterations)
 
     @property
     def most_closing_pieces(self) -> int:
-        """How many of them improve the best guess at the most."""
+        """Largest number of pieces to improve the best guess."""
         return -(-(int(CLOSE.iterations) + 1) // self.iterations)
 
     def idle(self, program: Transcription) -> Search:
-        """A search that is over and has found nothing."""
+        """A search that has ended without a plan."""
         x, zero = program.target, jnp.zeros_like(program.limit)
         shape = jax.eval_shape(lambda: begun(program, zero, self._guess(program, x, 0), ROUGH))
         nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape)
@@ -95,7 +95,7 @@ class PlanSearch(eqx.Module):
         return Search(over, jnp.array(False), nothing, nothing.unknowns, zero, zero, x, zero)
 
     def from_guesses(self, search: Search, begin: RealScalar, x: Float[Array, "7"]) -> Search:
-        """A search that begins anew, for a plan from `x` on at the time `begin`."""
+        """A new search, for a plan from `x` at the time `begin`."""
         worth = jnp.full_like(begin, jnp.inf)
         first, yes = jnp.zeros_like(search.stage), jnp.array(True)
         least = jnp.full_like(begin, self.shortest)
@@ -118,11 +118,11 @@ class PlanSearch(eqx.Module):
         return search._replace(stage=stage, fresh=yes, **of_plan, least=jnp.zeros_like(begin))
 
     def over(self, search: Search) -> BoolScalar:
-        """Whether there is nothing left to do."""
+        """Whether the search has ended."""
         return search.stage > self.guesses
 
     def arrives(self, search: Search) -> BoolScalar:
-        """Whether a search that is over has found a plan that arrives; not for NaN."""
+        """Whether the search has ended with a plan that arrives; false for NaN."""
         return self.over(search) & (search.iterate.defects < ARRIVING)
 
     def advanced(
@@ -130,7 +130,7 @@ class PlanSearch(eqx.Module):
     ) -> Search:
         """The search after one more piece.
 
-        If it begins to improve the best guess, that is for a plan from `x` on at the time `begin`.
+        If the piece begins to improve the best guess, the plan is from `x` at the time `begin`.
         """
 
         def under_way(at: tuple[Search, Array]):
@@ -184,8 +184,8 @@ class PlanSearch(eqx.Module):
 
 
 def worth_of(program: Transcription, x: Float[Array, "7"], solution: Iterate) -> RealScalar:
-    """What is least for the best rough plan from `x`: the objective (τ), far above it for one that
-    does not arrive, infinite for NaN."""
+    """Merit of a rough plan from `x`, to be minimised: the objective (τ), far above it for a plan
+    that does not arrive, infinite for NaN."""
     defects = solution.defects
     missed = jnp.sum(jnp.abs(program.arrival(x)))
     credible = defects < jnp.minimum(CREDIBLE, CREDIBLE_SHARE * missed)
@@ -194,6 +194,6 @@ def worth_of(program: Transcription, x: Float[Array, "7"], solution: Iterate) ->
 
 
 def in_hemisphere_of(reference: Float[Array, "7"], x: Float[Array, "7"]) -> Float[Array, "7"]:
-    """The same state with its quaternion on the side of another's."""
+    """The same state with its quaternion in the hemisphere of another's."""
     sign = jnp.where(jnp.sum(x[:4] * reference[:4]) < 0, -1.0, 1.0)
     return jnp.concatenate([sign * x[:4], x[4:]])

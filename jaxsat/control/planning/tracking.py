@@ -12,11 +12,11 @@ from jaxsat.control.planning.transcription import STATES, Transcription, Unknown
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 
 WEIGHTS, LAST_WEIGHTS = (10.0,) * 4 + (2.0,) * 3, (100.0,) * 4 + (30.0,) * 3
-"""Of the feedback, for (q, ω τ): on the way, and at the end of the plan."""
+"""Weights of the feedback, for (q, ω τ): along the plan, and at its end."""
 
 
 class Followed(NamedTuple):
-    """The plan that is followed, the feedback along it, and its begin in units of τ."""
+    """The tracked plan, the feedback along it, and its begin in units of τ."""
 
     plan: Unknowns
     gains: Float[Array, "n m 7"]
@@ -28,7 +28,7 @@ def followed_if(
 ) -> Followed:
     """A `new` plan with its feedback, or the `old` one.
 
-    A loop of one turn or none: a batch pays for gains only when some of its cases need them.
+    A loop of at most one pass: a batch computes gains only when some of its cases need them.
     """
 
     def turn(at):
@@ -45,7 +45,7 @@ def following_torque(
     followed: Followed,
     period: RealScalar,
 ) -> Float[Array, " m"]:
-    """The torque over the next `period` that follows a plan, all without dimension.
+    """The torque over the next `period` that tracks a plan, all dimensionless.
 
     Zero before the plan's begin; it may exceed the limits.
     """
@@ -65,10 +65,10 @@ def tracking_gains(
     weights: Float[Array, "7"],
     last: Float[Array, "7"],
 ) -> Float[Array, "n m 7"]:
-    """K of u = u_plan + K (x - x_plan) in every interval, all without dimension.
+    """K of u = u_plan + K (x - x_plan) in every interval, all dimensionless.
 
-    It makes the sum over all intervals of dxᵀ diag(`weights`) dx + |du|², times the length of one,
-    plus dxᵀ diag(`last`) dx at the end least for the linearised dynamics.
+    For the linearised dynamics K minimises the sum over all intervals of dxᵀ diag(`weights`) dx +
+    |du|², times the length of one, plus dxᵀ diag(`last`) dx at the end.
     """
     length = plan.duration / program.intervals
 
@@ -90,7 +90,7 @@ def tracking_gains(
 def planned_state(
     program: Transcription, begin: RealScalar, plan: Unknowns, passed: RealScalar
 ) -> Float[Array, "7"]:
-    """The state that a plan has `passed` after its begin."""
+    """The state of a plan `passed` after its begin."""
     number, share = interval_at(program, plan, passed)
     x, u = plan.states[number], plan.torque[number]
     part = share * plan.duration
@@ -116,7 +116,7 @@ def mean_torque(
 def interval_at(
     program: Transcription, plan: Unknowns, passed: RealScalar
 ) -> tuple[IntScalar, RealScalar]:
-    """The interval at a time after the begin, and the share of it that has passed."""
+    """The interval at a time after the begin, and its elapsed share."""
     place = jnp.clip(passed / plan.duration * program.intervals, 0.0, float(program.intervals))
     number = jnp.minimum(place.astype(int), program.intervals - 1)
     return number, place - number

@@ -1,8 +1,8 @@
-"""The manoeuvre as a nonlinear program: multiple shooting in units without dimension.
+"""The manoeuvre as a nonlinear program: multiple shooting in dimensionless units.
 
-The duration T is cut into equal intervals with a constant torque of every thruster in each. States
-at their ends are unknowns, tied together by classical Runge-Kutta steps (Bock and Plitt, A multiple
-shooting algorithm for direct solution of optimal control problems, IFAC World Congress, 1984).
+The duration T has equal intervals with a constant torque of every thruster in each. States at their
+ends are unknowns, coupled by classical Runge-Kutta steps (Bock and Plitt, A multiple shooting
+algorithm for direct solution of optimal control problems, IFAC World Congress, 1984).
 """
 
 import abc
@@ -22,25 +22,26 @@ from jaxsat.core.tolerances import Tolerances
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 
 STATES = 7
-"""Quaternion and ω τ."""
+"""Number of states: quaternion and ω τ."""
 
 ARRIVALS = 6
-"""Sines of half of tilt and turn, twice, and the relative rate times τ; zero at rest at the target.
-"""
+"""Number of arrival components: twice the sines of half of tilt and turn, and the relative rate
+times τ; zero at rest at the target."""
 
 
 class PlanObjective(enum.Enum):
-    """What a plan makes least: the duration, or ∫ Σ|T_i| dt in a given duration."""
+    """Objective of a plan: the duration, or ∫ Σ|T_i| dt in a given duration."""
 
     TIME = "time"
     EFFORT = "effort"
 
 
 class Unknowns(NamedTuple):
-    """Of the program: states at the beginnings of the intervals and the last, torques, duration.
+    """Unknowns of the program: states at the begin of the intervals and the last, torques,
+    duration.
 
-    `place` is where in its tolerances the plan ends, see `jaxsat.control.planning.barriers`; None
-    at rest.
+    `place` is the end's place in its tolerances, see `jaxsat.control.planning.barriers`; None:
+    rest.
     """
 
     states: Float[Array, "n 7"]
@@ -51,23 +52,23 @@ class Unknowns(NamedTuple):
 
 
 class AbstractCorrection(eqx.Module):
-    """What is known of the dynamics besides the model."""
+    """Correction of the model's dynamics."""
 
     @abc.abstractmethod
     def __call__(self, omega: Vector, torque: Vector, acceleration: Vector) -> Vector:
-        """The angular acceleration (rad/s²) where the model has this one.
+        """The angular acceleration (rad/s²) that replaces the model's `acceleration`.
 
         `omega` are the rates (rad/s), `torque` that of the thrusters (N m), in body axes.
         """
 
 
 class Transcription(eqx.Module):
-    """The nonlinear program of a body with thrusters that each make up to `limit` N m.
+    """The nonlinear program of a body with thrusters that each produce up to `limit` N m.
 
     Times are in units of τ = √(J0 / limit) with J0 the mean moment of inertia, torques in units of
     the limit. `torque_axes` (3, m) are the directions of the thrusters' torques, which have either
-    sign. Each of the `intervals` is integrated in `substeps` steps. A `correction` is of the
-    model's angular acceleration. The plan ends within `tolerances` of rest, or without them there.
+    sign. Each of the `intervals` is integrated in `substeps` steps. A `correction` applies to the
+    model's angular acceleration. The plan ends within `tolerances` of rest, without them at rest.
     """
 
     model: RigidBody
@@ -85,12 +86,12 @@ class Transcription(eqx.Module):
         return jnp.sqrt(jnp.mean(self.model.spacecraft.moments) / self.limit)
 
     def scaled(self, state: PlantState) -> Float[Array, "7"]:
-        """A state as the program has it."""
+        """A plant state in the program's units."""
         q = state.attitude.as_quaternion().q
         return jnp.concatenate([q, state.omega * self.time_unit])
 
     def plant_state(self, x: Float[Array, "7"]) -> PlantState:
-        """A state of the program as the plant has it."""
+        """The plant state of a state in the program's units."""
         return PlantState(Quaternion(x[:4]), x[4:] / self.time_unit)
 
     @property
@@ -100,7 +101,7 @@ class Transcription(eqx.Module):
         return self.scaled(PlantState(unturned, self.model.orbit.frame_rate(unturned)))
 
     def arrival(self, x: Float[Array, "7"]) -> Float[Array, "6"]:
-        """Zero at rest in the orbit frame, with either sign of the quaternion."""
+        """Arrival error of a last state: zero at rest in the orbit frame, for q and -q."""
         relative = self.model.relative_rate(self.plant_state(x))
         turn = 1.0 if self.tolerances is None else jnp.sqrt(x[0] ** 2 + x[3] ** 2)
         of_attitude = 2 * jnp.stack([x[1], x[2], x[3] / turn])
@@ -108,16 +109,16 @@ class Transcription(eqx.Module):
 
     @property
     def radii(self) -> Vector | None:
-        """Within which the arrival is to be, in tilt, turn and rate; None for rest."""
+        """Limits on the arrival in tilt, turn and rate; None for rest."""
         return None if self.tolerances is None else radii_of(self.tolerances, self.time_unit)
 
     def place(self, x: Float[Array, "7"]) -> Float[Array, "6"] | None:
-        """Where in the tolerances a last state lies, or is nearest to."""
+        """The place in the tolerances that a last state has, or the nearest one."""
         radii = self.radii
         return None if radii is None else inside(self.arrival(x) / (BALLS @ radii))
 
     def missed(self, at: "Unknowns") -> Float[Array, "6"]:
-        """The distance by which the last state misses its place in the tolerances, or rest."""
+        """The difference of the last state from its place in the tolerances, or from rest."""
         arrival, radii = self.arrival(at.last), self.radii
         if radii is None or at.place is None:
             return arrival
@@ -163,7 +164,7 @@ class Transcription(eqx.Module):
     def coasted(
         self, begin: RealScalar, x: Float[Array, "7"], step: RealScalar, steps: IntScalar, most: int
     ) -> Float[Array, "7"]:
-        """The state to which the body coasts in so many Runge-Kutta steps, `most` at the most."""
+        """The state after coasting for `steps` Runge-Kutta steps, at most `most`."""
         whole, coast = step * self.intervals, jnp.zeros(self.torque_axes.shape[1], x.dtype)
 
         def one(at):
@@ -203,11 +204,11 @@ class Transcription(eqx.Module):
         return total + jnp.sum(jnp.abs(at.last - reached))
 
     def effort(self, at: "Unknowns") -> RealScalar:
-        """The effort ∫ Σ|u| dt of a plan, without dimension."""
+        """The effort ∫ Σ|u| dt of a plan, dimensionless."""
         return jnp.sum(jnp.abs(at.torque)) * at.duration / self.intervals
 
     def value(self, at: "Unknowns") -> RealScalar:
-        """What the program makes least: duration or effort, without dimension."""
+        """The objective: duration or effort, dimensionless."""
         return at.duration if self.objective is PlanObjective.TIME else self.effort(at)
 
     def numbers(self, at: "Unknowns") -> Float[Array, " n"]:
