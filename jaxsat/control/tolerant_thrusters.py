@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from jaxsat.control.diagnosis.diagnosis import DiagnosisMemory
-from jaxsat.control.diagnosis.residual import Reading
+from jaxsat.control.diagnosis.residual import Reading, momentum_with_rotors
 from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter
 from jaxsat.control.leaks import LeakMemory, Leaks
 from jaxsat.control.least_squares import Fit
@@ -24,6 +24,7 @@ from jaxsat.control.tolerant_actuators import (
 )
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.core.checks import as_float
+from jaxsat.core.quotients import root
 from jaxsat.core.trees import choose
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
@@ -37,6 +38,13 @@ nearly all the time and one that does so whatever it is commanded look alike unt
 
 QUIET_SIGMAS = 4.0
 """A rate about a thruster's torque within so many sigmas of the noise is not damped."""
+
+FILLING = 0.9
+"""Below 1: how much the momentum counts that a thruster gives wheels which none can empty; the
+dearest thruster then costs 19 times its propellant, the cheapest a nineteenth."""
+
+LITTLE = 0.02
+"""Of the largest momentum of a wheel: momentum that hardly counts so."""
 
 FIRST_PHASE = TolerantMode.STOPPING - Phase.STOPPING
 
@@ -136,10 +144,30 @@ class TolerantThrusters(AbstractTolerantActuators):
         return -(self.filter.thrusters.torque @ condition.flow + besides)
 
     def reach(self, sample: Sample, memory: TolerantMemory) -> Reach:
-        """The duty of each, at the price of its propellant."""
+        """The duty of each, at the price of its propellant, and of what it fills for good."""
         high, duties = memory.ability.limit, self.reconfiguration.duties
-        torque = self.reconfiguration.torque
-        return Reach(torque, jnp.zeros_like(high), high, duties.price * duties.size)
+        price = duties.price * duties.size * self._filling(sample, memory)
+        return Reach(self.reconfiguration.torque, jnp.zeros_like(high), high, price)
+
+    def _filling(self, sample: Sample, memory: TolerantMemory) -> RealScalar | Float[Array, " m"]:
+        """How much dearer each thruster is for the momentum that wheels hold because of it.
+
+        Where thrusters alone do not make torques about three axes, there is a direction in which
+        none takes momentum out of wheels. A thruster then counts by the cosine c between its torque
+        and the momentum H of body and wheels, (1 + FILLING c) / (1 - FILLING c): with d|H|²/dt = 2
+        H · τ those fire that fill least of what make a torque.
+        """
+        wheels = self.filter.wheels
+        limit = None if wheels is None else wheels.momentum_limit
+        if wheels is None or limit is None:
+            return jnp.ones(())
+        body = sample.law.model.spacecraft.inertia @ sample.state.omega
+        held = wheels.axes @ momentum_with_rotors(wheels, sample.reading)
+        momentum = (body + held) / jnp.max(limit)
+        size = root(jnp.sum(momentum**2) + LITTLE**2)
+        part = FILLING * (momentum @ self.reconfiguration.duties.units) / size
+        one_sided = memory.ability.left != Left.THREE_AXES
+        return jnp.where(one_sided, (1 + part) / (1 - part), 1.0)
 
     def act(
         self, sample: Sample, demand: Demand, before: TolerantMemory, now: TolerantMemory

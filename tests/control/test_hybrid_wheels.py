@@ -6,11 +6,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.optimize import linprog
+from scipy.optimize import linprog, nnls
 
 from helpers.thruster_layouts import canted
 from jaxsat.control.diagnosis.isolation import DiagnosedKind
-from jaxsat.control.tolerant_actuators import TolerantMode
+from jaxsat.control.diagnosis.residual import Reading
+from jaxsat.control.reconfiguration import Left, what_is_left
+from jaxsat.control.tolerant_actuators import Sample, TolerantMode
 from jaxsat.control.tolerant_mix import Mix, MixMemory, Unloading
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
@@ -128,6 +130,52 @@ def flight(failures, *changes):
     """A run of the scenario with four failures, the last of a thruster: one program for all."""
     listed = ", ".join(f"{{of='{part}', at_s={at}, kind={kind}}}" for part, at, kind in failures)
     return build(load("hybrid-wheels", [f"failure=[{listed}]", *changes], caution=print))
+
+
+ONE_SIDED = [[-7, -1, -4], [1, 7, 4], [-1, 7, -4], [1, -7, -4]]
+"""Axes of four thrusters, with a direction along which none pushes backwards."""
+
+
+def test_thrusters_that_empty_no_wheel_fill_wheels_little():
+    """Of torques to and fro about the axis without a wheel, which the cheapest thruster makes,
+    against the least momentum that they leave, by SciPy's non-negative least squares."""
+    tables = [f"{{torque_axis={axis}, torque_N_m=0.1, min_on_time_s=0.02}}" for axis in ONE_SIDED]
+    run = flight([], f"thruster=[{', '.join(tables)}]")
+    law, still = run.loop.controller, run.loop.plant.complete(run.start)
+    thrusters, wheels = law.actuators
+    columns, axes = (
+        np.asarray(thrusters.filter.thrusters.torque),
+        np.asarray(wheels.filter.wheels.axes),
+    )
+    left = what_is_left(columns, ()).left
+    assert left == Left.LESS
+    memory = law.init(still).actuators[0]
+    memory = memory._replace(ability=memory.ability._replace(left=jnp.array(left)))
+    normal = np.cross(axes[:, 0], axes[:, 1])
+    normal = normal / np.linalg.norm(normal)
+    along, across = normal @ columns, columns - np.outer(normal, normal @ columns)
+
+    @jax.jit
+    def prices(each):
+        sample = Sample(jnp.zeros(()), still, Reading(jnp.zeros(3), each), law.healthy)
+        return thrusters.reach(sample, memory).price
+
+    def momentum(price):
+        """Of the first two wheels (N m s), after 200 impulses of 0.1 N m s in turn."""
+        each = np.zeros(4)
+        for number in range(200):
+            of_side = along * (-1) ** number
+            cost = np.where(of_side > 0, price(each) / np.maximum(of_side, 1e-9), np.inf)
+            fired = int(np.argmin(cost))
+            added = 0.1 / of_side[fired] * across[:, fired]
+            each[:2] += np.linalg.lstsq(axes[:, :2], added)[0]
+        return np.linalg.norm(axes @ each)
+
+    rows = [np.hstack([across, across])]
+    rows += [1e6 * np.kron(side, along)[None] for side in np.eye(2)]
+    least = 100 * nnls(np.vstack(rows), 1e6 * np.array([0, 0, 0, 0.1, -0.1]))[1]
+    assert least < momentum(lambda each: np.asarray(prices(each))) < 1.3 * least
+    assert momentum(lambda each: np.ones(4)) > 3 * least
 
 
 LOST_WHEELS = [
