@@ -1,1 +1,1 @@
-"""Numbers, attitude, noise, checks and errors: what every other room is made of."""
+"""Foundations of all subpackages: numbers, attitude, noise, checks, errors and declarations."""

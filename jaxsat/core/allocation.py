@@ -1,4 +1,4 @@
-"""How thrusters share a commanded torque, by NumPy alone: (5), and thrusters that push."""
+"""Allocation of a torque to thrusters in plain NumPy: equation (5), one-sided thrusters."""
 
 import itertools
 
@@ -6,18 +6,18 @@ import numpy as np
 from jaxtyping import Float
 
 NORMALISER_FLOOR = 1e-9
-"""Below this the normalisation of (5) or (8) divides by what counts as zero (unit columns)."""
+"""Threshold for unit columns below which the denominator of (5) or (8) is zero."""
 
 LEFT_BY_ROUNDING = 1e-12
-"""A part of a command, relative to it, that is as good as none."""
+"""Part of a command, relative to it, below which it is round-off."""
 
 
 BASIS_TOLERANCE = 1e-9
-"""Where torques are scaled to the largest, a size below this counts as zero."""
+"""Tolerance relative to the largest torque, below which a size is zero."""
 
 
 def unit_columns(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 m"]:
-    """Torque axes scaled to unit length; raises `ValueError` for a zero column."""
+    """Return torque axes scaled to unit length; raises `ValueError` for a zero column."""
     lengths = np.sqrt(np.sum(torque_axes**2, axis=0, keepdims=True))
     if not np.all(lengths > 0):
         raise ValueError("Argument `torque_axes` must have no zero column, but one is zero.")
@@ -30,13 +30,12 @@ def least_squares_map(
     limits: Float[np.ndarray, " m"] | None = None,
     directions: Float[np.ndarray, "3 torques"] | None = None,
 ) -> Float[np.ndarray, "m torques"]:
-    """Torques of actuators along unit `axes` for a unit of each command, by least squares.
+    """Compute actuator torques along unit `axes` per unit of each command, by least squares.
 
-    Commands are about the first body axes, or about `directions` in the plane of the actuators.
-
-    Where they cannot make all of a command, they make what is nearest to it. The squares are those
-    of use over limit; without `limits` all actuators count alike. Two actuators under two torques
-    make these exactly, and about z what follows, as in equation (5).
+    Commands are about the first body axes, or about `directions` in the plane of the actuators. Of
+    a command that the actuators cannot make, they make the nearest torque. The squares are of use
+    over limit; without `limits` all actuators have equal weight. Two actuators under two torques
+    make these exactly, and about z the dependent torque of equation (5).
     """
     if not axes.size:
         return np.zeros((axes.shape[1], torques))
@@ -51,7 +50,7 @@ def least_squares_map(
 
 
 def finite_limits(limits: Float[np.ndarray, " m"]) -> Float[np.ndarray, " m"]:
-    """Limits over the largest finite one, as which infinite ones count; all 1 if none is finite."""
+    """Return limits over the largest finite one, as which infinite ones count; all 1 if none is."""
     finite = np.where(np.isfinite(limits), limits, 0.0)
     most = finite.max(initial=0.0)
     return np.where(np.isfinite(limits), finite / most, 1.0) if most > 0 else np.ones_like(finite)
@@ -62,7 +61,7 @@ def what_is_left(
     shares: Float[np.ndarray, "m torques"],
     directions: Float[np.ndarray, "3 torques"] | None = None,
 ) -> Float[np.ndarray, "torques torques"]:
-    """The part of a command that actuators along unit `axes` with these shares do not make.
+    """Return the part of a command that actuators along unit `axes` with these shares do not make.
 
     `directions` are those of `least_squares_map`.
     """
@@ -75,11 +74,11 @@ def what_is_left(
 def allocation_matrix(
     torque_axes: Float[np.ndarray, "3 m"], torques: int = 2
 ) -> Float[np.ndarray, "m torques"]:
-    """Thrusts that make a torque commanded about the first two body axes, or about all three.
+    """Compute thrusts for a unit torque about each of the first two body axes, or of all three.
 
-    `torque_axes` has a unit column for each thruster. With two torques, and thrusters in one plane,
-    the third torque is then b1 u1 + b2 u2, equation (5); with others it is zero. One torque is
-    about the `torque_axis`. Raises `ValueError` where the thrusters cannot make them independently.
+    `torque_axes` has a unit column for each thruster. With two torques and coplanar thrusters, the
+    third torque is b1 u1 + b2 u2, equation (5); otherwise it is zero. One torque is about the
+    `torque_axis`. Raises `ValueError` where the thrusters cannot make the torques independently.
     """
     if torques == 1:
         return np.linalg.pinv(torque_axes) @ torque_axis(torque_axes)[:, None]
@@ -99,10 +98,10 @@ def allocation_matrix(
 
 
 def torque_axis(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3"]:
-    """The unit vector about which alone the thrusters make torques, the way of the first one.
+    """Return the unit vector of the thrusters' only torque axis, in the direction of the first.
 
-    `torque_axes` has a column for each thruster. Raises `ValueError` for none, or torques about
-    more than one axis.
+    `torque_axes` has a column for each thruster. Raises `ValueError` for no thruster, or torques
+    about more than one axis.
     """
     if not torque_axes.size or np.linalg.matrix_rank(torque_axes, tol=NORMALISER_FLOOR) != 1:
         raise ValueError(
@@ -113,12 +112,12 @@ def torque_axis(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3"]
 
 
 def torque_directions(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 2"]:
-    """Two orthonormal directions about which the thrusters can make any torque.
+    """Compute two orthonormal directions about which the thrusters can make any torque.
 
-    Of the plane of their torques, nearest to body axes: x and y, y and z, or z and x where the
-    normal of the plane is nearest to the third. Thrusters that leave all three axes are asked for
-    torques about x and y. `torque_axes` has a unit column for each thruster. Raises `ValueError`
-    for torques about one axis alone.
+    In the plane of the torques, nearest to body axes: x and y, y and z, or z and x where the normal
+    of the plane is nearest to the third. For thrusters with torques about all three axes they are x
+    and y. `torque_axes` has a unit column for each thruster. Raises `ValueError` for torques about
+    one axis alone.
     """
     if np.linalg.matrix_rank(torque_axes, tol=NORMALISER_FLOOR) == 3:
         return np.eye(3)[:, :2]
@@ -140,9 +139,9 @@ def torque_directions(torque_axes: Float[np.ndarray, "3 m"]) -> Float[np.ndarray
 
 
 def pushed_directions(torque: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 2"]:
-    """`torque_directions` of thrusters that push, with torque columns in N m at full thrust.
+    """Compute `torque_directions` of one-sided thrusters, torque columns in N m at full thrust.
 
-    Of what they can make with either sign, where that is a plane or more; else of all.
+    The torques are those possible in both signs, where they span a plane or more; else all.
     """
     both_ways = two_sided_torques(torque)
     plane = both_ways.size and len(_independent_rows(both_ways)) >= 2
@@ -152,18 +151,18 @@ def pushed_directions(torque: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 
 def direction_matrix(
     torque_axes: Float[np.ndarray, "3 m"], directions: Float[np.ndarray, "3 torques"]
 ) -> Float[np.ndarray, "m torques"]:
-    """Thrusts that make torques about `directions` of `torque_directions`."""
+    """Return thrusts for unit torques about `directions` of `torque_directions`."""
     return np.linalg.pinv(torque_axes) @ directions
 
 
 def plane_map(
     torque: Float[np.ndarray, "3 m"], torques: int, any_plane: bool = False
 ) -> Float[np.ndarray, "3 torques"]:
-    """The torque on the body for a command about the first two body axes, or about all three.
+    """Return the map from a command about the first two or all three body axes to a body torque.
 
-    Where the thrusters make torques in one plane only, two commanded torques have the third with
-    them that keeps to the plane; commands in `any_plane` are about `pushed_directions`, and one
-    torque is about the `torque_axis`. Raises `ValueError` where the plane holds no such torques.
+    Where all torques are in one plane, two commanded torques imply the third that keeps to the
+    plane; commands in `any_plane` are about `pushed_directions`, and one torque is about the
+    `torque_axis`. Raises `ValueError` where the plane contains no such torques.
     """
     if torques == 3:
         return np.eye(3)
@@ -189,12 +188,13 @@ def least_propellant(
     cost: Float[np.ndarray, " m"],
     command_map: Float[np.ndarray, "3 torques"],
 ) -> Float[np.ndarray, "bases m torques"]:
-    """Duties a unit of command, for every basis of the linear programme that is optimal somewhere.
+    """Compute duties per unit of command for every basis of the linear programme that can be
+    optimal.
 
-    The duties d >= 0 of thrusters that push minimise costᵀd subject to B d = M u, with B = `torque`
-    at full thrust (N m) and M = `command_map`, from a command to the torque on the body. Which
-    basis is optimal depends on the direction of u alone; it is one that gives no negative duty.
-    Raises `ValueError`, which names a torque that cannot be made, where some u has no solution.
+    The duties d >= 0 of one-sided thrusters minimise costᵀd subject to B d = M u, with B = `torque`
+    at full thrust (N m) and M = `command_map`, from a command to the torque on the body. The
+    optimal basis depends on the direction of u alone, and gives no negative duty. Raises
+    `ValueError`, which names a torque that cannot be made, where some u has no solution.
     """
     torque, cost = np.asarray(torque, float), np.asarray(cost, float)
     possible, optimal = _bases(torque, cost, command_map)
@@ -203,7 +203,7 @@ def least_propellant(
 
 
 def require_all_ways(torque: Float[np.ndarray, "3 m"]) -> None:
-    """Raise `ValueError`, which names one that cannot be made, unless columns that only push make
+    """Raise `ValueError`, which names a missing torque, unless columns of one-sided thrusters make
     all torques."""
     torque = np.asarray(torque, float)
     if not torque.shape[1]:
@@ -213,9 +213,9 @@ def require_all_ways(torque: Float[np.ndarray, "3 m"]) -> None:
 
 
 def two_sided_torques(torque: Float[np.ndarray, "3 m"]) -> Float[np.ndarray, "3 k"]:
-    """The columns, thrusters that push at full thrust (N m), whose opposite the others can make.
+    """Return the columns, one-sided thrusters at full thrust (N m), whose opposite others can make.
 
-    They span all torques that can be made with either sign.
+    They span all torques that can be made in both signs.
     """
     torque = np.asarray(torque, float)
     if not torque.shape[1]:
@@ -230,7 +230,7 @@ def _bases(
     cost: Float[np.ndarray, " m"],
     command_map: Float[np.ndarray, "3 k"],
 ) -> tuple[Float[np.ndarray, "bases m k"], Float[np.ndarray, "optimal m k"]]:
-    """Duties a unit of command of all bases of the columns, and of those that may be optimal."""
+    """Return duties per unit of command of all bases, and of those that can be optimal."""
     rows, count = _independent_rows(torque), torque.shape[1]
     reduced, commands = rows @ torque, rows @ command_map
     price = np.maximum(cost / np.max(cost), BASIS_TOLERANCE)
@@ -246,12 +246,12 @@ def _bases(
 
 
 def _size(torque: Float[np.ndarray, "r m"]) -> float:
-    """The length of the largest column, N m."""
+    """Return the length of the largest column, N m."""
     return float(np.sqrt(np.sum(torque**2, axis=0)).max())
 
 
 def _independent_rows(torque: np.ndarray) -> np.ndarray:
-    """An orthonormal basis, as rows, of the space that the torques span."""
+    """Return an orthonormal basis, as rows, of the span of the torques."""
     left_vectors, sizes, _ = np.linalg.svd(torque)
     return left_vectors[:, : int(np.sum(sizes > BASIS_TOLERANCE * sizes[0]))].T
 
@@ -259,8 +259,8 @@ def _independent_rows(torque: np.ndarray) -> np.ndarray:
 def _require_all_ways(possible: np.ndarray, torque: np.ndarray, command_map: np.ndarray) -> None:
     """Raise `ValueError` unless both ways along each commanded axis are combinations of columns.
 
-    What thrusters that push can make is a convex cone, and whatever is in it is a combination of
-    as many of them as a basis has (Carathéodory).
+    The torques of one-sided thrusters form a convex cone, each element of which is a combination of
+    as many thrusters as a basis has (Carathéodory).
     """
     rows, size = _independent_rows(torque), _size(torque)
     for number, axis in enumerate(command_map.T):
@@ -277,7 +277,7 @@ def _require_all_ways(possible: np.ndarray, torque: np.ndarray, command_map: np.
 
 
 def _optimal_somewhere(candidates: np.ndarray) -> list[np.ndarray]:
-    """The duties that have no negative entry for some range of commands, each once."""
+    """Return the distinct duties without a negative entry for some range of commands."""
     distinct: list[np.ndarray] = []
     for duties in candidates:
         rows = duties[np.any(np.abs(duties) > BASIS_TOLERANCE * np.abs(duties).max(), axis=1)]
@@ -305,11 +305,11 @@ def largest_torque(
     high: Float[np.ndarray, " m"] | float,
     command_map: Float[np.ndarray, "3 torques"],
 ) -> float:
-    """The command (N m) about all its axes at once, of any signs, that the actuators can make.
+    """Compute the largest command (N m) about all its axes at once, in any signs, within reach.
 
-    Each makes its column of `torque` times a number from `low` to `high`, zero between them, and
-    `command_map` is the torque of a unit of command. What they make together is a convex body,
-    bounded by the support function of the normals of its facets, each across two of the columns.
+    Each actuator makes its column of `torque` times a number from `low` to `high`, zero between
+    them, and `command_map` is the torque of a unit of command. The reachable torques are a convex
+    body, bounded by the support function of the normals of its facets, each across two columns.
     """
     rows = _independent_rows(torque)
     columns, commands = rows @ torque, rows @ command_map
@@ -323,7 +323,7 @@ def largest_torque(
 
 
 def _facet_normals(columns: Float[np.ndarray, "r m"]) -> Float[np.ndarray, "n r"]:
-    """Unit normals, both ways, of the facets of all sums of parts of columns that span a space."""
+    """Return unit normals, both ways, of the facets of the zonotope of spanning columns."""
     space = len(columns)
     pairs = itertools.combinations(columns.T / _size(columns), space - 1)
     normals = np.array([_across(np.array(pair).reshape(space - 1, space)) for pair in pairs])
@@ -333,13 +333,13 @@ def _facet_normals(columns: Float[np.ndarray, "r m"]) -> Float[np.ndarray, "n r"
 
 
 def _across(rows: np.ndarray) -> np.ndarray:
-    """The vector across n - 1 rows of n numbers, with the volume that they span as its length."""
+    """Return the vector across n - 1 rows of n numbers, with their volume as its length."""
     places = range(rows.shape[1])
     return np.array([(-1) ** k * np.linalg.det(np.delete(rows, k, axis=1)) for k in places])
 
 
 def usable_share(torque_axes: Float[np.ndarray, "3 m"], frame: Float[np.ndarray, "2 3"]) -> float:
-    """The share of each thruster's limit that a torque may have without saturating any thruster.
+    """Return the share of each thruster's limit that a torque may have without saturation.
 
     It holds for torques about both rows of `frame` at once, which are orthonormal and in the plane
     of the torques.

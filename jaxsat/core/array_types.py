@@ -1,4 +1,4 @@
-"""Names of array types that many modules use."""
+"""Aliases of array types shared by many modules."""
 
 from jaxtyping import Array, Bool, Float, Int
 
@@ -13,4 +13,4 @@ Vector = Float[Array, "3"]
 """Three components, in body axes unless stated."""
 
 Matrix = Float[Array, "3 3"]
-"""Rows and columns are those of the same axes."""
+"""A matrix whose rows and columns are those of the same axes."""

@@ -1,13 +1,13 @@
 """Attitude of the body frame relative to the orbit frame: three parameterisations of SO(3).
 
 The direction cosine matrix C maps orbit-frame components to body components, v_b = C v_o.
-Every parameterisation knows its own rate for a given angular velocity relative to the orbit
-frame (in body axes, rad/s) and turns into the others.
+Every parameterisation computes its rate for a given angular velocity relative to the orbit frame
+(in body axes, rad/s) and converts to the others.
 
 The (w, z) parameters are those of Tsiotras and Longuski, J. Astronaut. Sci. 43(3), 1995:
 C = C2(w) C1(z), a rotation by z about the third axis followed by a tilt. They are singular
 upside down: |w| = tan(tilt / 2) grows without bound as the third body axis turns away from the
-third orbit axis by 180 degrees, and exactly there the conversion gives NaN.
+third orbit axis by 180 degrees, and exactly there the conversion returns NaN.
 """
 
 import abc
@@ -23,7 +23,7 @@ from jaxsat.core.quotients import reciprocal
 
 
 def skew(v: Vector) -> Matrix:
-    """The usual cross-product matrix: skew(v) x = v × x (the paper's v^× is its negative)."""
+    """Return the cross-product matrix: skew(v) x = v × x (the paper's v^× is its negative)."""
     zero = jnp.zeros_like(v[0])
     return jnp.stack(
         [
@@ -39,23 +39,23 @@ class AbstractAttitude(eqx.Module):
 
     @abc.abstractmethod
     def rate(self, relative_rate: Vector) -> "AbstractAttitude":
-        """Time derivative of the parameters, for an angular velocity ω_r in body axes, rad/s."""
+        """Return the parameters' rates for an angular velocity ω_r in body axes, rad/s."""
 
     @abc.abstractmethod
     def as_dcm(self) -> "DCM":
-        """The same attitude as a direction cosine matrix."""
+        """Return the same attitude as a direction cosine matrix."""
 
     @abc.abstractmethod
     def as_quaternion(self) -> "Quaternion":
-        """The same attitude as a unit quaternion, scalar first."""
+        """Return the same attitude as a unit quaternion, scalar first."""
 
     @abc.abstractmethod
     def as_wz(self) -> "WZ":
-        """The same attitude as (w, z); NaN exactly upside down."""
+        """Return the same attitude as (w, z); NaN exactly upside down."""
 
     @abc.abstractmethod
     def normalised(self) -> "AbstractAttitude":
-        """The same attitude without the drift that numerical integration leaves."""
+        """Return the same attitude without the drift of numerical integration."""
 
 
 class WZ(AbstractAttitude):
@@ -65,7 +65,7 @@ class WZ(AbstractAttitude):
     z: RealScalar = eqx.field(converter=as_float)
 
     def rate(self, relative_rate: Vector) -> "WZ":
-        """Equation (36)."""
+        """Return the rates of equation (36), 1/s and rad/s."""
         w1, w2 = self.w
         r1, r2, r3 = relative_rate
         half, along = (1 - (w1**2 + w2**2)) / 2, w1 * r1 + w2 * r2
@@ -75,7 +75,7 @@ class WZ(AbstractAttitude):
         return WZ(jnp.stack([w1_rate, w2_rate]), z_rate)
 
     def as_dcm(self) -> "DCM":
-        """C = C2(w) C1(z)."""
+        """Return C = C2(w) C1(z)."""
         w1, w2 = self.w
         c, s = jnp.cos(self.z), jnp.sin(self.z)
         tilt = jnp.stack(
@@ -92,7 +92,7 @@ class WZ(AbstractAttitude):
         return DCM(tilt @ turn)
 
     def as_quaternion(self) -> "Quaternion":
-        """The turn z/2 and the tilt combined; changes sign as z grows by 2π."""
+        """Return the quaternion of turn and tilt; its sign changes as z grows by 2π."""
         xp, (w1, w2), z = numpy_if_known(self.w, self.z)
         c, s = xp.cos(z / 2), xp.sin(z / 2)
         q = xp.stack([c, w1 * c - w2 * s, w2 * c + w1 * s, s])
@@ -100,11 +100,11 @@ class WZ(AbstractAttitude):
         return Quaternion(q * (1 / size) if xp is np else q / size)  # as XLA divides, bit for bit
 
     def as_wz(self) -> "WZ":
-        """Itself."""
+        """Return this attitude."""
         return self
 
     def normalised(self) -> "WZ":
-        """Itself: (w, z) has no redundant component."""
+        """Return this attitude: (w, z) has no redundant component."""
         return self
 
 
@@ -117,7 +117,7 @@ class Quaternion(AbstractAttitude):
     q: Float[Array, "4"] = eqx.field(converter=as_float)
 
     def rate(self, relative_rate: Vector) -> "Quaternion":
-        """Half the quaternion product q ⊗ (0, ω_r)."""
+        """Return half the quaternion product q ⊗ (0, ω_r)."""
         q0, q1, q2, q3 = self.q
         r1, r2, r3 = relative_rate
         rate = jnp.stack(
@@ -131,14 +131,14 @@ class Quaternion(AbstractAttitude):
         return Quaternion(rate / 2)
 
     def turned(self, rotation: Vector) -> "Quaternion":
-        """The attitude after a small rotation of the body (rad, body axes).
+        """Return the attitude after a small rotation of the body (rad, body axes).
 
-        The angle turned is 2 arctan(|rotation| / 2), |rotation| to third order.
+        The angle is 2 arctan(|rotation| / 2), |rotation| to third order.
         """
         return Quaternion(self.q + self.rate(rotation).q).normalised()
 
     def as_dcm(self) -> "DCM":
-        """C = (2 q0² - |q|²) I + 2 v vᵀ - 2 q0 skew(v), divided by |q|²."""
+        """Return C = (2 q0² - |q|²) I + 2 v vᵀ - 2 q0 skew(v), divided by |q|²."""
         scalar, vector = self.q[0], self.q[1:]
         norm2 = jnp.sum(self.q**2)
         c = (
@@ -149,11 +149,11 @@ class Quaternion(AbstractAttitude):
         return DCM(c * reciprocal(norm2))
 
     def as_quaternion(self) -> "Quaternion":
-        """Itself, at unit length."""
+        """Return this attitude with a quaternion of unit length."""
         return self.normalised()
 
     def as_wz(self) -> "WZ":
-        """The same attitude as (w, z) with z in [-π, π]; NaN exactly upside down."""
+        """Return the same attitude as (w, z) with z in [-π, π]; NaN exactly upside down."""
         q0, q1, q2, q3 = self.q
         norm2 = q0**2 + q3**2  # cos²(tilt / 2)
         w = jnp.stack([q1 * q0 + q2 * q3, q2 * q0 - q1 * q3]) * reciprocal(norm2)
@@ -162,7 +162,7 @@ class Quaternion(AbstractAttitude):
         return WZ(w, jnp.where(norm2 > 0, z, jnp.nan))
 
     def normalised(self) -> "Quaternion":
-        """Scaled to unit length."""
+        """Return the quaternion scaled to unit length."""
         xp, q = numpy_if_known(self.q)
         size = xp.sqrt(xp.sum(q**2))
         return Quaternion(q * (1 / size if xp is np else reciprocal(size)))
@@ -174,15 +174,15 @@ class DCM(AbstractAttitude):
     matrix: Matrix = eqx.field(converter=as_float)
 
     def rate(self, relative_rate: Vector) -> "DCM":
-        """Equation (10): dC/dt = -skew(ω_r) C."""
+        """Return dC/dt = -skew(ω_r) C, equation (10)."""
         return DCM(-skew(relative_rate) @ self.matrix)
 
     def as_dcm(self) -> "DCM":
-        """Itself."""
+        """Return this attitude."""
         return self
 
     def as_quaternion(self) -> "Quaternion":
-        """The row of 4 q qᵀ with the largest diagonal entry, so that no digits are lost."""
+        """Return the normalised row of 4 q qᵀ with the largest diagonal entry, for accuracy."""
         c = self.matrix
         d = jnp.diagonal(c)
         x, y, z = c[1, 2] - c[2, 1], c[2, 0] - c[0, 2], c[0, 1] - c[1, 0]
@@ -199,11 +199,11 @@ class DCM(AbstractAttitude):
         return Quaternion(jnp.where(row[0] < 0, -row, row)).normalised()
 
     def as_wz(self) -> "WZ":
-        """By way of the quaternion, which keeps its digits near the singularity."""
+        """Return (w, z) by way of the quaternion, which is accurate near the singularity."""
         return self.as_quaternion().as_wz()
 
     def normalised(self) -> "DCM":
-        """The nearest rotation, by way of the quaternion."""
+        """Return the nearest rotation, by way of the quaternion."""
         return self.as_quaternion().as_dcm()
 
 
@@ -211,24 +211,24 @@ SEQUENCE = "3-2-1: yaw about z, then pitch about y, then roll about x"
 
 
 def pointing_error(quaternion: np.ndarray) -> np.ndarray:
-    """The rotation vectors (..., 3) from the orbit to the body frame, degrees, 180 long at most.
+    """Compute the rotation vectors (..., 3) from orbit to body frame, degrees, of at most 180.
 
-    `quaternion` (..., 4) has unit length, the scalar first. The length is the total pointing error;
-    the components, in body axes, are the errors about them.
+    `quaternion` (..., 4) has unit length, scalar first. The vector's length is the total pointing
+    error; its components are the errors about body axes.
     """
     scalar, vector = quaternion[..., :1], quaternion[..., 1:]
     size = np.linalg.norm(vector, axis=-1, keepdims=True)
     angle = 2 * np.arctan2(size, np.abs(scalar))
-    small = size < 1e-8  # angle / size is 2 there, to rounding
+    small = size < 1e-8  # angle / size is 2 there, to round-off
     factor = np.where(small, 2.0, angle / np.where(small, 1.0, size))
     return np.degrees(factor * np.where(scalar < 0, -1.0, 1.0) * vector)
 
 
 def euler_angles(quaternion: np.ndarray) -> np.ndarray:
-    """Roll, pitch and yaw (..., 3), degrees, of the `SEQUENCE` from the orbit to the body frame.
+    """Compute roll, pitch and yaw (..., 3), degrees, of the `SEQUENCE` from orbit to body frame.
 
-    Roll and yaw lie between -180 and 180, pitch between -90 and 90; at its ends only the sum or the
-    difference of the others means something.
+    Roll and yaw are between -180 and 180, pitch between -90 and 90; at its ends only the sum or the
+    difference of roll and yaw is defined.
     """
     q0, q1, q2, q3 = np.moveaxis(quaternion, -1, 0)
     roll = np.arctan2(2 * (q0 * q1 + q2 * q3), q0**2 - q1**2 - q2**2 + q3**2)

@@ -1,4 +1,4 @@
-"""Checks and conversions used where an object is made, and nowhere else."""
+"""Checks and conversions of arguments where an object is made."""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,13 +17,13 @@ Converter = Callable[[Numbers], Inexact[Array, "..."]]
 
 
 def as_array(numbers: np.ndarray) -> Array:
-    """A NumPy array as a JAX array of the default precision, without compiling a copy for it."""
+    """Return a NumPy array as a JAX array of the default precision, without compiling a copy."""
     numbers = numbers.astype(jax.dtypes.canonicalize_dtype(numbers.dtype))  # which is a copy
     return jnp.asarray(numbers, numbers.dtype)  # with its type named, or XLA compiles the identity
 
 
 def as_float(value: Numbers) -> Inexact[Array, "..."]:
-    """Turn numbers into a floating-point JAX array whose type no later operation weakens."""
+    """Convert numbers to a floating-point JAX array with a strong type."""
     if not any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value)):
         numbers = np.asarray(value)
         if numbers.dtype.kind in "biu":
@@ -36,19 +36,20 @@ def as_float(value: Numbers) -> Inexact[Array, "..."]:
 
 
 def as_optional_float(value: Numbers | None) -> Inexact[Array, "..."] | None:
-    """As `as_float`, where None stands for something that is left out."""
+    """Convert as `as_float`, with None for an omitted value."""
     return None if value is None else as_float(value)
 
 
 def concrete(value: ArrayLike) -> np.ndarray | None:
-    """The value as a NumPy array, or `None` while it is being traced (then nothing is checked)."""
+    """Return the value as a NumPy array, or `None` while traced (no checks are possible then)."""
     return None if isinstance(value, Tracer) else np.asarray(value)
 
 
 def numpy_if_known(*values: Array) -> tuple[Any, ...]:
-    """`numpy` and the values as its arrays where all are known, else `jax.numpy` and the values.
+    """Return `numpy` and the values as its arrays if all are concrete, else `jax.numpy` and the
+    values.
 
-    Objects that are made once, of known numbers, use it: JAX would compile each operation.
+    For objects made once of concrete numbers, for which JAX would compile each operation.
     """
     arrays = [concrete(value) for value in values]
     return (jnp, *values) if any(one is None for one in arrays) else (np, *arrays)
@@ -73,7 +74,7 @@ def require_positive(name: str, value: ArrayLike, *, zero_allowed: bool = False)
 
 
 def finite(name: str) -> Converter:
-    """The converter of a field of this name: floating-point numbers, which must be finite."""
+    """Return the converter of a field of this name to finite floating-point numbers."""
 
     def convert(value: Numbers) -> Inexact[Array, "..."]:
         array = as_float(value)
@@ -84,7 +85,7 @@ def finite(name: str) -> Converter:
 
 
 def positive(name: str, *, zero_allowed: bool = False) -> Converter:
-    """The converter of a field of this name: floating-point numbers, which must be positive."""
+    """Return the converter of a field of this name to positive floating-point numbers."""
 
     def convert(value: Numbers) -> Inexact[Array, "..."]:
         array = as_float(value)
@@ -95,12 +96,12 @@ def positive(name: str, *, zero_allowed: bool = False) -> Converter:
 
 
 def not_negative(name: str) -> Converter:
-    """The converter of a field of this name: as `positive`, where zero is allowed."""
+    """Return the converter of a field of this name to numbers that are positive or zero."""
     return positive(name, zero_allowed=True)
 
 
 def require_counts(**counts: int | None) -> None:
-    """Raise `ArgumentError` for a number of things that is below one; None is none at all."""
+    """Raise `ArgumentError` for a count below one; None is not checked."""
     for name, count in counts.items():
         if count is not None and count < 1:
             raise ArgumentError(name, "must be at least 1", count)
@@ -125,6 +126,6 @@ def require_inertia(name: str, inertia: Float[Array | np.ndarray, "3 3"]) -> Non
 
 
 def all_positive(*values: ArrayLike) -> bool:
-    """Whether all values are known and positive; a traced value counts as not known to be."""
+    """Whether all values are concrete and positive; a traced value makes it false."""
     arrays = [concrete(value) for value in values]
     return all(value is not None and bool(np.all(value > 0)) for value in arrays)

@@ -1,4 +1,4 @@
-"""The Earth, circular orbits around it, and dates."""
+"""Constants of the Earth, circular orbits, and dates."""
 
 import math
 import re
@@ -12,11 +12,11 @@ EARTH_RADIUS = 6378137.0  # m, equatorial, WGS 84
 EARTH_OBLATENESS = 1.08262668e-3  # J2, EGM96
 
 MAX_ECCENTRICITY = 0.9
-"""Up to which Kepler's equation is solved."""
+"""Largest eccentricity for which Kepler's equation is solved."""
 
 
 def circular_orbit_rate(altitude: float) -> float:
-    """Two-body angular rate ω0 of a circular orbit around the Earth, rad/s; `altitude` in m."""
+    """Return the two-body rate ω0 of a circular orbit around the Earth, rad/s; `altitude` in m."""
     if not altitude > -EARTH_RADIUS:
         raise ValueError(
             f"Argument `altitude` must be above the Earth's centre, but got {altitude}."
@@ -29,7 +29,7 @@ EPOCH_FORM = "a date and time in UTC such as 2026-03-20T12:00:00, without anothe
 _EPOCH = re.compile(
     r"(\d{4}-\d\d-\d\dT(?:[01]\d|2[0-3]):[0-5]\d(?::[0-5]\d)?)(?:\.(\d{1,9}))?Z?", re.ASCII
 )
-"""One with the 60th second, a leap second, is none that a run can begin in."""
+"""Pattern of an epoch; a leap second (60) is excluded."""
 
 _LEAP_SECOND = re.compile(r"(T\d\d:\d\d):60")
 
@@ -37,11 +37,11 @@ _FIRST_YEAR, _LAST_YEAR = "1678", "2262"
 
 
 IGRF_DATES = np.datetime64("1900-01-01"), np.datetime64("2030-01-01")
-"""The first and the last date that the IGRF-14 knows."""
+"""First and last date of the IGRF-14."""
 
 
 def epoch_of(text: str) -> np.datetime64:
-    """The instant of a text, to its last decimal. Raises `ArgumentError` for one that is none."""
+    """Parse an epoch to its last decimal. Raises `ArgumentError` for an invalid text."""
     match = _EPOCH.fullmatch(text.strip())
     if match is None and _EPOCH.fullmatch(_LEAP_SECOND.sub(r"\1:59", text.strip())):
         raise ArgumentError("epoch", f"must be {EPOCH_FORM}, and no leap second", text)
@@ -60,10 +60,10 @@ def epoch_of(text: str) -> np.datetime64:
 
 
 def sidereal_angle(epoch: np.datetime64) -> float:
-    """Greenwich mean sidereal time at an epoch, rad from 0 to 2π.
+    """Compute Greenwich mean sidereal time at an epoch, rad from 0 to 2π.
 
-    That of 1982 (Aoki and others, Astronomy and Astrophysics 105, 1982, pages 359-361), with UTC
-    for UT1: they differ by less than 0.9 s, 7e-5 rad.
+    The expression of 1982 (Aoki and others, Astronomy and Astrophysics 105, 1982, pages 359-361),
+    with UTC for UT1: they differ by less than 0.9 s, 7e-5 rad.
     """
     seconds = (epoch - np.datetime64("2000-01-01T12:00:00")) / np.timedelta64(1, "s")
     days, centuries = seconds / 86400, seconds / 86400 / 36525

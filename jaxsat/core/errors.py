@@ -1,13 +1,13 @@
-"""The class that all errors of jaxsat derive from, and those that need no other import."""
+"""Base class of all errors of jaxsat, and errors that need no other import."""
 
 import sys
 
 
 class JaxsatError(Exception):
-    """An error of jaxsat's own; the message says what happened and what to do.
+    """Base class of jaxsat's errors; the message describes the problem and its remedy.
 
-    Errors are told apart by their classes and attributes. A wrong argument of a function raises
-    `ValueError` or `TypeError` as it does anywhere in Python, often an `ArgumentError`.
+    Errors are distinguished by class and attributes. A wrong argument of a function raises
+    `ValueError` or `TypeError` as anywhere in Python, often an `ArgumentError`.
 
     >>> import jaxsat
     >>> try:
@@ -18,14 +18,15 @@ class JaxsatError(Exception):
     """
 
     failure: bool = False
-    """Whether something failed although it was rightly asked for, such as a full disk."""
+    """Whether a valid request failed, for example for a full disk."""
 
 
 def foreign_exceptions() -> tuple[type[BaseException], ...]:
-    """What an `except` clause catches of code that is not jaxsat's: all but what a signal raised.
+    """Return the exceptions that an `except` clause catches from foreign code: all but interrupts.
 
-    So also `SystemExit`, which is no success here, and what derives from `BaseException` alone, as
-    panics of libraries in Rust do. An `except` clause calls it while the exception is on its way.
+    This includes `SystemExit`, which is no success here, and classes that derive from
+    `BaseException` alone, such as panics of Rust libraries. Call it in the `except` clause itself,
+    while the exception is being handled.
     """
     return () if isinstance(sys.exc_info()[1], KeyboardInterrupt) else (BaseException,)
 
@@ -33,7 +34,7 @@ def foreign_exceptions() -> tuple[type[BaseException], ...]:
 class ArgumentError(JaxsatError, ValueError):
     """An argument that breaks a rule: "Argument `argument` must …, but got …."
 
-    `rule` is "must …" and `got` what follows "got", None where the value need not be shown.
+    `rule` is "must …" and `got` the text after "got", None where the value need not be shown.
 
     >>> import jaxsat
     >>> try:
@@ -53,7 +54,7 @@ class ArgumentError(JaxsatError, ValueError):
         super().__init__(argument, rule, self.got)
 
     def __str__(self) -> str:
-        """The message: which argument breaks which rule, and what it got."""
+        """Return the message: the argument, the broken rule, and the value."""
         ending = "" if self.got is None else f", but got {self.got}"
         return f"Argument `{self.argument}` {self.rule}{ending}."
 
@@ -63,4 +64,4 @@ class PrecisionError(JaxsatError, RuntimeError):
 
 
 class LibraryError(JaxsatError):
-    """A library of flight code that is none, or that belongs to another controller."""
+    """An invalid library of flight code, or one of another controller."""

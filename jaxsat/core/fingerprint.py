@@ -1,8 +1,8 @@
-"""What tells traced programs apart: a hash of their operations and of the numbers baked into them.
+"""Fingerprint of traced programs: a hash of their operations and of the constants in them.
 
-Names, comments and places in the source are no part of a trace, and neither are a program's inputs.
-What does not tell what is computed is left out: what no result needs, names of compiled functions,
-wishes to XLA.
+Names, comments and source positions are no part of a trace, and neither are a program's inputs.
+Details without effect on results are left out: unused operations, names of compiled functions,
+hints to XLA.
 """
 
 import dataclasses
@@ -24,19 +24,19 @@ from jaxsat.core.jaxprs import Equation, Jaxpr, Literal
 from jaxsat.core.once import once
 
 LIBRARIES = {"jax", "equinox"}
-"""Libraries told by their versions: the byte code of their functions differs with Python's."""
+"""Libraries identified by version: the byte code of their functions differs with Python's."""
 
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
 def fingerprint(traces: Mapping[str, Jaxpr]) -> str:
-    """A hash of traced programs: the same in every process and on every machine."""
+    """Return a hash of traced programs, the same in every process and on every machine."""
     hashes: dict[int, str] = {}
     return _hash(*(f"{name} {_text_of(trace, hashes)}" for name, trace in sorted(traces.items())))
 
 
 def parameter_text(equation: Equation) -> str:
-    """What an operation's parameters say of what is computed."""
+    """Return the text of an operation's parameters that affect its result."""
     return _text_of(_params(equation), {})
 
 
@@ -45,7 +45,7 @@ def _hash(*texts: str) -> str:
 
 
 def _of_jaxpr(jaxpr: Jaxpr, hashes: dict[int, str]) -> str:
-    """The hash of how the results come from the inputs."""
+    """Return the hash of how the results follow from the inputs."""
     if id(jaxpr) not in hashes:
         inputs = [*(variable for variable, _ in jaxpr.constants), *jaxpr.inputs]
         kinds = [_kind(variable.aval) for variable in inputs]
@@ -68,9 +68,9 @@ def _of_jaxpr(jaxpr: Jaxpr, hashes: dict[int, str]) -> str:
 
 
 def _params(equation: Equation) -> dict[str, Any]:
-    """An operation's parameters without a function's name and those that are None.
+    """Return an operation's parameters without a function's name and without None.
 
-    Another version may not have the latter.
+    Another version may lack parameters that are None here.
     """
     parameters = equation.parameters.items()
     return {key: value for key, value in parameters if key != "name" and value is not None}
@@ -81,11 +81,11 @@ def _kind(aval: Any) -> str:
     return type(aval).__name__ if dtype is None else f"{_name(dtype)}{list(aval.shape)}"
 
 
-_name = once(str)  # NumPy takes its time for the name of a type
+_name = once(str)  # NumPy's type names are slow
 
 
 def array_text(value: Any, aval: Any = None) -> str:
-    """Type, shape and numbers of an array, or a hash of many, as text."""
+    """Return type, shape and numbers of an array, or a hash of many, as text."""
     if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key):
         value, aval = jax.random.key_data(value), None
     array = np.asarray(value, None if aval is None else aval.dtype)
@@ -95,7 +95,7 @@ def array_text(value: Any, aval: Any = None) -> str:
 
 
 def _text_of(value: Any, hashes: dict[int, str]) -> str:
-    """A parameter of an operation as text that depends on nothing but what it says."""
+    """Return a parameter of an operation as text that depends on its content alone."""
     match value:
         case Jaxpr():
             constants = [array_text(constant) for _, constant in value.constants]
@@ -128,7 +128,7 @@ def _text_of(value: Any, hashes: dict[int, str]) -> str:
 
 
 def _of_function(function: Callable, hashes: dict[int, str]) -> str:
-    """A function that is called back; what it closes over is not followed."""
+    """Return the text of a callback function, without the variables that it closes over."""
     name = f"{function.__module__}.{function.__qualname__}"
     inside = function.__module__.split(".")[0] in LIBRARIES
     return name if inside else f"{name}{_text_of(function.__code__, hashes)}"

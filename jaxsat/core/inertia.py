@@ -1,4 +1,4 @@
-"""What a matrix of inertia must be, by NumPy alone."""
+"""Checks and frames of inertia matrices in plain NumPy."""
 
 import numpy as np
 from jaxtyping import Float
@@ -22,7 +22,7 @@ def require_known_inertia(name: str, inertia: Float[np.ndarray, "3 3"]) -> None:
 def normal_axes(
     inertia: Float[np.ndarray, "3 3"], directions: Float[np.ndarray, "3 2"]
 ) -> tuple[Float[np.ndarray, "3 3"], tuple[float, float, float]]:
-    """Rows x, y, n of the frame of two torques, and S1 >= S2 and n·Jn (kg m²).
+    """Return rows x, y, n of the frame of two torques, and S1 >= S2 and n·Jn (kg m²).
 
     The torques are about any two orthonormal `directions`, n is their cross product. The inertia
     reduced by h = n·Jω, J - Jn nᵀJ / (n·Jn), is diag(S1, S2) about x and y.
@@ -42,14 +42,15 @@ def normal_axes(
 
 
 LEAST_TORQUE_TILT = 1e-3
-"""Tangent of the angle between a torque and the acceleration that it makes, below which the axis
-counts as a principal one."""
+"""Threshold on the tangent of the angle between a torque and its angular acceleration, below which
+the torque axis is a principal axis."""
 
 
 def torque_axis_frame(
     inertia: Float[np.ndarray, "3 3"], axis: Float[np.ndarray, "3"]
 ) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"]]:
-    """Rows b, d, e of the frame of one torque about the unit vector b = `axis`, and J⁻¹ along them.
+    """Return rows b, d, e of the frame of one torque about the unit vector b = `axis`, and J⁻¹ in
+    it.
 
     d is along J⁻¹b × b and e = b × d, so that no entry couples b and d (1/(kg m²)). About a
     principal axis, where J⁻¹b × b vanishes, d is any direction across b.

@@ -1,8 +1,8 @@
-"""Names and layouts of JAX that are private or move between its versions; no other file knows them.
+"""Private or version-dependent names and layouts of JAX, confined to this file.
 
-`jaxsat.core.jaxprs` makes a stable form of JAX's traced programs with it, which all else reads.
-`layout_of` gives what an equation computes under names of our own. An equation that has other
-parameters than those of the versions in `TESTED` is reported as unknown, and nothing is guessed.
+`jaxsat.core.jaxprs` converts JAX's traced programs to a stable form with it, which all other code
+reads. `layout_of` describes an equation under names of our own. An equation with other parameters
+than those of the versions in `TESTED` is reported as unknown, without guessing.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,13 +28,13 @@ except ImportError:  # private
     source_info_util = None
 
 TESTED = ("0.10.0", "0.12.0.1")
-"""The oldest and the newest JAX that the tests have run with."""
+"""Oldest and newest JAX that the tests have run with."""
 
 CALL = "call"
-"""Our name for all primitives that only call a program, whatever rule for derivatives it has."""
+"""Name for all primitives that only call a program, whatever their rule for derivatives."""
 
 WISH = "xla_metadata_value"
-"""The primitive that returns its operand, with a hint to XLA."""
+"""Primitive that returns its operand, with a hint to XLA."""
 
 IDENTICAL = (
     *("copy", "stop_gradient", "optimization_barrier", "pvary", "name", "reshard"),
@@ -48,36 +48,35 @@ _NO_RESULT = {
     *("jvp_jaxpr_fun", "fwd_jaxpr_thunk", "bwd", "out_trees", "symbolic_zeros", "computation"),
     "branches_platforms",
 }
-"""Parameters that say how an operation is compiled or differentiated, or say again what it does.
-
-Where a derivative is taken, the operations of its rule are in the trace."""
+"""Parameters that affect only compilation or differentiation, or are redundant. Where a derivative
+is taken, the operations of its rule are in the trace."""
 
 _ONLY_ROUNDING = {
     *("accuracy", "precision", "preferred_element_type", "weak_type", "is_stable", "unroll"),
     *("unique_indices", "indices_are_sorted", "num_consts", "prevent_cse", "differentiated"),
     *("policy", "conjugate_a", "impl", "memory_space", "xla_metadata", "ad_metadata"),
 }
-"""Parameters on which results of operations on real numbers depend in their last bits at most."""
+"""Parameters that affect real results by round-off at most."""
 
 
 class OpenJaxpr(NamedTuple):
-    """A jaxpr and the constants that come with it: the values of its first variables."""
+    """A jaxpr and its constants: the values of its first variables."""
 
     jaxpr: Jaxpr
     consts: tuple[Any, ...]
 
 
 class Expanded(NamedTuple):
-    """A program made for an equation that comes from where this stands."""
+    """A program that expands an equation, with the equation's source position."""
 
     jaxpr: ClosedJaxpr
 
 
 class EquationLayout(NamedTuple):
-    """An equation's primitive and its parameters, under names that stay.
+    """An equation's primitive and its parameters, under stable names.
 
-    Parameters that no result depends on are left out. `unknown` is empty, or says what of the
-    parameters is not known; then they are as JAX has them.
+    Parameters without effect on results are left out. `unknown` is empty, or describes the unknown
+    parameters; then they are JAX's own.
     """
 
     name: str
@@ -95,7 +94,7 @@ class Place(NamedTuple):
 
 
 def layout_of(equation: JaxprEqn) -> EquationLayout:
-    """What an equation computes."""
+    """Return the primitive and the parameters of an equation under stable names."""
     name, params = equation.primitive.name, equation.params
     layout = _CALLS.get(name) or LAYOUTS.get(name)
     if not params and layout is None:
@@ -103,7 +102,7 @@ def layout_of(equation: JaxprEqn) -> EquationLayout:
     rest = dict(params)
     try:
         parameters = {} if layout is None else layout(rest)
-    except Exception:  # whatever an object that has changed raises
+    except Exception:  # any error of a changed object
         parameters, strange = {}, sorted(params)
         rest = dict(params)
     else:
@@ -115,12 +114,12 @@ def layout_of(equation: JaxprEqn) -> EquationLayout:
 
 
 def _same(*names: str) -> Callable[[dict], dict]:
-    """The layout of parameters whose names have not moved."""
+    """Return the layout of parameters with unchanged names."""
     return lambda rest: {name: rest.pop(name) for name in names}
 
 
 def _body_in(key: str) -> Callable[[dict], dict]:
-    """A call of the program `body`; `name` is that of the function."""
+    """Return the layout of a call of the program `body`; `name` is that of the function."""
     return lambda rest: {"body": rest.pop(key), "name": rest.pop("name", "shared")}
 
 
@@ -130,7 +129,7 @@ def _identical(rest: dict) -> dict:
 
 
 def _while(rest: dict) -> dict:
-    """Operands: `n_test` constants of the test, `n_body` of the body, and the carries."""
+    """Return a layout; operands are `n_test` constants of the test, `n_body` ones, carries."""
     return {
         "test": rest.pop("cond_jaxpr"),
         "body": rest.pop("body_jaxpr"),
@@ -140,7 +139,7 @@ def _while(rest: dict) -> dict:
 
 
 def _scan(rest: dict) -> dict:
-    """Operands: `n_consts` constants, `n_carry` carries, and arrays of `length` rows."""
+    """Return a layout; operands are `n_consts` constants, `n_carry` carries, rows of `length`."""
     parameters = {"body": rest.pop("jaxpr")} | _same("length", "reverse")(rest)
     if "ft_in" in rest:  # from JAX 0.11 on: trees of constants, carries and rows
         n_consts, n_carry, _ = (len(list(part)) for part in rest.pop("ft_in").unpack())
@@ -151,7 +150,7 @@ def _scan(rest: dict) -> dict:
 
 
 def _linear_solve(rest: dict) -> dict:
-    """Operands: `before` that are not needed, those of `solve`, `between`, and the right sides."""
+    """Return a layout; operands are unused ones (`before`), `solve`'s, `between`, right sides."""
     lengths, programs = rest.pop("const_lengths"), rest.pop("jaxprs")
     return {
         "solve": programs.solve,
@@ -162,7 +161,7 @@ def _linear_solve(rest: dict) -> dict:
 
 
 def _reduction(*names: str) -> Callable[[dict], dict]:
-    """A reduction by the program `body`."""
+    """Return the layout of a reduction by the program `body`."""
 
     def layout(rest: dict) -> dict:
         body = _with_constants(rest.pop("jaxpr"), rest.pop("consts", ()))
@@ -182,13 +181,13 @@ def _gather(rest: dict) -> dict:
 
 
 def _scatter(rest: dict) -> dict:
-    """`update` is the program by which old and new numbers are joined, or None."""
+    """Return a layout; `update` is the program that combines old and new numbers, or None."""
     update = _with_constants(rest.pop("update_jaxpr"), rest.pop("update_consts"))
     return {"update": update} | _same("dimension_numbers", "mode")(rest)
 
 
 def _high_level(rest: dict) -> dict:
-    """From JAX 0.11 on: an object that is a primitive of its own, expanded into usual ones."""
+    """Expand a high-level primitive, an object from JAX 0.11 on, into ordinary ones."""
     primitive = rest.pop("_prim")
 
     def expanded(*leaves):
@@ -203,7 +202,7 @@ _CALLS: dict[str, Callable[[dict], dict]] = {
     "remat2": _body_in("jaxpr"),
     "closed_call": _body_in("call_jaxpr"),  # until JAX 0.10
     "eval_jaxpr": _body_in("call_jaxpr"),  # from JAX 0.11 on
-    "xla_metadata_call": _body_in("jaxpr"),  # the same
+    "xla_metadata_call": _body_in("jaxpr"),  # from JAX 0.11 on
     "custom_jvp_call": _body_in("call_jaxpr"),
     "custom_vjp_call": _body_in("call_jaxpr"),
     "call_hi_primitive": _high_level,
@@ -264,19 +263,19 @@ LAYOUTS: dict[str, Callable[[dict], dict]] = {
     "random_bits": _same("bit_width", "shape"),
     "random_split": _same("shape"),
 }
-"""By a primitive's name, what takes the parameters of its results out of JAX's own.
+"""Functions by primitive name that take the parameters of results out of JAX's own.
 
-It raises where one is missing. Primitives that are not named here have none.
+They raise where one is missing. Primitives without an entry have no such parameters.
 """
 
 
 def key_functions(dtype: Any) -> Any:
-    """JAX's functions for random keys of a type: `seed`, `split`, `fold_in`, `random_bits`."""
+    """Return JAX's functions for keys of a type: `seed`, `split`, `fold_in`, `random_bits`."""
     return dtype._impl
 
 
 def place_of(source: Any) -> tuple[Place, ...]:
-    """The calls that the `source_info` of an equation tells, from the outermost; none of JAX's."""
+    """Return the calls in an equation's `source_info`, from the outermost, without JAX's own."""
     try:
         frames = list(source_info_util.user_frames(source.traceback))  # pyright: ignore
         return tuple(
@@ -288,16 +287,16 @@ def place_of(source: Any) -> tuple[Place, ...]:
 
 
 def summary_of(place: tuple[Place, ...]) -> str:
-    """Where the innermost call is, for messages; nothing where none is known."""
+    """Return the place of the innermost call for messages; empty where it is unknown."""
     return "".join(f"{one.file}:{one.line}:{one.column} ({one.function})" for one in place[-1:])
 
 
 def is_tested() -> bool:
-    """Whether this JAX is between those in `TESTED`."""
+    """Whether this JAX is between the versions in `TESTED`."""
     first, last = (tuple(map(int, version.split(".")[:3])) for version in TESTED)
     return first <= jax.__version_info__[:3] <= last
 
 
 def versions() -> str:
-    """This JAX and those that jaxsat was tested with, for messages."""
+    """Return this JAX version and the tested ones, for messages."""
     return f"this is JAX {jax.__version__}, and jaxsat was tested with {TESTED[0]} to {TESTED[1]}"

@@ -1,7 +1,7 @@
-"""Traced programs in a form that does not change with JAX.
+"""Traced programs in a form that is independent of JAX's version.
 
-`jaxpr_of` traces a function. What the compiler, the exporter and the fingerprint read are the
-classes here; how JAX's own objects look is known to `jaxsat.core.jax_internals` alone.
+`jaxpr_of` traces a function. The compiler, the exporter and the fingerprint read the classes here;
+only `jaxsat.core.jax_internals` knows JAX's own objects.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -16,9 +16,9 @@ from jaxsat.core.jax_internals import CALL, ClosedJaxpr, DropVar, Expanded, Open
 
 
 class Variable:
-    """What an equation makes, or a program is given: an array of `aval`'s shape and type.
+    """An output of an equation, or an input of a program: an array of `aval`'s shape and type.
 
-    No equation reads one that is `dropped`.
+    No equation reads a `dropped` variable.
     """
 
     __slots__ = ("aval", "dropped")
@@ -28,7 +28,7 @@ class Variable:
 
 
 class Literal:
-    """A number in the place of a variable."""
+    """A constant number in place of a variable."""
 
     __slots__ = ("aval", "value")
 
@@ -41,11 +41,11 @@ Atom = Variable | Literal
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Equation:
-    """One operation: the name of its primitive, what it reads, and what it makes.
+    """One operation: the name of its primitive, its inputs, and its outputs.
 
     `parameters` have the names of `jax_internals.layout_of`, and programs in them are `Jaxpr`s.
-    `unknown` is empty, or says what of the parameters is not known. `source` is JAX's own, which
-    `place` reads.
+    `unknown` is empty, or describes the unknown parameters. `source` is JAX's own, which `place`
+    reads.
     """
 
     name: str
@@ -57,16 +57,16 @@ class Equation:
 
     @property
     def place(self) -> tuple[Place, ...]:
-        """The calls of the source that it comes from, from the outermost."""
+        """Calls in the source that led to the operation, from the outermost."""
         return jax_internals.place_of(self.source)
 
     @property
     def is_call(self) -> bool:
-        """Whether it only calls the program `body`."""
+        """Whether the operation only calls the program `body`."""
         return self.name == CALL and not self.unknown
 
     def programs(self) -> Iterator["Jaxpr"]:
-        """The programs inside it."""
+        """Yield the programs inside the operation."""
         for value in self.parameters.values():
             for one in value if isinstance(value, tuple) else (value,):
                 if isinstance(one, Jaxpr):
@@ -75,7 +75,7 @@ class Equation:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Jaxpr:
-    """A program: equations in order, each reading what stands before it.
+    """A program: equations in order, each reading only earlier results.
 
     `constants` are variables and their values.
     """
@@ -97,24 +97,24 @@ class Jaxpr:
 
 
 def jaxpr_of(function: Callable, *examples: PyTree) -> Jaxpr:
-    """The program of a function of trees like these."""
+    """Trace a function of trees like `examples` into a program."""
     return jaxpr_and_shapes(function, *examples)[0]
 
 
 def jaxpr_and_shapes(function: Callable, *examples: PyTree) -> tuple[Jaxpr, PyTree]:
-    """The program of such a function, and the shapes and types of its results as a tree."""
+    """Trace a function into a program, and the shapes and types of its results as a tree."""
     closed, shapes = jax.make_jaxpr(function, return_shape=True)(*examples)
     return _Reader().program(closed, closed.consts), shapes
 
 
 class _Reader:
-    """Reads JAX's objects; what is one program there is one here."""
+    """Reader of JAX's objects that keeps the identity of shared programs."""
 
     def __init__(self) -> None:
         self._known: dict[tuple[int, int], tuple[Any, Jaxpr]] = {}
 
     def program(self, jaxpr: Any, consts: Any, caller: Any = None) -> Jaxpr:
-        """A program; all its equations come from where the `caller` comes from, if there is one."""
+        """Read a program; with a `caller`, all its equations have the caller's source position."""
         inner = jaxpr.jaxpr if isinstance(jaxpr, ClosedJaxpr) else jaxpr
         arguments = [*inner.constvars, *inner.invars]
         variables = {one: Variable(one.aval) for one in arguments}
@@ -144,7 +144,7 @@ class _Reader:
         )
 
     def _value(self, value: Any, source: Any, caller: Any) -> Any:
-        """A parameter of an equation that comes from `source`, programs in it read."""
+        """Read a parameter of an equation from `source`, with programs in it."""
         match value:
             case ClosedJaxpr() | jax_internals.Jaxpr():
                 key = (id(value), id(caller))
@@ -156,6 +156,6 @@ class _Reader:
                 return self.program(*value, caller)
             case Expanded(closed):
                 return self.program(closed, closed.consts, source)
-        if type(value) is tuple:  # none with names
+        if type(value) is tuple:  # no NamedTuple
             return tuple([self._value(one, source, caller) for one in value])
         return value

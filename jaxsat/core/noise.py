@@ -1,9 +1,9 @@
 """Random numbers as a pure function of key data and counters, for use inside simulation loops.
 
 The generator is Threefry-2x32 with 20 rounds (Salmon, Moraes, Dror, Shaw, SC11, 2011), written out
-in plain integer arithmetic. A key is two unsigned 32-bit words, what `jax.random.key_data` gives
-of a Threefry key; bits and numbers equal those of `jax.random` for the same key, so studies can be
-repeated with either. Nothing here carries a typed key or a state through a loop.
+in plain integer arithmetic. A key is two unsigned 32-bit words, the `jax.random.key_data` of a
+Threefry key; bits and numbers equal those of `jax.random` for the same key, so studies can be
+reproduced with either. No loop carries a typed key or a generator state.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ _PARITY = 0x1BD11BDA
 
 
 def key_of_seed(seed: int) -> Key:
-    """The key of a study: a seed of up to 64 bits as two words.
+    """Return the key of a study: a seed of up to 64 bits as two words.
 
     Raises `ValueError` for a seed that is negative or needs more bits.
     """
@@ -41,18 +41,18 @@ def key_of_seed(seed: int) -> Key:
 
 
 def name_number(name: str) -> int:
-    """32 bits that stand for a name, the same on every machine."""
+    """Return 32 bits that identify a name, the same on every machine."""
     return int.from_bytes(hashlib.sha256(name.encode()).digest()[:4], "big")
 
 
 def fold_in(key: Key, number: ArrayLike) -> Key:
-    """A key of its own for every `number` (one 32-bit word), as `jax.random.fold_in` makes it."""
+    """Return a distinct key for every `number` (one 32-bit word), as `jax.random.fold_in`."""
     word = jnp.asarray(number).astype(jnp.uint32)
     return jnp.stack(threefry(key, jnp.zeros_like(word), word))
 
 
 def bits(key: Key, count: int, width: int = 32) -> UInt[Array, " count"]:
-    """`count` words of random bits; `width` is 32 or 64."""
+    """Return `count` words of random bits; `width` is 32 or 64."""
     low = jnp.arange(count, dtype=jnp.uint32)
     first, second = threefry(key, jnp.zeros_like(low), low)
     if width == 32:
@@ -61,7 +61,7 @@ def bits(key: Key, count: int, width: int = 32) -> UInt[Array, " count"]:
 
 
 def uniform(key: Key, count: int, dtype: DTypeLike = float) -> Float[Array, " count"]:
-    """`count` numbers from [0, 1), each a multiple of the type's spacing below 1."""
+    """Return `count` numbers from [0, 1), each a multiple of the type's spacing below 1."""
     dtype = jax.dtypes.canonicalize_dtype(dtype)
     info = jnp.finfo(dtype)
     mantissa = bits(key, count, info.bits) >> np.array(info.bits - info.nmant, f"uint{info.bits}")
@@ -70,7 +70,7 @@ def uniform(key: Key, count: int, dtype: DTypeLike = float) -> Float[Array, " co
 
 
 def standard_normal(key: Key, count: int, dtype: DTypeLike = float) -> Float[Array, " count"]:
-    """`count` draws from the standard normal distribution."""
+    """Return `count` draws from the standard normal distribution."""
     dtype = jax.dtypes.canonicalize_dtype(dtype)
     above_minus_one = np.nextafter(np.array(-1.0, dtype), np.array(0.0, dtype))
     span = np.array(1.0, dtype) - above_minus_one
@@ -81,14 +81,14 @@ def standard_normal(key: Key, count: int, dtype: DTypeLike = float) -> Float[Arr
 def sample_noise(
     key: Key, sample: IntScalar, count: int, dtype: DTypeLike = float
 ) -> Float[Array, " count"]:
-    """The standard normal noise of one sample: a function of the key and the sample's number."""
+    """Return the standard normal noise of one sample: a function of key and sample number."""
     return standard_normal(fold_in(key, sample), count, dtype)
 
 
 def threefry(key: Words | Sequence[Words], first: Words, second: Words) -> tuple[Words, Words]:
-    """Threefry-2x32-20 of the counters `first` and `second`: two words of random bits each.
+    """Compute Threefry-2x32-20 of the counters `first` and `second`: two words of random bits each.
 
-    Arrays of JAX, or arrays of NumPy alone, which then does the same.
+    Takes JAX arrays, or NumPy arrays alone, with the same result.
     """
     words = (key[0], key[1], key[0] ^ key[1] ^ np.uint32(_PARITY))
     first, second = first + words[0], second + words[1]

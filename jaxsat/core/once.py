@@ -1,6 +1,6 @@
-"""What threads share is made once: whoever comes while it is being made waits and takes the same.
+"""Memoisation for threads: a value is computed once, and threads that need it meanwhile wait.
 
-`functools.cache` and `functools.lru_cache` let two threads make one thing at once, and so does
+`functools.cache` and `functools.lru_cache` let two threads compute one value at once, and so does
 `functools.cached_property` from Python 3.12 on. One of the two is then freed, or replaces the
 other, while a thread still uses it: for machine code that is a crash.
 """
@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 @contextmanager
 def holding(variable: ContextVar[T], value: T) -> Iterator[None]:
-    """Inside, a variable of the context has this value."""
+    """Set a context variable to a value inside the `with` block."""
     before = variable.set(value)
     try:
         yield
@@ -37,7 +37,7 @@ def once(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def latest(most: int | None) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """`once` for at most so many arguments: those unused for longest are forgotten."""
+    """`once` for at most `most` arguments: the least recently used are forgotten."""
 
     def guarded(function: Callable[P, T]) -> Callable[P, T]:
         lock = threading.RLock()
@@ -62,7 +62,7 @@ def latest(most: int | None) -> Callable[[Callable[P, T]], Callable[P, T]]:
 class Locks:
     """A lock for every key: different keys do not wait for one another.
 
-    A lock exists while somebody holds it or waits for it, so keys may be any number.
+    A lock exists only while it is held or awaited, so the number of keys is unlimited.
     """
 
     def __init__(self):
@@ -71,7 +71,7 @@ class Locks:
 
     @contextmanager
     def __call__(self, key: Hashable) -> Iterator[None]:
-        """Hold the lock of a key; the thread that holds it may do so again."""
+        """Hold the lock of a key; the holding thread may enter again."""
         with self._guard:
             lock, users = self._known.setdefault(key, (threading.RLock(), []))
             users.append(None)
@@ -89,11 +89,11 @@ _importing = threading.RLock()
 
 
 def imported(module: str) -> ModuleType:
-    """A module that is imported when it is first used: no two threads do that at once.
+    """Import a module at its first use, one thread at a time.
 
-    Where packages import one another in a circle, as JAX's do, threads that come in by different
-    modules would see some that are not complete. No module may call this as it is imported: its
-    thread holds Python's lock of that module, for which the thread with this lock may wait.
+    Where packages import one another in a circle, as JAX's do, threads that enter by different
+    modules would see incomplete ones. No module may call this during its own import: its thread
+    holds Python's lock of that module, for which the thread with this lock may wait.
     """
     with _importing:
         return importlib.import_module(module)
@@ -105,8 +105,8 @@ _locks = Locks()
 class once_property(Generic[T]):
     """`functools.cached_property` with a lock for every object.
 
-    The value lies in the object's `__dict__` and goes with it where it is copied or pickled; it
-    may be of a frozen class. There is no lock in the object.
+    The value is in the object's `__dict__`, which copying and pickling preserve; frozen classes may
+    use it. There is no lock in the object.
     """
 
     def __init__(self, function: Callable[[Any], T]):
@@ -120,11 +120,11 @@ class once_property(Generic[T]):
     @overload
     def __get__(self, instance: object, owner: type | None = None) -> T: ...
     def __get__(self, instance: object | None, owner: type | None = None):
-        """The value; Python looks here only as long as there is none in `__dict__`."""
+        """Return the value; Python calls this only while `__dict__` has none."""
         if instance is None:
             return self
         attributes = vars(instance)
-        with _locks((id(instance), self._name)):  # who asks keeps the object, so its id is its own
+        with _locks((id(instance), self._name)):  # the caller keeps the object, so its id is unique
             if self._name not in attributes:
                 attributes[self._name] = self._function(instance)
             return attributes[self._name]

@@ -1,4 +1,4 @@
-"""Files that lie beside jaxsat's modules: texts, templates and data."""
+"""Files beside jaxsat's modules: texts, templates and data."""
 
 import re
 import tomllib
@@ -7,15 +7,15 @@ from typing import Any
 
 
 def text_of(package: str, name: str) -> str:
-    """The text of a file in the folder of a package."""
+    """Return the text of a file in the folder of a package."""
     return (resources.files(package) / name).read_text("utf-8")
 
 
 def data_of(package: str, name: str) -> dict[str, Any]:
-    """What a file of TOML there has."""
+    """Return the content of a TOML file in the folder of a package."""
     return tomllib.loads(text_of(package, name))
 
 
 def template(package: str, name: str, **values: object) -> str:
-    """The text of a file there, with each `@NAME@` in it replaced by the value of that name."""
+    """Return the text of a file with each `@NAME@` in it replaced by the value of that name."""
     return re.sub(r"@([A-Z_]+)@", lambda match: str(values[match[1]]), text_of(package, name))

@@ -1,5 +1,4 @@
-"""What all of a process shares: the processors it may use, folders of a user's modules, Python's
-garbage collection."""
+"""Process-wide state: available processors, import folders of a user, garbage collection."""
 
 import gc
 import math
@@ -14,19 +13,19 @@ from pathlib import Path
 from jaxsat.core.once import holding
 
 QUOTA = Path("/sys/fs/cgroup/cpu.max")
-"""Where Linux tells the quota of a container: microseconds of computing in a period, or max."""
+"""Linux file with the CPU quota of a container: microseconds of computing in a period, or max."""
 
 _share: ContextVar[int | None] = ContextVar("share", default=None)
 
 
 def processors() -> int:
-    """How many processors may be used here: all, or inside `share_of` that share."""
+    """Return the number of available processors: all, or the share inside `share_of`."""
     share = _share.get()
     return all_processors() if share is None else share
 
 
 def all_processors() -> int:
-    """How many processors this process may use, at least one.
+    """Return the number of processors of this process, at least one.
 
     Those of the machine, fewer where the process is bound to some of them (by a batch system or
     `taskset`) or is in a container with a quota.
@@ -37,14 +36,14 @@ def all_processors() -> int:
 
 
 def share_of(count: int) -> AbstractContextManager[None]:
-    """What is called inside may use `count` processors: others have been given the rest."""
+    """Limit `processors` to `count` inside the `with` block: the rest is in use elsewhere."""
     if count < 1:
         raise ValueError(f"Argument `count` must be at least 1, but got {count}.")
     return holding(_share, count)
 
 
 def _quota() -> int | None:
-    """Whole processors, rounded up; None without a quota."""
+    """Return the container's quota in whole processors, rounded up; None without a quota."""
     try:
         most, period = QUOTA.read_text().split()
         return max(1, math.ceil(int(most) / int(period)))
@@ -57,9 +56,9 @@ _switching = threading.Lock()
 
 @contextmanager
 def no_collection() -> Iterator[None]:
-    """While inside, no garbage is collected.
+    """Disable garbage collection inside the `with` block.
 
-    The search would go through all objects again and again while many are made.
+    The collector would scan all objects again and again while many are made.
     """
     with _switching:
         active = gc.isenabled()
@@ -67,7 +66,7 @@ def no_collection() -> Iterator[None]:
     try:
         yield
     finally:
-        if active:  # others inside are slower from here on, no more
+        if active:  # other blocks still inside only get slower
             with _switching:
                 gc.enable()
 
@@ -77,7 +76,7 @@ _adding = threading.Lock()
 
 
 def add_folders(folders: Iterable[str]) -> None:
-    """Let modules be imported from these folders, after all others."""
+    """Add folders to the module search path, after all others."""
     with _adding:
         for folder in folders:
             if folder not in _ADDED:
@@ -87,5 +86,5 @@ def add_folders(folders: Iterable[str]) -> None:
 
 
 def added_folders() -> tuple[str, ...]:
-    """The folders that have been added, for a worker to add too."""
+    """Return the folders that have been added, for workers to add them too."""
     return tuple(_ADDED)

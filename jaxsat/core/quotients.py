@@ -1,9 +1,9 @@
 """Quotients, roots and angles with better derivatives than JAX's own.
 
-Those of a reciprocal and of a quotient take no further division, and that of a share no infinite
-number. A root, a length and the angle of a vector have a corner or a jump at zero, where JAX's
-rules divide by zero, and what they make is NaN even where the result counts for nothing: the
-derivative there is zero. Values are the usual ones.
+Derivatives of a reciprocal and of a quotient take no further division, and those of `share_within`
+no infinite number. A root, a length and the angle of a vector have a corner or a jump at zero,
+where JAX's rules divide by zero and return NaN even for unused results: the derivative there is
+zero. Values are the usual ones.
 """
 
 import functools
@@ -18,10 +18,10 @@ from jaxsat.core.array_types import RealScalar
 
 @jax.custom_jvp
 def reciprocal(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """1/x.
+    """Return 1/x.
 
-    Its derivative -1/x² is made from 1/x itself. Divisions are what a step of a law spends most of
-    its time with, and JAX's own rule for a quotient adds one for every derivative.
+    The derivative -1/x² is computed from 1/x itself. Divisions dominate the time of a step of a
+    law, and JAX's own rule for a quotient adds one for every derivative.
     """
     return 1 / x
 
@@ -34,7 +34,7 @@ def _reciprocal_jvp(primals, tangents):
 
 @jax.custom_jvp
 def quotient(x: Float[Array, "*n"], y: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """x/y, by way of 1/y."""
+    """Return x/y, by way of 1/y."""
     return x * reciprocal(y)
 
 
@@ -51,9 +51,9 @@ def _quotient_jvp(primals, tangents):
 
 
 def share_within(most: RealScalar, size: RealScalar) -> RealScalar:
-    """min(1, most / size): the part of a size that is within a bound, which may be infinite.
+    """Return min(1, most / size): the part of a size within a bound, which may be infinite.
 
-    Infinity over a size that counts has NaN for a derivative, so that it is not divided.
+    Infinity over a size has NaN as its derivative, so the division is skipped there.
     """
     exceeds = size > most
     return jnp.where(exceeds, most, 1.0) / jnp.where(exceeds, size, 1.0)
@@ -61,7 +61,7 @@ def share_within(most: RealScalar, size: RealScalar) -> RealScalar:
 
 @jax.custom_jvp
 def root(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """√x of what is not negative."""
+    """Return √x for x that is not negative, with a derivative of zero at zero."""
     return jnp.sqrt(x)
 
 
@@ -73,13 +73,13 @@ def _root_jvp(primals, tangents):
 
 
 def length(vector: Float[Array, " n"]) -> RealScalar:
-    """|v|."""
+    """Return the Euclidean norm |v|, with a derivative of zero at zero."""
     return root(jnp.sum(vector**2))
 
 
 @jax.custom_jvp
 def angle_of(y: Float[Array, "*n"], x: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """The angle of (x, y) from the first axis, rad in [-π, π]."""
+    """Return the angle of (x, y) from the first axis, rad in [-π, π]."""
     return jnp.arctan2(y, x)
 
 

@@ -1,14 +1,14 @@
-"""Between which numbers a physical quantity lies: one place for scenario keys and for draws.
+"""Ranges of physical quantities, shared by scenario keys and draws.
 
 Wide enough for every spacecraft, and narrow enough that no product or quotient of two of them
-leaves what a float can hold.
+overflows a float.
 """
 
 from typing import NamedTuple
 
 
 class Range(NamedTuple):
-    """From `low` to `high`, both included."""
+    """Closed range from `low` to `high`."""
 
     low: float
     high: float
@@ -24,10 +24,10 @@ TORQUE = Range(-1e9, 1e9)
 """Disturbance torques, N m."""
 
 TORQUE_LIMIT = Range(1e-9, 1e9)
-"""What a thruster makes at most, N m."""
+"""Largest torque of a thruster, N m."""
 
 WHEEL_MOMENTUM = Range(1e-9, 1e9)
-"""What a wheel takes at most, N m s."""
+"""Largest momentum of a wheel, N m s."""
 
 FRICTION = Range(0.0, 1e6)
 """Friction of a wheel, N m or N m s."""
@@ -96,20 +96,19 @@ FROM_ZERO = Range(0.0, SECONDS.high)
 """Times and delays, s."""
 
 MISALIGNMENT = Range(-1.0, 1.0)
-"""Turn of a torque axis off its place, rad, whose tangent is taken as small."""
+"""Turn of a torque axis off its nominal direction, rad, in the small-angle approximation."""
 
 CHANGE_OF_TORQUE = Range(-1.0, 1e3)
-"""Relative change of a thruster's torque, which may be nothing and never turns round."""
+"""Relative change of a thruster's torque, which may vanish and never changes sign."""
 
 ROTATION = Range(-6.283185307179586, 6.283185307179586)
 """Components of a rotation vector, rad."""
 
 STATE_LIMIT = 1e6
-"""A run ends when a state exceeds this: |w| then means upside down, a rate means divergence."""
+"""Bound on states that ends a run: |w| beyond it means upside down, a rate means divergence."""
 
 MAX_FIXED_STEPS = 2**24
-"""Steps of one run: two days of flight at 0.01 s, hours of work."""
+"""Largest number of steps of one run: two days of flight at 0.01 s, hours of computing."""
 
 SETTLED_W, SETTLED_TURN, SETTLED_RATE = 0.05, 0.05, 1e-3
-"""|w|, turn (rad) and relative rate (rad/s) below which a spacecraft counts as settled, unless the
-scenario says otherwise."""
+"""Default settling tolerances on |w|, turn (rad) and relative rate (rad/s)."""

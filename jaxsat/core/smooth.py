@@ -1,8 +1,8 @@
-"""Stand-ins for sat and sqrt|x|: the printed functions without a width, smooth ones with one.
+"""Substitutes for sat and sqrt|x|: the printed functions without a width, smooth ones with one.
 
-A printed function has a corner. Told on which side of it to stay it is smooth, so an integrator
-can hold the side during a step and look for the instant at which it changes. Left alone it
-follows its argument, and derivatives are those of the piece that the argument is in.
+A printed function has a corner. Held on one side of the corner it is smooth, so an integrator can
+hold the side during a step and search for the instant at which it changes. Otherwise it follows
+its argument, and derivatives are those of the piece that contains the argument.
 """
 
 import jax
@@ -15,14 +15,14 @@ from jaxsat.core.checks import as_float, concrete
 from jaxsat.core.quotients import reciprocal
 
 Width = RealScalar | None
-"""How far a corner is rounded; None where it is left as printed."""
+"""Width over which a corner is rounded; None for the printed corner."""
 
 AT_CORNER = 1e-20
-"""An argument of the printed √|x| that is as good as zero."""
+"""Threshold on the argument of the printed √|x|, below which it is zero."""
 
 
 def as_width(value: ArrayLike | None) -> Width:
-    """A width as an array, and None where it is known to be zero."""
+    """Return a width as an array, and None for a concrete zero."""
     if value is None:
         return None
     number = concrete(value)
@@ -53,12 +53,12 @@ def sat(
 
 
 def root_abs(x: RealScalar, width: Width = None, positive: BoolScalar | None = None) -> RealScalar:
-    """√|x| of (38), or (x² + width²)^¼ with a `width` in the unit of x.
+    """Return √|x| of (38), or (x² + width²)^¼ with a `width` in the unit of x.
 
     With `positive` the printed function is √x, or √(-x) where it is false, and zero beyond the
-    corner; its derivative is taken as zero at the corner and beyond. The corner is as wide as
-    `AT_CORNER`: an integrator that ends its step there is off by rounding, and would go on with a
-    slope as large as that is small.
+    corner; its derivative is zero at the corner and beyond. The corner is as wide as `AT_CORNER`:
+    an integrator that ends its step there is off by round-off, and would continue with an
+    arbitrarily large slope.
     """
     if width is None:
         size = jnp.abs(x) if positive is None else jnp.where(positive, x, -x)
@@ -71,7 +71,7 @@ def root_abs(x: RealScalar, width: Width = None, positive: BoolScalar | None = N
 def signed_root(
     x: RealScalar, width: Width = None, positive: BoolScalar | None = None
 ) -> RealScalar:
-    """sgn(x) √|x| of (38), or x / (x² + width²)^¼ with a `width`; `positive` as in `root_abs`."""
+    """Return sgn(x) √|x| of (38), or x / (x² + width²)^¼ with a `width`; see `root_abs`."""
     if width is None:
         sign = jnp.sign(x) if positive is None else jnp.where(positive, 1.0, -1.0)
         return sign * root_abs(x, None, positive)
@@ -81,9 +81,9 @@ def signed_root(
 
 @jax.custom_jvp
 def without_slope(x: Float[Array, "*n"], where: Bool[Array, "*n"]) -> Float[Array, "*n"]:
-    """x, with a derivative of zero `where` it is too small to count.
+    """Return x, with a derivative of zero `where` it is negligible.
 
-    For a number next to zero whose slope is large for as little as the number itself is.
+    For a number next to zero whose slope grows as the number shrinks.
     """
     return x
 
@@ -96,7 +96,7 @@ def _without_slope_jvp(primals, tangents):
 
 @jax.custom_jvp
 def positive_part(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """max(x, 0), whose slope at zero is that above; JAX's own takes half of it."""
+    """Return max(x, 0) with the right-hand slope at zero; JAX's own takes half of it."""
     return jnp.maximum(x, 0.0)
 
 
@@ -107,7 +107,7 @@ def _positive_part_jvp(primals, tangents):
 
 @jax.custom_jvp
 def at_least(x: Float[Array, "*n"], least: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """max(x, least), whose slope where both are equal is that of x."""
+    """Return max(x, least), with the slope of x where both are equal."""
     return jnp.maximum(x, least)
 
 
@@ -119,5 +119,5 @@ def _at_least_jvp(primals, tangents):
 def within(
     x: Float[Array, "*n"], least: Float[Array, "*n"], most: Float[Array, "*n"]
 ) -> Float[Array, "*n"]:
-    """x between two bounds, whose slope at a bound is that of x."""
+    """Return x clipped to two bounds, with the slope of x at a bound."""
     return -at_least(-at_least(x, least), -most)

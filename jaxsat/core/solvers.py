@@ -1,6 +1,6 @@
-"""Solvers of diffrax by name: diffrax is imported where one is used.
+"""Solvers of diffrax by name, so that diffrax is imported only at use.
 
-Its import takes almost as long as that of JAX, and a study whose kernel is kept has no use for it.
+Its import takes almost as long as that of JAX, and a study with a cached kernel does not need it.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,7 @@ HIGH_ORDER = ("tsit5", "dopri5", "dopri8")
 
 
 class NamedSolver(eqx.Module):
-    """One of `SOLVERS`, made when it is used. Raises `ValueError` for another name."""
+    """One of `SOLVERS`, constructed at use. Raises `ValueError` for another name."""
 
     name: str = eqx.field(static=True)
 
@@ -32,8 +32,8 @@ class NamedSolver(eqx.Module):
             )
 
     def made(self) -> AbstractSolver:
-        """The solver of diffrax that has this name."""
-        import diffrax  # takes its time
+        """Return the diffrax solver of this name."""
+        import diffrax  # slow
 
         return getattr(diffrax, SOLVERS[self.name])()
 
@@ -43,20 +43,20 @@ Solver = NamedSolver | AbstractSolver
 
 
 def solver_of(solver: Solver) -> AbstractSolver:
-    """The solver of diffrax, also where only its name is given."""
+    """Return the diffrax solver, constructed if given by name."""
     return solver.made() if isinstance(solver, NamedSolver) else solver
 
 
 def class_name(solver: Solver) -> str:
-    """The name of the solver's class."""
+    """Return the name of the solver's class."""
     return SOLVERS[solver.name] if isinstance(solver, NamedSolver) else type(solver).__name__
 
 
 def known_class(solver: Solver) -> str | None:
-    """The class of `SOLVERS` that the solver is of, or derives from; None for another solver."""
+    """Return the class in `SOLVERS` of the solver, or its base there; None for another solver."""
     if isinstance(solver, NamedSolver):
         return SOLVERS[solver.name]
-    import diffrax  # the solver is one of its objects
+    import diffrax  # already imported with the solver
 
     names = SOLVERS.values()
     return next((name for name in names if isinstance(solver, getattr(diffrax, name))), None)

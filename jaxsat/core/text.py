@@ -1,5 +1,4 @@
-"""Text from outside, made harmless where it is shown: terminals, figures, pages, attributes; CSV;
-numbers as a person reads them."""
+"""Sanitised text for terminals, figures, pages and attributes; CSV; numbers for people."""
 
 import contextvars
 import csv
@@ -13,7 +12,7 @@ from typing import Any, SupportsFloat
 from jaxsat.core.once import holding
 
 JOINERS = "\u200c\u200d"
-"""Format characters that scripts and emoji need; all others only hide or reorder what is read."""
+"""Format characters that scripts and emoji need; all others only hide or reorder text."""
 
 _HIDDEN = frozenset({"Cc", "Cf", "Cn", "Co", "Cs", "Zl", "Zp"})
 _MARKDOWN = {ord(mark): f"\\{mark}" for mark in "\\`*_[]#|~$!"}
@@ -21,10 +20,10 @@ _MARKUP = {ord("&"): "&amp;", ord("<"): "&lt;", ord(">"): "&gt;"}
 
 
 def clean(text: str, longest: int | None = None) -> str:
-    """One line that shows what it holds: control and format characters become their escapes.
+    """Return one line with control and format characters as visible escapes.
 
-    So do line breaks, and the bytes of a file name that cannot be decoded. What is longer than
-    `longest` characters is cut and ends with an ellipsis.
+    Also escaped are line breaks, and undecodable bytes of a file name. Text beyond `longest`
+    characters is cut and ends with an ellipsis.
     """
     if not text.isprintable():
         text = "".join(map(_shown, text))
@@ -32,17 +31,17 @@ def clean(text: str, longest: int | None = None) -> str:
 
 
 def markdown(text: str) -> str:
-    """Clean text for a page: what Markdown, HTML or mathematics takes for a mark is escaped."""
+    """Return clean text for a page, with marks of Markdown, HTML and mathematics escaped."""
     return clean(text).translate(_MARKDOWN | _MARKUP)
 
 
 def capitalised(text: str) -> str:
-    """The text with a capital first letter; the others stay, as those of names must."""
+    """Return the text with a capital first letter; the others stay, as those of names must."""
     return text[:1].upper() + text[1:]
 
 
 def csv_text(rows: Iterable[Iterable[Any]]) -> str:
-    """Rows as comma-separated values, with numbers in full precision."""
+    """Return rows as comma-separated values, with numbers in full precision."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows(rows)
     return text.getvalue()
@@ -51,16 +50,16 @@ def csv_text(rows: Iterable[Iterable[Any]]) -> str:
 def _shown(character: str) -> str:
     if unicodedata.category(character) not in _HIDDEN or character in JOINERS:
         return character
-    if "\udc80" <= character <= "\udcff":  # a byte that is no UTF-8, as Python carries it along
+    if "\udc80" <= character <= "\udcff":  # a byte that is not UTF-8 (surrogateescape)
         return f"\\x{ord(character) - 0xDC00:02x}"
     return character.encode("unicode_escape").decode("ascii")
 
 
 MOST_DIGITS = 17
-"""A double has no more significant digits."""
+"""Significant digits of a double."""
 
 ROUNDING = 1e-14
-"""Of the size of a quantity: what is smaller is rounding alone."""
+"""Size relative to a quantity below which a number is round-off."""
 
 NOTHING = "-"
 
@@ -68,12 +67,12 @@ _LEAST = contextvars.ContextVar("digits", default=0)
 
 
 def at_least_digits(count: int | None) -> AbstractContextManager[None]:
-    """Show so many significant digits where fewer are usual; None changes nothing."""
+    """Show at least `count` significant digits inside the `with` block; None changes nothing."""
     return holding(_LEAST, count or 0)
 
 
 def number_text(value: SupportsFloat, digits: int = 4, *, scale: float = 0.0) -> str:
-    """A number to significant digits; zero where it is rounding of a quantity of size `scale`."""
+    """Format a number to significant digits; zero for round-off of a quantity of size `scale`."""
     number = float(value)
     if math.isnan(number):
         return NOTHING
@@ -82,7 +81,7 @@ def number_text(value: SupportsFloat, digits: int = 4, *, scale: float = 0.0) ->
 
 
 def fixed_text(value: SupportsFloat, places: int) -> str:
-    """A number to so many places after the point, or to the digits that are asked for."""
+    """Format a number to `places` decimals, or more for `at_least_digits`."""
     number = float(value)
     if math.isnan(number):
         return NOTHING
@@ -94,7 +93,7 @@ def fixed_text(value: SupportsFloat, places: int) -> str:
 
 
 def vector_text(values: Iterable[SupportsFloat], *, scale: float = 0.0) -> str:
-    """Numbers in parentheses; zero where one is rounding of the largest, or of `scale`."""
+    """Format numbers in parentheses; zero for round-off of the largest, or of `scale`."""
     numbers = [float(value) for value in values]
     largest = max((abs(one) for one in numbers if math.isfinite(one)), default=0.0)
     largest = max(largest, scale)

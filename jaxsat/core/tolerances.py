@@ -1,4 +1,4 @@
-"""When a spacecraft counts as settled, and since when. All work under vmap."""
+"""Settling criteria and settling time, all compatible with vmap."""
 
 import math
 from typing import NamedTuple
@@ -13,14 +13,14 @@ from jaxsat.core.quotients import reciprocal
 from jaxsat.core.ranges import SETTLED_RATE, SETTLED_TURN, SETTLED_W
 
 SETTLED_BEFORE = 0.9
-"""The part of the horizon in which a case must have begun to be settled, without a `dwell`."""
+"""Latest start of settling, as a fraction of the horizon, without a `dwell`."""
 
 
 class Tolerances(eqx.Module):
-    """When a spacecraft counts as settled: |w|, |z| (rad, wrapped) and |ω_r| (rad/s) below these.
+    """Settling criteria: upper limits of |w|, |z| (rad, wrapped) and |ω_r| (rad/s).
 
-    The relative rate is ω - C (0, -ω0, 0)ᵀ, the rate at which the attitude really changes. It must
-    stay so to the end, for at least `dwell` seconds; None is a tenth of the horizon.
+    The relative rate is ω - C (0, -ω0, 0)ᵀ, the rate of change of the attitude. The state must stay
+    within the limits to the end, for at least `dwell` seconds; None is a tenth of the horizon.
     """
 
     w: RealScalar = eqx.field(converter=as_float, default=SETTLED_W)
@@ -35,26 +35,26 @@ class Tolerances(eqx.Module):
         rate_rad_s: float = SETTLED_RATE,
         dwell_s: float | None = None,
     ) -> "Tolerances":
-        """The tolerances that the keys of a scenario's `[settled]` give."""
+        """Return the tolerances for the keys of a scenario's `[settled]`."""
         w = SETTLED_W if tilt_rad is None else math.tan(tilt_rad / 2)
         return Tolerances(w, turn_rad, rate_rad_s, dwell_s)
 
     def of_rate(self, orbit_rate: float | RealScalar) -> "Tolerances":
-        """The tolerances of a law without an attitude to go to: of the rate alone.
+        """Return the tolerances of a law without a target attitude: of the inertial rate alone.
 
-        At rest the rate is the orbit's.
+        At rest the inertial rate is the orbit's.
         """
         return Tolerances(math.inf, math.inf, self.relative_rate + orbit_rate, self.dwell)
 
     def text(self, attitude: bool = True) -> str:
-        """What settled means, in a line; without an `attitude` by the inertial rates alone."""
+        """Return the settling criterion as a line; without `attitude` of the inertial rate."""
         end = " to the end"
         if self.dwell is not None:
             end += f", {float(self.dwell):g} s at least"
         return self.limits_text(attitude) + end
 
     def limits_text(self, attitude: bool = True) -> str:
-        """The limits within which a spacecraft counts as settled, in a line, for however long."""
+        """Return the limits of a settled state as one line, without the dwell."""
         w, z, rate = (float(limit) for limit in (self.w, self.z, self.relative_rate))
         if not attitude:
             return f"|ω| < {rate:g} rad/s"
@@ -63,7 +63,7 @@ class Tolerances(eqx.Module):
 
 
 def wrap_angle(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """An angle brought into [-π, π), rad."""
+    """Wrap an angle to [-π, π), rad."""
     return angle - 2 * jnp.pi * jnp.floor(angle * (0.5 / jnp.pi) + 0.5)
 
 
@@ -73,7 +73,7 @@ def excess(
     relative_rate: Float[Array, "*times 3"],
     tolerances: Tolerances,
 ) -> Float[Array, "*times 3"]:
-    """|w|, |z| (wrapped) and |ω_r| in parts of their tolerances, less 1: negative inside them."""
+    """Return |w|, |z| (wrapped) and |ω_r| over their tolerances, less 1: negative inside."""
     sizes = (_length(w), jnp.abs(wrap_angle(z)), _length(relative_rate))
     limits = (tolerances.w, tolerances.z, tolerances.relative_rate)
     parts = [size * reciprocal(limit) for size, limit in zip(sizes, limits, strict=True)]
@@ -86,17 +86,17 @@ def within(
     relative_rate: Float[Array, "times 3"],
     tolerances: Tolerances,
 ) -> Bool[Array, " times"]:
-    """At which times all tolerances are met; never where a run has ended early (NaN)."""
+    """Whether all tolerances are met at each time; false after the early end of a run (NaN)."""
     return jnp.all(excess(w, z, relative_rate, tolerances) < 0, axis=-1)
 
 
 def _length(vector: Float[Array, "*times n"]) -> Float[Array, "*times"]:
-    """The Euclidean norm over the last axis."""
+    """Return the Euclidean norm over the last axis."""
     return jnp.sqrt(jnp.sum(vector**2, axis=-1))
 
 
 class SettlingTracker(NamedTuple):
-    """Since when all conditions hold, from observations of a run one after the other.
+    """Settling start, from observations of a run one after the other.
 
     A condition holds while its excess is negative. `start` (s) is infinite while one does not;
     `time` (s) and `excess` are those of the last observation.
@@ -108,11 +108,11 @@ class SettlingTracker(NamedTuple):
 
     @staticmethod
     def initial(time: RealScalar, conditions: int) -> "SettlingTracker":
-        """Before the first observation, which will be at `time` (s)."""
+        """Return the tracker before the first observation, which will be at `time` (s)."""
         return SettlingTracker(time + jnp.inf, time, jnp.full(conditions, -1.0, time.dtype))
 
     def observe(self, time: RealScalar, excess: Float[Array, " n"]) -> "SettlingTracker":
-        """With one more observation at `time` (s); an excess is linear between two of them."""
+        """Return the tracker after an observation at `time` (s), excesses linear in between."""
         enters = (self.excess >= 0) & (excess < 0)
         fall = jnp.where(enters, self.excess - excess, 1.0)
         part = jnp.max(jnp.where(enters, self.excess / fall, 0.0))
@@ -121,17 +121,17 @@ class SettlingTracker(NamedTuple):
     def observe_after_entry(
         self, entry: RealScalar, time: RealScalar, excess: Float[Array, " n"]
     ) -> "SettlingTracker":
-        """As `observe`, where the conditions began to hold, if they did, at `entry` (s)."""
+        """Return the tracker as `observe`, with conditions met, if so, from `entry` (s) on."""
         start = jnp.where(jnp.isinf(self.start), entry, self.start)
         return SettlingTracker(jnp.where(jnp.all(excess < 0), start, jnp.inf), time, excess)
 
     def settling_time(
         self, end: RealScalar, begin: float | RealScalar = 0.0, dwell: RealScalar | None = None
     ) -> RealScalar:
-        """The start, if it lies `dwell` seconds before the `end` or more, else infinity, s.
+        """Return the start (s), if it is at least `dwell` seconds before the `end`, else infinity.
 
-        What has only just become small has not been shown to stay so: None is a tenth of the
-        horizon, see `SETTLED_BEFORE`.
+        A recently settled state has not been shown to last: None is a tenth of the horizon, see
+        `SETTLED_BEFORE`.
         """
         latest = begin + SETTLED_BEFORE * (end - begin) if dwell is None else end - dwell
         return jnp.where(self.start <= latest, self.start, jnp.inf)

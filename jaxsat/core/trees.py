@@ -1,8 +1,8 @@
-"""Trees of arrays: one of two, strong types, halves of symmetric matrices, and computed once.
+"""Trees of arrays: selection, strong types, halves of symmetric matrices, and sharing of results.
 
-XLA for processors fuses operations into loops over a batch, and repeats what several loops need in
-each of them where it holds that for cheap: sines, and the rates of a whole state for every row of a
-concatenation. A call that it must not take apart (`apart`) is computed once.
+XLA on CPUs fuses operations into loops over a batch, and recomputes operations shared by several
+loops where it deems them cheap: sines, and the rates of a whole state for every row of a
+concatenation. A call marked by `apart` is computed once.
 """
 
 from collections.abc import Callable
@@ -19,14 +19,14 @@ from jaxsat.core.once import once
 
 
 def choose(when: BoolScalar, one, other):
-    """Of two trees alike, `one` where `when` holds, else the `other`."""
+    """Return `one` where `when` holds, else the `other`, for two trees of equal structure."""
     return jax.tree.map(lambda x, y: jnp.where(when, x, y), one, other)
 
 
 def strong(tree):
-    """The tree with the same numbers, none of a weak type: `jnp.array(0.1)` has one.
+    """Return the tree with the same numbers, none of a weak type such as `jnp.array(0.1)`.
 
-    A compiled function takes a weak type for another type, and would be compiled again for it.
+    A weak type is another type for a compiled function, which would be compiled again for it.
     """
     return jax.tree.map(lambda x: x.astype(x.dtype) if getattr(x, "weak_type", False) else x, tree)
 
@@ -38,14 +38,14 @@ class Symmetric(eqx.Module):
 
 
 class _Half(eqx.Module):
-    """The upper half of such a matrix, row by row."""
+    """Upper half of a symmetric matrix, row by row."""
 
     elements: Float[Array, " half"]
     size: int = eqx.field(static=True)
 
 
 def halved(tree: PyTree) -> PyTree:
-    """A tree with the halves of its symmetric matrices in their places."""
+    """Return a tree with the symmetric matrices replaced by their halves."""
 
     def half(x):
         if not isinstance(x, Symmetric):
@@ -57,7 +57,7 @@ def halved(tree: PyTree) -> PyTree:
 
 
 def restored(tree: PyTree) -> PyTree:
-    """The tree that was halved."""
+    """Return the tree with the halves replaced by their symmetric matrices."""
 
     def whole(x):
         return Symmetric(x.elements[_places(x.size)]) if isinstance(x, _Half) else x
@@ -67,7 +67,7 @@ def restored(tree: PyTree) -> PyTree:
 
 @once
 def _places(size: int) -> Int[np.ndarray, "n n"]:
-    """Where in a half each element of the matrix is."""
+    """Return the index in a half of each element of the matrix."""
     places = np.zeros((size, size), int)
     rows, columns = np.triu_indices(size)
     places[rows, columns] = places[columns, rows] = np.arange(rows.size)
@@ -81,10 +81,10 @@ except ImportError:  # experimental
 
 
 def apart(function: Callable[..., PyTree], *args: Any) -> PyTree:
-    """`function(*args)`, computed once before what needs it rather than anew in every place.
+    """Return `function(*args)`, computed once rather than again in every place of use.
 
     The function is a compiled one (`jax.jit`, `equinox.filter_jit`), best the same at every call.
-    The wish is an attribute on the call; a version of XLA that does not know it takes a plain one.
+    The request is an attribute of the call; a version of XLA without it makes an ordinary call.
     """
     outputs = function(*args)
     leaves, tree = jax.tree.flatten(outputs)

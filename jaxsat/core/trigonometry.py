@@ -1,11 +1,11 @@
-"""Sine and cosine in basic operations, which XLA turns into vector code.
+"""Sine and cosine in basic operations, which XLA compiles to vector code.
 
-XLA for processors calls the C library for every sine of a double; that was a third of the time of
-a batch. Cody and Waite's reduction in three pieces, then one polynomial. That of the sine is valid
-for a half-turn, from -pi/2 to pi/2, so nothing has to be chosen. Those of the cosine, which has to
-be 1 exactly at 0, are valid for a quarter each, and the quadrant chooses the coefficients (those of
+XLA on CPUs calls the C library for every sine of a double; that was a third of the time of a batch.
+Cody and Waite's reduction in three pieces, then one polynomial. That of the sine is valid for a
+half-turn, from -pi/2 to pi/2, without a case distinction. Those of the cosine, which must be
+exactly 1 at 0, are valid for a quarter each, and the quadrant selects the coefficients (those of
 fdlibm, Sun Microsystems, 1993). Up to 2^14 errors are below two units in the last place; beyond,
-they are what one unit in the last place of the *argument* makes, and the results stay bounded by
+they are those of one unit in the last place of the *argument*, and the results stay bounded by
 about one.
 """
 
@@ -50,10 +50,10 @@ _HALF_TURN_PIECES = tuple(2 * piece for piece in _PIECES)
 _TWO_OVER_PI = 2 / np.pi
 _ONE_OVER_PI = 1 / np.pi
 ROUNDER = 1.5 * 2.0**52
-"""Added to a number far below, it leaves the nearest whole one in the lowest bits."""
+"""Constant that, added to a far smaller number, leaves the nearest integer in the lowest bits."""
 
 NEAR_LIMIT = 2.0**14
-"""Below it the reduction of an angle is right."""
+"""Largest angle (rad) with an accurate reduction."""
 
 SIGN = np.int64(-(2**63))
 
@@ -69,16 +69,16 @@ def cos(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 
 def reduced(size: Float[Array, "*n"]) -> tuple[Float[Array, "*n"], Int[Array, "*n"]]:
-    """r and q of x = q pi/2 + r for positive x; of q two bits count.
+    """Return r and q of x = q pi/2 + r for positive x; only two bits of q matter.
 
     Below `NEAR_LIMIT` the products are exact and so is the first difference; the second is rounded
-    unless r is so small that the third counts. There r is right to one unit in the last place.
+    unless r is so small that the third matters. There r is correct to one unit in the last place.
     """
     return _less_multiple(size, _TWO_OVER_PI, _PIECES)
 
 
 def reduced_by_half_turns(size: Float[Array, "*n"]) -> tuple[Array, Int[Array, "*n"]]:
-    """r and k of x = k pi + r for positive x, as accurate as `reduced`; of k one bit counts."""
+    """Return r and k of x = k pi + r for positive x, as by `reduced`; one bit of k matters."""
     return _less_multiple(size, _ONE_OVER_PI, _HALF_TURN_PIECES)
 
 
@@ -90,7 +90,7 @@ def _less_multiple(size, times: float, pieces) -> tuple[Array, Int[Array, "*n"]]
 
 
 def sin_of(x: Float[Array, "*n"], r: Float[Array, "*n"], k: Int[Array, "*n"]) -> Array:
-    """The sine of x, |x| being reduced to r and k by half-turns."""
+    """Return the sine of x, |x| being reduced to r and k by half-turns."""
     z = r * r
     total = jnp.full_like(r, HALF_TURN[-1])
     for coefficient in HALF_TURN[-2::-1]:
@@ -99,13 +99,13 @@ def sin_of(x: Float[Array, "*n"], r: Float[Array, "*n"], k: Int[Array, "*n"]) ->
 
 
 def cos_of(r: Float[Array, "*n"], q: Int[Array, "*n"]) -> Float[Array, "*n"]:
-    """The cosine of what is reduced to r and q."""
+    """Return the cosine of an angle reduced to r and q."""
     following = q + np.int64(1)
     return signed(_of_reduced(r, is_odd(following)), following << 62)
 
 
 def _of_reduced(r: Float[Array, "*n"], by_cosine: Bool[Array, "*n"]) -> Float[Array, "*n"]:
-    """Cosine or sine of a reduced angle by one polynomial, whose coefficients are chosen."""
+    """Return cosine or sine of a reduced angle by one polynomial with selected coefficients."""
     z = r * r
     total = _either(by_cosine, COSINE[-1], SINE[-1])
     for c, s in zip(COSINE[-2::-1], SINE[-2::-1], strict=True):
@@ -115,23 +115,23 @@ def _of_reduced(r: Float[Array, "*n"], by_cosine: Bool[Array, "*n"]) -> Float[Ar
 
 
 def _either(condition: Bool[Array, "*n"], x: ArrayLike, y: ArrayLike) -> Float[Array, "*n"]:
-    """`jnp.where` without a call inside."""
+    """Return `jnp.where` without a nested call."""
     full = (jnp.broadcast_to(jnp.asarray(v, jnp.float64), condition.shape) for v in (x, y))
     return lax.select(condition, *full)
 
 
 def is_odd(quadrant: Int[Array, "*n"]) -> Bool[Array, "*n"]:
-    """Whether sine and cosine change places."""
+    """Whether sine and cosine change places in this quadrant."""
     return (quadrant & np.int64(1)) != 0
 
 
 def bits_of(x: Float[Array, "*n"]) -> Int[Array, "*n"]:
-    """The bits of a double as an integer."""
+    """Return the bits of a double as an integer."""
     return lax.bitcast_convert_type(x, jnp.int64)
 
 
 def signed(x: Float[Array, "*n"], bits: Int[Array, "*n"]) -> Float[Array, "*n"]:
-    """`x` with its sign turned where the sign bit of `bits` is set."""
+    """Return `x` with its sign flipped where the sign bit of `bits` is set."""
     return lax.bitcast_convert_type(bits_of(x) ^ (bits & SIGN), jnp.float64)
 
 
@@ -146,7 +146,7 @@ def _cos(x: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 
 def _primitive(name: str, usual: Callable, written: Callable) -> Primitive:
-    """A primitive that is `written` for doubles on a processor and `usual` everywhere else."""
+    """Return a primitive that is `written` for doubles on a CPU and `usual` everywhere else."""
     primitive = Primitive(name)
 
     def on_processor(x):

@@ -1,4 +1,4 @@
-"""How the parts that a scenario names declare themselves. Plain data: needs no JAX."""
+"""Declarations of the parts that a scenario names: plain data without JAX."""
 
 from jaxsat.core.declaration.keys import LARGEST as LARGEST
 from jaxsat.core.declaration.keys import Choice as Choice

@@ -1,4 +1,4 @@
-"""How a kind of actuator declares itself: plain data, which scenarios, studies and results read."""
+"""Declaration of a kind of actuator: plain data for scenarios, studies and results."""
 
 import pkgutil
 from collections.abc import Callable, Sequence
@@ -11,16 +11,15 @@ from jaxsat.core.declaration.keys import DispersibleQuantity, Key, Rule, require
 
 @dataclass(frozen=True)
 class Signal:
-    """What devices do or store, as the history of a run has it.
+    """A signal of devices in the history of a run.
 
-    `name` is that in the `Signals` of a run, `units` are those of a data set ("rad s-1").
-    One that is not `each` device's is that of all together. The summary of a run tells the largest
-    size of a `peak`. A `mean` is that of the time until the next saved instant, whichever are
-    saved. A `total` is counted from the start. A study keeps the totals at the end of a case, and
-    of what devices store the peaks, if the signal has a name for that of them all, `overall`. One
-    that is `mute` is not shown where it is zero throughout. With a `shape` replays draw each device
-    along its key `axis`, and an arrow as long as the signal is of the key `limit`: a disc in the
-    body's side, or a rod through the body.
+    `name` is the attribute of the `Signals` of a run, `units` are those of a data set ("rad s-1").
+    Without `each` the signal is that of all devices together. The summary of a run has the largest
+    size of a `peak`. A `mean` is over the time until the next saved instant. A `total` is
+    accumulated from the start. If `overall` names the signal of all devices, a study keeps the
+    total at the end of a case, or the peak. A `mute` signal is hidden where it is zero throughout.
+    With a `shape` replays draw each device along its key `axis`, and an arrow with the signal's
+    size over the key `limit`: a disc in the body's side, or a rod through the body.
     """
 
     name: str
@@ -37,31 +36,31 @@ class Signal:
 
     @property
     def column(self) -> str | None:
-        """What a study has of it in every case: the name of a column, None for nothing."""
+        """Name of the column that a study has of the signal in every case, None without one."""
         return (self.name if self.total else f"peak_{self.name}") if self.overall else None
 
 
 @dataclass(frozen=True)
 class EffectorDeclaration:
-    """All that is known of a part that acts on the body, without its equations.
+    """Everything known of a part that acts on the body, except its equations.
 
     - `name`: of its tables `[[name]]`.
-    - `summary`: one line, what one of them is.
-    - `most`: how many tables there may be.
+    - `summary`: one line that describes one such part.
+    - `most`: largest number of tables.
     - `meaning`: one line, for the schema.
     - `keys`: those of a table, without `name` and `type`, which every part has.
-    - `maker`: "module:Class.method" of the function that makes an `AbstractEffector` of checked
-      tables and an `EffectorContext`; None for actuators that are no effector of the body.
-      Nothing is imported before it is used.
+    - `maker`: "module:Class.method" of the function that returns an `AbstractEffector` from checked
+      tables and an `EffectorContext`; None for actuators that are no effector of the body. Imports
+      happen at first use.
     - `rules`: rules across keys.
-    - `dispersible`: quantities that a study can draw; the class of the effector has under
-      `dispersible` what they change.
-    - `signals`: what results have of its devices.
-    - `called`: one of them in words, by default the name.
-    - `momentum`: of devices that store momentum at the start, the key that tells it (N m s) and
-      the dispersible quantity that changes it; None for others.
+    - `dispersible`: quantities that a study can draw; `dispersible` of the effector's class has
+      their effects.
+    - `signals`: signals of its devices in results.
+    - `called`: name of one device in words, by default `name`.
+    - `momentum`: for devices that store momentum at the start, its key (N m s) and the dispersible
+      quantity that changes it; None for others.
 
-    One that is no `ActuatorDeclaration` is passive: nothing commands it, and it does not fail.
+    A part that is no `ActuatorDeclaration` is passive: it takes no command and does not fail.
     """
 
     name: str
@@ -82,31 +81,31 @@ class EffectorDeclaration:
 
     @property
     def effector(self) -> Any:
-        """The class of the effector."""
+        """Class of the effector."""
         assert self.maker is not None
         return pkgutil.resolve_name(self.maker.rpartition(".")[0])
 
     @property
     def from_tables(self) -> Callable[[Sequence[Any], Any], Any]:
-        """What makes the effector of checked tables and an `EffectorContext`."""
+        """Function that returns the effector from checked tables and an `EffectorContext`."""
         assert self.maker is not None
         return pkgutil.resolve_name(self.maker)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ActuatorDeclaration(EffectorDeclaration):
-    """All that is known of a kind of actuator without its equations, which goes by its name.
+    """Everything known of a kind of actuator, identified by its name, except its equations.
 
-    - `failed`: what it means that one has failed before the start, a key of every table.
-    - `kinds`: how one of them may fail in flight, members of one enumeration.
-    - `idle`: those that change nothing of one that has failed before the start.
-    - `drawn`: those that a study can draw, the first ones of their enumeration.
-    - `both_signs`: whether what is stuck may be stuck either way.
-    - `steering`: "module:Class.method" of the function that makes an `AbstractSteering` of the
-      effector, its checked tables and a `SteeringContext`: how it takes its part of a command of
-      three torques before others; None for actuators that have no steering of their own.
-    - `judged`: whether the verdict on controllability counts it with the others.
-    - `numbered`: what is to say of the numbers by which a study draws them.
+    - `failed`: meaning of a failure before the start, a key of every table.
+    - `kinds`: kinds of failure in flight, members of one enumeration.
+    - `idle`: kinds without effect on an actuator that failed before the start.
+    - `drawn`: kinds that a study can draw, the first ones of their enumeration.
+    - `both_signs`: whether a stuck actuator may be stuck either way.
+    - `steering`: "module:Class.method" of the function that returns an `AbstractSteering` from the
+      effector, its checked tables and a `SteeringContext`: the part that the actuators take of a
+      command of three torques before others; None for actuators without a steering of their own.
+    - `judged`: whether the verdict on controllability counts the actuator with the others.
+    - `numbered`: remark about the numbers by which a study draws the actuators.
     """
 
     failed: str
@@ -120,7 +119,7 @@ class ActuatorDeclaration(EffectorDeclaration):
 
     @property
     def failed_quantity(self) -> DispersibleQuantity:
-        """The number of what fails, as a study can draw it."""
+        """Number of the failed actuator, as a study can draw it."""
         return DispersibleQuantity(
             f"failed_{self.name}",
             f"number from 0, rounded, of the {self.called} that each [[failure]] of one "
@@ -129,7 +128,7 @@ class ActuatorDeclaration(EffectorDeclaration):
 
     @property
     def drawn_kinds(self) -> str:
-        """The numbers by which kinds of failure are drawn, and the key of each one's amount."""
+        """Numbers by which kinds of failure are drawn, and the key of each kind's amount."""
         names = (
             f"{kind:d} {kind.word}" + "".join(f" ({key})" for key in kind.keys)
             for kind in self.drawn

@@ -1,4 +1,4 @@
-"""The kinds of actuators and of passive parts that a scenario can have."""
+"""Kinds of actuators and of passive parts that a scenario can have."""
 
 import warnings
 from importlib.metadata import entry_points
@@ -12,17 +12,17 @@ from jaxsat.core.declaration.wheels import WHEEL
 from jaxsat.core.errors import foreign_exceptions
 
 OWN: tuple[ActuatorDeclaration, ...] = (THRUSTER, WHEEL, MAGNETORQUER, GIMBAL)
-"""The actuators that come with jaxsat."""
+"""Actuators that come with jaxsat."""
 
 PASSIVE: tuple[EffectorDeclaration, ...] = (FLEXIBLE_MODE,)
-"""Parts of the body that move by themselves, which no law commands or knows."""
+"""Parts of the body that move by themselves, uncommanded and unknown to the law."""
 
 GROUP = "jaxsat.effectors"
-"""Entry points of other packages, each an `ActuatorDeclaration` of a further actuator."""
+"""Group of entry points of other packages, each an `ActuatorDeclaration`."""
 
 
 def _installed() -> tuple[ActuatorDeclaration, ...]:
-    """The actuators of installed packages; of one that cannot be used a warning says why."""
+    """Return the actuators of installed packages; warns about each unusable one."""
     declarations: dict[str, ActuatorDeclaration] = {}
     for entry in sorted(entry_points(group=GROUP), key=lambda one: one.name):
         try:
@@ -38,7 +38,7 @@ def _installed() -> tuple[ActuatorDeclaration, ...]:
 
 
 def _require_usable(one: object, others: tuple[EffectorDeclaration, ...]) -> None:
-    """Raise `ValueError` for what is no declaration of an effector with names of its own."""
+    """Raise `ValueError` unless `one` declares an effector with unique names."""
     if not isinstance(one, ActuatorDeclaration) or one.maker is None or one.steering is None:
         raise ValueError("must be an ActuatorDeclaration with a `maker` and a `steering`")
     other_names = {signal.name for other in others for signal in other.signals}
@@ -50,19 +50,19 @@ def _require_usable(one: object, others: tuple[EffectorDeclaration, ...]) -> Non
 
 
 ACTUATORS: tuple[ActuatorDeclaration, ...] = (*OWN, *_installed())
-"""All actuators, in the order in which the body has them."""
+"""All actuators, in the order of the body's effectors."""
 
 PARTS: tuple[EffectorDeclaration, ...] = (*ACTUATORS, *PASSIVE)
-"""All actuators and passive parts, in the order in which the body has them."""
+"""All actuators and passive parts, in the order of the body's effectors."""
 
 EFFECTORS = tuple(one for one in PARTS if one.maker is not None)
-"""Those that are effectors of the body."""
+"""Parts that are effectors of the body."""
 
 SIGNALS = {signal.name: signal for one in PARTS for signal in one.signals}
-"""The signals that results have of all devices, by name."""
+"""Signals of all devices in results, by name."""
 
 STUDIED = {one.column: (one, kind) for kind in PARTS for one in kind.signals if one.column}
-"""The signals of which a study has a column, by its name, with their parts."""
+"""Signals with a column in studies, by column name, with their parts."""
 
 STEERED = tuple(one.name for one in ACTUATORS if one.steering)
-"""The names of the actuators that have a steering of their own."""
+"""Names of the actuators that have a steering of their own."""

@@ -1,4 +1,4 @@
-"""The disturbances that come with jaxsat, whose keys stand in `[disturbance]` itself."""
+"""Disturbances that come with jaxsat, whose keys are in `[disturbance]` itself."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -18,7 +18,7 @@ RATE_AT_GROUND = 0.00124
 
 
 def needs_orbit(key: str, what: str) -> Rule:
-    """The rule that the orbit is above the ground where the value of `key` is not zero or empty."""
+    """Return the rule of an orbit above the ground unless `key` is zero or empty."""
 
     def check(rate: float | None, value: Any) -> Iterator[Finding]:
         acts = any(value) if isinstance(value, tuple) else value
@@ -144,4 +144,4 @@ DISTURBANCES = {
     "jaxsat.spacecraft.environment.panels:PanelDrag": PANEL_DRAG,
     "jaxsat.spacecraft.environment.panels:PanelSolarPressure": PANEL_LIGHT,
 }
-"""Declarations by the place of the class."""
+"""Declarations by the import path of the class."""

@@ -1,4 +1,4 @@
-"""Where a law was verified, in dimensionless numbers, and what was measured beyond."""
+"""Verified domain of a law in dimensionless numbers, and results of sweeps beyond it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ ENOUGH = 0.98
 
 
 class DimensionlessNumber(NamedTuple):
-    """What a number is, and the key of a scenario that it comes from first of all."""
+    """Meaning of a dimensionless number, and the key of a scenario that mainly determines it."""
 
     meaning: str
     key: str
@@ -46,15 +46,15 @@ NUMBERS: Mapping[str, DimensionlessNumber] = MappingProxyType(
         ),
     }
 )
-"""Every number by its name; S1, S2, Jn, ε and τ are those of docs/laws.md."""
+"""Dimensionless numbers by name; S1, S2, Jn, ε and τ are those of docs/laws.md."""
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """The fraction that settled at some values of one number, all others those of a reference.
+    """Fraction of settled cases over values of one number, with all others those of a reference.
 
     `number` is one of `NUMBERS`, `reference` its value there, and `settled` has pairs of value and
-    fraction, by value.
+    fraction, sorted by value.
     """
 
     number: str
@@ -68,7 +68,7 @@ class Sweep:
 
     @property
     def verified(self) -> tuple[float, float]:
-        """The range about the reference in which at least `ENOUGH` settled at every value."""
+        """Range about the reference in which at least `ENOUGH` settled at every value."""
         low = high = self.reference
         for value, fraction in self.settled:
             if value >= self.reference:
@@ -83,7 +83,7 @@ class Sweep:
         return low, high
 
     def beyond(self, value: float) -> tuple[float, float] | None:
-        """The nearest value measured outside the range on this side, and its fraction."""
+        """Return the nearest value measured outside the range on this side, and its fraction."""
         low, high = self.verified
         outside = [one for one in self.settled if (one[0] < low if value < low else one[0] > high)]
         return min(outside, key=lambda one: abs(one[0] - value), default=None)
@@ -93,7 +93,7 @@ _SWEEPS = data_of("jaxsat.core.declaration", "verified.toml")
 
 
 def sweeps_of(law: str) -> tuple[Sweep, ...]:
-    """The sweeps measured of one of jaxsat's laws, in the order of the data file."""
+    """Return the sweeps of one of jaxsat's laws, in the order of the data file."""
     return tuple(
         Sweep(number, row["reference"], tuple(map(tuple, row["settled"])))
         for number, row in _SWEEPS[law].items()

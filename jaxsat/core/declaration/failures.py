@@ -1,6 +1,6 @@
-"""How actuators fail: the kinds, with the text that a scenario has, the number and the meaning.
+"""Kinds of failure of actuators, with their text in a scenario, number and meaning.
 
-The number stands in compiled programs, in the codes of stores, and in what a study draws.
+The number is used in compiled programs, in the codes of stores, and in draws of a study.
 """
 
 import enum
@@ -33,8 +33,8 @@ TURN = number(
 class AbstractFailureKind(enum.IntEnum):
     """A kind of failure: its number, its `text` in a scenario, and its `meaning`.
 
-    `amounts` are declared keys of `[[failure]]` of which one tells how much, none for a kind that
-    has no amount.
+    `amounts` are declared keys of `[[failure]]`, one of which gives the amount; empty for a kind
+    without an amount.
     """
 
     text: str
@@ -50,28 +50,28 @@ class AbstractFailureKind(enum.IntEnum):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The names of the keys of the kind's amount."""
+        """Names of the keys of the kind's amount."""
         return tuple(one.name for one in self.amounts)
 
     @property
     def word(self) -> str:
-        """The kind's name in words."""
+        """Name of the kind in words."""
         return self.name.lower().replace("_", " ")
 
     @property
     def one_number(self) -> bool:
-        """Whether its amount is one number; a turn has three, and most kinds have none."""
+        """Whether the amount is one number; a turn has three, and most kinds have none."""
         sizes = (one.kind.size for one in self.amounts if isinstance(one.kind, Numeric))
         return bool(self.amounts) and not any(sizes)
 
     def amount(self, table: Any) -> float:
-        """How much a checked table `[[failure]]` tells; 0 where that is no one number."""
+        """Return the amount in a checked table `[[failure]]`; 0 unless it is one number."""
         amounts = (getattr(table, key) for key in self.keys if self.one_number)
         return next((amount for amount in amounts if amount is not None), 0.0)
 
 
 class FailureKind(AbstractFailureKind):
-    """How a thruster or a magnetorquer fails."""
+    """Kinds of failure of a thruster or a magnetorquer."""
 
     DEAD = 0, "dead", "no torque any more"
     DEGRADED = 1, "degraded", "a fraction of the torque that it should make", FRACTION
@@ -85,13 +85,13 @@ class FailureKind(AbstractFailureKind):
 
 
 ONE_WAY = (FailureKind.STUCK_ON, FailureKind.STUCK_AT, FailureKind.LEAKING)
-"""Kinds, one after another, that strike one of the two valves of a two-sided thruster."""
+"""Consecutive kinds that strike one of the two valves of a two-sided thruster."""
 
 
 def failure_kind(kinds: Iterable[AbstractFailureKind], table: Any) -> AbstractFailureKind:
-    """The kind of a checked table `[[failure]]` among those of what it strikes.
+    """Return the kind of a checked table `[[failure]]` among those of the failed part.
 
-    Of several with one text it is the one whose amount is given.
+    Among several with the same text the one whose amount is given.
     """
     alike = [kind for kind in kinds if kind.text == table.kind]
     matching = (one for one in alike if any(getattr(table, key) is not None for key in one.keys))

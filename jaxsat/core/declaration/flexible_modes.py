@@ -1,5 +1,4 @@
-"""`[[flexible_mode]]`: modes of flexible panels and booms, as scenarios, studies and results know
-them."""
+"""`[[flexible_mode]]`: declaration of flexible modes of panels and booms."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any, Literal
@@ -28,7 +27,7 @@ def _modes_are_part_of_the_body(modes: Sequence[Any], inertia: Any) -> Iterator[
 
 
 def _rest_of(inertia: Any, modes: Sequence[Any]) -> list[list[float]]:
-    """J - Σ d dᵀ, kg m²."""
+    """Return J - Σ d dᵀ, kg m²."""
     return [
         [
             (row[j] if isinstance(row, list | tuple) else row * (i == j))
@@ -40,7 +39,7 @@ def _rest_of(inertia: Any, modes: Sequence[Any]) -> list[list[float]]:
 
 
 def _is_positive_definite(matrix: list[list[float]]) -> bool:
-    """By Sylvester's criterion: all leading minors are above zero."""
+    """Whether all leading minors are above zero (Sylvester's criterion)."""
     (a, b, c), (_, d, e), (_, _, f) = matrix
     return (
         a > 0

@@ -1,4 +1,4 @@
-"""`[[gimbal]]`: single-gimbal control moment gyros, as scenarios, studies and results know them."""
+"""`[[gimbal]]`: declaration of single-gimbal control moment gyros."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -10,7 +10,7 @@ from jaxsat.core.declaration.keys import DispersibleQuantity, Finding, Rule, dir
 from jaxsat.core.ranges import RATE_RANGE, SECONDS, TURN, WHEEL_MOMENTUM
 
 ACROSS = 1e-6
-"""The cosine between a gimbal axis and its spin axis that counts as zero."""
+"""Tolerance on the cosine between a gimbal axis and its spin axis."""
 
 TIME_CONSTANT = number(
     "time_constant_s", "Time in which its momentum falls to 1/e", "s", within=SECONDS, default=None
@@ -18,7 +18,7 @@ TIME_CONSTANT = number(
 
 
 class GimbalFailureKind(AbstractFailureKind):
-    """How a control moment gyro fails."""
+    """Kinds of failure of a control moment gyro."""
 
     LOCKED = 0, "locked", "its gimbal keeps its angle"
     RUN_DOWN = (

@@ -1,6 +1,6 @@
-"""How a part that a scenario names, such as a control law, declares the keys of its table.
+"""Declaration of the keys of a part that a scenario names, such as a control law.
 
-Plain data, without any library: the scenario makes its checks, messages and schema of it, and
+Plain data without any library: the scenario derives its checks, messages and schema from it, and
 tuning its search space.
 """
 
@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple
 from jaxsat.core.ranges import Range
 
 LARGEST = 1e12
-"""Size of a number whose declaration has no bound of its own."""
+"""Default upper bound of a number."""
 
 
 @dataclass(frozen=True)
@@ -41,18 +41,18 @@ class Choice:
 
 @dataclass(frozen=True)
 class Direction:
-    """Three numbers, in body axes, of which only the direction counts; not all are zero."""
+    """Direction in body axes, three numbers that are not all zero."""
 
 
 @dataclass(frozen=True)
 class Key:
     """A key of a table; `number`, `direction`, `switch` and `choice` make one.
 
-    `unit` is None for what is no quantity. With the default `...` the key must be given, and with
-    None it may be left out. `tunable` is where the number stands in the object that is built, a
-    dotted path of attributes, or None where it is not tuned. A `width` rounds a corner and may be
-    replaced while gradients are taken. `drawn` is the name by which studies can draw the number of
-    one of jaxsat's parts, whose field is called as the key without the unit.
+    `unit` is None for a key that is no quantity. With the default `...` the key is required, and
+    with None optional. `tunable` is the dotted path of the number's attribute in the built object,
+    or None for keys that are not tuned. A `width` rounds a corner and may be replaced while
+    gradients are taken. `drawn` is the name by which studies draw a number of one of jaxsat's
+    parts, whose field has the key's name without the unit.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Key:
             self._require_within(self.kind)
 
     def _require_within(self, kind: Numeric) -> None:
-        """Raise `ValueError` for a default that the key would not take."""
+        """Raise `ValueError` for a default outside the bounds."""
         entries = self.default if isinstance(self.default, tuple) else (self.default,)
         for entry in entries:
             too_low = (kind.above is not None and not entry > kind.above) or (
@@ -104,9 +104,10 @@ def number(
     """Declare a number, or a list of `size` of them, with its unit in SI ("1" for none).
 
     A `size` of (1, 3) is one number or a list of three.
-    Its bounds are those of the range `within`, or each by itself. `tunable=True` says that
-    `jaxsat tune` may change it and that the attribute of the built object has the name of the key;
-    a text is its dotted path. Only numbers above 0 are tuned. See `Key` for `drawn`.
+
+    The bounds are those of the range `within`, or given one by one. `tunable=True` lets
+    `jaxsat tune` change the attribute of the built object with the name of the key; a text is the
+    attribute's dotted path. Only numbers above 0 are tuned. See `Key` for `drawn`.
     """
     if within is not None:
         at_least, at_most = within
@@ -117,14 +118,14 @@ def number(
 
 
 def of_part(part: str, keys: Iterable[Key]) -> tuple[Key, ...]:
-    """The keys of an object that is the attribute `part` of another, which has them as well."""
+    """Return `keys` for an object whose attribute `part` is the one that has them."""
     return tuple(
         dataclasses.replace(key, tunable=key.tunable and f"{part}.{key.tunable}") for key in keys
     )
 
 
 def with_unit(name: str, unit: str) -> str:
-    """The key of a quantity: its name and its unit in SI, "rad_s" for rad/s, none for "1"."""
+    """Return the key of a quantity: name and unit in SI, "rad_s" for rad/s, none for "1"."""
     plain = unit.replace("²", "2").replace("√", "sqrt_")
     return name if unit == "1" else f"{name}_{re.sub(r'[ /]', '_', plain)}"
 
@@ -145,10 +146,9 @@ def choice(name: str, meaning: str, among: tuple[str, ...], default: Any = ...) 
 
 
 class Finding(NamedTuple):
-    """What breaks a rule: a dotted key of the scenario, and "must …, got …" about it.
+    """A broken rule: a dotted key of the scenario, and a message "must …, got …" about it.
 
-    Tables of an array are told apart by their numbers from 0: "wheel.0.axis". `missing` says that
-    the key is not given.
+    Tables of an array are numbered from 0: "wheel.0.axis". `missing` marks a key that is not given.
     """
 
     key: str
@@ -160,7 +160,7 @@ class Finding(NamedTuple):
 class Rule:
     """A rule across keys: `check` takes the values of `keys`, dotted keys of the scenario.
 
-    It is applied where all of them are valid in themselves.
+    It is applied only if each of the values is valid by itself.
     """
 
     keys: tuple[str, ...]
@@ -168,7 +168,7 @@ class Rule:
 
 
 def require_own_keys(keys: Sequence[Key], owner: str, common: Sequence[str]) -> None:
-    """Raise `ValueError` for keys that an owner declares twice, or that every one has."""
+    """Raise `ValueError` for keys that an owner declares twice, or that every owner has."""
     names = [key.name for key in keys]
     for name in names:
         if name in common or names.count(name) > 1:
@@ -180,12 +180,12 @@ def require_own_keys(keys: Sequence[Key], owner: str, common: Sequence[str]) -> 
 class DispersibleQuantity:
     """A quantity that a study can draw for every case, with its unit in SI ("1" for none).
 
-    Of an actuator's quantities those of the `stage` "body", which are drawn again until the body is
-    possible, are applied first, and those of "start" last. It is not dispersed together with those
-    that it `excludes`. Where `random_attitude` is true its distribution is "random-attitude", which
-    no other quantity has. One that `turns` moves the initial attitude away from where the scenario
-    has it. `axis` is what the axis of its numbers is called where there are several. A quantity
-    that is one `field` of its part lies `within` a range, which `relative` changes do not leave.
+    Quantities of an actuator with the `stage` "body" are applied first and redrawn until the body
+    is possible, those of "start" last. A quantity is not dispersed together with those that it
+    `excludes`. `random_attitude` marks the only quantity with the distribution "random-attitude". A
+    quantity that `turns` moves the initial attitude away from the scenario's. `axis` names the axis
+    of the quantity's numbers where there are several. A quantity that is one `field` of its part is
+    `within` a range, which `relative` changes do not leave.
     """
 
     name: str
@@ -202,17 +202,18 @@ class DispersibleQuantity:
 
     @property
     def key(self) -> str:
-        """Its key of `[dispersion]`: the name with the unit."""
+        """Key of `[dispersion]`: the name with the unit."""
         return with_unit(self.name, self.unit)
 
 
 @dataclass(frozen=True)
 class PartDeclaration:
-    """What a scenario needs to know of a disturbance, of actuators, of a sensor or an estimator.
+    """Everything that a scenario needs to know of a disturbance, actuators, a sensor or an
+    estimator.
 
-    `summary` is one line, what the part does; `keys` are those of its table. Of parts that come
-    with jaxsat `dispersible` are quantities that a study can draw besides drawn keys, or in place
-    of them, and `rules` tie keys.
+    `summary` is one line that describes the part; `keys` are those of its table. For parts that
+    come with jaxsat `dispersible` are quantities that a study can draw besides or instead of drawn
+    keys, and `rules` apply across keys.
     """
 
     summary: str
@@ -225,7 +226,7 @@ class PartDeclaration:
 
     @property
     def quantities(self) -> tuple[DispersibleQuantity, ...]:
-        """All that a study can draw, drawn keys first."""
+        """All quantities that a study can draw, drawn keys first."""
         drawn_keys = {key.drawn: _quantity_of(key) for key in self.keys if key.drawn is not None}
         return tuple((drawn_keys | {one.name: one for one in self.dispersible}).values())
 
@@ -235,7 +236,7 @@ def _quantity_of(key: Key) -> DispersibleQuantity:
     assert key.unit is not None
     assert isinstance(key.kind, Numeric)
     low = -LARGEST if key.kind.at_least is None else key.kind.at_least
-    meaning = key.meaning.partition(";")[0]  # what comes by default is of the scenario alone
+    meaning = key.meaning.partition(";")[0]  # defaults concern the scenario alone
     return DispersibleQuantity(
         key.drawn,
         meaning[:1].lower() + meaning[1:],

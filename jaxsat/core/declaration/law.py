@@ -1,4 +1,4 @@
-"""What a control law declares about itself, and what it is built from."""
+"""Declaration of a control law."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -8,42 +8,42 @@ from jaxsat.core.declaration.keys import Key, Rule, number, require_own_keys
 from jaxsat.core.ranges import SECONDS
 
 OF_ALL_LAWS = ("law", "model", "measured_disturbance")
-"""Keys of `[control]` that mean the same under every law."""
+"""Keys of `[control]` with the same meaning under every law."""
 
 
 @dataclass(frozen=True)
 class LawDeclaration:
-    """All that a scenario, its checks, tuning and the commands need to know of a law.
+    """Everything that a scenario, its checks, tuning and the commands need to know of a law.
 
-    - `summary`: one line, what the law does.
-    - `keys`: the law's own keys of `[control]`. A law that is sampled has `period_s` among them.
+    - `summary`: one line that describes the law.
+    - `keys`: the law's own keys of `[control]`. A sampled law has `period_s` among them.
     - `torques`: 2 for a law that commands (u1, u2) about body x and y, 3 for one that commands a
       torque about each body axis, which takes three independent thrusters, 1 for one that commands
-      a torque about the one axis that is left, `jaxsat.core.allocation.torque_axis`, 0 for none.
+      a torque about the only remaining axis, `jaxsat.core.allocation.torque_axis`, 0 for none.
     - `any_plane`: the two torques are about `jaxsat.core.allocation.torque_directions` of the
-      thrusters left, or of wheels alone, in whatever plane these are, instead of body x and y.
+      remaining thrusters, or of wheels alone, in any plane, instead of body x and y.
     - `commands_actuators`: the law allocates its torques itself and commands the duty of each
       `[[thruster]]` and the torque of each `[[wheel]]`.
-    - `steers`: the kinds of actuators with a steering of their own that such a law commands, too.
-    - `has_model`: whether the table `[control.model]` may say what the controller believes.
+    - `steers`: kinds of actuators with a steering of their own that such a law also commands.
+    - `has_model`: whether the table `[control.model]` may give the controller's model.
     - `measures_disturbance`: whether the key `measured_disturbance` may add the periodic
       disturbance to the model.
     - `ordered`: pairs of keys of which the first must not exceed the second.
     - `rules`: further rules across keys.
     - `needs_torque_limit`: the thrusters must be limited.
-    - `takes_orbits`: its motion goes by the place in the orbit, so that its unit of time is 1/ω0.
+    - `takes_orbits`: the motion depends on the place in the orbit, so its unit of time is 1/ω0.
     - `needs_unequal_moments`: the law moves ω3 through (J1 - J2) ω1 ω2 alone.
-    - `needs_gyroscopic_torque`: the law moves the third axis as the gyroscopic torque of a body
-      without wheels does, which the momentum of wheels that make its torques changes.
+    - `needs_gyroscopic_torque`: the law moves the third axis by the gyroscopic torque of a body
+      without wheels, which the momentum of wheels that make its torques changes.
     - `tracks_rates`: the law tracks reference rates as in (43), a subclass of
       `AbstractBacksteppingLaw`, so that its loop may be integrated in error coordinates.
     - `works_in_wz`: the law uses (w, z), which are singular upside down.
-    - `regulates_attitude`: a case counts as settled by attitude and rate, else by rate alone.
-    - `jumps_without`: widths above 0 without which the commanded torque jumps, so that fixed steps
-      do not suit it.
-    - `searched`: of a law through which no gradient is taken, as it searches in flight: the keys
-      that `jaxsat design` tunes, by a search without derivatives. Empty for all others.
-    - `domain`: where the law was verified, one dimensionless number at a time.
+    - `regulates_attitude`: whether settling is judged by attitude and rate, or by rate alone.
+    - `jumps_without`: widths that must be above 0, or the commanded torque jumps, which fixed steps
+      do not suit.
+    - `searched`: for a law without gradients, as it searches in flight: the keys that
+      `jaxsat design` tunes by a derivative-free search. Empty for all others.
+    - `domain`: the verified domain of the law, one dimensionless number at a time.
     """
 
     summary: str
@@ -77,16 +77,16 @@ class LawDeclaration:
 
     @property
     def tunable(self) -> dict[str, str]:
-        """The keys that can be tuned, and their place in the law."""
+        """Tunable keys, and their attributes in the law."""
         return {key.name: key.tunable for key in self.keys if key.tunable is not None}
 
     @property
     def widths(self) -> tuple[str, ...]:
-        """The keys that round corners."""
+        """Keys that round corners."""
         return tuple(key.name for key in self.keys if key.width)
 
 
 def control_period(default: Any = ..., remark: str = "") -> Key:
-    """Declare the key of a sampled law's period, with a remark behind its meaning."""
+    """Declare the key of a sampled law's period, with a remark after its meaning."""
     meaning = f"Time between two runs of the controller{remark}"
     return number("period_s", meaning, "s", within=SECONDS, default=default)

@@ -1,4 +1,4 @@
-"""The control laws that a scenario can name."""
+"""Control laws that a scenario can name."""
 
 import pkgutil
 from collections.abc import Callable, Mapping
@@ -16,10 +16,10 @@ from jaxsat.core.declaration.three_torques import FAULT_TOLERANT, QUATERNION_FEE
 
 @dataclass(frozen=True)
 class Law:
-    """A law by its name: what it declares, and where its class stands ("module:Class").
+    """A law by its name: its declaration, and the import path of its class ("module:Class").
 
-    `maker` is the function that makes it of a checked table, the class's `from_table` unless given.
-    Neither is imported before it is used.
+    `maker` is the function that returns the law from a checked table, the class's `from_table`
+    unless given. Both are imported at first use.
     """
 
     name: str
@@ -28,17 +28,17 @@ class Law:
     maker: str | None = None
 
     def __str__(self) -> str:
-        """The name."""
+        """Return the name."""
         return self.name
 
     @property
     def controller(self) -> type:
-        """The class of the law."""
+        """Class of the law."""
         return pkgutil.resolve_name(self.place)
 
     @property
     def from_table(self) -> Callable[[Mapping[str, Any], Any], Any]:
-        """What makes the law of a checked table and a `LawContext`."""
+        """Function that returns the law from a checked table and a `LawContext`."""
         if self.maker is None:
             return self.controller.from_table
         return pkgutil.resolve_name(self.maker)
@@ -88,4 +88,4 @@ LAWS: Mapping[str, Law] = MappingProxyType(
         )
     }
 )
-"""The laws that come with jaxsat, by name."""
+"""Laws that come with jaxsat, by name."""

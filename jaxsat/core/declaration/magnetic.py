@@ -1,4 +1,4 @@
-"""What the law of magnetorquers declares."""
+"""Declaration of the law of magnetorquers."""
 
 from collections.abc import Iterator
 from typing import Any

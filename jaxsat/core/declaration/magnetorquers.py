@@ -1,4 +1,4 @@
-"""`[[magnetorquer]]`: coils and rods, as scenarios, studies and results know them."""
+"""`[[magnetorquer]]`: declaration of magnetic coils and rods."""
 
 from jaxsat.core.declaration.actuator import ActuatorDeclaration, Signal
 from jaxsat.core.declaration.disturbances import needs_orbit

@@ -1,4 +1,4 @@
-"""What the law of one torque declares."""
+"""Declaration of the law of one torque."""
 
 from jaxsat.core.declaration.keys import number, switch
 from jaxsat.core.declaration.law import LawDeclaration, control_period

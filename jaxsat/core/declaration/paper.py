@@ -1,4 +1,4 @@
-"""What the laws of the paper declare: rate, three-axis and switching."""
+"""Declarations of the paper's laws: rate, three-axis and switching."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any

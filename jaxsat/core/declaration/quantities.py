@@ -1,4 +1,4 @@
-"""The quantities that a study can disperse. `jaxsat.studies.quantities` applies them."""
+"""Quantities that a study can disperse, applied by `jaxsat.studies.quantities`."""
 
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType

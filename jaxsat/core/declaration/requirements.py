@@ -1,6 +1,6 @@
-"""What a requirement says, as plain data: signals, comparisons with thresholds, and when they hold.
+"""Requirements as plain data: signals, comparisons with thresholds, and temporal operators.
 
-A formula is a tree of `Inequality`, `Negation`, `Junction` and `Temporal`. Every comparison stands
+A formula is a tree of `Inequality`, `Negation`, `Junction` and `Temporal`. Every comparison is
 inside exactly one `Temporal`.
 """
 
@@ -23,15 +23,15 @@ UNITS: Mapping[str, Mapping[str, float]] = {
     "s": {"s": 1.0, "min": 60.0, "h": 3600.0},
     "1": {"": 1.0},
 }
-"""The units in which a threshold may be given, with their sizes, by the unit of SI."""
+"""Units in which a threshold may be given, with their sizes, by the unit of SI."""
 
 
 @dataclass(frozen=True)
 class RequiredSignal:
-    """A signal that a requirement can name: its unit of SI and what it is.
+    """A signal that a requirement can name: its unit of SI and its meaning.
 
-    `actuator` is the kind of actuator that tells it, if one does. One that is `directed` has a
-    direction in body axes behind its name.
+    `actuator` is the kind of actuator that has the signal, if any. The name of a `directed` signal
+    is followed by a direction in body axes.
     """
 
     name: str
@@ -56,7 +56,7 @@ _BODY = (
         "sun_angle", "rad", "angle from a direction in body axes to the Sun", directed=True
     ),
 )
-"""The signals of every run."""
+"""Signals of every run."""
 
 REQUIRED_SIGNALS: Mapping[str, RequiredSignal] = {
     one.name: one
@@ -74,12 +74,12 @@ REQUIRED_SIGNALS: Mapping[str, RequiredSignal] = {
         ),
     )
 }
-"""The signals by name; of those that each device has, requirements take the largest size."""
+"""Signals by name; for signals of each device, requirements take the largest size."""
 
 
 @dataclass(frozen=True)
 class Inequality:
-    """That a signal is below its `limit`, or above it (SI); `unit` is that of the text.
+    """Comparison of a signal with an upper or lower `limit` (SI); `unit` is that of the text.
 
     `column` is its place in the text, from 1.
     """
@@ -95,21 +95,21 @@ class Inequality:
 
 @dataclass(frozen=True)
 class Negation:
-    """That a formula does not hold."""
+    """Negation of a formula."""
 
     part: "Formula"
 
 
 @dataclass(frozen=True)
 class Junction:
-    """That all parts hold, or with `every` false at least one."""
+    """Conjunction of all parts, or with `every` false their disjunction."""
 
     parts: tuple["Formula", ...]
     every: bool
 
 
 class Instant(NamedTuple):
-    """A time (s) after, or with a negative offset before, what it is counted from."""
+    """A time (s) after, or with a negative offset before, its anchor."""
 
     anchor: Literal["start", "end", "failure"]
     offset: float = 0.0
@@ -117,10 +117,10 @@ class Instant(NamedTuple):
 
 @dataclass(frozen=True)
 class Temporal:
-    """That a formula holds always, or at some time (eventually), of a window.
+    """A formula that must hold always, or at some time (eventually), of a window.
 
-    With `until`, that `until` holds at some time of the window and `held` at all times before.
-    A window that is counted from a failure is one for each failure, and all must hold.
+    With `until`, `until` must hold at some time of the window and `held` at all times before. A
+    window with a failure as anchor exists for each failure, and all must hold.
     """
 
     kind: Literal["always", "eventually", "until"]
@@ -131,7 +131,7 @@ class Temporal:
 
     @property
     def after_failure(self) -> bool:
-        """Whether the window is counted from failures."""
+        """Whether the window is relative to failures."""
         return "failure" in (self.begin.anchor, self.end.anchor)
 
     @property
@@ -144,7 +144,7 @@ Formula = Inequality | Negation | Junction | Temporal
 
 
 def parts_of(formula: Formula) -> tuple[Formula, ...]:
-    """The formulas of which one is made."""
+    """Return the direct parts of a formula."""
     if isinstance(formula, Negation):
         return (formula.part,)
     if isinstance(formula, Junction):
@@ -155,12 +155,12 @@ def parts_of(formula: Formula) -> tuple[Formula, ...]:
 
 
 def all_parts(formula: Formula) -> Iterator[Formula]:
-    """The formula and all in it, in the order of the text."""
+    """Yield the formula and all its parts, in the order of the text."""
     yield formula
     for part in parts_of(formula):
         yield from all_parts(part)
 
 
 def comparisons(formula: Formula) -> tuple[Inequality, ...]:
-    """All comparisons of a formula, in the order of the text."""
+    """Return all comparisons of a formula, in the order of the text."""
     return tuple(one for one in all_parts(formula) if isinstance(one, Inequality))

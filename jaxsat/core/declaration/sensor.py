@@ -1,4 +1,4 @@
-"""How a sensor with a table of its own declares itself."""
+"""Declaration of a sensor with a table of its own."""
 
 import pkgutil
 from collections.abc import Mapping
@@ -15,9 +15,9 @@ class SensorDeclaration(PartDeclaration):
 
     - `name`: of its table `[name]`.
     - `meaning`: one line, for the schema.
-    - `place`: the attribute of a sampled loop where it stands.
-    - `maker`: "module:Class.method" of the function that makes it of a checked table and a
-      `SensorContext`. Nothing is imported before it is used.
+    - `place`: the attribute of a sampled loop that has the sensor.
+    - `maker`: "module:Class.method" of the function that returns the sensor from a checked table
+      and a `SensorContext`. Imports happen at first use.
     """
 
     name: str
@@ -26,12 +26,12 @@ class SensorDeclaration(PartDeclaration):
     maker: str
 
     def made(self, table: Mapping[str, Any], context: Any) -> Any:
-        """The sensor of a checked table in a `SensorContext`."""
+        """Return the sensor of a checked table in a `SensorContext`."""
         return pkgutil.resolve_name(self.maker)(table, context)
 
 
 def misalignment(meaning: str, drawn: str) -> Key:
-    """A small rotation in body axes, which studies draw under the name `drawn`."""
+    """Declare a small rotation in body axes, which studies draw under the name `drawn`."""
     return number(
         "misalignment_rad",
         meaning,
@@ -44,7 +44,7 @@ def misalignment(meaning: str, drawn: str) -> Key:
 
 
 def boresight(what: str) -> Key:
-    """The direction of `what`."""
+    """Declare the direction of `what`."""
     return number(
         "boresight",
         f"Direction of {what} in body axes",
@@ -56,7 +56,7 @@ def boresight(what: str) -> Key:
 
 
 def measurement_times(remark: str = "", drawn: str | None = None) -> tuple[Key, Key]:
-    """Period and latency of measurements, which studies draw with `drawn` before their names."""
+    """Declare period and latency of measurements; `drawn` prefixes their names in studies."""
     return (
         number(
             "update_period_s",
@@ -80,7 +80,7 @@ def measurement_times(remark: str = "", drawn: str | None = None) -> tuple[Key, 
 
 
 def outage(sensor: str, drawn: str, start: Range = FROM_ZERO) -> tuple[Key, Key]:
-    """Start and length of an outage, which studies draw with `drawn` before their names."""
+    """Declare start and length of an outage; `drawn` prefixes their names in studies."""
     return (
         number(
             "outage_start_s",

@@ -1,4 +1,4 @@
-"""`[sampling]`, `[gyro]`, `[star_tracker]`, and the sensors of vectors that are known in orbit."""
+"""`[sampling]`, `[gyro]`, `[star_tracker]`, and sensors of vectors known along the orbit."""
 
 from jaxsat.core.declaration.keys import DispersibleQuantity, Key, PartDeclaration, number
 from jaxsat.core.declaration.sensor import (
@@ -43,7 +43,7 @@ WHITE_NOISE = PartDeclaration(
         ),
     ),
 )
-"""The declaration of the white noise in `[sampling]`."""
+"""Declaration of the white noise in `[sampling]`."""
 
 DELAY = number(
     "delay_s",
@@ -166,7 +166,7 @@ STAR_TRACKER = SensorDeclaration(
 
 
 def _common_keys(name: str, noise: Key) -> tuple[Key, ...]:
-    """What all have: noise, misalignment, times of measurements, and an outage."""
+    """Return the common keys: noise, misalignment, times of measurements, and an outage."""
     return (
         noise,
         misalignment("Small rotation of the measured vector, in body axes", f"{name}_misalignment"),
@@ -176,7 +176,7 @@ def _common_keys(name: str, noise: Key) -> tuple[Key, ...]:
 
 
 def _direction_keys(name: str) -> tuple[Key, ...]:
-    """What sensors of a direction have: noise across it, and a field of view."""
+    """Return the keys of direction sensors: noise across the direction, and a field of view."""
     noise = number(
         "noise_rad",
         "Standard deviation of the measured direction about each axis across it",
@@ -259,10 +259,10 @@ ATTITUDE_SENSORS: tuple[SensorDeclaration, ...] = (
     SUN_SENSOR,
     HORIZON_SENSOR,
 )
-"""Those that tell of the attitude, each now and then; after the first those of vectors."""
+"""Intermittent sensors of the attitude; after the first the sensors of vectors."""
 
 SENSORS: tuple[SensorDeclaration, ...] = (GYRO, *ATTITUDE_SENSORS)
-"""The sensors with a table of their own, in the order of a scenario."""
+"""Sensors with a table of their own, in the order of a scenario."""
 
 SENSED = {"sensors": WHITE_NOISE} | {one.place: one for one in SENSORS}
-"""Declarations of all sensors by the attribute of a sampled loop where each one is."""
+"""Declarations of all sensors by their attribute in a sampled loop."""

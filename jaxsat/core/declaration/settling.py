@@ -1,4 +1,4 @@
-"""What the laws that settle declare, and what their gains are tuned for."""
+"""Declarations of the settling laws, and the spacecraft for which their gains are tuned."""
 
 import math
 from collections.abc import Sequence
@@ -21,25 +21,24 @@ HOLDING_AMPLITUDE = "holding_amplitude_rad_s"
 """Key of the amplitude of the end game."""
 
 PLANNING_MARGIN, REPLAN_TIME = 0.1, 0.2
-"""Share of the torque limit that plans leave for feedback, and time from one plan to the next over
-√(J0/T), where none are given."""
+"""Default share of the torque limit left for feedback, and time between plans over √(J0/T)."""
 
 
 QUIET_AMPLITUDE, QUIET_RATE, HOLDING_SHARE = 4.5e-5, 4.2e-3, 0.45
-"""Largest amplitude of the end game: rad per `fine_time` but no more than so much over τ, or this
-share of the orbit rate if that is more, as a drift at rest is a number times its square."""
+"""Largest amplitude of the end game: rad per `fine_time`, bounded by rad over τ, or this share of
+the orbit rate if that is more, as a drift at rest is proportional to its square."""
 
 
 def holding_amplitude(scaling: Scaling, orbit_rate: float) -> float:
-    """The largest amplitude of the end game where none is given, rad/s."""
+    """Return the default of the largest amplitude of the end game, rad/s."""
     amplitude = min(QUIET_AMPLITUDE / scaling.fine_time, QUIET_RATE / scaling.time)
     return max(amplitude, HOLDING_SHARE * abs(orbit_rate))
 
 
 def equivalent_limit(moments: Sequence[float], torque_limit: float) -> float:
-    """The limit (N m) that turns the body of the tuned gains as fast as `torque_limit` this one.
+    """Return the limit (N m) that turns the tuned body as fast as `torque_limit` turns this one.
 
-    By the mean of J1 and J2 (kg m²), the geometric one.
+    The comparison uses the geometric mean of J1 and J2 (kg m²).
     """
     tuned = math.sqrt(TUNED_MOMENTS[0] * TUNED_MOMENTS[1])
     return float(torque_limit) * (tuned / math.sqrt(float(moments[0]) * float(moments[1])))

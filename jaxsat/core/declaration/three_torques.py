@@ -1,4 +1,4 @@
-"""What the laws of three torques declare: quaternion feedback, and the fault-tolerant one."""
+"""Declarations of the laws of three torques: quaternion feedback, and the fault-tolerant law."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -7,8 +7,7 @@ from jaxsat.core.declaration.keys import Finding, Rule, number, of_part
 from jaxsat.core.declaration.law import LawDeclaration, control_period
 
 CALM = 0.1
-"""Of the band about the third axis times the natural frequency: the rate below which an error
-begins to be left alone."""
+"""Rate, over third-axis band times natural frequency, that begins to leave an error alone."""
 
 QUATERNION_FEEDBACK = LawDeclaration(
     summary="quaternion feedback with torques about all three axes",

@@ -1,4 +1,4 @@
-"""`[[thruster]]`: thrusters that push, as scenarios, studies and results know them."""
+"""`[[thruster]]`: declaration of one-sided thrusters."""
 
 from jaxsat.core.declaration.actuator import ActuatorDeclaration, Signal
 from jaxsat.core.declaration.failures import FailureKind
@@ -6,13 +6,13 @@ from jaxsat.core.declaration.keys import DispersibleQuantity, direction, number,
 from jaxsat.core.ranges import FROM_ZERO, LENGTH, TORQUE_LIMIT, Range
 
 FORCE = Range(1e-9, 1e9)
-"""Forces of a thruster, N."""
+"""Range of a thruster's force, N."""
 
 SPECIFIC_IMPULSE = Range(1.0, 1e5)
-"""Specific impulses, s; cold gas has 60, an ion engine some thousands."""
+"""Range of the specific impulse, s; cold gas has 60, an ion engine some thousands."""
 
 PRICE = Range(1e-3, 1e3)
-"""Prices of the use of a thruster, as factors."""
+"""Range of the price factor of a thruster's use."""
 
 _KINDS = tuple(kind for kind in FailureKind if kind is not FailureKind.REVERSED)
 
@@ -135,4 +135,4 @@ IDEAL_KINDS = (
     FailureKind.TURNED,
     FailureKind.REVERSED,
 )
-"""How thrusters of `spacecraft.thruster_torque_axes` fail, whose torques have both signs."""
+"""Kinds of failure of the two-sided thrusters of `spacecraft.thruster_torque_axes`."""

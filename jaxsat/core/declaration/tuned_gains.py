@@ -1,14 +1,13 @@
-"""Gains of the laws that settle, without dimension: rates times a unit of time τ.
+"""Dimensionless gains of the settling laws: rates times a unit of time τ.
 
 With a moment of inertia J0 and a torque limit T, τ = √(J0/T) is the time in which T turns J0 by
-half a radian from rest. Dividing J, T and d by one number leaves τ, and with it the motion, as it
-is; stretching every time stretches τ alike. Of the other dimensionless groups the control period
-over τ is always known, and the gains are functions of it.
+half a radian from rest. Dividing J, T and d by one number changes neither τ nor the motion;
+scaling all times scales τ alike. Of the other dimensionless groups the control period over τ is
+always known, and the gains are functions of it.
 
 They were tuned for the paper's spacecraft, section 5, at thrusters of 1, 5 and 20 N m: τ = 18.57,
-8.305 and 4.153 s. With its orbit, disturbance and sensors the period over τ tells these apart.
-
-`tuned_gains.toml` has them, and how they were found.
+8.305 and 4.153 s. With its orbit, disturbance and sensors the period over τ distinguishes these.
+`tuned_gains.toml` has the gains and the method.
 """
 
 import math
@@ -20,17 +19,17 @@ import numpy as np
 from jaxsat.core.package_files import data_of
 
 STEPS = (0.005384806676, 0.01204079377, 0.02408158755)
-"""Control periods over τ that the gains are tuned for.
+"""Control periods over τ for which the gains are tuned.
 
 Those of the paper's spacecraft at 1, 5 and 20 N m and 0.1 s.
 """
 
 
 class Scaling(NamedTuple):
-    """τ, the time of the inner loops and that of small errors (all s), and the period over τ.
+    """Unit of time τ, that of inner loops and that of small errors (all s), and the period over τ.
 
-    Gains of inner loops are those of `loop_time`: beyond the largest of `STEPS` they are limited
-    by the period in place of the torque. Errors that sensors and estimators leave are angles per
+    Gains of inner loops scale with `loop_time`: beyond the largest of `STEPS` the period limits
+    them instead of the torque. Residual errors of sensors and estimators are angles per
     `fine_time`, the period within the range of `STEPS` times τ.
     """
 
@@ -41,7 +40,7 @@ class Scaling(NamedTuple):
 
     @staticmethod
     def of(moment: float, torque_limit: float | int, period: float) -> "Scaling":
-        """The scaling of a moment of inertia J0 (kg m²), a torque limit (N m) and a period (s).
+        """Return the scaling of a moment of inertia J0 (kg m²), torque limit (N m) and period (s).
 
         Raises `ValueError` for a torque limit that is not positive and finite.
         """
@@ -57,16 +56,16 @@ class Scaling(NamedTuple):
 
 
 NUMBERS = ("damping", "rest", "ratio", "share", "angle_tolerance")
-"""Gains that are numbers or angles."""
+"""Names of gains that are pure numbers or angles."""
 
 LOOP_GAINS = ("tilt_gain", "rate_gain", "approach")
-"""Gains of inner loops; all others are rates of the motion."""
+"""Names of gains of inner loops; all others are rates of the motion."""
 
 Gains = TypeVar("Gains", bound=tuple)
 
 
 def in_seconds(gains: Gains, scaling: Scaling) -> Gains:
-    """Gains without dimension as numbers of 1/s and rad/s; numbers and angles stay."""
+    """Convert dimensionless gains to 1/s and rad/s; pure numbers and angles do not change."""
 
     def one(name, value):
         if isinstance(value, tuple):
@@ -144,7 +143,7 @@ Row = TypeVar("Row")
 
 
 def _rows(table: str, kind: Callable[..., Row], **parts: Callable[..., Any]) -> Mapping[float, Row]:
-    """The rows of a table of the data file by their `step`; `parts` are inline tables there."""
+    """Return the rows of a table of the data file by `step`; `parts` are its inline tables."""
     rows = [dict(row) for row in _TABLES[table]]
     for row in rows:
         row |= {name: part(**row[name]) for name, part in parts.items()}
@@ -164,7 +163,7 @@ APPROACH = _rows("approach", ApproachGains, rate_law=RateLawGains, slews=SlewGai
 
 
 def tuned_frequency(table: Mapping[float, FineGains], scaling: Scaling) -> float:
-    """ν (rad/s) of a table; between two of its steps on a straight line in logarithms."""
+    """Return ν (rad/s) of a table, log-log interpolated between two of its steps."""
     frequencies = [table[step].frequency for step in STEPS]
     number = np.exp(np.interp(np.log(scaling.step), np.log(STEPS), np.log(frequencies)))
     return float(number) / scaling.time

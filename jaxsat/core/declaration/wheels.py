@@ -1,4 +1,4 @@
-"""`[[wheel]]`: reaction wheels, as scenarios, studies and results know them."""
+"""`[[wheel]]`: declaration of reaction wheels."""
 
 from jaxsat.core.declaration.actuator import ActuatorDeclaration, Signal
 from jaxsat.core.declaration.failures import FRACTION, AbstractFailureKind
@@ -27,7 +27,7 @@ FRICTION_N_M = number(
 
 
 class WheelFailureKind(AbstractFailureKind):
-    """How a reaction wheel fails."""
+    """Kinds of failure of a reaction wheel."""
 
     DEAD = 0, "dead", "its motor makes no torque any more, it coasts"
     DEGRADED = 1, "degraded", "its motor makes a fraction of the torque that it should", FRACTION
