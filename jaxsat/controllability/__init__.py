@@ -1,4 +1,4 @@
-"""Controllability of a spacecraft from its inertia and torque axes alone."""
+"""Controllability of a spacecraft from its inertia and its actuators."""
 
 from jaxsat.controllability.actuators import actuator_set as actuator_set
 from jaxsat.controllability.decision import one_thruster_condition as one_thruster_condition

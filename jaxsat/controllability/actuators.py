@@ -1,4 +1,4 @@
-"""What thrusters and wheels can do, as plain arrays: the input of `judge` and `failure_table`."""
+"""Thrusters and wheels as plain arrays: the input of `judge` and `failure_table`."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -10,15 +10,15 @@ from jaxtyping import Bool, Float
 from jaxsat.controllability.layout import Numbers, finite
 
 LEVER_ROUNDING = 1e-9
-"""A torque r × f smaller than this times |r||f| is rounding: the force points at the centre."""
+"""Tolerance on a torque r × f relative to |r||f|, below which the force points at the centre."""
 
 
 MOMENTUM_ROUNDING = 1e-12
-"""Momentum, over the sum of those that it is a sum of, that counts as none."""
+"""Tolerance on a total momentum, relative to the sum of the sizes of its parts."""
 
 
 def sum_of_momenta(momenta: Float[np.ndarray, "3 n"]) -> Float[np.ndarray, "3"]:
-    """The sum of the columns; zero where it is what rounding leaves of columns that cancel."""
+    """Return the sum of the columns; zero where columns cancel to round-off."""
     total = momenta.sum(axis=1)
     size = np.linalg.norm(momenta, axis=0).sum()
     return total if np.linalg.norm(total) > MOMENTUM_ROUNDING * size else np.zeros(3)
@@ -28,19 +28,19 @@ def sum_of_momenta(momenta: Float[np.ndarray, "3 n"]) -> Float[np.ndarray, "3"]:
 class ActuatorSet:
     """The torque of every thruster at full force, and the axis of every wheel.
 
-    - `torques`: columns in N m, body axes; `two_sided` says which thrusters make both signs.
+    - `torques`: columns in N m, body axes; `two_sided` marks thrusters of both signs.
     - `forces`: columns in N, the force on the body with the torque; None where positions and
-      directions are not known.
+      directions are unknown.
     - `wheel_axes`: columns of any length; a wheel takes up momentum of either sign.
     - `momentum`: total angular momentum Jω + Σ a h at the start, N m s, body axes; without
       external torque it is conserved in inertial axes.
-    - `stored`: momentum of each rotor about its axis, J_w (Ω + a·ω), N m s: its own one h relative
-      to the body and J_w a·ω. It is that which a motor alone changes.
+    - `stored`: momentum of each rotor about its axis, J_w (Ω + a·ω), N m s: its momentum h
+      relative to the body plus J_w a·ω. Only a motor changes it.
     - `rotors`: inertia J_w of each rotor about its axis, kg m².
-    - `coasting`: momentum Σ a h of the wheels that have failed, N m s, body axes. A dead motor
-      leaves it as it is until friction has stopped the wheel. `coasting_rotors` is Σ J_w a aᵀ of
-      the same, kg m².
-    - `target_turns`: whether the attitude that is wanted turns in inertial axes.
+    - `coasting`: momentum Σ a h of the failed wheels, N m s, body axes. A dead motor leaves it
+      unchanged until friction has stopped the wheel. `coasting_rotors` is Σ J_w a aᵀ of the failed
+      wheels, kg m².
+    - `target_turns`: whether the target attitude turns in inertial axes.
     """
 
     torques: Float[np.ndarray, "3 m"]
@@ -67,9 +67,9 @@ class ActuatorSet:
         return np.concatenate([self.torques, self.wheel_axes], axis=1)
 
     def only(self, places: Sequence[int]) -> "ActuatorSet":
-        """The actuators of these places in `names`; the other wheels coast.
+        """Return the actuators of these places in `names`; the other wheels coast.
 
-        The total momentum stays what it is.
+        The total momentum does not change.
         """
         count = len(self.thrusters)
         coasting_wheels = [i - count for i in range(count, len(self.names)) if i not in places]
@@ -99,18 +99,18 @@ class ActuatorSet:
 
     @property
     def free_rotors(self) -> Float[np.ndarray, "3 3"]:
-        """Σ J_w a aᵀ of all wheels, kg m²: what does not turn with the body under a torque."""
+        """Σ J_w a aᵀ of all wheels, kg m²: the inertia that does not turn with the body."""
         axes = self._unit_axes
         return self.coasting_rotors + (axes * self.rotors) @ axes.T
 
     @property
     def once_stopped(self) -> "ActuatorSet":
-        """The same actuators once friction has stopped the wheels that coast."""
+        """The same actuators after friction has stopped the coasting wheels."""
         return dataclasses.replace(self, coasting=np.zeros(3), coasting_rotors=np.zeros((3, 3)))
 
     @property
     def with_wheels_still(self) -> "ActuatorSet":
-        """The same actuators without momentum in any wheel that is lost."""
+        """The same actuators without momentum in any failed wheel."""
         return dataclasses.replace(self.once_stopped, stored=np.zeros_like(self.stored))
 
 
@@ -127,11 +127,12 @@ def actuator_set(
     rotors: Numbers | None = None,
     target_turns: bool = False,
 ) -> ActuatorSet:
-    """Check arrays and make an `ActuatorSet` of them.
+    """Check arrays and return an `ActuatorSet` of them.
 
     `torques` and `forces` (3, m), `wheel_axes` (3, k), `momentum` (3,), `stored` and `rotors` (k,),
     by default zeros; `two_sided` for all thrusters or for each. Names default to g1, g2, … and w1,
     w2, ….
+
     Raises ValueError or TypeError for a wrong shape, entries that are not finite, and names that do
     not match or repeat.
     """
@@ -171,9 +172,9 @@ def actuator_set(
 def thruster_torques(
     positions: Numbers, forces: Numbers, centre: Numbers = (0.0, 0.0, 0.0)
 ) -> Float[np.ndarray, "3 m"]:
-    """Torques r × f (N m) of forces (3, m) in N at positions (3, m) in m about a centre of mass.
+    """Compute torques r × f (N m) of forces (3, m) in N at positions (3, m) in m about a centre.
 
-    What is rounding beside |r||f| is zero. Raises ValueError as `actuator_set` does.
+    A torque that is round-off beside |r||f| is zero. Raises ValueError as `actuator_set` does.
     """
     push = _columns("forces", forces)
     lever = _columns("positions", positions) - finite("centre", centre)[0].reshape(3, 1)

@@ -19,7 +19,7 @@ from jaxsat.core.array_types import Matrix, RealScalar, Vector
 
 
 def _length(vector: Vector) -> RealScalar:
-    """Norm with derivative zero, not NaN, at the zero vector."""
+    """Return the norm, with derivative zero, not NaN, at the zero vector."""
     square = vector @ vector
     positive = square > 0
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
@@ -31,14 +31,14 @@ def _ratio(vector: Vector, size: RealScalar) -> Vector:
 
 
 def relative_product(inverse: Matrix, p: Vector, q: Vector) -> Vector:
-    """J⟨J⁻¹p : J⁻¹q⟩ / (|J⁻¹p||q| + |J⁻¹q||p|), of length at most 1 (p, q torques)."""
+    """Return J⟨J⁻¹p : J⁻¹q⟩ / (|J⁻¹p||q| + |J⁻¹q||p|), of length at most 1 (p, q torques)."""
     x, y = inverse @ p, inverse @ q
     product = -(jnp.cross(x, q) + jnp.cross(y, p))
     return _ratio(product, _length(x) * _length(q) + _length(y) * _length(p))
 
 
 def generator_names(count: int, labels: tuple[str, ...] | None = None) -> tuple[str, ...]:
-    """Names of the brackets in the order of `generating_vectors`, for `count` thrusters."""
+    """Return bracket names in the order of `generating_vectors`, for `count` thrusters."""
     g = labels if labels is not None else tuple(f"g{i + 1}" for i in range(count))
     pairs = itertools.combinations_with_replacement(range(count), 2)
     h = [f"[[f,{name}],{name}]" for name in g]
@@ -56,12 +56,12 @@ def _adjugate(inertia: Matrix) -> Matrix:
 
 
 def generating_vectors(inertia: Matrix, torque_axes: Float[Array, "3 m"]) -> Float[Array, "3 k"]:
-    """The spanning list of J S, normalised; k = m + m(m+1)/2 + 2m columns of length at most 1.
+    """Return the spanning list of J S, normalised: m + m(m+1)/2 + 2m columns of length at most 1.
 
     `inertia` in any unit, symmetric positive definite; `torque_axes` of any lengths, a zero column
     giving zero columns. ⟨g:h⟩ and ⟨h:h⟩ carry the relative size of h, which makes every column (and
-    so every singular value) a Lipschitz function of the layout. Pure JAX: jit, vmap and
-    differentiate it freely; the precision is that of the arguments.
+    so every singular value) a Lipschitz function of the layout. Pure JAX for jit, vmap and
+    derivatives; the precision is that of the arguments.
     """
     inertia = inertia / jnp.max(jnp.abs(inertia))
     inverse = _adjugate(inertia)
@@ -100,7 +100,7 @@ def _rotate(
 
 
 def singular_values(vectors: Float[Array, "3 k"]) -> Vector:
-    """The three singular values, largest first, by six sweeps of one-sided Jacobi.
+    """Compute the three singular values, largest first, by six sweeps of one-sided Jacobi.
 
     Without LAPACK: a map over 10⁵ layouts is one loop, and a small value keeps its absolute
     accuracy (it is not squared).
@@ -125,9 +125,9 @@ def singular_values(vectors: Float[Array, "3 k"]) -> Vector:
 
 
 def controllability_margin(inertia: Matrix, torque_axes: Float[Array, "3 m"]) -> RealScalar:
-    """Smallest singular value of the generating vectors: 0 on the uncontrollable set.
+    """Return the smallest singular value of the generating vectors: 0 on the uncontrollable set.
 
-    Pure JAX, for maps; `analyse` gives the same number with the exact decision beside it. Parallel
+    Pure JAX, for maps; `analyse` returns the same number with the exact decision. Parallel
     columns count twice here (at most a factor √2 for a pair), once in `analyse`.
     """
     return singular_values(generating_vectors(inertia, torque_axes))[2]

@@ -1,22 +1,23 @@
-"""What torques are left when some thrusters only push: the cone of their torques.
+"""The cone of the torques of thrusters, some of which are one-sided.
 
-Torques of one sign add up with weights ≥ 0, so all that can be made is a convex cone. Two numbers
-tell its shape: the dimension of its span, and how much of the span has torques of both signs (the
+Torques of one sign add up with weights ≥ 0, so the attainable torques are a convex cone. Two
+numbers give its shape: the dimension of its span, and that of the torques of both signs (the
 largest subspace in the cone). The columns positively span R³ where both are 3.
 
-The shape is found by facial reduction, in well-conditioned steps alone: where zero is a convex
-combination of the unit columns, these columns span torques of both signs; they are taken out, the
-others are projected on what is left, and the search goes on. Where zero is none, the point of the
-convex hull nearest to zero separates the cone from the direction farthest from it.
+The shape follows by facial reduction in well-conditioned steps: where zero is a convex
+combination of the unit columns, these columns span torques of both signs; they are removed, the
+others are projected onto the complement, and the search continues. Where zero is no such
+combination, the point of the convex hull nearest to zero separates the cone from the direction
+farthest from it.
 
-What the drift makes of torques of one sign is a half space of momentum that is never left.
+Drift and torques of one sign may leave a half space of momentum invariant.
 The free body keeps |H|² and H·J⁻¹H, H = Jω in body axes, so with J1 > J2 > J3 it keeps
 Φ = (1 − J2/J1) H1² − (J2/J3 − 1) H3² = (m₊·H)(m₋·H) for |H|² ≠ 0 and cannot cross either separatrix
 plane m±·H = 0. If every torque has m·τ ≥ 0 for one of them, the half space m·H ≥ 0 is never left:
 the rank may be 6 and the drift may return, and still rest is not reached from the other side.
 
 That is the only obstacle. Let A be the momenta reached from rest. By recurrence it is closed under
-the drift both ways, it is a cone (the drift is homogeneous), and it takes torques up; so its
+the drift both ways, it is a cone (the drift is homogeneous), and it is closed under torques; so its
 directions hold the polhode of every torque and the arc from each of them to every torque. With
 torques on both strict sides of both planes such arcs meet a separatrix, hence ±e2; the arcs from
 there sweep the four sectors between the planes one after the other, so A is everything. Reversing
@@ -49,14 +50,14 @@ from jaxsat.core.text import fixed_text
 def nonnegative_least_squares(
     columns: Float[np.ndarray, "n k"], target: Float[np.ndarray, " n"]
 ) -> tuple[Float[np.ndarray, " k"], float]:
-    """Weights λ ≥ 0 that minimise |columns λ - target|, and that least distance.
+    """Compute weights λ ≥ 0 that minimise |columns λ - target|, and that least distance.
 
     The active set of Lawson and Hanson, *Solving Least Squares Problems* (1974), section 23.3, in
-    NumPy: the import of SciPy's takes longer than all that a scenario asks of it.
+    NumPy: importing SciPy takes longer than all that a scenario needs of it.
     """
     count = columns.shape[1]
     weights, support = np.zeros(count), np.zeros(count, bool)
-    futile = support.copy()  # columns whose slope is rounding, as they leave as soon as they enter
+    futile = support.copy()  # columns that leave as soon as they enter: their slope is round-off
     norm = np.linalg.norm(columns, 1) if columns.size else 0.0
     rounding = 10 * max(columns.shape) * np.finfo(float).eps * norm
     for _ in range(200 * count):
@@ -77,7 +78,7 @@ def _least_squares_of(
     weights: Float[np.ndarray, " k"],
     support: Bool[np.ndarray, " k"],
 ) -> tuple[Float[np.ndarray, " k"], Bool[np.ndarray, " k"]]:
-    """The least squares of the columns in the support, without those whose weight would be < 0."""
+    """Return the least squares of the support's columns, without those of negative weight."""
     while True:
         best = np.zeros_like(weights)
         best[support] = np.linalg.lstsq(columns[:, support], target, rcond=None)[0]
@@ -92,8 +93,7 @@ def _least_squares_of(
 
 
 ROUNDING = 1e-9
-"""Sines below this are rounding of the data, and so are columns shorter than this times the
-longest."""
+"""Tolerance on sines, and on the length of columns relative to the longest."""
 
 KINDS = {
     (3, 3): "space",
@@ -119,7 +119,7 @@ class TorqueCone:
     - `span`: dimension of the span of all torques.
     - `opposed`: the unit vector in the span, across `both_signs`, that is farthest from every
       torque; None where there is none because the cone is a subspace.
-    - `neither`: orthonormal basis of the directions that no torque has a component along.
+    - `neither`: orthonormal basis of the directions without any torque component.
     - `borderline`: sines between `ROUNDING` and the tolerance decide; the shape is then the smaller
       one, with these taken as zero.
     """
@@ -138,14 +138,14 @@ class TorqueCone:
 
     @property
     def kind(self) -> str:
-        """The shape of the cone, one of `KINDS`."""
+        """Shape of the cone, one of `KINDS`."""
         return KINDS[self.two_sided, self.span]
 
     @once_property
     def normal(self) -> Float[np.ndarray, "3"] | None:
-        """Normal n of the plane of the torques of both signs, None where these are no plane.
+        """Normal n of the plane of the torques of both signs, None where they are not a plane.
 
-        In a half space it points to the side that torques are on.
+        In a half space it points to the side of the torques.
         """
         if self.two_sided != 2:
             return None
@@ -154,7 +154,7 @@ class TorqueCone:
         return _positive(self.neither[:, 0])
 
     def angle(self, torque: Float[np.ndarray, "3"]) -> float:
-        """Angle (rad) between a torque that is not zero and the nearest that can be made."""
+        """Return the angle (rad) between a nonzero torque and the nearest attainable torque."""
         direction = torque / np.linalg.norm(torque)
         if self.rays.shape[1] == 0:
             return np.pi
@@ -167,7 +167,7 @@ class TorqueCone:
 def unit_rays(
     columns: Float[np.ndarray, "3 m"], two_sided: Bool[np.ndarray, " m"]
 ) -> Float[np.ndarray, "3 k"]:
-    """Unit generators of the cone of the columns, without those that are zero to rounding."""
+    """Return unit generators of the cone of the columns, without those that are round-off."""
     lengths = np.linalg.norm(columns, axis=0)
     live = lengths > ROUNDING * np.max(lengths, initial=0.0)
     unit = columns[:, live] / lengths[live]
@@ -179,9 +179,9 @@ def torque_cone(
     two_sided: Bool[np.ndarray, " m"],
     tolerance: float = TOLERANCE,
 ) -> TorqueCone:
-    """The cone of torque columns (3, m) of any lengths, `two_sided` (m,) of which have both signs.
+    """Return the cone of torque columns (3, m), `two_sided` (m,) of which have both signs.
 
-    `tolerance`: sines below it count as zero.
+    Columns have any lengths. Sines below `tolerance` are zero.
     """
     rays = unit_rays(columns, two_sided)
     both_signs, span, opposed = _shape(rays, tolerance)
@@ -203,7 +203,7 @@ def torque_cone(
 def _shape(
     rays: Float[np.ndarray, "3 k"], tolerance: float
 ) -> tuple[Float[np.ndarray, "3 l"], int, Float[np.ndarray, "3"] | None]:
-    """Basis of the torques of both signs, dimension of the span, direction opposed to all."""
+    """Return the basis of torques of both signs, the dimension of the span, and `opposed`."""
     basis = np.zeros((3, 0))
     while True:
         complement = _complement(basis)
@@ -217,7 +217,7 @@ def _shape(
         if distance > tolerance:
             span = basis.shape[1] + _basis(across, tolerance).shape[1]
             return basis, span, complement @ (-nearest / distance)
-        # Moved by what is left of zero, the columns add up to zero exactly.
+        # Moved by the remainder, the columns add up to zero exactly.
         balanced_columns = across[:, weights > tolerance] - nearest[:, None]
         basis = np.concatenate([basis, complement @ _basis(balanced_columns, tolerance)], axis=1)
 
@@ -225,9 +225,9 @@ def _shape(
 def _nearest_to_zero(
     points: Float[np.ndarray, "n k"],
 ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " n"]]:
-    """The point of the convex hull nearest to zero, and its weights.
+    """Return the weights of the convex hull's point nearest to zero, and the point.
 
-    Least squares for Σ x p = 0 and Σ x = 1 with x ≥ 0 finds the weights up to a factor.
+    Least squares for Σ x p = 0 and Σ x = 1 with x ≥ 0 gives the weights up to a factor.
     """
     rows = np.concatenate([points, np.ones((1, points.shape[1]))])
     target = np.zeros(len(rows))
@@ -238,25 +238,25 @@ def _nearest_to_zero(
 
 
 def _basis(vectors: Float[np.ndarray, "n k"], tolerance: float) -> Float[np.ndarray, "n r"]:
-    """Orthonormal basis of the span of vectors of length about one."""
+    """Return an orthonormal basis of the span of vectors of length about one."""
     directions, values, _ = np.linalg.svd(vectors, full_matrices=False)
     return directions[:, values > tolerance * np.sqrt(vectors.shape[1])]
 
 
 def _complement(basis: Float[np.ndarray, "3 r"]) -> Float[np.ndarray, "3 e"]:
-    """Orthonormal basis of what is perpendicular to an orthonormal basis."""
+    """Return an orthonormal basis of the complement of an orthonormal basis."""
     if not basis.shape[1]:
         return np.eye(3)
     return np.linalg.svd(basis)[0][:, basis.shape[1] :]
 
 
 def _positive(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    """The one of ± a direction whose largest entry is positive."""
+    """Return ± a direction with its largest entry positive."""
     return direction * np.sign(direction[np.argmax(np.abs(direction))])
 
 
 def direction_words(direction: Float[np.ndarray, "3"]) -> str:
-    """A unit vector for a person: "+x", or its entries."""
+    """Return a unit vector as text: "+x", or its entries."""
     k = int(np.argmax(np.abs(direction)))
     if abs(direction[k]) > 1.0 - 1e-9:
         return ("+" if direction[k] > 0 else "-") + "xyz"[k]
@@ -264,13 +264,14 @@ def direction_words(direction: Float[np.ndarray, "3"]) -> str:
 
 
 SPHERE = 1e-9
-"""Moments that differ relatively by less are those of a sphere."""
+"""Tolerance on the relative difference of the moments of a sphere."""
 
 
 def separatrix_normals(
     inertia: Float[np.ndarray, "3 3"],
 ) -> tuple[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]], Float[np.ndarray, "3"]] | None:
-    """Unit normals m± of the separatrix planes in momentum (torque) space, and the middle axis.
+    """Return unit normals m± of the separatrix planes in momentum (torque) space, and the middle
+    axis.
 
     None for a sphere, which has no such planes.
     """
@@ -290,11 +291,11 @@ def momentum_barrier(
     tolerance: float,
     turned_about: Float[np.ndarray, "3"] | None = None,
 ) -> Float[np.ndarray, "3"] | None:
-    """A unit vector m, if there is one, such that the momentum m·H never falls: m·τ ≥ 0, m·f ≥ 0.
+    """Return a unit vector m, if any, such that the momentum m·H never falls: m·τ ≥ 0, m·f ≥ 0.
 
-    More exactly the half space m·H ≥ 0 is never left. Components of unit torques below `tolerance`
-    count as zero. None says that one-signed torques and the drift reach both sides of every
-    separatrix plane; with rank 6 the spacecraft is then controllable without disturbance.
+    More exactly, the half space m·H ≥ 0 is invariant. Components of unit torques below `tolerance`
+    are zero. None means that one-signed torques and the drift reach both sides of every separatrix
+    plane; with rank 6 the spacecraft is then controllable without disturbance.
 
     Beside one wheel along a, `cone` is that of the thrusters and `turned_about` is J⁻¹a, about
     which the wheel turns H both ways: only a plane across it is never crossed then.

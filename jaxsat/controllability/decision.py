@@ -1,4 +1,4 @@
-"""The decision itself: rank, margin and turn time of any subset of the thrusters of a layout.
+"""Rank, margin and turn time of any subset of the thrusters of a layout.
 
 At rest without disturbance, the state of lowest rank, the brackets span S in the rates and the
 closure of S under the vector product in the attitude, so the rank is 0, 2, 5 or 6 for
@@ -54,7 +54,7 @@ class RankDecision:
 
 
 def _strongest(vectors: Float[np.ndarray, "3 k"], count: int) -> list[int]:
-    """Indices of `count` columns by pivoted Gram-Schmidt; earlier, simpler brackets win ties."""
+    """Return `count` column indices by pivoted Gram-Schmidt; earlier, simpler brackets win ties."""
     rest, indices = vectors.copy(), []
     for _ in range(count):
         lengths = np.linalg.norm(rest, axis=0)
@@ -66,13 +66,13 @@ def _strongest(vectors: Float[np.ndarray, "3 k"], count: int) -> list[int]:
 
 
 def closure_growth(layout: TorqueLayout, thrusters: tuple[int, ...]) -> tuple[int, ...]:
-    """Dimension of the exact closure after each round; see `exact.closure_growth`."""
+    """Return the dimension of the exact closure per round; see `exact.closure_growth`."""
     axes = [layout.integer_axes[i] for i in thrusters]
     return exact.closure_growth(layout.integer_inertia, axes)
 
 
 def _without_rounding_errors(layout: TorqueLayout, thrusters: tuple[int, ...]) -> tuple[int, ...]:
-    """Thrusters whose torque axis is more than rounding beside the longest of the set."""
+    """Return thrusters whose torque axis exceeds round-off of the longest of the set."""
     lengths = {i: float(np.max(np.abs(layout.torque_axes[:, i]))) for i in thrusters}
     longest = max(lengths.values(), default=0.0)
     return tuple(i for i in thrusters if lengths[i] > min(layout.rounding, 1e-9) * longest)
@@ -88,7 +88,7 @@ def _decide_set(layout: TorqueLayout, thrusters: tuple[int, ...], tolerance: flo
         )
     directions, values, _ = np.linalg.svd(vectors, full_matrices=True)
     values = np.concatenate([values, np.zeros(3 - len(values))])
-    # Above the limit, far over all rounding, the singular values prove independence by themselves.
+    # Above the limit, far over all round-off, the singular values prove independence by themselves.
     dimension = 3 if values[2] > limit else closure_growth(layout, thrusters)[-1]
     values = np.where(np.arange(3) < dimension, values, 0.0)
     borderline = bool(values[dimension - 1] <= limit)
@@ -111,7 +111,7 @@ def _decide_set(layout: TorqueLayout, thrusters: tuple[int, ...], tolerance: flo
 def decide_rank(
     layout: TorqueLayout, thrusters: tuple[int, ...], tolerance: float = TOLERANCE
 ) -> RankDecision:
-    """Rank and margin of a subset (column numbers) of the thrusters of a layout."""
+    """Decide rank and margin of a subset (column numbers) of the thrusters of a layout."""
     significant_thrusters = _without_rounding_errors(layout, thrusters)
     decision = _decide_set(layout, significant_thrusters, tolerance)
     if len(significant_thrusters) < len(thrusters):
@@ -124,22 +124,23 @@ def decide_rank(
 HALVINGS = 60
 
 LARGEST = 200.0
-"""Logarithm of the largest angle that is told apart from larger ones."""
+"""Logarithm of the largest angle in the computation; larger ones are clipped."""
 
 
 def turn_time(
     inertia: Float[np.ndarray, "3 3"], torque_axes: Float[np.ndarray, "3 m"], torque: float = 1.0
 ) -> float:
-    """The time (s) to turn by one radian about the axis hardest to reach, from rest.
+    """Compute the time (s) to turn by one radian about the axis hardest to reach, from rest.
 
     `inertia` in kg m²; `torque_axes` have any lengths, each thruster makes up to `torque` (N m) of
-    either sign about its own. It is the least t at which the angles that single brackets make,
-    leading order in t, have no singular value below 1 rad; the other axes need not come to rest, so
-    a manoeuvre takes longer. It falls as 1/√torque. Infinite where the brackets do not span.
+    either sign about its own. The result is the least t at which the angles that single brackets
+    make, leading order in t, have no singular value below 1 rad; the other axes need not come to
+    rest, so a manoeuvre takes longer. It falls as 1/√torque. Infinite where the brackets do not
+    span.
 
     For principal axes and thrusters along x and y, with T the torque, it is the larger of
-    √(2 max(J1, J2) / T) and (12 J1 J2 J3 / (|J1 - J2| T²))^¼. NaN where moments are so far apart
-    that the brackets are beyond the range of numbers.
+    √(2 max(J1, J2) / T) and (12 J1 J2 J3 / (|J1 - J2| T²))^¼. NaN where brackets overflow for
+    extreme ratios of moments.
     """
     scale = float(np.max(np.abs(inertia)))
     with np.errstate(over="ignore", invalid="ignore"):
@@ -169,14 +170,14 @@ def turn_time(
 def decided_turn_time(
     decision: RankDecision, inertia: Float[np.ndarray, "3 3"], torque_axes: Float[np.ndarray, "3 m"]
 ) -> float:
-    """The turn time (s) at 1 N m of a layout of rank 6, infinite for any other."""
+    """Return the turn time (s) at 1 N m of a layout of rank 6, infinite for any other."""
     return turn_time(inertia, torque_axes) if decision.controllable else np.inf
 
 
 def _columns(
     inertia: Float[np.ndarray, "3 3"], torque_axes: Float[np.ndarray, "3 m"]
 ) -> tuple[Float[np.ndarray, "3 k"], Float[np.ndarray, " k"]]:
-    """Angles (rad) after one unit of time, and the powers of time with which they grow."""
+    """Return angles (rad) after one unit of time, and the powers of time with which they grow."""
     largest = np.abs(torque_axes).max(axis=0, initial=0.0)
     axes = torque_axes[:, largest > 0] / largest[largest > 0]
     axes = axes / np.linalg.norm(axes, axis=0)
@@ -198,7 +199,7 @@ def _columns(
 
 @dataclass(frozen=True, eq=False)
 class ClosedForm:
-    """One closed condition: whether it holds, the pair found, and the three vectors it makes.
+    """One closed condition: whether it holds, the best pair, and the resulting three vectors.
 
     `coefficients` (λ1, λ2) or (η1, η2) multiply the unit vectors of the first two columns of
     `vectors` (body torques: J times the vectors of the paper, unit or relative length); None if no
@@ -215,7 +216,7 @@ class ClosedForm:
 def _evaluate(
     equation: str, layout: TorqueLayout, first: exact.Vector, second: exact.Vector
 ) -> ClosedForm:
-    """The condition rank{p, q, ⟨w:w⟩} = 3 for some w = c1 p + c2 q."""
+    """Evaluate the condition rank{p, q, ⟨w:w⟩} = 3 for some w = c1 p + c2 q."""
     adjoint = exact.adjugate(layout.integer_inertia)
     normal = exact.cross(first, second)
     p, q = exact.unit(first), exact.unit(second)
@@ -248,7 +249,7 @@ def _evaluate(
 
 
 def two_thruster_condition(inertia: Numbers, torque_axes: Numbers) -> ClosedForm:
-    """Condition (25): span{g1, g2, g3} = R³ with g3 = J⁻¹(w^×Jw), w = λ1 g1 + λ2 g2.
+    """Evaluate (25): span{g1, g2, g3} = R³ with g3 = J⁻¹(w^×Jw), w = λ1 g1 + λ2 g2.
 
     `inertia` (3,) or (3, 3) in kg m²; `torque_axes` (3, 2). Necessary and sufficient when the two
     axes are independent; for parallel axes it fails although (35) may hold.
@@ -264,7 +265,7 @@ def two_thruster_condition(inertia: Numbers, torque_axes: Numbers) -> ClosedForm
 
 
 def one_thruster_condition(inertia: Numbers, torque_axis: Numbers) -> ClosedForm:
-    """Condition (35): span{h1, h2, h3} = R³ with h2 = ⟨h1:h1⟩, h3 = ⟨w:w⟩, w = η1 h1 + η2 h2.
+    """Evaluate (35): span{h1, h2, h3} = R³ with h2 = ⟨h1:h1⟩, h3 = ⟨w:w⟩, w = η1 h1 + η2 h2.
 
     `inertia` (3,) or (3, 3) in kg m²; `torque_axis` (3,) or (3, 1), not zero (ValueError).
     """

@@ -1,12 +1,12 @@
-"""The drift in simulation: its divergence (16), its returns, and the energy claim (17)-(18).
+"""Simulated drift: its divergence (16), its returns, and the energy claim (17)-(18).
 
 Without disturbance energy is constant, the energy surface is compact and the flow keeps volume, so
 almost every state recurs (Poincaré): the drift is weakly positively Poisson stable. With T_d the
 volume is still kept, but nothing bounds the region, and the theorem is silent.
 
-(18) says that the energy under T_d stays within C + Σ a_i. That adds a torque to an energy. What
-follows from the equations is d/dt ½ωᵀJω = ω·T_d, and a plain spin goes beyond the claim within
-half a period of the torque.
+(18) claims that the energy under T_d stays within C + Σ a_i, the sum of an energy and torques. The
+equations imply d/dt ½ωᵀJω = ω·T_d instead, and a plain spin exceeds the claim within half a period
+of the torque.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from jaxsat.spacecraft.environment.disturbances import PeriodicTorque
 
 
 def divergence(field: VectorField, state: Float[Array, " n"]) -> RealScalar:
-    """Divergence (1/s) of a field on SO(3) × R³ for the invariant volume, as in (16).
+    """Compute the divergence (1/s) of a field on SO(3) × R³ for the invariant volume, as in (16).
 
     The trace of the derivative of the tangent coordinates along body rotations and rates; body
     rotations keep the invariant volume, so this trace is the divergence.
@@ -50,7 +50,7 @@ def divergence(field: VectorField, state: Float[Array, " n"]) -> RealScalar:
 
 
 class DriftTrajectory(eqx.Module):
-    """States (n, 12 or 13) at times (n,) in s."""
+    """States (n, 12 or 13) of a drift at times (n,) in s."""
 
     times: Float[Array, " n"]
     states: Float[Array, "n d"]
@@ -60,10 +60,10 @@ class DriftTrajectory(eqx.Module):
 def drift_trajectory(
     field: VectorField, state: Float[Array, " d"], step: float | int | Array, count: int
 ) -> DriftTrajectory:
-    """`count` steps of the classical fourth-order Runge-Kutta method from a flat state.
+    """Take `count` steps of the classical fourth-order Runge-Kutta method from a flat state.
 
-    `step` in s. The attitude matrix is integrated as it is; `recurrence` reports how far it ends
-    from orthogonal.
+    `step` in s. The attitude matrix is integrated without orthogonalisation; `recurrence` reports
+    its final deviation.
     """
     step = jnp.asarray(step, state.dtype)
 
@@ -82,11 +82,11 @@ def drift_trajectory(
 
 @dataclass(frozen=True, eq=False)
 class Recurrence:
-    """Distances from the start, and the times at which the state comes back.
+    """Distances from the start, and the times of returns.
 
     `distances` (n,): the rotation angle (rad) and the rate error divided by the initial rate, as a
     Euclidean norm. `returns`: times (s) of entering the neighbourhood `radius` again after having
-    left it to twice the radius. `drift`: how far the attitude matrices are from orthogonal.
+    left it to twice the radius. `drift`: largest deviation of attitude matrices from orthogonality.
     """
 
     times: Float[np.ndarray, " n"]
@@ -104,7 +104,7 @@ def recurrence(
     step: float | int,
     count: int,
 ) -> Recurrence:
-    """Follow a drift from a state and look for its returns (Poisson stability).
+    """Follow a drift from a state and search for its returns (Poisson stability).
 
     A simulation shows returns; that almost all states return is Poincaré's theorem, for T_d = 0.
     `radius` dimensionless, `step` in s. Raises ValueError for a start at rest, which never leaves.
@@ -141,7 +141,7 @@ def recurrence(
 def energy_history(
     inertia: Matrix, omega: Vector, torque: PeriodicTorque, step: float | int | Array, count: int
 ) -> Float[Array, " n"]:
-    """Rotational energy ½ωᵀJω (J) after 0, 1, … steps (s) of the disturbed free body."""
+    """Return the energy ½ωᵀJω (J) after 0, 1, … steps (s) of the disturbed free body."""
     start = pack(jnp.eye(3), omega, 0.0)
     path = drift_trajectory(DriftField(inertia, disturbance=torque.at), start, step, count)
     rates = path.states[:, 9:12]
@@ -151,7 +151,7 @@ def energy_history(
 def energy_bound(
     inertia: Matrix, energy: float | int | Array, amplitude: Vector, times: Float[Array, " n"]
 ) -> Float[Array, " n"]:
-    """The bound (J) that does follow: d/dt ½ωᵀJω = ω·T_d.
+    """Return the bound (J) that follows from d/dt ½ωᵀJω = ω·T_d.
 
     |ω·T_d| ≤ √(2E/J_min)|a|, hence √E(t) ≤ √E(0) + |a| t/√(2 J_min): growth is possible, and no
     constant such as C + Σa_i (18) follows from the equations.
@@ -163,7 +163,7 @@ def energy_bound(
 
 @dataclass(frozen=True, eq=False)
 class EnergyCounterexample:
-    """A disturbed free motion and how far its energy exceeds the claim (18).
+    """A disturbed free motion and the excess of its energy over the claim (18).
 
     `excess` = max E − (E(0) + Σ a_i) in J, positive for a counterexample; `gain` = max E − E(0);
     `claimed` = E(0) + Σ a_i; `omega` (rad/s) the initial rate; `energies` (J) at `times` (s).
@@ -185,13 +185,14 @@ def energy_counterexample(
     spin: float | None = None,
     count: int = 2000,
 ) -> EnergyCounterexample:
-    """A spin whose energy passes (18) within half a period of T_d as printed, without phases.
+    """Return a spin whose energy exceeds (18) within half a period of T_d as printed, without
+    phases.
 
-    `inertia` in kg m², `amplitude` in N m, `frequency` in rad/s. A body that spins with ω about an
-    axis with the torque a sin Ωt does not notice that torque at first, which does the work
-    ∫ω a sin Ωt dt = 2 ω a/Ω in the time π/Ω, where (18) allows Σ a_i. The axis is that of the
-    largest a/Ω, `spin` (rad/s) is 1, or what makes that work 1.5 Σ a_i if that is quicker. The
-    motion is integrated in `count` steps. Raises ValueError where no torque oscillates.
+    `inertia` in kg m², `amplitude` in N m, `frequency` in rad/s. The torque a sin Ωt about the spin
+    axis hardly changes a fast spin ω at first, and does the work ∫ω a sin Ωt dt = 2 ω a/Ω in the
+    time π/Ω, where (18) allows Σ a_i. The axis is that of the largest a/Ω; `spin` (rad/s) is by
+    default 1, or the rate with the work 1.5 Σ a_i if that is faster. The motion is integrated in
+    `count` steps. Raises ValueError where no torque oscillates.
     """
     size, rate = np.abs(np.asarray(amplitude)), np.abs(np.asarray(frequency))
     works = np.where(rate > 0, size / np.where(rate > 0, rate, 1.0), 0.0)

@@ -1,7 +1,7 @@
 """The bracket closure in exact integer arithmetic.
 
-A double is a rational number, so whether a layout *as given* is controllable can be decided without
-any rounding. All vectors here are body torques: with p = Jx and q = Jy the symmetric product
+A double is a rational number, so controllability of a layout *as given* can be decided without any
+round-off. All vectors here are body torques: with p = Jx and q = Jy the symmetric product
 ⟨x:y⟩ = J⁻¹(x^×Jy + y^×Jx) becomes J⟨x:y⟩ = −(J⁻¹p × q + J⁻¹q × p), and replacing J⁻¹ by the
 adjugate of J only scales it. Common factors never matter: every vector stands for its line.
 """
@@ -17,7 +17,7 @@ Matrix = tuple[Vector, Vector, Vector]
 
 
 def to_integers(values: Float[np.ndarray, " n"]) -> list[int]:
-    """Integers exactly proportional to finite doubles (common factor: a power of two)."""
+    """Return integers exactly proportional to finite doubles (common factor: a power of two)."""
     parts = [math.frexp(float(value)) for value in values]
     exponents = [exponent for mantissa, exponent in parts if mantissa]
     lowest = min(exponents, default=0)
@@ -28,13 +28,13 @@ def to_integers(values: Float[np.ndarray, " n"]) -> list[int]:
 
 
 def primitive(vector: Sequence[int]) -> Vector:
-    """The same line with the common divisor removed."""
+    """Return the vector divided by its entries' greatest common divisor."""
     divisor = math.gcd(*vector) or 1
     return (vector[0] // divisor, vector[1] // divisor, vector[2] // divisor)
 
 
 def symmetric_matrix(inertia: Float[np.ndarray, "3 3"]) -> Matrix:
-    """Integers exactly proportional to the symmetric part of a matrix."""
+    """Return integers exactly proportional to the symmetric part of a matrix."""
     flat = to_integers(inertia.reshape(9))
     total = [flat[3 * i + j] + flat[3 * j + i] for i in range(3) for j in range(3)]
     divisor = math.gcd(*total) or 1
@@ -47,47 +47,47 @@ def symmetric_matrix(inertia: Float[np.ndarray, "3 3"]) -> Matrix:
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """Vector product."""
+    """Return the vector product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def dot(a: Vector, b: Vector) -> int:
-    """Scalar product."""
+    """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def adjugate(matrix: Matrix) -> Matrix:
-    """Adjugate of a symmetric matrix, det(J) J⁻¹."""
+    """Return the adjugate of a symmetric matrix, det(J) J⁻¹."""
     a, b, c = matrix
     return (cross(b, c), cross(c, a), cross(a, b))
 
 
 def apply(matrix: Matrix, vector: Vector) -> Vector:
-    """Matrix times vector."""
+    """Return matrix times vector."""
     return (dot(matrix[0], vector), dot(matrix[1], vector), dot(matrix[2], vector))
 
 
 def is_positive_definite(matrix: Matrix) -> bool:
-    """Sylvester's criterion, exactly."""
+    """Whether a matrix is positive definite, exactly, by Sylvester's criterion."""
     adjoint = adjugate(matrix)
     determinant = dot(matrix[0], adjoint[0])
     return matrix[0][0] > 0 and adjoint[2][2] > 0 and determinant > 0
 
 
 def torque_product(adjoint: Matrix, p: Vector, q: Vector) -> Vector:
-    """det(J) J⟨J⁻¹p : J⁻¹q⟩ for torques p and q (not reduced)."""
+    """Return det(J) J⟨J⁻¹p : J⁻¹q⟩ for torques p and q (not reduced)."""
     a = cross(apply(adjoint, p), q)
     b = cross(apply(adjoint, q), p)
     return (-a[0] - b[0], -a[1] - b[1], -a[2] - b[2])
 
 
 def is_parallel(a: Vector, b: Vector) -> bool:
-    """Whether two vectors lie on one line."""
+    """Whether two vectors are on one line."""
     return not any(cross(a, b))
 
 
 def independent(vectors: Sequence[Vector]) -> list[Vector]:
-    """The first vectors of the list that span what all of them span."""
+    """Return the first vectors of the list that span all of them."""
     basis: list[Vector] = []
     for vector in vectors:
         if not any(vector):
@@ -102,7 +102,7 @@ def independent(vectors: Sequence[Vector]) -> list[Vector]:
 
 
 def closure_growth(inertia: Matrix, torques: Sequence[Vector]) -> tuple[int, ...]:
-    """Dimension of the span after 0, 1, … rounds of ⟨:⟩, until a round adds nothing.
+    """Return the dimension of the span after 0, 1, … rounds of ⟨:⟩, until a round adds nothing.
 
     The last entry is dim S. A round multiplies *every* pair of the span, so a round without growth
     proves that the closure is reached (nested brackets counted by depth give no such proof).
@@ -124,24 +124,24 @@ def closure_growth(inertia: Matrix, torques: Sequence[Vector]) -> tuple[int, ...
 
 
 def mantissa(vector: Vector) -> tuple[Float[np.ndarray, "3"], int]:
-    """Doubles of size about one and the power of two that scales them back."""
+    """Return doubles of size about one and the power of two that scales them back."""
     exponent = max(abs(entry).bit_length() for entry in vector)
     scale = 1 << exponent
     return np.array([entry / scale for entry in vector]), exponent
 
 
 def unit(vector: Vector) -> Float[np.ndarray, "3"]:
-    """Unit vector in doubles (zero stays zero)."""
+    """Return the unit vector in doubles (zero for a zero vector)."""
     values, _ = mantissa(vector)
     length = float(np.linalg.norm(values))
     return values / length if length else values
 
 
 def relative_product(adjoint: Matrix, p: Vector, q: Vector) -> Float[np.ndarray, "3"]:
-    """J⟨J⁻¹p : J⁻¹q⟩ / (|J⁻¹p||q| + |J⁻¹q||p|), of length at most 1, correctly rounded.
+    """Return J⟨J⁻¹p : J⁻¹q⟩ / (|J⁻¹p||q| + |J⁻¹q||p|), of length at most 1, correctly rounded.
 
     The divisor is the size of the two terms before they cancel, so the length is the relative
-    difference that is left: |J1 − J2|/(J1 + J2) for torques along two principal axes.
+    remainder: |J1 − J2|/(J1 + J2) for torques along two principal axes.
     """
     numerator, top = mantissa(torque_product(adjoint, p, q))
     terms = []

@@ -1,4 +1,4 @@
-"""Every failure case: which thrusters and wheels may fail, and what is lost."""
+"""Failure tables: the control authority after every combination of failed actuators."""
 
 import itertools
 import math
@@ -32,16 +32,16 @@ COLUMNS = (
 )
 
 MOST_SUBSETS = 1 << 14
-"""Subsets in a table at most."""
+"""Largest number of subsets in a table."""
 
 
 @dataclass(frozen=True, eq=False)
 class FailureCase:
     """One subset of failed actuators.
 
-    `judgement` is what the rest can do; `lost` says in words what this failure takes away. Failed
-    wheels coast; `once_stopped` is the verdict when friction has stopped them, None if it is the
-    same.
+    `judgement` is that of the remaining actuators; `lost` describes the authority that this failure
+    removes. Failed wheels coast; `once_stopped` is the verdict after friction has stopped them,
+    None if it is the same.
     """
 
     failed: tuple[str, ...]
@@ -54,7 +54,7 @@ class FailureCase:
     def directions(self) -> int:
         """Dimension of the torques of both signs available without brackets, 0 to 3.
 
-        Of magnetorquers it is that at an instant.
+        Torques of magnetorquers are those at an instant.
         """
         orbit = self.judgement.orbit
         across = 0 if orbit is None else min(orbit.rods, 2)
@@ -70,13 +70,13 @@ def failure_table(
     most_failed: int | None = None,
     rods: RodSet | None = None,
 ) -> tuple[FailureCase, ...]:
-    """All subsets of failed actuators, magnetorquers included, fewest failures first.
+    """Judge all subsets of failed actuators, magnetorquers included, fewest failures first.
 
     `inertia` (3,) or (3, 3) in kg m²; `actuators` an `ActuatorSet`, or torque axes (3, m) of both
     signs with `names` (default g1, g2, …); `rods` are the magnetorquers beside them. `most_failed`
-    ends the table at so many failures, 2 for single and double ones. Brackets are computed once for
-    the whole table. Raises ValueError as `analyse`, and for more than 14 actuators (16384 cases)
-    with `most_failed` left out.
+    limits the number of failures, 2 for single and double ones. Brackets are computed once for the
+    whole table. Raises ValueError as `analyse`, and for more than 14 actuators (16384 cases)
+    without `most_failed`.
     """
     if not isinstance(actuators, ActuatorSet):
         actuators = actuator_set(actuators, two_sided=True, names=names)
@@ -97,7 +97,7 @@ def failure_table(
             stopped_verdict = None
             if judgement.coasting:
                 later = judge_only(layout, still, sound, tolerance)
-                if np.any(actuators.rotors):  # of another body: that with the stopped ones locked
+                if np.any(actuators.rotors):  # the body then includes the locked rotors
                     later = judge_once_stopped(judgement, tolerance) or later
                 if rods is not None:
                     later = judge_with_rods(later, rods, left, tolerance)
@@ -117,12 +117,12 @@ def failure_table(
 
 
 def torques_kind(judgement: Judgement) -> str:
-    """The shape of the set of torques, of magnetorquers at an instant."""
+    """Return the shape of the torque set, for magnetorquers at an instant."""
     return judgement.cone.kind if judgement.orbit is None else rod_torques(judgement.orbit)
 
 
 def failure_records(cases: Sequence[FailureCase]) -> list[dict[str, str | int | float]]:
-    """One flat dictionary a case, keys `COLUMNS`: rows for a table, a terminal or a data set."""
+    """Return one flat dictionary per case, keys `COLUMNS`, for tables, terminals and data sets."""
     return [
         {
             "failed": " ".join(case.failed) or "none",
@@ -144,7 +144,7 @@ def failure_records(cases: Sequence[FailureCase]) -> list[dict[str, str | int | 
 
 
 def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[str, np.ndarray]:
-    """Plain arrays with the case as first axis, for storage.
+    """Return plain arrays with the case as first axis, for storage.
 
     `failed` (case, actuator) bool, `rank`, `dimension` and `directions` int, `controllable` and
     `borderline` bool, `margin` (dimensionless), `turn_time` (s), the others str.
@@ -168,13 +168,13 @@ def failure_arrays(cases: Sequence[FailureCase], names: Sequence[str]) -> dict[s
 
 
 def failure_csv(cases: Sequence[FailureCase]) -> str:
-    """The table as CSV text, full precision."""
+    """Return the table as CSV text, full precision."""
     rows = ([record[name] for name in COLUMNS] for record in failure_records(cases))
     return csv_text([COLUMNS, *rows])
 
 
 def failure_markdown(cases: Sequence[FailureCase]) -> str:
-    """The table as Markdown, margins and turn times to three digits."""
+    """Return the table as Markdown, margins and turn times to three digits."""
     lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
     for record in failure_records(cases):
         for column in ("margin", "turn_time_s"):

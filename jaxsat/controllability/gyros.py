@@ -1,9 +1,9 @@
-"""What single-gimbal control moment gyros can do, and what locked gimbals leave of it.
+"""Controllability by single-gimbal control moment gyros, also with locked gimbals.
 
 With the total momentum P in body axes, which turns with the body, and the momenta h_i(δ_i) of
-rotors with steady speed, J ω = P - Σ h_i. The state on the level set of the momentum is attitude
-and gimbal angles, and the gimbal rates are what is commanded. Where the torques -∂h_i/∂δ_i of
-those that turn have three directions, every torque can be made: a law of three torques flies.
+rotors with constant speed, J ω = P - Σ h_i. The state on the level set of the momentum is attitude
+and gimbal angles, and the commands are the gimbal rates. Where the torques -∂h_i/∂δ_i of the
+working gimbals have three directions, every torque can be made: a law of three torques flies.
 
 Fewer still reach every attitude, in principle. The brackets of drift and one gimbal rate turn the
 body about J⁻¹ ∂h/∂δ and, once more, about J⁻¹ h; the bracket of these two turns it about their
@@ -24,13 +24,13 @@ from jaxsat.controllability.torque_ranges import torque_reserve
 from jaxsat.core.text import number_text, vector_text
 
 INDEPENDENT = 1e-9
-"""The least singular value of unit columns that counts."""
+"""Threshold on singular values of unit columns, below which they are dependent."""
 
 TURNS = 2 * np.pi * np.array([0.0, 0.137, 0.371, 0.618])
-"""Angles (rad) tried for a set that is not singular, each gimbal at a multiple of them."""
+"""Angles (rad) tried in the search for a nonsingular set, each gimbal at a multiple of them."""
 
 WAYS = ("one gimbal", "two gimbals")
-"""Numbers of gimbals that lock besides those that are locked already."""
+"""Numbers of gimbals that lock in addition to those already locked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,45 +49,45 @@ class GyroCluster:
     turning: Bool[np.ndarray, " k"]
 
     def columns(self, angle: Float[np.ndarray, " k"]) -> Float[np.ndarray, "3 n"]:
-        """Torques (N m) of the gimbals that turn, for one rad/s, at these angles (rad)."""
+        """Return torques (N m) of the working gimbals per rad/s, at these angles (rad)."""
         across = np.cross(self.gimbal_axes, self.spin_axes, axis=0)
         change = np.cos(angle) * across - np.sin(angle) * self.spin_axes
         return (-change * self.momentum)[:, self.turning]
 
     @property
     def torques(self) -> int:
-        """How many independent torques there are at angles that are not singular."""
+        """Number of independent torques at angles that are not singular."""
         numbers = np.arange(1, len(self.angle) + 1)
         return max(_rank(self.columns(turn * numbers)) for turn in TURNS)
 
     @property
     def torques_now(self) -> int:
-        """How many independent torques there are at the angles now."""
+        """Number of independent torques at the current angles."""
         return _rank(self.columns(self.angle))
 
     @property
     def reserve(self) -> float:
-        """The torque (N m) that can be made about every axis at the angles now."""
+        """Torque (N m) that can be made about every axis at the current angles."""
         limit = self.rate_limit[self.turning]
         return torque_reserve(self.columns(self.angle), -limit, limit) if limit.size else 0.0
 
     def envelope(self, direction: Float[np.ndarray, "3"]) -> float:
-        """The most momentum (N m s) along a unit direction that gimbals which turn can gather.
+        """Return the largest momentum (N m s) of the working gimbals along a unit direction.
 
-        Each puts its rotor as near to it as it comes: Σ H √(1 - (g·u)²).
+        Each turns its rotor as near to the direction as possible: Σ H √(1 - (g·u)²).
         """
         along = direction @ self.gimbal_axes[:, self.turning]
         return float(np.sum(self.momentum[self.turning] * np.sqrt(np.maximum(1 - along**2, 0))))
 
     def locked(self, places: Sequence[int]) -> "GyroCluster":
-        """The cluster with these gimbals locked at their angles."""
+        """Return the cluster with these gimbals locked at their angles."""
         turning = self.turning & ~np.isin(np.arange(len(self.turning)), places)
         return GyroCluster(
             self.gimbal_axes, self.spin_axes, self.momentum, self.rate_limit, self.angle, turning
         )
 
     def verdict(self) -> str:
-        """What the gimbals that turn can do, in a sentence."""
+        """Return the verdict on the working gimbals as one sentence."""
         count = f"{int(self.turning.sum())} of {len(self.turning)} gimbals"
         if self.torques == 3 and self.torques_now == 3:
             return (
@@ -109,7 +109,7 @@ class GyroCluster:
         )
 
     def lines(self) -> list[str]:
-        """The momentum that the gyros can store, and what one or two more locked gimbals leave."""
+        """Return lines on the storable momentum, and on one or two more locked gimbals."""
         momentum = vector_text([self.envelope(axis) for axis in np.eye(3)])
         lines = [
             f"Control moment gyros (not in the table): they store at most {momentum} N m s along "
@@ -131,7 +131,7 @@ class GyroCluster:
 
 
 def _rank(columns: Float[np.ndarray, "3 n"]) -> int:
-    """The rank of the columns, each taken at unit length."""
+    """Return the rank of the columns scaled to unit length."""
     sizes = np.linalg.norm(columns, axis=0)
     axes = columns[:, sizes > 0] / sizes[sizes > 0]
     return int(np.sum(np.linalg.svd(axes, compute_uv=False) > INDEPENDENT)) if axes.size else 0

@@ -1,4 +1,4 @@
-"""What is left with real actuators: is it enough, and can a law of jaxsat fly it?"""
+"""Verdicts on the controllability with a set of actuators, and the laws that can fly it."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -21,12 +21,12 @@ CONTROLLABLE = ("controllable", "by drift")
 
 @dataclass(frozen=True)
 class OrbitRank:
-    """What magnetorquers reach over an orbit together with wheels, about rest in the orbit frame.
+    """Directions that magnetorquers and wheels reach over an orbit, about rest in the orbit frame.
 
     `rods` is the number of independent axes of magnetorquers, `wheels` that of wheels. `rank` of
-    `dimension`: directions of attitude, rate and wheel momentum that are reached. `margin` is the
-    least over the largest singular value of a factor of the Gramian, the least and the largest as
-    the Earth turns. Without `rest` the orbit frame is no equilibrium, and the rank is not known.
+    `dimension`: reached directions of attitude, rate and wheel momentum. `margin` is the ratio of
+    the least to the largest singular value of a factor of the Gramian, its minimum and maximum as
+    the Earth turns. Without `rest` the orbit frame is no equilibrium, and the rank is unknown.
     """
 
     rods: int
@@ -39,29 +39,30 @@ class OrbitRank:
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """What a set of actuators can do with the attitude and the rate, without disturbance.
+    """Verdict on a set of actuators for attitude and rate, without disturbance.
 
     `verdict`:
 
     - "controllable": every attitude and rate of the level set, by the laws named in `laws`;
-    - "by drift": rank 6 and a drift that returns are enough in principle, no law of jaxsat uses it;
-      or magnetorquers along one axis are;
-    - "some attitudes": two wheels with momentum left, which hold only attitudes n·CH = n·β;
-    - "not decided": thrusters that make less than three torques, beside a wheel that coasts; or
+    - "by drift": rank 6 and a recurrent drift suffice in principle, no law of jaxsat uses it;
+      or magnetorquers along one axis suffice;
+    - "some attitudes": two wheels with remaining momentum, which hold only attitudes n·CH = n·β;
+    - "not decided": thrusters with less than three torques, beside a coasting wheel; or
       magnetorquers where rest in the orbit frame is no equilibrium;
-    - "borderline": the data or their rounding decide, or the field hardly turns at times of a day;
+    - "borderline": the data or their round-off decide, or the field hardly turns at times of a day;
     - "uncontrollable".
 
-    Wheels that have failed coast, with the momentum `actuators.coasting` (β). `inertia` is without
-    the rotors of all wheels, as torques turn it.
+    Failed wheels coast, with the momentum `actuators.coasting` (β). `inertia` is without the rotors
+    of all wheels, as a torque turns it.
 
     `rank` of `dimension`: directions that brackets reach at rest, of all that the conserved
     momentum leaves. `laws`: the kind of law that can be flown, a key of `LEFT`. `cone` is that of
     thrusters and wheels together. `barrier` is the unit vector m with m·H ≥ 0 for ever after
     (`momentum_barrier`), `decision` the rank of the columns as torques of both signs, `level_set`
-    what the wheels do alone; None where these do not decide. `margin` and `turn_time` as in
-    `Analysis`, of the torques that laws use; NaN turn time where wheels decide. Where magnetorquers
-    decide, `orbit` is what they reach and `without_rods` the judgement of the others; else None.
+    the authority of the wheels alone; None where these do not decide. `margin` and `turn_time` as
+    in `Analysis`, of the torques that laws use; NaN turn time where wheels decide. Where
+    magnetorquers decide, `orbit` is their rank and `without_rods` the judgement of the others; else
+    None.
     """
 
     inertia: Float[np.ndarray, "3 3"]
@@ -86,12 +87,12 @@ class Judgement:
 
     @property
     def borderline(self) -> bool:
-        """Whether the data or their rounding decide."""
+        """Whether the data or their round-off decide."""
         return self.verdict == "borderline"
 
     @property
     def coasting(self) -> float:
-        """Momentum of the wheels that coast, N m s."""
+        """Momentum of the coasting wheels, N m s."""
         return float(np.linalg.norm(self.actuators.coasting))
 
     @property

@@ -1,4 +1,4 @@
-"""How what is left is judged: by torques, by wheels on their level set, by both."""
+"""Judging a set of actuators: by torques, by wheels on their level set, by both."""
 
 import dataclasses
 
@@ -27,9 +27,10 @@ from jaxsat.controllability.wheels import MomentumLevelSet, momentum_level_set, 
 
 
 def actuator_layout(inertia: Numbers, actuators: ActuatorSet) -> TorqueLayout:
-    """The brackets of all thrusters and wheels, for `judge_only`; `inertia` with wheels locked.
+    """Return the brackets of all thrusters and wheels, for `judge_only`; `inertia` with wheels
+    locked.
 
-    Rotors that turn or coast are no part of the inertia that a torque turns.
+    Turning or coasting rotors are no part of the inertia that a torque turns.
     """
     if np.any(actuators.free_rotors):
         inertia = inertia_matrix(inertia)[0] - actuators.free_rotors
@@ -39,7 +40,8 @@ def actuator_layout(inertia: Numbers, actuators: ActuatorSet) -> TorqueLayout:
 def judge(
     inertia: Numbers, actuators: ActuatorSet, *, tolerance: float | int = TOLERANCE
 ) -> Judgement:
-    """Judge what these actuators can do; `inertia` (3,) or (3, 3) in kg m², wheels locked.
+    """Judge the controllability with these actuators; `inertia` (3,) or (3, 3), kg m², wheels
+    locked.
 
     `tolerance` as in `analyse`. Raises ValueError as `make_layout` does.
     """
@@ -50,7 +52,7 @@ def judge(
 def judge_once_stopped(
     judgement: Judgement, tolerance: float | int = TOLERANCE
 ) -> Judgement | None:
-    """The judgement once friction has stopped the wheels that coast; None where none does."""
+    """Return the judgement after friction has stopped the coasting wheels; None without any."""
     if not judgement.coasting:
         return None
     actuators = judgement.actuators
@@ -63,7 +65,7 @@ def judge_only(
 ) -> Judgement:
     """Judge a subset, by ascending places in `actuators.names`, with the brackets of all.
 
-    The wheels that are not among them coast.
+    The other wheels coast.
     """
     judgement = _judge_set(layout, actuators, actuators.only(places), places, tolerance)
     thrusters = bool(np.any(judgement.actuators.torques))
@@ -73,11 +75,12 @@ def judge_only(
 
 
 def _beside_coasting_wheels(stopped: Judgement) -> Judgement:
-    """The judgement of less than three torques beside coasting wheels, from that of `stopped` ones.
+    """Return the judgement of less than three torques beside coasting wheels, from that of
+    `stopped`.
 
     A coasting wheel adds a gyroscopic torque that is linear in ω. Double brackets at rest do not
-    see it, so the rank is no less than without. It does no work and has no divergence, so the drift
-    returns as before: torques of both signs of rank 6 control. No law knows it.
+    contain it, so the rank is no less than without. It does no work and has no divergence, so the
+    drift returns as before: torques of both signs of rank 6 control. No law models it.
     """
     verdict: Verdict = "not decided"
     both_signs = stopped.decision is not None and not stopped.one_signed
@@ -95,7 +98,7 @@ def _judge_set(
     places: tuple[int, ...],
     tolerance: float | int,
 ) -> Judgement:
-    """Judge the `healthy` of all actuators, the gyroscopic torque on thrusters not counted."""
+    """Judge the `healthy` of all actuators, without the gyroscopic torque on thrusters."""
     thrusters = len(healthy.thrusters)
     jets = torque_cone(healthy.torques, healthy.two_sided, tolerance)
     wheels = momentum_level_set(layout.inertia, healthy, tolerance)
@@ -114,7 +117,7 @@ def _judge_set(
         rank, dimension = wheels.rank, wheels.dimension
     else:  # thrusters take momentum up in any inertial direction, wheels having turned the body
         verdict, rank, dimension = "controllable", 6, 6
-        # Without these, laws are flown by the wheels alone, as in `_wheels_alone`.
+        # Otherwise laws use the wheels alone, as in `_wheels_alone`.
         laws = _wheels_alone(wheels, healthy.target_turns)[1]
         laws = "three torques" if cone.two_sided == 3 else laws
     if wheels.borderline or cone.borderline:
@@ -134,7 +137,7 @@ def _judge_set(
 
 
 def _wheels_alone(wheels: MomentumLevelSet, target_turns: bool) -> tuple[Verdict, Laws]:
-    """The verdict on wheels; those with momentum hold no attitude that turns for long."""
+    """Return the verdict on wheels; those with momentum hold no turning attitude for long."""
     if wheels.axes == 3:
         return "controllable", "three torques"
     if wheels.axes == 2 and wheels.rests:
@@ -232,7 +235,7 @@ def _by_torques(
 def _in_plane(
     columns: Float[np.ndarray, "3 m"], places: tuple[int, ...], cone: TorqueCone, tolerance: float
 ) -> tuple[int, ...]:
-    """The places of the actuators whose torques lie in the plane of the torques of both signs."""
+    """Return the places of actuators with torques in the plane of the torques of both signs."""
     assert cone.normal is not None
     beside = np.abs(cone.normal @ columns) <= tolerance * np.linalg.norm(columns, axis=0)
     return tuple(i for i, inside in zip(places, beside, strict=True) if inside)
@@ -246,7 +249,7 @@ def _turn_time(
     cone: TorqueCone,
     laws: Laws,
 ) -> float:
-    """Turn time (s) at 1 N m a thruster, or about each axis of a basis of those of both signs."""
+    """Return the turn time (s) at 1 N m a thruster, or about each axis of torques of both signs."""
     if np.all(two_sided):
         return decided_turn_time(decision, inertia, columns)
     return turn_time(inertia, cone.both_signs) if laws != "none" else np.inf

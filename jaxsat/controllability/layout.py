@@ -15,16 +15,16 @@ from jaxsat.controllability.closure import generator_names
 Numbers = ArrayLike | Sequence
 
 TOLERANCE = 5e-6
-"""A deciding singular value below this makes a verdict borderline; see `analyse`."""
+"""Threshold of the deciding singular value, below which a verdict is borderline; see `analyse`."""
 
-# Roundings between the numbers meant and the numbers stored (a cosine, two rotations of J, a
-# division by the length: about ten units) times the largest slope of a generating vector with
-# respect to its entries (about ten), in units of eps · cond(J).
+# Round-off between intended and stored numbers (a cosine, two rotations of J, a division by the
+# length: about ten units) times the largest slope of a generating vector with respect to its
+# entries (about ten), in units of eps · cond(J).
 ROUNDING_UNITS = 128.0
 
 
 def finite(name: str, values: Numbers) -> tuple[Float[np.ndarray, "..."], float]:
-    """An argument in doubles, and the rounding of the precision it came in.
+    """Return an argument in doubles, and the relative round-off of its original precision.
 
     Raises TypeError or ValueError unless it holds finite real numbers.
     """
@@ -40,10 +40,10 @@ def finite(name: str, values: Numbers) -> tuple[Float[np.ndarray, "..."], float]
 
 
 def inertia_matrix(inertia: Numbers) -> tuple[Float[np.ndarray, "3 3"], float]:
-    """The (3, 3) inertia of principal moments (3,) or of a matrix, and its relative rounding.
+    """Return the (3, 3) inertia of principal moments (3,) or a matrix, and its relative round-off.
 
-    Raises ValueError unless it is finite, symmetric (to 1e-6 of its largest entry) and positive
-    definite. Moments that no body has (one larger than the sum of the others) are let through.
+    Raises ValueError unless the inertia is finite, symmetric (to 1e-6 of its largest entry) and
+    positive definite. Moments of no real body (one larger than the sum of the others) are allowed.
     """
     array, eps = finite("inertia", inertia)
     if array.shape == (3,):
@@ -58,13 +58,13 @@ def inertia_matrix(inertia: Numbers) -> tuple[Float[np.ndarray, "3 3"], float]:
         raise ValueError(f"Argument `inertia` must be symmetric, but got {array.tolist()}")
     if not exact.is_positive_definite(exact.symmetric_matrix(array)):
         raise ValueError(f"Argument `inertia` must be positive definite, but got {array.tolist()}")
-    # Products that disagree are not known better than that.
+    # Unequal products are known no better than their difference.
     return array, max(eps, asymmetry / largest)
 
 
 @dataclass(frozen=True, eq=False)
 class TorqueLayout:
-    """Inertia and thrusters, checked once, with everything that any subset of them shares.
+    """Inertia and thrusters, checked once, with everything that all subsets of them share.
 
     `members[k]` names the thrusters that column k of the generating vectors needs; `alias[i]` is
     the first thruster on the same line as thruster i (−1 if its axis is zero).
@@ -82,7 +82,7 @@ class TorqueLayout:
     rounding: float
 
     def columns(self, thrusters: tuple[int, ...]) -> list[int]:
-        """Columns of the generating vectors that a subset of the thrusters can produce."""
+        """Return columns of the generating vectors that a subset of the thrusters can produce."""
         first = {}
         for i in thrusters:
             if self.alias[i] >= 0:
@@ -94,7 +94,7 @@ class TorqueLayout:
 def _generating_vectors(
     inertia: exact.Matrix, axes: tuple[exact.Vector, ...]
 ) -> tuple[list[Float[np.ndarray, "3"]], list[frozenset[int]]]:
-    """The list of `closure.generating_vectors` from exact integers, and who takes part."""
+    """Return the list of `closure.generating_vectors` from exact integers, and its thrusters."""
     adjoint = exact.adjugate(inertia)
     count = len(axes)
     live = [any(axis) for axis in axes]

@@ -33,7 +33,7 @@ VectorField = Callable[[State], State]
 
 
 def pack(attitude: Matrix, omega: Vector, time: float | int | Array | None = None) -> State:
-    """Flat state of 12 entries, or 13 with the time (s) as a state; rates in rad/s."""
+    """Return a flat state of 12 entries, or 13 with the time (s) as a state; rates in rad/s."""
     parts = [attitude.reshape(9), omega]
     if time is not None:
         parts.append(jnp.reshape(jnp.asarray(time, omega.dtype), (1,)))
@@ -41,7 +41,7 @@ def pack(attitude: Matrix, omega: Vector, time: float | int | Array | None = Non
 
 
 def to_tangent(state: State, velocity: State) -> Float[Array, " d"]:
-    """Tangent coordinates (a, ω̇[, ṫ]) of a velocity at a state, with Ṙ = −skew(a) R."""
+    """Return tangent coordinates (a, ω̇[, ṫ]) of a velocity at a state, with Ṙ = −skew(a) R."""
     attitude, rate = state[:9].reshape(3, 3), velocity[:9].reshape(3, 3)
     turn = -rate @ attitude.T
     a = 0.5 * jnp.stack([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
@@ -52,8 +52,8 @@ class DriftField(eqx.Module):
     """The drift of (14)-(15): attitude rate ω_r and J⁻¹(−ω × Jω + T_d).
 
     `disturbance` is a torque in N m or a function of the time in s; a function needs the state with
-    time, whose own rate is then 1. `orbit` chooses (11) exactly, ω_r = ω − R ω_e with
-    ω_e = (0, −ω0, 0), or with R ≈ I as the paper has it.
+    time, whose own rate is then 1. `orbit` selects (11) exactly, ω_r = ω − R ω_e with
+    ω_e = (0, −ω0, 0), or with R ≈ I as in the paper.
     """
 
     inertia: Matrix
@@ -77,7 +77,7 @@ class DriftField(eqx.Module):
         self.orbit = orbit
 
     def __call__(self, state: State) -> State:
-        """Velocity of the flat state."""
+        """Return the velocity of the flat state."""
         attitude, omega, time = state[:9].reshape(3, 3), state[9:12], state[12:]
         if callable(self.disturbance):
             if time.shape != (1,):
@@ -103,7 +103,7 @@ class ControlField(eqx.Module):
     acceleration: Vector
 
     def __call__(self, state: State) -> State:
-        """Velocity of the flat state (constant)."""
+        """Return the velocity of the flat state (constant)."""
         head, tail = jnp.zeros(9, state.dtype), jnp.zeros_like(state[12:])
         return jnp.concatenate([head, self.acceleration, tail])
 
@@ -115,19 +115,19 @@ class LieBracket(eqx.Module):
     second: VectorField
 
     def __call__(self, state: State) -> State:
-        """Value of the bracket at a flat state."""
+        """Return the bracket at a flat state."""
         _, along_first = jax.jvp(self.second, (state,), (self.first(state),))
         _, along_second = jax.jvp(self.first, (state,), (self.second(state),))
         return along_first - along_second
 
 
 def lie_bracket(first: VectorField, second: VectorField) -> LieBracket:
-    """The bracket [first, second] = D second · first − D first · second as a vector field."""
+    """Return the field [first, second] = D second · first − D first · second."""
     return LieBracket(first, second)
 
 
 def control_fields(inertia: Matrix, torque_axes: Float[Array, "3 m"]) -> tuple[ControlField, ...]:
-    """One control field a torque axis."""
+    """Return one control field per torque axis."""
     accelerations = jnp.linalg.solve(inertia, torque_axes)
     return tuple(ControlField(accelerations[:, i]) for i in range(torque_axes.shape[1]))
 
@@ -135,7 +135,7 @@ def control_fields(inertia: Matrix, torque_axes: Float[Array, "3 m"]) -> tuple[C
 def bracket_words(
     drift: VectorField, controls: Sequence[VectorField], depth: int
 ) -> dict[str, VectorField]:
-    """Right-nested brackets [x, [y, …, g]] with at most `depth` letters, by name.
+    """Return right-nested brackets [x, [y, …, g]] with at most `depth` letters, by name.
 
     They span the part of the Lie algebra of that depth; the drift itself is left out, and so are
     brackets of two control fields alone, which vanish.
@@ -155,17 +155,17 @@ def bracket_words(
 
 
 def tangent_matrix(fields: Sequence[VectorField], state: State) -> Float[Array, "d k"]:
-    """Values of vector fields at a state, one column each, in tangent coordinates."""
+    """Return vector fields at a state, one column each, in tangent coordinates."""
     return jnp.stack([to_tangent(state, field(state)) for field in fields], axis=1)
 
 
 DEPTH = 7
-_LEVEL = 1e-8  # singular values below this, of normalised columns, count as zero
+_LEVEL = 1e-8  # threshold on singular values of normalised columns
 
 
 @latest(4)
 def _monomials(degree: int):
-    """Exponents up to a degree, derivative matrices, multiplication by small monomials."""
+    """Return exponents up to a degree, derivative matrices, multiplication by small monomials."""
     powers = [p for p in itertools.product(range(degree + 1), repeat=3) if sum(p) <= degree]
     powers.sort(key=lambda p: (sum(p), p))
     index = {p: k for k, p in enumerate(powers)}
@@ -192,7 +192,7 @@ def _drift(
     disturbance: Float[np.ndarray, "3"],
     degree: int,
 ) -> Float[np.ndarray, "6 k"]:
-    """Taylor coefficients about `omega` of the drift: rate ω and J⁻¹(−ω × Jω + T_d)."""
+    """Return Taylor coefficients about `omega` of the drift: rate ω and J⁻¹(−ω × Jω + T_d)."""
     index, _, times = _monomials(degree)
     inverse = np.linalg.inv(inertia)
 
@@ -214,7 +214,7 @@ def _drift(
 
 
 def _ad_drift(drift: Float[np.ndarray, "6 k"], degree: int) -> Float[np.ndarray, "n n"]:
-    """Matrix of Y ↦ [f, Y] = DY·f − Df·Y + (f_a × Y_a) on stacked coefficients."""
+    """Return the matrix of Y ↦ [f, Y] = DY·f − Df·Y + (f_a × Y_a) on stacked coefficients."""
     _, derivative, times = _monomials(degree)
     size = times.shape[1]
     small = times.shape[0]
@@ -235,7 +235,7 @@ def _ad_drift(drift: Float[np.ndarray, "6 k"], degree: int) -> Float[np.ndarray,
 
 
 def _span(columns: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "n r"]:
-    """Orthonormal basis of the numerical span of the columns, normalised unless mere rounding."""
+    """Return an orthonormal basis of the numerical span of columns, normalised above round-off."""
     lengths = np.linalg.norm(columns, axis=0)
     long = lengths > _LEVEL * np.max(lengths, initial=0.0)
     unit_columns = columns[:, long] / lengths[long]
@@ -254,7 +254,7 @@ def rank_at_state(
     count_drift: bool = False,
     depth: int = DEPTH,
 ) -> int:
-    """Rank, at body rate `omega` (rad/s) under a torque (N m), of brackets of at most `depth`.
+    """Compute the rank at rate `omega` (rad/s) under a torque (N m), of brackets up to `depth`.
 
     `accelerations` are the columns J⁻¹g (rad/s²). The orbit rate does not enter: with the exact
     orbit term it commutes with all body-fixed fields. The drift itself counts only with

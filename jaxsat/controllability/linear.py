@@ -1,4 +1,4 @@
-"""Linear controllability about the equilibrium in the orbit frame, and how long it takes.
+"""Linear controllability about the equilibrium in the orbit frame, and its time scales.
 
 State (δθ, δω): small rotation from the orbit frame (rad, body axes) and rate error (rad/s), with
 the exact orbit term in (11). At ω0 = 0 each thruster moves its own axis only; the orbit rate
@@ -26,7 +26,7 @@ def _skew(x: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
 def lvlh_linearisation(
     inertia: Numbers, torque_axes: Numbers, orbit_rate: float | int
 ) -> tuple[Float[np.ndarray, "6 6"], Float[np.ndarray, "6 m"]]:
-    """A and B of d(δθ, δω)/dt = A (δθ, δω) + B u about R = I, ω = (0, −ω0, 0).
+    """Return A and B of d(δθ, δω)/dt = A (δθ, δω) + B u about R = I, ω = (0, −ω0, 0).
 
     `inertia` (3,) or (3, 3) in kg m², `torque_axes` (3, m) in N m per unit command, `orbit_rate` in
     rad/s. With ω_r = ω − Rω_e and R ≈ I − skew(δθ): δθ̇ = δω + skew(δθ)ω_e = δω − ω_e × δθ, and
@@ -58,7 +58,7 @@ class LinearControllability:
 
     `margin` is the least singular value of [A − λI, B] over the eigenvalues λ (Popov-Belevitch-
     Hautus), in units of time 1/ω0 with unit columns of J B/|J|: zero if not controllable.
-    `borderline`: the value that decided lies between rounding and `tolerance`.
+    `borderline`: the deciding value is between round-off and `tolerance`.
     """
 
     rank: int
@@ -76,9 +76,9 @@ def linear_controllability(
     *,
     tolerance: float | int = TOLERANCE,
 ) -> LinearControllability:
-    """Linear controllability about the orbit frame: thrusters on x and y give rank 6 for ω0 ≠ 0 and
-    J1 ≠ J2, rank 5 for J1 = J2, rank 4 for ω0 = 0.
+    """Analyse linear controllability about the orbit frame.
 
+    Thrusters on x and y have rank 6 for ω0 ≠ 0 and J1 ≠ J2, rank 5 for J1 = J2, rank 4 for ω0 = 0.
     `inertia` (3,) or (3, 3) in kg m², `torque_axes` (3, m), `orbit_rate` in rad/s. Sufficient for
     controllability close to the equilibrium, not necessary: the nonlinear rank can be 6 where this
     one is not. Raises ValueError as `lvlh_linearisation`.
@@ -110,16 +110,16 @@ def linear_controllability(
 def reachable_rank(
     a: Float[np.ndarray, "n n"], b: Float[np.ndarray, "n m"], noise: float
 ) -> tuple[int, float]:
-    """Dimension of the space that x' = A x + B u can be steered in, and the shortest of the new
-    directions that were counted.
+    """Return the dimension of the controllable subspace of x' = A x + B u, and the length of the
+    shortest new direction in it.
 
-    An orthonormal basis is grown by A; a new direction counts if it is longer than `noise`. Sounder
-    than the rank of [B AB A²B ...], whose columns differ by many powers of ten.
+    An orthonormal basis is grown by A; a new direction counts if it is longer than `noise`. More
+    robust than the rank of [B AB A²B ...], whose columns differ by many powers of ten.
     """
     basis, shortest = np.zeros((a.shape[0], 0)), np.inf
     front = b
     while front.size and basis.shape[1] < a.shape[0]:
-        for _ in range(2):  # twice is enough for orthogonality to rounding
+        for _ in range(2):  # twice suffices for orthogonality to round-off
             front = front - basis @ (basis.T @ front)
         directions, lengths, _ = np.linalg.svd(front, full_matrices=False)
         independent = lengths > noise
@@ -131,12 +131,12 @@ def reachable_rank(
 
 
 def _exponentials(matrices: Float[np.ndarray, "k n n"]) -> Float[np.ndarray, "k n n"]:
-    """Exponentials of small matrices, all at once: Taylor's polynomial, scaled and squared."""
+    """Return exponentials of small matrices at once: Taylor's polynomial, scaled and squared."""
     largest = np.max(np.sum(np.abs(matrices), axis=1), initial=0.5)
     squarings = int(np.ceil(np.log2(largest / 0.5)))
     scaled_matrices, one = matrices / 2.0**squarings, np.eye(matrices.shape[1])
     power = one + scaled_matrices / 16.0
-    for order in range(15, 0, -1):  # what is left out is below 0.5^17 / 17! = 2e-20
+    for order in range(15, 0, -1):  # the remainder is below 0.5^17 / 17! = 2e-20
         power = one + scaled_matrices @ power / order
     for _ in range(squarings):
         power = power @ power
@@ -150,12 +150,12 @@ def gramian_time_scales(
     rms_command: float | int = 1.0,
     longest: float | int = 1e6,
 ) -> Float[np.ndarray, "6"]:
-    """Time (s) in which each single error can be removed with this root-mean-square command.
+    """Compute the time (s) to remove each single error with this root-mean-square command.
 
     `errors`: angles (rad) and rates (rad/s) about body x, y, z, removed one at a time by the
     least-energy command, all six states zero at the end; `rms_command` in the units of the torque
     axes (N m for unit axes). The times come from a grid with steps of 10 %; NaN where more than
-    `longest` seconds are needed or the error cannot be removed at all. Pitch answers in seconds;
+    `longest` seconds are needed or the error cannot be removed at all. Pitch responds in seconds;
     roll and yaw, which only the orbit rate couples, take minutes.
     """
     times = np.full(6, np.nan)

@@ -1,9 +1,9 @@
 """Small-time local controllability at rest (Sussmann's condition), apart from accessibility.
 
-Accessibility (rank 6) says that the reachable set has an interior; small-time local controllability
-(STLC) says that the start is inside it after any short time. Sussmann (SIAM J. Control Optim. 25
-(1987) 158-194): STLC holds at an equilibrium with full rank if every bad bracket (f an odd, every
-control an even number of times) is spanned there by brackets of fewer letters.
+Accessibility (rank 6) means that the reachable set has an interior; small-time local
+controllability (STLC) means that the start is inside it after any short time. Sussmann (SIAM J.
+Control Optim. 25 (1987) 158-194): STLC holds at an equilibrium with full rank if every bad bracket
+(f an odd, every control an even number of times) is spanned there by brackets of fewer letters.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from jaxsat.controllability.layout import TOLERANCE, Numbers, make_layout
 
 @dataclass(frozen=True, eq=False)
 class LocalControllability:
-    """STLC at rest: "proved", "disproved" or "not decided", and why.
+    """STLC at rest: "proved", "disproved" or "not decided", and the reason.
 
     `axes` are the torque directions (columns) of the proof, chosen such that their bad brackets
     ⟨w:w⟩ are neutralised; `bad` holds those brackets' components outside span{axes}, relative size
@@ -35,7 +35,7 @@ class LocalControllability:
 def _neutral_pair(
     inertia: Float[np.ndarray, "3 3"], plane: Float[np.ndarray, "3 2"]
 ) -> tuple[Float[np.ndarray, "3 2"], Float[np.ndarray, "2"]]:
-    """Two directions of the plane with n·⟨w:w⟩ = 0, and what rounding leaves of it.
+    """Return two directions of the plane with n·⟨w:w⟩ = 0, and the residual round-off.
 
     The form n·⟨w:w⟩ is indefinite or zero: of one sign it would push the free body through the
     plane one way only, against the conservation of volume and energy. Its null directions are real.
@@ -63,18 +63,18 @@ def _neutral_pair(
 def small_time_local_controllability(
     inertia: Numbers, torque_axes: Numbers, *, tolerance: float | int = TOLERANCE
 ) -> LocalControllability:
-    """Whether every nearby state can be reached from rest within any short time.
+    """Decide whether every nearby state can be reached from rest within any short time.
 
     `inertia` (3,) or (3, 3) in kg m²; `torque_axes` (3, m), each torque of both signs. Rest means
-    ω = 0 in inertial space with T_d = 0. At the equilibrium in the orbit frame the proofs carry
-    over, the disproofs do not: if the linear system there has rank 6, that proves STLC.
+    ω = 0 in inertial space with T_d = 0. At the equilibrium in the orbit frame the proofs remain
+    valid, the disproofs do not: rank 6 of the linear system there proves STLC.
 
     - Rank below 6: disproved (accessibility is necessary for analytic systems).
     - Three independent axes: proved; two: proved, by two directions w1, w2 of their plane whose bad
       brackets vanish modulo the plane, the good ⟨w1:w2⟩ giving the third direction.
     - One axis: disproved, ⟨v:v⟩ is outside span{ad_f^k v} (Sussmann, SIAM J. Control Optim. 21
       (1983) 686-713): rates in its direction start on one side only. Large-time controllability
-      through drift recurrence is untouched by that.
+      through drift recurrence is unaffected.
     - A borderline layout is not decided.
 
     Raises ValueError as `analyse` does.

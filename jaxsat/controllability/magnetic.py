@@ -1,10 +1,10 @@
-"""What magnetorquers add about rest in the orbit frame: slowly, and never along the field.
+"""Authority of magnetorquers about rest in the orbit frame, analysed over an orbit.
 
 A dipole m makes the torque m × B, so at one instant no magnetorquer turns the body about the
-Earth's field B. As B turns along the orbit the direction that is missing turns with it, and the
-linear system with the inputs a × B(t) can be controllable over an orbit where it is not at any
-instant (Bhat, IEEE Trans. Automatic Control 50, 2005, pages 1725-1735). It is judged by its
-Gramian, as brackets at one instant do not know how the field goes on.
+Earth's field B. As B turns along the orbit the missing direction turns with it, and the linear
+system with the inputs a × B(t) can be controllable over an orbit where it is not at any instant
+(Bhat, IEEE Trans. Automatic Control 50, 2005, pages 1725-1735). The Gramian decides, as brackets at
+one instant do not include the field's future.
 """
 
 from dataclasses import dataclass
@@ -18,20 +18,20 @@ from jaxsat.controllability.linear import lvlh_linearisation
 from jaxsat.spacecraft.environment.orbit import EARTH_ROTATION, AbstractMagneticField
 
 DAY = 2 * np.pi / EARTH_ROTATION  # s
-STEPS = 128  # an orbit
-HARDLY = 0.99  # of an error that is left after an orbit
+STEPS = 128  # per orbit
+HARDLY = 0.99  # largest fraction of an error left after an orbit
 DEGREE = np.pi / 180
 
 
 @dataclass(frozen=True, eq=False)
 class MagneticAuthority:
-    """What magnetorquers do at rest in the orbit frame, without thrusters and wheels.
+    """Authority of magnetorquers at rest in the orbit frame, without thrusters and wheels.
 
     - `field`: smallest and largest size of B within a day, T.
     - `torque`: the mean over a day of the largest torque about body x, y, z, N m.
     - `largest`: the largest torque about one of them at any instant, N m.
     - `effort`: to remove one degree about body x, y, z within one orbit, the root mean square of
-      the dipoles in parts of their limits; infinite where it cannot be removed.
+      the dipoles over their limits; infinite where it cannot be removed.
     """
 
     field: tuple[float, float]
@@ -46,7 +46,7 @@ def magnetic_authority(
     limits: Float[np.ndarray, " k"],
     field: AbstractMagneticField,
 ) -> MagneticAuthority:
-    """What magnetorquers along `axes` (body axes) with dipole `limits` (A m²) can do in a `field`.
+    """Analyse magnetorquers along `axes` (body axes) with dipole `limits` (A m²) in a `field`.
 
     `inertia` (3,) or (3, 3) in kg m². A singular value of the linear system below `TOLERANCE` times
     the largest is zero. Raises NoEquilibriumError (a ValueError) unless the body y axis is a
@@ -77,12 +77,12 @@ def _factor(
     torques: Float[np.ndarray, "instants k 3"],
     rate: float,
 ) -> Float[np.ndarray, "6 n"]:
-    """e^{-At} B(t) √(step) at each instant side by side: the Gramian is this by its transpose.
+    """Return e^{-At} B(t) √(step) at each instant side by side, a factor of the Gramian.
 
-    Time is in units of 1/ω0, angles are in rad, and the mean of the square of each input over an
-    orbit, in parts of its limit, is the sum of its squares over one orbit of unit length.
+    Time is in units of 1/ω0, angles are in rad, and the mean square of each input over its limit
+    in an orbit is the sum of its squares over one orbit of unit length.
     """
-    from scipy.linalg import expm  # takes its time
+    from scipy.linalg import expm  # slow
 
     units = np.array([1.0] * 3 + [1 / rate] * 3)
     scaled_state = units[:, None] * state / units / rate
@@ -97,7 +97,7 @@ def _factor(
 
 
 def _effort(factor: Float[np.ndarray, "6 n"]) -> Float[np.ndarray, "3"]:
-    """The least root mean square of the inputs that removes one degree about each axis."""
+    """Return the least root mean square of the inputs that removes one degree about each axis."""
     directions, values, _ = np.linalg.svd(factor, full_matrices=False)
     solid = values > TOLERANCE * values.max()
     efforts = np.full(3, np.inf)
@@ -109,9 +109,9 @@ def _effort(factor: Float[np.ndarray, "6 n"]) -> Float[np.ndarray, "3"]:
 
 
 def magnetic_words(authority: MagneticAuthority, thruster: float, wheels: bool) -> list[str]:
-    """Sentences on magnetorquers beside wheels and thrusters.
+    """Return sentences on magnetorquers beside wheels and thrusters.
 
-    A thruster makes up to `thruster` N m, zero where that is not known.
+    A thruster makes up to `thruster` N m, zero if unknown.
     """
     low, high = (f"{size * 1e6:.3g}" for size in authority.field)
     beside = f", {authority.largest / thruster:.2g} of a thruster's" if thruster else ""
@@ -129,7 +129,7 @@ def magnetic_words(authority: MagneticAuthority, thruster: float, wheels: bool) 
 
 
 def magnetic_law_words(motion: LinearMotion, weight: float, wheel_weight: float = 1.0) -> str:
-    """A sentence on what the gains of the law `magnetic` with these weights do to small errors."""
+    """Return a sentence on small errors under the law `magnetic` with gains of these weights."""
     gain = periodic_gain(motion, weight, wheel_weight)
     if gain is None:
         return "The law magnetic has no gains that hold all axes: no Riccati solution is periodic"

@@ -16,7 +16,7 @@ from jaxsat.core.once import latest
 
 
 def physical_inertias(steps: int) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 3"]]:
-    """A triangular grid over every shape of body: plane coordinates and principal moments.
+    """Return a triangular grid over every shape of body: plane coordinates and principal moments.
 
     The second moments of mass p ≥ 0, Σp = 1 fill a triangle; J_i = 1 − p_i (so ΣJ = 2) are then
     exactly the moments with each at most the sum of the other two. Corners are rods, edges flat
@@ -37,7 +37,7 @@ def margins_over_inertias(
     moments: Float[np.ndarray, "n 3"] | Float[Array, "n 3"],
     torque_axes: Float[np.ndarray, "3 m"] | Float[Array, "3 m"],
 ) -> Float[np.ndarray, " n"]:
-    """Controllability margin of each row of principal moments (any unit), fixed torque axes.
+    """Compute the margin of each row of principal moments (any unit), fixed torque axes.
 
     Compiled once for each number of axes; in the precision JAX is set to (64-bit for margins below
     1e-5).
@@ -63,7 +63,7 @@ def _kernel(function: Callable, structure: Any, kinds: tuple[tuple, ...]) -> Cal
 
 
 def direction(azimuth: RealScalar | float, elevation: RealScalar | float) -> Vector:
-    """Unit vector at azimuth (from body x towards y) and elevation (towards z), rad."""
+    """Return the unit vector at azimuth (from body x to y) and elevation (to z), rad."""
     return jnp.stack(
         [
             jnp.cos(elevation) * jnp.cos(azimuth),
@@ -76,7 +76,7 @@ def direction(azimuth: RealScalar | float, elevation: RealScalar | float) -> Vec
 def angle_grid(
     azimuths: int, elevations: int
 ) -> tuple[Float[np.ndarray, " a"], Float[np.ndarray, " e"]]:
-    """Azimuths in [−π, π] and elevations in [−π/2, π/2], both ends included."""
+    """Return azimuths in [−π, π] and elevations in [−π/2, π/2], both ends included."""
     return np.linspace(-np.pi, np.pi, azimuths), np.linspace(-np.pi / 2, np.pi / 2, elevations)
 
 
@@ -86,7 +86,7 @@ def margins_over_angles(
     elevations: Float[np.ndarray, " e"] | Float[Array, " e"],
     other_axes: Float[np.ndarray, "3 k"] | Float[Array, "3 k"] | None = None,
 ) -> Float[np.ndarray, "e a"]:
-    """Margin with one thruster turned to each azimuth and elevation (rad), the others fixed.
+    """Compute the margin with one thruster at each azimuth and elevation (rad), the others fixed.
 
     `inertia` (3, 3) in any unit; `other_axes` (3, k) or None for a single thruster.
     """
@@ -111,7 +111,7 @@ def _of_angles(
 def uncontrollable_single_directions(
     inertia: Float[np.ndarray, "3 3"], count: int = 361
 ) -> tuple[Float[np.ndarray, "_ 2"], ...]:
-    """Curves and points (azimuth, elevation, rad) where a single thruster is not controllable.
+    """Return curves and points (azimuth, elevation, rad) of uncontrollable single thrusters.
 
     With moments J1 > J2 > J3: the two separatrix planes, which the free body never leaves, seen as
     torques Jω (`separatrix_normals`; great circles, rank 5 along them), and both ends of the three

@@ -1,4 +1,4 @@
-"""What a torque costs in net force: couples turn the body alone, other thrusters push it along."""
+"""Net force of a torque: zero for couples, while other thrusters also push the body."""
 
 from dataclasses import dataclass
 
@@ -14,18 +14,18 @@ from jaxsat.controllability.cone import (
 )
 
 COUPLE = 1e-7
-"""A least net force below this times the forces that make the torque is rounding."""
+"""Tolerance on the least net force, relative to the forces that make the torque."""
 
-_WEIGHT = 1e5  # of the torque beside the force, in units of the shortest lever
+_WEIGHT = 1e5  # of torque over force, in units of the shortest lever
 
 
 @dataclass(frozen=True, eq=False)
 class NetForce:
-    """The least net force that goes with torques that thrusters can make.
+    """Least net force of attainable torques of thrusters.
 
     `directions` are unit torques: ± the body axes where all torques can be made, else ± a basis of
-    those of both signs and the thrusters' own. `ratios` are in N per N m, so also the linear
-    impulse (N s) for each N m s of angular impulse; a spacecraft of mass m gets it as ΔV times m.
+    those of both signs and the thrusters' own. `ratios` are in N per N m, equal to the linear
+    impulse (N s) per N m s of angular impulse; for a spacecraft of mass m it is ΔV times m.
     """
 
     directions: Float[np.ndarray, "3 q"]
@@ -38,10 +38,10 @@ class NetForce:
 
 
 def net_force(actuators: ActuatorSet, cone: TorqueCone) -> NetForce | None:
-    """The least net force of the thrusters' torques; None where forces are not known.
+    """Compute the least net force of the thrusters' torques; None where forces are unknown.
 
-    `cone` is that of the thrusters alone. For each direction, non-negative least squares finds the
-    thrusts of least net force.
+    `cone` is that of the thrusters alone. Non-negative least squares give the thrusts of least net
+    force for each direction.
     """
     if actuators.forces is None or not cone.rays.shape[1]:
         return None
@@ -62,7 +62,7 @@ def _least(
     forces: Float[np.ndarray, "3 k"],
     direction: Float[np.ndarray, "3"],
 ) -> float:
-    """Least |Σ λ f| for Σ λ τ = direction with λ ≥ 0; thrusters without torque may balance it."""
+    """Return the least |Σ λ f| for Σ λ τ = direction, λ ≥ 0, with torque-free thrusters too."""
     pushes = np.linalg.norm(forces, axis=0)
     turns = np.linalg.norm(torques, axis=0)
     size = np.where(turns > 0, turns, 1.0)
@@ -77,7 +77,7 @@ def _least(
 
 
 def net_force_words(force: NetForce | None) -> str | None:
-    """Couples, or the net force of a torque; None if the forces are unknown."""
+    """Return the net force of a torque, or couples, as text; None if the forces are unknown."""
     if force is None:
         return None
     if force.couples:

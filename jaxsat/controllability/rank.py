@@ -1,4 +1,4 @@
-"""The Lie algebra rank condition of a layout, with everything that belongs beside the rank."""
+"""The Lie algebra rank condition of a layout, with margin, turn time and ranks at other states."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,23 +26,24 @@ from jaxsat.controllability.local import LocalControllability, small_time_local_
 from jaxsat.controllability.wording import rank_verdict
 from jaxsat.core.once import once_property
 
-# Directions in no special position, for "moving" and "disturbed" states.
+# Generic directions, for "moving" and "disturbed" states.
 _MOVING = np.array([0.6180, -0.5291, 0.8437])
 _DISTURBED = np.array([0.7071, 0.4142, -0.5773])
 
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """What `analyse` found.
+    """Result of `analyse`.
 
     - `rank`: 0, 2, 5 or 6, the smallest over all states, drift not counted.
     - `controllable`: rank 6.
-    - `borderline`: the smallest singular value that is not exactly zero lies below `tolerance`, so
-      rounding or the last digits of the data decide; `rank` then counts values above `rounding`.
+    - `borderline`: the smallest singular value that is not exactly zero is below `tolerance`, so
+      round-off or the last digits of the data decide; `rank` then counts values above `rounding`.
     - `margin`: smallest singular value of the normalised generating vectors (0 to about 1), zero
-      if and only if the numbers as given are not controllable. A matter of directions: it says how
-      far the decision can be trusted, not how quickly the spacecraft turns.
-    - `turn_time`: that, in s for thrusters of 1 N m, infinite if not controllable; see `turn_time`.
+      if and only if the numbers as given are not controllable. It depends on directions alone: it
+      measures the trust in the decision, not how quickly the spacecraft turns.
+    - `turn_time`: time in s to turn by one radian about the hardest axis with thrusters of 1 N m,
+      infinite if not controllable; see `turn_time`.
     - `verdict`: one sentence.
     - `singular_values`: all three, largest first; exact zeros are zeros.
     - `exact_rank`: the rank of the numbers exactly as given, whatever the margin.
@@ -52,7 +53,7 @@ class Analysis:
     - `closed_form`: (25) for two thrusters, (35) for one, else None.
     - `physical`: no principal moment exceeds the sum of the other two.
     - `away_from_rest`, `local`, `linear`: ranks at other states, small-time local controllability
-      at rest, linear controllability in the orbit frame; computed when first asked for.
+      at rest, linear controllability in the orbit frame; computed at first use.
     """
 
     rank: int
@@ -78,7 +79,7 @@ class Analysis:
 
     @once_property
     def away_from_rest(self) -> dict[str, int]:
-        """How the rank rises with motion and with T_d; see `ranks_away_from_rest`."""
+        """Rank with motion and with T_d; see `ranks_away_from_rest`."""
         return ranks_away_from_rest(self.inertia, self.reached, self.disturbance)
 
     @once_property
@@ -104,11 +105,11 @@ def ranks_away_from_rest(
     reached: Float[np.ndarray, "3 d"],
     disturbance: Float[np.ndarray, "3"] | None = None,
 ) -> dict[str, int]:
-    """How the rank rises with motion and with T_d, as a lower bound from brackets to depth 7.
+    """Compute the rank with motion and with T_d, a lower bound from brackets to depth 7.
 
-    `inertia` in kg m²; `reached` spans J S (body torques); `disturbance` in N m, only its direction
-    matters (default: a direction in no special position). "at rest" has T_d = 0; a moving state is
-    one in no special position; "drift counted" adds f itself to the span.
+    `inertia` in kg m²; `reached` spans J S (body torques); `disturbance` in N m, of which only the
+    direction matters (default: a generic one). "at rest" has T_d = 0; a moving state is a generic
+    one; "drift counted" adds f itself to the span.
     """
     if reached.shape[1] == 3:
         moving = (6, 6, 6, 6, 6)
@@ -169,9 +170,9 @@ def analyse(
 
     `tolerance`: a deciding singular value below it makes the verdict borderline. Singular values
     change no faster than the relative error of the data (times about ten), so the default 5e-6
-    covers what six printed digits (5e-7) or single-precision storage leave open, and so axes that
-    are 1e-4 degrees apart; it lies far above what rounded inputs can do (128 eps cond(J)), which
-    replaces it when larger. Inertia known to a
+    covers the uncertainty of six printed digits (5e-7) or single-precision storage, and so axes
+    that are 1e-4 degrees apart; it is far above the effect of rounded inputs (128 eps cond(J)),
+    which replaces it when larger. Inertia known to a
     percent calls for 1e-2. A small value need not mean that an uncontrollable layout is near: close
     to two equal moments the margin of one thruster falls with a high power of the distance.
 

@@ -1,10 +1,10 @@
-"""What magnetorquers add to the wheels that are left, judged over an orbit.
+"""Controllability over an orbit by magnetorquers together with the remaining wheels.
 
-At an instant rods make two torques, across the Earth's field, and wheels those about their axes. As
-the field turns along the orbit, the linear motion of attitude, rate and wheel momentum about rest
-in the orbit frame can be controllable although at no instant it is. Its Gramian over an orbit
-decides (Bhat, IEEE Trans. Automatic Control 50, 2005, pages 1725-1735), by the motion of which the
-law `magnetic` has its gains (`jaxsat.control.periodic_gain`). Thrusters are not counted.
+At an instant magnetorquers make two torques, across the Earth's field, and wheels those about their
+axes. As the field turns along the orbit, the linear motion of attitude, rate and wheel momentum
+about rest in the orbit frame can be controllable although at no instant it is. Its Gramian over an
+orbit decides (Bhat, IEEE Trans. Automatic Control 50, 2005, pages 1725-1735), for the motion from
+which the law `magnetic` has its gains (`jaxsat.control.periodic_gain`). Thrusters are left out.
 """
 
 import dataclasses
@@ -21,13 +21,13 @@ from jaxsat.core.once import once_property
 from jaxsat.spacecraft.environment.orbit import AbstractMagneticField
 
 STEPS = 128
-"""Instants of an orbit."""
+"""Number of instants of an orbit."""
 
 LEAST_MARGIN = 2e-3
-"""A margin below which the field hardly turns."""
+"""Threshold on the margin, below which the field hardly turns."""
 
 SAME_AXIS = 1e-6
-"""Sine of an angle that counts as none."""
+"""Tolerance on the sine of the angle between two equal axes."""
 
 NORMAL = np.array([0.0, -1.0, 0.0])
 """The orbit normal at rest in the orbit frame, body axes."""
@@ -35,11 +35,11 @@ NORMAL = np.array([0.0, -1.0, 0.0])
 
 @dataclass(frozen=True, eq=False)
 class RodSet:
-    """Magnetorquers that may fail, and where they fly.
+    """Magnetorquers that may fail, and their environment.
 
     `axes` are unit columns (body axes) and `limits` dipoles (A m²) in the Earth's `field`. `bias`
-    (N m s) is the momentum about the orbit normal that wheels are to keep; with `gravity_gradient`
-    its torque acts.
+    (N m s) is the momentum about the orbit normal that wheels keep; `gravity_gradient` includes its
+    torque.
     """
 
     names: tuple[str, ...]
@@ -50,7 +50,7 @@ class RodSet:
     gravity_gradient: bool = False
 
     def torques(self, places: Sequence[int]) -> Float[np.ndarray, "turns instants 3 n"]:
-        """Torques (N m) of some at their limits, at rest along an orbit, for turns of the Earth."""
+        """Return torques (N m) of some at their limits, along an orbit, for Earth angles."""
         dipoles = (self.axes * self.limits)[:, list(places)]
         return np.cross(dipoles.T, self._fields[..., None, :]).swapaxes(-1, -2)
 
@@ -64,7 +64,7 @@ class RodSet:
 def judge_with_rods(
     without: Judgement, rods: RodSet, places: Sequence[int], tolerance: float | int
 ) -> Judgement:
-    """The judgement of thrusters and wheels with the rods of these places, if these are needed.
+    """Return the judgement with the rods of these places, where they are needed.
 
     They are not where thrusters and wheels make three torques, or thrusters two. Singular values
     below `tolerance` of the largest are zero.
@@ -115,7 +115,7 @@ def _verdict(
 
 
 def _basis(axes: Float[np.ndarray, "3 k"]) -> Float[np.ndarray, "3 p"]:
-    """An orthonormal basis of the torques of wheels along `axes`."""
+    """Return an orthonormal basis of the torques of wheels along `axes`."""
     lengths = np.linalg.norm(axes, axis=0)
     directions, values, _ = np.linalg.svd(axes[:, lengths > 0] / lengths[lengths > 0])
     return directions[:, : int(np.sum(values > SAME_AXIS))]
@@ -128,13 +128,13 @@ def orbit_singular_values(
     rods: RodSet,
     places: Sequence[int],
 ) -> Float[np.ndarray, "turns x"]:
-    """Singular values of a factor of the Gramian over an orbit, for turns of the Earth.
+    """Compute singular values of a factor of the Gramian over an orbit, for Earth angles.
 
     `basis` (3, p) is that of the torques of wheels, whose `momentum` at rest is in N m s. The
     state is (δθ, δω / ω0, η), as in `lvlh_linearisation`. Wheels are as strong as the strongest
     torque of rods.
     """
-    from scipy.linalg import expm  # takes its time
+    from scipy.linalg import expm  # slow
 
     rate, moment = float(rods.field.circle.rate), reference_moment(inertia)
     scaled, count = inertia / moment, basis.shape[1]

@@ -1,10 +1,10 @@
-"""What is left where failed thrusters keep making torque: thrusters between two levels each.
+"""Controllability with failed thrusters that keep making torque: two levels for each thruster.
 
-Thruster k makes the torque τ_k l_k with low_k <= l_k <= high_k. The torques that can be made are a
-zonotope. Where zero is inside it torques of every direction are left. Where zero is on its boundary
-the thrusters move about a balance Σ τ_k l_k = 0, in which each can do more, less, or both: those
-are the columns that decide. Where zero is outside nothing opposes the constant torque. Nor does
-anything where a balance takes some thruster's whole range: with a little less of it there is none.
+Thruster k makes the torque τ_k l_k with low_k <= l_k <= high_k. The attainable torques are a
+zonotope. With zero inside it, torques of every direction remain. With zero on its boundary the
+thrusters move about a balance Σ τ_k l_k = 0, in which each can do more, less, or both: these
+columns decide. With zero outside, nothing opposes the constant torque. Nor does anything where a
+balance takes some thruster's whole range: with a slightly smaller range there is none.
 """
 
 import itertools
@@ -18,16 +18,16 @@ from jaxsat.controllability.judging import judge
 from jaxsat.controllability.layout import TOLERANCE, Numbers
 
 LEVEL_ROUNDING = 1e-7
-"""Levels that differ by less are the same to the solver of the linear programmes."""
+"""Tolerance on levels in the linear programmes."""
 
 
 def torque_reserve(
     torques: Float[np.ndarray, "3 m"], low: Float[np.ndarray, " m"], high: Float[np.ndarray, " m"]
 ) -> float:
-    """The largest torque (N m) that can be made in every direction, less than zero if none.
+    """Compute the largest torque (N m) that can be made in every direction, below zero if none.
 
-    `torques` in N m at level 1. It is the least of the support function over the normals of all
-    facets, and zero where the torques that vary do not span R³.
+    `torques` in N m at level 1. The result is the least of the support function over the normals
+    of all facets, and zero where the varying torques do not span R³.
     """
     centre, half = torques @ ((high + low) / 2), torques * (high - low) / 2
     if np.linalg.matrix_rank(half, tol=TOLERANCE * np.abs(torques).max(initial=1e-300)) < 3:
@@ -44,18 +44,18 @@ def torque_reserve(
 def opposing_share(
     torques: Float[np.ndarray, "3 m"], low: Float[np.ndarray, " m"], high: Float[np.ndarray, " m"]
 ) -> float:
-    """The share of their range that thrusters need to balance the constant torque of all.
+    """Compute the share of their range that thrusters need to balance the constant torque of all.
 
     `torques` in N m at level 1; the constant torque is that of the levels nearest to zero. The
-    share is that of the thruster with the most of it, the least possible: zero without a constant
-    torque, above 1 where the ranges do not suffice, infinite where no share does.
+    share is that of the most loaded thruster, minimised: zero without a constant torque, above 1
+    where the ranges do not suffice, infinite where no share does.
     """
     least = np.clip(0.0, low, high)
     constant = torques @ least
     size = np.abs(torques).max(initial=1e-300)
     if np.all(np.abs(constant) <= TOLERANCE * size):
         return 0.0
-    from scipy.optimize import linprog  # takes its time, and most studies have no use for it
+    from scipy.optimize import linprog  # slow, and most studies do not need it
 
     count = len(low)
     parts = np.concatenate([torques * (high - least), torques * (low - least)], axis=1)
@@ -79,10 +79,10 @@ def judge_ranges(
 ) -> Judgement | None:
     """Judge thrusters that are held between two levels each, and all wheels.
 
-    `actuators` are the thrusters at level 1, whose own signs are not asked; those with equal levels
-    make a constant torque. None where nothing opposes that, or others only with their whole range
-    (`opposing_share`): thrusters that are a little weaker would not. Raises ValueError as `judge`
-    does.
+    `actuators` are the thrusters at level 1, whose own signs are ignored; those with equal levels
+    make a constant torque. None where nothing opposes the constant torque, or others only with
+    their whole range (`opposing_share`): slightly weaker thrusters would not. Raises ValueError as
+    `judge` does.
     """
     if opposing_share(actuators.torques, low, high) > 1 - LEVEL_ROUNDING:
         return None
@@ -112,11 +112,11 @@ def judge_ranges(
 def _moves(
     torques: Float[np.ndarray, "3 m"], low: Float[np.ndarray, " m"], high: Float[np.ndarray, " m"]
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Which thrusters can make less, and which more, about a balance; None where there is none."""
+    """Whether each thruster can make less, and more, about a balance; None without a balance."""
     free = high - low > LEVEL_ROUNDING
     if not np.any(torques @ np.where(free, 0.0, low)) and np.all((low <= 0) | ~free):
         return free & (low < 0), free & (high > 0)  # at rest with all others off
-    from scipy.optimize import linprog  # takes its time, and most studies have no use for it
+    from scipy.optimize import linprog  # slow, and most studies do not need it
 
     size = np.abs(torques).max(initial=1e-300)
     bounds = list(zip(low, high, strict=True))

@@ -4,19 +4,19 @@ Wheels with the axes A turn the body by taking up momentum: J dω/dt = −ω × 
 dh/dt = −u. Here J is the inertia without the rotors about their axes, and h the momentum of each
 rotor that its motor alone changes, J_w (Ω + a·ω); with the wheels locked, and relative to the body,
 their sum Jω + A h is the same. Without external torque this total H is constant in inertial axes:
-every n perpendicular to all wheels has n·Jω = n·CH for ever, C the attitude. So states are counted,
-and judged, on the level set of that momentum:
+every n perpendicular to all wheels has n·Jω = n·CH for ever, C the attitude. So states are counted
+on the level set of that momentum:
 
 - three independent axes: attitude and rate, 6 dimensions, all within reach;
 - two: n·Jω = n·CH leaves 5 dimensions. The two rates ω with n·Jω = 0 are driven directly and their
   vector product is along Jn, which is not among them: two fields and their bracket turn the body
-  about every axis (Chow), whatever the drift. With H = 0 every attitude is held; with H left only
-  those with n·CH = 0 are at rest;
+    about every axis (Chow), whatever the drift. With H = 0 every attitude can be held; otherwise
+    only those with n·CH = 0 are at rest;
 - one, along a: Jω + a h = CH leaves 4. With H = 0 the body turns about J⁻¹a alone.
 
-A wheel whose motor is dead coasts: its momentum stays, and β, the sum of these along their axes, is
-a momentum fixed in the body. In place of CH stands CH − β, so rest needs n·CH = n·β with two wheels
-and CH − β along a with one, which no attitude has where β is too large beside H.
+A wheel with a dead motor coasts: its momentum stays, and β, the sum of these along their axes, is
+a momentum fixed in the body. CH − β replaces CH, so rest needs n·CH = n·β with two wheels and
+CH − β along a with one, which no attitude satisfies where β is too large beside H.
 
 A wheel beside thrusters changes the rate but not the momentum Jω + A h, so its brackets are not
 those of a thruster along its axis: `one_wheel_brackets`.
@@ -30,18 +30,18 @@ from jaxtyping import Float
 from jaxsat.controllability.actuators import MOMENTUM_ROUNDING, ActuatorSet
 from jaxsat.controllability.layout import TOLERANCE
 
-_LEVEL = 1e-9  # a singular value of unit columns below this is zero
+_LEVEL = 1e-9  # threshold on singular values of unit columns
 
 
 @dataclass(frozen=True, eq=False)
 class MomentumLevelSet:
-    """What wheels alone can do with the momentum there is.
+    """Authority of wheels alone at the given momentum.
 
     - `directions`: orthonormal basis of the wheel torques (body axes); `missing` that of the rest.
-    - `margin`: smallest of the singular values of the unit wheel axes that were counted.
-    - `momentum`: size of the total momentum, N m s, zero if rounding.
-    - `coasting`: momentum of coasting wheels across the wheels' axes, N m s, zero if rounding.
-    - `rank`, `dimension`: directions in the level set that wheels and drift reach, and all it has.
+    - `margin`: smallest counted singular value of the unit wheel axes.
+    - `momentum`: size of the total momentum, N m s, zero if round-off.
+    - `coasting`: momentum of coasting wheels across the wheels' axes, N m s, zero if round-off.
+    - `rank`, `dimension`: directions in the level set that wheels and drift reach, and all of it.
     - `turned_about`: the unit vector J⁻¹a of one wheel without momentum, else None.
     """
 
@@ -106,7 +106,7 @@ def _one_wheel_rank(
     momentum_left: bool,
     coasting: Float[np.ndarray, "3"],
 ) -> int:
-    """Rank, of 4, at attitudes in no special position of one wheel with momentum P in body axes.
+    """Return the rank, of 4, at generic attitudes of one wheel with momentum P in body axes.
 
     With b = J⁻¹a, [g, f] is the rotation −b, [b, f] = c = b × ω − J⁻¹(b × P) and
     [b, c] = b × c + c' at b × (b × P) in place of P, in body rates; c does not depend on h, and
@@ -134,13 +134,13 @@ def one_wheel_brackets(
     axis: Float[np.ndarray, "3"],
     tolerance: float = TOLERANCE,
 ) -> tuple[Float[np.ndarray, "3 d"], float]:
-    """Torque directions that brackets reach at rest with one wheel, and the margin.
+    """Return torque directions that brackets reach at rest with one wheel, and the margin.
 
     `torques` of thrusters count as of both signs. A direction is a pair: the torque Jx on the body
     and the momentum p, which is the same for a thruster and zero for the wheel. From two of them
     [[f, x], y] makes the torque −(x × p_y + y × p_x), with as much momentum. The closure has four
-    dimensions at most. Products smaller than `tolerance` beside their terms count as zero; the
-    margin is the smallest singular value of the unit torques found.
+    dimensions at most. Products smaller than `tolerance` beside their terms are zero; the margin is
+    the smallest singular value of the unit torques.
     """
     inverse = np.linalg.inv(inertia / np.max(np.abs(inertia)))
     lengths = np.linalg.norm(torques, axis=0)
@@ -169,7 +169,7 @@ def one_wheel_brackets(
 def _independent(
     vectors: list[Float[np.ndarray, "6"]], tolerance: float
 ) -> list[Float[np.ndarray, "6"]]:
-    """The first of the vectors that span what all span, to a sine of `tolerance`."""
+    """Return the first of the vectors that span all of them, to a sine of `tolerance`."""
     members: list[Float[np.ndarray, 6]] = []
     for vector in vectors:
         rest = vector

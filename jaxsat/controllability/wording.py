@@ -16,7 +16,7 @@ def _direction(vector: Float[np.ndarray, "3"]) -> str:
 
 
 def rank_verdict(decision: RankDecision, count: int) -> str:
-    """One sentence about the rank of `count` torques of both signs."""
+    """Return one sentence about the rank of `count` torques of both signs."""
     names = ", ".join(decision.generators)
     if decision.borderline and decision.exact_rank != decision.rank:
         return (
@@ -61,21 +61,21 @@ def _rank_lost(decision: RankDecision, directions: int) -> str:
 
 
 def _coasts_beside_thrusters(judgement: Judgement) -> bool:
-    """Whether wheels that coast decide what thrusters can do."""
+    """Whether coasting wheels decide the authority of thrusters."""
     is_undecided = judgement.verdict in ("by drift", "not decided") and judgement.laws == "none"
     return bool(judgement.coasting) and is_undecided and bool(np.any(judgement.actuators.torques))
 
 
 def _lost_ways(cone: TorqueCone) -> str:
-    """Torques that are impossible because thrusters are one-sided."""
+    """Return the torques that one-sided thrusters cannot make, as text."""
     assert cone.opposed is not None
     return f"torque along {direction_words(cone.opposed)}"
 
 
 def both_signs_by(judgement: Judgement) -> str:
-    """Which kinds of actuators make the torques of both signs: alone, either of them, or together.
+    """Return the kinds of actuators that make the torques of both signs: alone, or together.
 
-    Nothing where no torque has both signs.
+    Empty where no torque has both signs.
     """
     if judgement.orbit is not None:
         return "magnetorquers and wheels" if judgement.orbit.wheels else "magnetorquers"
@@ -92,7 +92,7 @@ def both_signs_by(judgement: Judgement) -> str:
 
 
 def lost_words(judgement: Judgement) -> str:
-    """The control authority that a failure removes."""
+    """Return the control authority that a failure removes, as text."""
     wheels, cone = judgement.level_set, judgement.cone
     if judgement.orbit is not None:
         return _rods_lost(judgement, judgement.orbit)
@@ -140,7 +140,7 @@ def _wheels_lost(judgement: Judgement) -> str:
 
 
 def rod_torques(orbit: OrbitRank) -> str:
-    """The torques of magnetorquers, and of wheels beside them."""
+    """Return the torques of magnetorquers, and of wheels beside them, as text."""
     few = "one torque" if orbit.rods == 1 else "two torques"
     beside = f" and those about {orbit.wheels} axes of wheels" if orbit.wheels > 1 else ""
     beside = " and that of a wheel" if orbit.wheels == 1 else beside
@@ -148,7 +148,7 @@ def rod_torques(orbit: OrbitRank) -> str:
 
 
 def _rod_sentence(judgement: Judgement, orbit: OrbitRank) -> str:
-    """The verdict where magnetorquers decide."""
+    """Return the verdict as text where magnetorquers decide."""
     makers = "Magnetorquers and wheels" if orbit.wheels else "Magnetorquers alone"
     if not orbit.rest:
         return (
@@ -172,7 +172,7 @@ def _rod_sentence(judgement: Judgement, orbit: OrbitRank) -> str:
 
 
 def _rods_lost(judgement: Judgement, orbit: OrbitRank) -> str:
-    """What is lost where magnetorquers decide."""
+    """Return the lost authority as text where magnetorquers decide."""
     if not orbit.rest:
         return "torque along the field; rest in the orbit frame"
     if judgement.verdict == "uncontrollable":
@@ -185,7 +185,7 @@ def _rods_lost(judgement: Judgement, orbit: OrbitRank) -> str:
 
 
 def verdict_sentence(judgement: Judgement) -> str:
-    """The verdict and why, in a sentence or two."""
+    """Return the verdict and its reason, in a sentence or two."""
     if judgement.orbit is not None:
         return _rod_sentence(judgement, judgement.orbit)
     if _coasts_beside_thrusters(judgement):
@@ -224,7 +224,7 @@ def verdict_sentence(judgement: Judgement) -> str:
 
 
 def cone_words(cone: TorqueCone) -> str:
-    """The attainable torques, and a direction without torque."""
+    """Return the attainable torques, and a direction without torque, as text."""
     normal = cone.normal
     if cone.two_sided == 3:
         return "the torques positively span all three axes"
@@ -248,7 +248,7 @@ def cone_words(cone: TorqueCone) -> str:
 
 
 def _axis(direction: Float[np.ndarray, "3"]) -> str:
-    """A direction whose sign does not matter."""
+    """Return a direction as text, up to its sign."""
     entry = direction[np.argmax(np.abs(direction))]
     return direction_words(direction * np.sign(entry)).removeprefix("+")
 
@@ -323,7 +323,7 @@ def _wheel_sentence(judgement: Judgement) -> str:
 
 
 def momentum_words(judgement: Judgement) -> str | None:
-    """The momentum of the wheels and who can change it; None without wheels."""
+    """Return text on the wheels' momentum and the thrusters that change it; None without wheels."""
     wheels = judgement.level_set
     if wheels is None:
         return None
@@ -339,7 +339,7 @@ def momentum_words(judgement: Judgement) -> str | None:
 
 
 def _momentum_changers(judgement: Judgement) -> str:
-    """Which thrusters change the momentum: one that pushes one way is enough if the body turns."""
+    """Return the thrusters that change the momentum as text; a one-sided one suffices."""
     actuators = judgement.actuators
     pushing = np.any(actuators.torques, axis=0)
     if np.sum(pushing) > 1:
@@ -350,7 +350,7 @@ def _momentum_changers(judgement: Judgement) -> str:
 
 
 def once_stopped_words(judgement: Judgement, stopped: Judgement | None) -> str | None:
-    """The verdict once friction has stopped the coasting wheels; None if it is the same."""
+    """Return the verdict after friction has stopped coasting wheels; None if it is the same."""
     if stopped is None or (stopped.verdict, stopped.rank) == (judgement.verdict, judgement.rank):
         return None
     return f"Once friction has stopped the coasting wheels: {verdict_sentence(stopped)}"
