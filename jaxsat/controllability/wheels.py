@@ -10,8 +10,8 @@ on the level set of that momentum:
 - three independent axes: attitude and rate, 6 dimensions, all within reach;
 - two: n·Jω = n·CH leaves 5 dimensions. The two rates ω with n·Jω = 0 are driven directly and their
   vector product is along Jn, which is not among them: two fields and their bracket turn the body
-    about every axis (Chow), whatever the drift. With H = 0 every attitude can be held; otherwise
-    only those with n·CH = 0 are at rest;
+  about every axis (Chow), whatever the drift. With H = 0 every attitude can be held; otherwise
+  only those with n·CH = 0 are at rest;
 - one, along a: Jω + a h = CH leaves 4. With H = 0 the body turns about J⁻¹a alone.
 
 A wheel with a dead motor coasts: its momentum stays, and β, the sum of these along their axes, is

@@ -1,6 +1,6 @@
-"""Results as labelled arrays with units, and the folders that hold them.
+"""Results as labelled arrays with units, and their folders.
 
-Xarray, which takes its time, is imported when what needs it is first used.
+Xarray, which is slow to import, is imported at first use.
 """
 
 import importlib

@@ -1,4 +1,4 @@
-"""The arrays of a store on the disk: chunks written whole, metadata with room for the cases."""
+"""Arrays of a store on disk: chunks written whole, metadata with room for the cases."""
 
 import contextlib
 from collections.abc import Mapping
@@ -25,10 +25,10 @@ from jaxsat.store.ledger import Ledger
 
 
 class StoreArrays:
-    """What other programs read of a store, written by this process alone.
+    """Arrays of a store for other programs to read, written by this process alone.
 
-    Nothing here decides what is done: that is the ledger's. `repairs` gets a line for all that was
-    found damaged. What the system refuses raises `OSError`.
+    The ledger, not these arrays, decides which chunks are done. `repairs` gets a line for each
+    damage. System errors raise `OSError`.
     """
 
     def __init__(self, path: Path, header: Header, ledger: Ledger, repairs: list[str]):
@@ -37,14 +37,14 @@ class StoreArrays:
         self._pool = ThreadPoolExecutor(WRITERS, thread_name_prefix="jaxsat-store")
 
     def begin(self) -> None:
-        """Have all folders, and nothing that a killed process was about to write."""
+        """Make all folders, and remove partial files of a killed process."""
         for name in (*self._header.arrays, *self._header.coordinates):
             self._make_folder(name)
             with contextlib.suppress(FileNotFoundError):
                 (self._path / name / self._header.partial).unlink()
 
     def repair(self) -> None:
-        """Have coordinates and metadata be what they should for the cases done."""
+        """Rewrite damaged coordinates and metadata to match the completed cases."""
         for place, data in self._header.coordinate_files().items():
             if read_file(self._path / place) != data:
                 self._repairs.append(f"{place} was damaged and is written again")
@@ -52,10 +52,10 @@ class StoreArrays:
         self._fit()
 
     def close(self) -> None:
-        """Have no more room than cases; at last put the metadata of all arrays in one place.
+        """Fit the room to the cases; then consolidate the metadata of all arrays.
 
-        Readers go by that alone once it is there, so it comes when nothing is to change, and goes
-        before anything does.
+        Readers use consolidated metadata alone where it exists, so it is written after the last
+        change and removed before the next.
         """
         try:
             self._fit()
@@ -64,19 +64,19 @@ class StoreArrays:
             self._pool.shutdown()
 
     def grow(self, cases: int, most: int) -> None:
-        """Make room for so many cases; for more at once, so that it need not be done often."""
+        """Make room for `cases` cases, with spare room so that growth is rare."""
         room = self._rows or 0
         if cases > room:
             self._make_room(min(most, max(cases, 2 * room)))
 
     def write_chunk(self, chunk: int, files: Mapping[str, bytes]) -> None:
-        """Write the files of a chunk's columns, and the numbers of its cases."""
+        """Write the files of a chunk's columns, and its case numbers."""
         columns = self._header.columns
         places = {chunk_file(name, columns[name], chunk): data for name, data in files.items()}
         self._write_all({**places, **self._numbers(chunk)})
 
     def write_status(self, chunk: int, cases: int) -> None:
-        """Say that so many cases of a chunk are done, if that is not what is said."""
+        """Write the status of a chunk with `cases` completed cases, if it differs."""
         place = chunk_file(STATUS, STATUS_COLUMN, chunk)
         status = encoded(STATUS_COLUMN, np.full(cases, DONE), self._header.chunk)
         content = read_file(self._path / place)
@@ -84,7 +84,7 @@ class StoreArrays:
             self._write_all({place: status})
 
     def _fit(self) -> None:
-        """Room for the cases up to the last one done, all of them numbered."""
+        """Fit the room to the last completed case, with all cases numbered."""
         rows = self._ledger.end
         for chunk in range(-(-rows // self._header.chunk)):
             for place, data in self._numbers(chunk).items():
@@ -98,7 +98,7 @@ class StoreArrays:
         return {chunk_file(CASE, CASE_COLUMN, chunk): encoded(CASE_COLUMN, numbers, size)}
 
     def _make_room(self, rows: int) -> None:
-        """Have every array's metadata say what it should; other programs go by it."""
+        """Write every array's metadata for this number of rows; other programs use it."""
         if rows == self._rows:
             return
         stale = {}
@@ -110,7 +110,7 @@ class StoreArrays:
             stale[place] = as_json(metadata)
             if not differs_in_rows_alone(parse_json(content), metadata):
                 self._repairs.append(f"{place} was damaged and is written again")
-        self._rows = None  # what it is while some say one thing and some another
+        self._rows = None  # unknown while metadata files disagree
         if read_file(self._path / METADATA) != self._header.content(rows):
             self._write_header(self._header.content())
         if stale:
@@ -122,7 +122,7 @@ class StoreArrays:
             write_file(self._path / METADATA, content)
 
     def _write_all(self, files: Mapping[str, bytes]) -> None:
-        """Write files, no two of one array, and wait until all are on the disk."""
+        """Write files, no two of one array, and wait until all are on disk."""
 
         def write(item: tuple[str, bytes]) -> None:
             path = Path(item[0])
@@ -133,7 +133,7 @@ class StoreArrays:
         list(self._pool.map(write, files.items()))
 
     def _make_folder(self, name: str | Path) -> None:
-        """Make a folder of the store; a link in its place might lead anywhere."""
+        """Make a folder of the store; raises `OutputError` for a link, for safety."""
         path = self._path
         for part in Path(name).parts:
             path /= part

@@ -1,7 +1,7 @@
-"""The files of a study's store in Zarr 3: what they are called, what is in them, how it is checked.
+"""Files of a study's store in Zarr 3: names, contents and checksums.
 
 They are written here and not by the zarr library because every file must be whole, checked and on
-the disk before the ledger says so; that library, and xarray, read them.
+disk before the ledger records it; that library, and xarray, read them.
 """
 
 import json
@@ -19,10 +19,10 @@ _CHECKSUM_BYTES = 4
 
 
 class Column(NamedTuple):
-    """How one result of a case is stored: shape and type of one case's value, and its label.
+    """Storage of one result of a case: shape and type of one case's value, and its label.
 
-    `dims` are the names of the axes of `shape`; columns share an axis by its name. A column of
-    codes has in `flags` what each code from 0 on stands for.
+    `dims` are the names of the axes of `shape`; columns share an axis by its name. `flags` of a
+    column of codes are the meanings of the codes from 0 on.
     """
 
     shape: tuple[int, ...]
@@ -34,7 +34,7 @@ class Column(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """Units and name; of codes what they stand for, as the CF conventions have it."""
+        """Units and name; for codes their meanings, by the CF conventions."""
         attributes: dict[str, Any] = {"units": self.units, "long_name": self.long_name}
         if self.flags:
             attributes["flag_values"] = list(range(len(self.flags)))
@@ -43,12 +43,12 @@ class Column(NamedTuple):
 
     @property
     def fill(self) -> float:
-        """What stands for a case that is not done."""
+        """Fill value of a case that is not done."""
         return np.nan if np.issubdtype(np.dtype(self.dtype), np.floating) else 0.0
 
 
 class Coordinate(NamedTuple):
-    """The labels of an axis that columns share: texts, or numbers with units."""
+    """Labels of an axis that columns share: texts, or numbers with units."""
 
     values: tuple[str, ...] | tuple[float, ...]
     units: str = "1"
@@ -56,7 +56,7 @@ class Coordinate(NamedTuple):
 
     @property
     def attributes(self) -> dict[str, str]:
-        """Units and name where they say something."""
+        """Units and name, without empty ones."""
         attributes = {"units": self.units if self.units != "1" else "", "long_name": self.long_name}
         return {name: text for name, text in attributes.items() if text}
 
@@ -64,29 +64,29 @@ class Coordinate(NamedTuple):
 STATUS = "status"
 STATUS_COLUMN = Column((), "uint8", "1", "1 where the case is done")
 DONE = 1
-"""The status of a case that is; 0 before."""
+"""Status of a completed case; 0 before."""
 
 CASE_COLUMN = Column((), "int64", "1", "number of the case")
-"""The coordinate along the cases, which has chunks like a column."""
+"""Coordinate along the cases, with chunks like a column's."""
 
 
 def chunk_numbers(chunk: int, size: int, count: int) -> np.ndarray:
-    """The cases of one of the chunks of `size` cases, `count` in all."""
+    """Return the cases of one of the chunks of `size` cases, `count` in all."""
     return np.arange(chunk * size, min((chunk + 1) * size, count))
 
 
 def chunk_file(name: str, column: Column, chunk: int) -> str:
-    """The place of a column's chunk in the store."""
+    """Return the path of a column's chunk in the store."""
     return "/".join([name, "c", str(chunk), *("0" for _ in column.shape)])
 
 
 def chunk_hash(name: str, chunk: int, data: bytes) -> str:
-    """The hash by which a chunk's file is known, and known to be in its place."""
+    """Return the hash that identifies a chunk's file and its place."""
     return content_hash(data, f"{name}/{chunk}")
 
 
 def encoded(column: Column, values: np.ndarray, size: int) -> bytes:
-    """The file of a chunk of `size` cases; values (cases, ...) of fewer are filled up."""
+    """Return the file of a chunk of `size` cases; fewer values (cases, ...) are padded."""
     whole = np.full((size, *column.shape), column.fill, _stored_type(column))
     whole[: len(values)] = values
     return _compress(whole.tobytes())
@@ -100,8 +100,8 @@ def _compress(plain: bytes) -> bytes:
 
 
 def decoded(column: Column, data: bytes, size: int) -> np.ndarray:
-    """The values (size, ...) in a chunk's file; raises `ValueError` for what is none."""
-    from numcodecs.zstd import Zstd  # takes its time, and most commands write no store
+    """Return the values (size, ...) in a chunk's file; raises `ValueError` for an invalid one."""
+    from numcodecs.zstd import Zstd  # slow, and most commands write no store
 
     compressed, checksum = data[:-_CHECKSUM_BYTES], data[-_CHECKSUM_BYTES:]
     if google_crc32c.value(compressed).to_bytes(_CHECKSUM_BYTES, "little") != checksum:
@@ -115,7 +115,7 @@ def decoded(column: Column, data: bytes, size: int) -> np.ndarray:
 
 
 def array_metadata(column: Column, rows: int, size: int) -> dict[str, Any]:
-    """The `zarr.json` of a column with room for `rows` cases."""
+    """Return the `zarr.json` of a column with room for `rows` cases."""
     return _array_metadata(
         [rows, *column.shape],
         column.dtype,
@@ -127,7 +127,7 @@ def array_metadata(column: Column, rows: int, size: int) -> dict[str, Any]:
 
 
 def coordinate_files(name: str, coordinate: Coordinate) -> dict[str, bytes]:
-    """The files of the array of a coordinate: its `zarr.json` and one chunk."""
+    """Return the files of a coordinate's array: its `zarr.json` and one chunk."""
     from numcodecs.vlen import VLenUTF8  # as above
 
     texts = isinstance(coordinate.values[0], str)
@@ -176,7 +176,7 @@ def _array_metadata(
 
 
 def differs_in_rows_alone(metadata: Any, model: Mapping[str, Any]) -> bool:
-    """Whether array metadata is that of the same array with room for more or fewer cases."""
+    """Whether array metadata differ from `model` at most in the number of rows."""
     shape = metadata.get("shape") if isinstance(metadata, dict) else None
     if not isinstance(shape, list) or not shape or not isinstance(shape[0], int):
         return False
@@ -186,7 +186,7 @@ def differs_in_rows_alone(metadata: Any, model: Mapping[str, Any]) -> bool:
 def group_metadata(
     attributes: Mapping[str, Any], arrays: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """The `zarr.json` of the store itself, with the metadata of its `arrays` if they are given."""
+    """Return the store's own `zarr.json`, with the metadata of its `arrays` if given."""
     group = {"zarr_format": 3, "node_type": "group", "attributes": dict(attributes)}
     if arrays is None:
         return group
@@ -195,7 +195,7 @@ def group_metadata(
 
 
 def as_json(data: Any) -> bytes:
-    """Plain data as it stands in a `zarr.json`."""
+    """Return plain data in the form of a `zarr.json`."""
     return (json.dumps(data, indent=1) + "\n").encode()
 
 

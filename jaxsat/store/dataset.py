@@ -1,4 +1,4 @@
-"""Trajectories as xarray datasets, and what they tell."""
+"""Trajectories as xarray datasets, and quantities derived from them."""
 
 import enum
 import io
@@ -41,13 +41,13 @@ def trajectory_dataset(
     seed: int | None = None,
     modes: type[enum.IntEnum] | None = None,
 ) -> xr.Dataset:
-    """The history of one run over `time` (s), body axes, with units as attributes.
+    """Return the history of one run over `time` (s), body axes, with units as attributes.
 
     `scenario` is the scenario as TOML text. Global attributes hold it with the outcome, the seed
-    and what `provenance` holds; `modes` go to the attributes of `mode`. Values after the end
-    of a failed run are NaN. The attitude is also told in degrees, by `pointing`. Where the torque
-    changes between the saved times, `torque_min`, `torque_max` and `torque_mean` tell what it was
-    from each to the next. Beside the history stand the `TOTALS` of the whole run.
+    and `provenance`; `modes` go to the attributes of `mode`. Values after the end of a failed run
+    are NaN. `pointing` adds the attitude in degrees. Where the torque changes between the saved
+    times, `torque_min`, `torque_max` and `torque_mean` are its range from each to the next. The
+    `TOTALS` of the whole run are included.
     """
     signals = trajectory.signals
     variables = {
@@ -91,7 +91,7 @@ def trajectory_dataset(
 
 
 def _labels_of_own_signals(signals: Signals) -> dict[str, Label]:
-    """Labels of the signals that a user's own law tells besides."""
+    """Return labels of further signals of a user's own law."""
     return {
         name: Label((f"{name}_component",) * (np.ndim(one) - 1), "1", name.replace("_", " "))
         for name, one in signals.parts.items()
@@ -100,7 +100,7 @@ def _labels_of_own_signals(signals: Signals) -> dict[str, Label]:
 
 
 def diagnosed_axis(signals: Signals) -> str:
-    """The kind of actuator that a law diagnoses, or `ALL_PARTS` for thrusters and wheels."""
+    """Return the kind of actuator that a law diagnoses, or `ALL_PARTS` for thrusters and wheels."""
     kinds, levels = map(signals.parts.get, ("diagnosed_kind", "thrust_level"))
     if levels is None:
         return "wheel"
@@ -109,7 +109,7 @@ def diagnosed_axis(signals: Signals) -> str:
 
 
 def _ranges(trajectory: Trajectory) -> dict[str, xr.Variable]:
-    """The range of the torque, if the saved torque is not all that it was."""
+    """Return the range of the torque between saved times; empty if it equals the saved torque."""
     ranges, torque = trajectory.torque_range, np.asarray(trajectory.signals.torque)
     if ranges is None or all(
         np.array_equal(getattr(ranges, name), torque, equal_nan=True) for name in RANGES
@@ -126,7 +126,7 @@ def _ranges(trajectory: Trajectory) -> dict[str, xr.Variable]:
 
 
 def _errors(trajectory: Trajectory) -> dict[str, xr.Variable]:
-    """The error estimate of equal steps."""
+    """Return the error estimate of equal steps."""
     errors = trajectory.integration_error
     if errors is None:
         return {}
@@ -141,15 +141,15 @@ def _errors(trajectory: Trajectory) -> dict[str, xr.Variable]:
 
 
 def errors_of(dataset: xr.Dataset) -> tuple[float | None, float | None]:
-    """The estimates of the rate (rad/s) and of the attitude (rad), None where there are none."""
+    """Return the error estimates of rate (rad/s) and attitude (rad), None where absent."""
     rate, attitude = (dataset.get(name) for name in ERRORS)
     return (None if rate is None else float(rate), None if attitude is None else float(attitude))
 
 
 def open_trajectory(path: str | Path) -> xr.Dataset:
-    """The dataset of a run, read whole: `path` is a netCDF file or the folder that holds it.
+    """Read the dataset of a run whole: `path` is a netCDF file or its folder.
 
-    Raises `OutputError` where there is none, or it is not as jaxsat wrote it to its folder.
+    Raises `OutputError` for a missing file, or one that has changed since jaxsat wrote it.
     """
     path = Path(path)
     file = path / "trajectory.nc" if path.is_dir() else path
@@ -161,17 +161,17 @@ def open_trajectory(path: str | Path) -> xr.Dataset:
         raise OutputError(f"{file} {what}.")
     try:
         with h5py.File(io.BytesIO(data)) as hdf5:
-            dict(hdf5.attrs)  # a file that fails here h5netcdf does not close without complaint
+            dict(hdf5.attrs)  # fails here rather than in h5netcdf, which would not close
         with xr.open_dataset(io.BytesIO(data), engine="h5netcdf", decode_times=False) as dataset:
             return dataset.load()
-    except Exception as error:  # h5py and xarray raise whatever the damage leads to
+    except Exception as error:  # damage makes h5py and xarray raise anything
         raise OutputError(f"{file} cannot be read as netCDF 4: {one_line(error)}.") from error
 
 
 def _label_variables(
     values: Mapping[str, Any], labels: Mapping[str, Label], first: tuple[str, ...]
 ) -> dict[str, xr.Variable]:
-    """The labelled variables of those `values` that are there."""
+    """Return the labelled variables of those `values` that exist."""
     return {
         name: xr.Variable(
             (*first, *label.dimensions),
@@ -201,7 +201,7 @@ def _attributes(
 
 
 def pointing(quaternion: np.ndarray) -> dict[str, xr.Variable]:
-    """What a trajectory tells of its quaternions (times, 4) in degrees."""
+    """Return a trajectory's variables derived from quaternions (times, 4), in degrees."""
     error = pointing_error(quaternion)
     entries = {
         "pointing_error": (error, "body_axis", "pointing error about body axes (rotation vector)"),
@@ -222,23 +222,23 @@ _within = jax.jit(within)
 
 
 def is_within(dataset: xr.Dataset) -> np.ndarray:
-    """Whether attitude and relative rate are within the usual tolerances, at each saved time."""
+    """Whether attitude and relative rate are within the default tolerances, at each saved time."""
     w, z, rate = (jax.numpy.asarray(dataset[name].values) for name in ("w", "z", "relative_rate"))
     return np.asarray(_within(w, z, rate, Tolerances()))
 
 
 def time_to_settle(dataset: xr.Dataset) -> float:
-    """The instant from which all tolerances hold to the end, s; infinite if there is none.
+    """Return the instant from which all tolerances hold to the end, s; infinite if none.
 
-    It was judged during the run, on the integrator's steps, by the tolerances of `simulate`: the
+    The run itself determines it on the integrator's steps, by the tolerances of `simulate`: the
     saved times do not matter.
     """
     return _total(dataset, "settled_from")
 
 
 def time_at_rest(dataset: xr.Dataset) -> float:
-    """The instant from which the inertial rates stay within tolerance, whatever the attitude, s:
-    what a rate law can do. Infinite if there is none."""
+    """Return the instant from which the inertial rates stay within tolerance, in any attitude, s,
+    as for a rate law. Infinite if none."""
     return _total(dataset, "at_rest_from")
 
 
@@ -252,13 +252,13 @@ def _total(dataset: xr.Dataset, name: str) -> float:
 
 
 MOST_TURN = 2 * np.pi / 3
-"""The largest turn (rad) between two records: from half a turn on, its sense is ambiguous."""
+"""Largest turn (rad) between two records: from half a turn on, its sense is ambiguous."""
 
 
 def coarseness(dataset: xr.Dataset) -> str:
-    """What to say where a body turns too far between two saved times; nothing where it does not.
+    """Return a warning where a body turns too far between two saved times; else an empty text.
 
-    The turn is that of the saved attitudes or, where it is more, that of the saved rates.
+    The turn is the larger of those by the saved attitudes and by the saved rates.
     """
     if not {"time", "quaternion", "omega"} <= set(dataset.variables) or len(dataset["time"]) < 2:
         return ""

@@ -1,7 +1,6 @@
-"""Single files: written whole or not at all, on the disk when it is said, no link followed.
+"""Single files: written whole or not at all, durably, without following links.
 
-Everything that jaxsat writes goes through `write_file`. What the system refuses becomes an
-`OutputError`.
+All output of jaxsat goes through `write_file`. System errors become an `OutputError`.
 """
 
 import contextlib
@@ -19,15 +18,15 @@ from typing import Any
 from jaxsat.core.errors import JaxsatError
 
 FAILURES = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
-"""System errors of a disk that is full or broken, which no other command would have avoided."""
+"""System errors of a full or broken disk, which no other command would have avoided."""
 
 
 class OutputError(JaxsatError):
-    """A place that cannot be written or read; the message says why and what to do.
+    """A place that cannot be written or read; the message gives the reason and the remedy.
 
-    `failure` is true where the disk failed, or another process is in the way, and false where
-    something else should have been asked for. `elsewhere` is true where only versions or processor
-    are others, which the argument `elsewhere` allows.
+    `failure` is true for a failed disk or an interfering process, and false for a request that
+    should be changed. `elsewhere` is true where only versions or processor differ, which the
+    argument `elsewhere` allows.
     """
 
     failure: bool
@@ -40,12 +39,12 @@ class OutputError(JaxsatError):
 
 
 def system_failure(path: str | Path, verb: str, error: OSError, more: str = "") -> OutputError:
-    """The error that a place cannot be `verb` ("read", "written"), and why, with `more` behind it.
+    """Return the error that a place cannot be `verb` ("read", "written"), its reason, and `more`.
 
-    It is a failure if the system's error is one of the disk.
+    The error is a failure if the system's error is one of the disk.
     """
     why = reason(error)
-    if verb == "written" and error.errno == errno.ENOENT:  # of what is not to be there yet
+    if verb == "written" and error.errno == errno.ENOENT:  # the file need not exist yet
         folder = next(one for one in Path(os.path.abspath(path)).parents if one.is_dir())
         why = f"{folder} takes no new files"
     text = f"{path} cannot be {verb}: {why}.{more}"
@@ -54,7 +53,7 @@ def system_failure(path: str | Path, verb: str, error: OSError, more: str = "") 
 
 @contextlib.contextmanager
 def explained(path: str | Path, verb: str, more: str = "") -> Iterator[None]:
-    """Turns an `OSError` into the `OutputError` of `system_failure`."""
+    """Convert an `OSError` into the `OutputError` of `system_failure`."""
     try:
         yield
     except OSError as error:
@@ -62,43 +61,43 @@ def explained(path: str | Path, verb: str, more: str = "") -> Iterator[None]:
 
 
 def reason(error: OSError) -> str:
-    """What the system says, without the file."""
+    """Return the system's message without the file."""
     return error.strerror or str(error)
 
 
 def one_line(error: BaseException) -> str:
-    """What an exception says, on one line and not at length."""
+    """Return an exception's message on one line, shortened."""
     text = " ".join(str(error).split()) or type(error).__name__
     return text if len(text) <= 200 else text[:199] + "…"
 
 
 WRITERS = 8
-"""Files that are written at once: most of the time goes into waiting for the disk."""
+"""Number of files written at once: most of the time is spent waiting for the disk."""
 
 _PLAIN = getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _PLAIN
-_READ = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | _PLAIN  # a pipe does not hold us up
+_READ = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | _PLAIN  # a pipe must not block
 _ABSENT = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP, errno.EISDIR, errno.ENXIO)
 _NO_HARD_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK)
 
 
 def new_token() -> str:
-    """What makes a partial file's name its own; nobody can know it beforehand."""
+    """Return an unpredictable token that makes a partial file's name unique."""
     return secrets.token_hex(8)
 
 
 def partial_name(token: str) -> str:
-    """The name of a file while it is written, beside the file that it is to be."""
+    """Return the name of a file during writing, in the folder of the final file."""
     return f".jaxsat-{token}.partial"
 
 
 def content_hash(data: bytes, place: str = "") -> str:
-    """A hash of a content and, if one is given, of the place where it belongs."""
+    """Return a hash of a content and, if given, of its place."""
     return hashlib.blake2b(place.encode() + b"\0" + data, digest_size=16).hexdigest()
 
 
 Content = str | bytes | Iterable[bytes]
-"""The content of a file; pieces are written as they come."""
+"""Content of a file; pieces are written as they come."""
 
 
 def write_file(
@@ -109,11 +108,11 @@ def write_file(
     durable: bool = True,
     partial: Path | None = None,
 ) -> None:
-    """Write a file in one step: a new one, beside it unless `partial` says where, takes its name.
+    """Write a file in one step: a new file, beside it or at `partial`, is renamed to `path`.
 
-    Without `replace` a file that is there is kept and `FileExistsError` raised. `durable` waits
-    until file and folder are on the disk. A symbolic link is replaced, never followed. Raises
-    `OSError`, and then leaves what there was.
+    Without `replace` an existing file is kept and `FileExistsError` raised. `durable` waits
+    until file and folder are on disk. A symbolic link is replaced, never followed. Raises
+    `OSError`, with the previous state kept.
     """
     data = content.encode() if isinstance(content, str) else content
     pieces = (data,) if isinstance(data, bytes) else data
@@ -138,7 +137,7 @@ def write_file(
 
 
 def read_file(path: Path) -> bytes | None:
-    """The content of a plain file; None where there is none, or a link, a folder, a pipe."""
+    """Return the content of a plain file; None for a link, a folder, a pipe or a missing file."""
     try:
         handle = os.open(path, _READ)
     except OSError as error:
@@ -153,9 +152,9 @@ def read_file(path: Path) -> bytes | None:
 
 
 def read_or_explain(path: Path) -> bytes | None:
-    """The content of a plain file, None where there is none.
+    """Return the content of a plain file, None for a missing one.
 
-    Raises `OutputError` where the system will not read it.
+    Raises `OutputError` where the system cannot read it.
     """
     with explained(path, "read"):
         return read_file(path)
@@ -164,10 +163,10 @@ def read_or_explain(path: Path) -> bytes | None:
 def save_file(
     path: str | Path, content: Content, *, overwrite: bool = False, option: str = "--out"
 ) -> None:
-    """Write a file that a user named; raises `OutputError`, also for one that is there already.
+    """Write a file that a user named; raises `OutputError`, also for one that exists.
 
     `overwrite` replaces it, through symbolic links, if it is a file. Messages name the `option`
-    that takes another file.
+    for another file.
     """
     refuse_existing(path, overwrite=overwrite, option=option)
     target = Path(os.path.realpath(path))
@@ -179,7 +178,7 @@ def save_file(
 
 
 def refuse_existing(path: str | Path, *, overwrite: bool, option: str = "--out") -> None:
-    """Raise `OutputError` where `save_file` would, as far as that can be known beforehand."""
+    """Raise `OutputError` where `save_file` would, as far as that is known beforehand."""
     target = Path(os.path.realpath(path))
     if os.path.lexists(target):
         if not target.is_file():
@@ -191,7 +190,7 @@ def refuse_existing(path: str | Path, *, overwrite: bool, option: str = "--out")
 
 
 def parse_json(content: bytes | None) -> Any:
-    """What a file of JSON holds; None for anything else."""
+    """Return the data in a JSON file; None for invalid content."""
     try:
         return None if content is None else json.loads(content)
     except (ValueError, RecursionError):
@@ -199,7 +198,7 @@ def parse_json(content: bytes | None) -> Any:
 
 
 def sync_file(path: Path) -> None:
-    """Wait until a file or folder is on the disk."""
+    """Wait until a file or folder is on disk."""
     handle = os.open(path, os.O_RDONLY | _PLAIN)
     try:
         os.fsync(handle)
@@ -208,21 +207,21 @@ def sync_file(path: Path) -> None:
 
 
 def sync_files(paths: Sequence[Path]) -> None:
-    """Wait until some files, and their names in their folders, are on the disk, all at once."""
+    """Wait until some files, and their names in their folders, are on disk, all at once."""
     with ThreadPoolExecutor(WRITERS, thread_name_prefix="jaxsat-sync") as pool:
         list(pool.map(sync_file, paths))
         list(pool.map(sync_folder, {path.parent for path in paths}))
 
 
 def sync_folder(path: Path) -> None:
-    """Wait until the names in a folder are on the disk, where the system can do that."""
+    """Wait until the names in a folder are on disk, where the system supports it."""
     if os.name == "posix":
-        with contextlib.suppress(PermissionError):  # a folder may be written to but not read
+        with contextlib.suppress(PermissionError):  # a writable folder need not be readable
             sync_file(path)
 
 
 def _put_beside(partial: Path, path: Path) -> None:
-    """Give a new file its name unless there is one of that name."""
+    """Give a new file its name unless the name exists."""
     try:
         os.link(partial, path)
     except OSError as error:

@@ -23,14 +23,14 @@ from jaxsat.store.temporary import TemporaryFolder, temporary_folder
 
 
 class OutputFolder:
-    """A context manager that gives a temporary folder and renames it to its target at the end.
+    """A context manager with a temporary folder that it renames to its target at the end.
 
-    Inside the `with` block call `write`, or write into `folder.path`. When the block ends the
-    folder takes its name in one step; when it ends by an exception nothing is left. An existing
-    target is refused unless `overwrite` is set, and replaced only if it holds the same `kind` of
-    result and every file in it is as jaxsat wrote it, or was made of that by a build, as
-    `is_made_of_it` tells of a name. `option` is what names the target on the command line. Raises
-    `OutputError`, on construction for what can be known by then.
+    Inside the `with` block call `write`, or write into `folder.path`. At the end of the block the
+    folder takes its name in one step; after an exception nothing is left. An existing target is
+    refused unless `overwrite` is set, and replaced only if it holds the same `kind` of result and
+    every file in it is as jaxsat wrote it, or built from that (`is_made_of_it` of its name).
+    `option` is the command-line option that names the target. Raises `OutputError`, already on
+    construction where possible.
     """
 
     target: Path
@@ -85,17 +85,17 @@ class OutputFolder:
             raise system_failure(self.target, "written", error) from error
 
     def write(self, name: str, content: str | bytes) -> None:
-        """Write a file into the folder; raises `OSError`, which the end of the block explains.
+        """Write a file into the folder; `OSError` becomes an `OutputError` at the block's end.
 
         The name may begin with folders, separated by slashes.
         """
         data = content.encode() if isinstance(content, str) else content
         (self.path / name).parent.mkdir(parents=True, exist_ok=True)
-        self._made.marker.write(name, data, durable=False)  # all of it is, at the end
+        self._made.marker.write(name, data, durable=False)  # synced at the end
 
     @property
     def names(self) -> list[str]:
-        """The files that `write` has written."""
+        """Names of the files that `write` has written."""
         return self._made.marker.names
 
     def _refuse_what_is_there(self) -> None:
@@ -133,7 +133,7 @@ class OutputFolder:
         self.path = self._made.path
 
     def _remove_new_parents(self) -> None:
-        """Remove the parents that were made for a result which did not come."""
+        """Remove parent folders made for a result that was not written."""
         for parent in self._new_parents:
             with contextlib.suppress(OSError):  # not empty, and then it stays
                 parent.rmdir()
@@ -166,7 +166,7 @@ class OutputFolder:
         sync_folder(self.path)
 
     def _remove_replaced(self) -> None:
-        """Remove what was in the target, unless something has come to it at the last moment."""
+        """Remove the replaced folder; raises `OutputError` if it has files that came late."""
         foreign_files = remove_folder(self.path, self._is_made_of_it)
         if foreign_files:
             raise OutputError(
@@ -190,7 +190,7 @@ def _swap(one: Path, other: Path) -> None:
 
 
 def _exchange(one: Path, other: Path) -> bool:
-    """`renameat2` with RENAME_EXCHANGE; False where the C library or file system lacks it."""
+    """Whether `renameat2` with RENAME_EXCHANGE succeeded; the system may lack it."""
     at_working_directory, exchange = -100, 2
     try:
         renameat2 = ctypes.CDLL(None).renameat2

@@ -1,5 +1,4 @@
-"""What a store says of itself: which study, on which machines, with which columns; and where two
-such identities differ."""
+"""Header of a store: study, machines and columns; and differences between identities."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -28,7 +27,7 @@ FORMAT = 4
 
 
 class Header(NamedTuple):
-    """The attributes of a store: `identity` and `runs` are plain data, `chunk` is in cases."""
+    """Attributes of a store: `identity` and `runs` are plain data, `chunk` is in cases."""
 
     identity: Mapping[str, Any]
     runs: list[dict[str, Any]]
@@ -38,43 +37,43 @@ class Header(NamedTuple):
 
     @property
     def tag(self) -> str:
-        """What the ledger of this study is known by."""
+        """Hash that identifies this study's ledger."""
         return _hash({"identity": self.identity, **self.layout()})
 
     @property
     def partial(self) -> str:
-        """The name of this study's files while they are written."""
+        """Name of this study's files during writing."""
         return partial_name(self.tag)
 
     @property
     def arrays(self) -> dict[str, Column]:
-        """All arrays that have a chunk for every chunk of cases."""
+        """All arrays with a chunk for every chunk of cases."""
         return {**self.columns, STATUS: STATUS_COLUMN, CASE: CASE_COLUMN}
 
     def metadata(self, rows: int) -> dict[str, Any]:
-        """The metadata of these arrays with room for `rows` cases."""
+        """Return the metadata of `arrays` with room for `rows` cases."""
         return {
             name: array_metadata(column, rows, self.chunk) for name, column in self.arrays.items()
         }
 
     def coordinate_files(self) -> dict[str, bytes]:
-        """The files of the coordinates of columns; they are the same for any number of cases."""
+        """Return the files of the columns' coordinates, the same for any number of cases."""
         files: dict[str, bytes] = {}
         for name, coordinate in self.coordinates.items():
             files |= coordinate_files(name, coordinate)
         return files
 
     def content(self, rows: int | None = None) -> bytes:
-        """The store's own `zarr.json`; with `rows` the metadata of all arrays is in it.
+        """Return the store's own `zarr.json`; with `rows` it includes the metadata of all arrays.
 
-        That is what Zarr calls consolidated: true only while there is room for so many cases.
+        Such consolidated metadata are valid only while the arrays have `rows` rows.
         """
         study = {"identity": self.identity, "runs": self.runs, **self.layout()}
         attributes = {"Conventions": "CF-1.11", "jaxsat_format": FORMAT, **study}
         return as_json(self._group({**attributes, "check": _hash(attributes)}, rows))
 
     def layout(self) -> dict[str, Any]:
-        """Columns, their coordinates and the size of a chunk, as plain data."""
+        """Return columns, their coordinates and the size of a chunk, as plain data."""
         columns = {name: list(column) for name, column in self.columns.items()}
         coordinates = {name: list(entry) for name, entry in self.coordinates.items()}
         return {"chunk": self.chunk, "columns": columns, "coordinates": coordinates}
@@ -92,7 +91,7 @@ class Header(NamedTuple):
 
 
 def _consolidated_rows(data: Any) -> int | None:
-    """The cases for which the metadata of the arrays is in a `zarr.json`; None where it is not."""
+    """Return the number of rows in consolidated metadata; None without them."""
     try:
         rows = data["consolidated_metadata"]["metadata"][STATUS]["shape"][0]
     except (KeyError, TypeError, IndexError):
@@ -101,13 +100,13 @@ def _consolidated_rows(data: Any) -> int | None:
 
 
 def run_record(here: Mapping[str, Any], remark: str | None) -> dict[str, Any]:
-    """What is kept of a run: its machine, versions and time, and a remark if there is one."""
+    """Return the record of a run: its machine, versions and time, and an optional remark."""
     remarks = {} if remark is None else {"remark": remark}
     return {"machine": dict(here), **provenance(), **remarks}
 
 
 def read_header(path: Path) -> Header:
-    """The header of the store in a folder; raises `OutputError` for one that is none."""
+    """Read the header of the store in a folder; raises `OutputError` for an invalid one."""
     content = read_or_explain(path / METADATA)
     none = OutputError(f"{path} is no store of jaxsat; give another folder.")
     if content is None:
@@ -162,7 +161,7 @@ def _is_sound(header: Header) -> bool:
 
 def _column(entry: list[Any]) -> Column:
     shape, dtype, units, long_name, dims, *flags = entry
-    np.dtype(dtype)  # which raises a TypeError for what is none
+    np.dtype(dtype)  # raises TypeError for an invalid type
     return Column(tuple(shape), dtype, units, long_name, tuple(dims), *map(tuple, flags))
 
 
@@ -171,22 +170,22 @@ def _hash(data: Any) -> str:
 
 
 MOST_DIFFERENCES = 6
-"""Differences between two studies that are reported."""
+"""Largest number of reported differences between two studies."""
 
 PROGRAM = "program"
-"""The part of an identity that a scenario does not name, or names better."""
+"""Part of an identity without keys of the scenario, reported last."""
 
 NUMBERS = "numbers"
-"""The part of a program that has no names; told where nothing with a name differs."""
+"""Part of a program without names; reported only if nothing named differs."""
 
 OPERATIONS = "operations"
-"""The part of a program that is a hash of its operations, told where nothing else explains it."""
+"""Part of a program that is a hash of its operations, reported only without other differences."""
 
 OTHER_PROGRAM = "the program differs, as after a change of the law, of another part or of a library"
 
 
 def differences(old: Any, new: Any) -> list[str]:
-    """Clauses on where two nests of plain data differ, one a place; of many the first few."""
+    """Return clauses on the differences between two nested data, one a place; the first few."""
     places = sorted(
         _differences(old, new), key=lambda place: (place[0][:1] == (PROGRAM,), place[0])
     )
@@ -203,14 +202,14 @@ def differences(old: Any, new: Any) -> list[str]:
 
 
 def _differences(old: Any, new: Any, *path: str) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
-    """Path, old and new value of every place where they differ."""
+    """Yield path, old and new value of every difference."""
     if isinstance(old, Mapping) and isinstance(new, Mapping):
         for key in sorted(set(old) | set(new)):
             yield from _differences(old.get(key), new.get(key), *path, key)
     elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
         for number, (x, y) in enumerate(zip(old, new, strict=True), 1):
             yield from _differences(x, y, *path, str(number))
-    elif old != new and (old == old or new == new):  # NaN is NaN
+    elif old != new and (old == old or new == new):  # NaN equals NaN
         yield path, old, new
 
 

@@ -1,5 +1,5 @@
-"""What is called how in results: axes and components, variables with units, outcomes of cases, and
-the stores of several studies in one folder."""
+"""Names in results: axes and components, variables with units, outcomes of cases, and the stores
+of several studies in one folder."""
 
 import re
 import tomllib
@@ -17,24 +17,24 @@ AXES: dict[str, tuple[str, ...]] = {
     "euler_axis": ("roll", "pitch", "yaw"),
     "product_of_inertia": ("xy", "xz", "yz"),
 }
-"""The names of the components along each axis; those along any other axis are numbered from 1."""
+"""Names of the components along each axis; along any other axis they are numbered from 1."""
 
 
 PARTS = tuple(one.name for one in DECLARED)
-"""The axes along which actuators and passive parts stand, by their kind in a scenario."""
+"""Axes along actuators and passive parts, by their kind in a scenario."""
 
 ALL_PARTS = "actuator"
-"""The axis of quantities of thrusters and wheels together, in this order."""
+"""Axis of quantities of thrusters and wheels together, in this order."""
 
 DIAGNOSED_PARTS = {"thruster": "thrust_level", "wheel": "wheel_momentum"}
-"""The kinds along `ALL_PARTS`, each with a variable that has a component for every part of it."""
+"""Kinds along `ALL_PARTS`, each with a variable that has a component for every part."""
 
 SETTLED, UNSETTLED = "settled", "unsettled"
-"""How a case that reached its end is called; any other is called by its failure."""
+"""Outcomes of a case that reached its end; any other has the name of its failure."""
 
 
 class Label(NamedTuple):
-    """How one variable of a trajectory is labelled: its dimensions, units and long name."""
+    """Label of one variable of a trajectory: its dimensions, units and long name."""
 
     dimensions: tuple[str, ...]
     units: str
@@ -98,15 +98,15 @@ VARIABLES = {
         ("body_axis",), "rad s-1", "three standard deviations that the estimator claims of the same"
     ),
 }
-"""Signals, each over `time`; those from `constraint_torque` on only where there is such a torque,
-device (a two-sided thruster counts as two) or estimate."""
+"""Signals, each over `time`; those from `constraint_torque` on only with such a torque, device (a
+two-sided thruster counts as two) or estimate."""
 
 RANGES = {
     "least": ("torque_min", "least"),
     "largest": ("torque_max", "largest"),
     "mean": ("torque_mean", "mean"),
 }
-"""The range of the torque from each saved time to the next, where it differs from that saved."""
+"""Range of the torque from each saved time to the next, where it differs from the saved one."""
 
 TOTALS = {
     "settled_from": Label(
@@ -116,7 +116,7 @@ TOTALS = {
     "effort": Label(("body_axis",), "N m s", "integral of the size of the torque"),
     "constraint_effort": Label((), "N m s", "the same of the torque that holds the third rate"),
 }
-"""Totals of the whole run, judged on the integrator's steps and not at the saved times."""
+"""Totals of the whole run, computed on the integrator's steps and not at the saved times."""
 
 ERRORS = {
     "rate_error_estimate": (
@@ -132,9 +132,9 @@ ERRORS = {
 
 
 def flags_of(column: Any) -> tuple[str, ...]:
-    """What the codes of a column stand for, from 0 on; empty for one that has none.
+    """Return the meanings of a column's codes, from 0 on; empty for a column without codes.
 
-    The column is one of `open_study` or of `study_columns`, or a plain array, which has none.
+    The column is one of `open_study` or of `study_columns`, or a plain array without codes.
     """
     if hasattr(column, "column"):
         return column.column.flags
@@ -143,15 +143,15 @@ def flags_of(column: Any) -> tuple[str, ...]:
 
 
 def components(axis: str, count: int) -> tuple[str, ...]:
-    """The names of the `count` components along an axis."""
+    """Return the names of the `count` components along an axis."""
     return AXES.get(axis, tuple(str(number + 1) for number in range(count)))
 
 
 def part_names(scenario: str, kind: str, count: int) -> list[str]:
-    """Names, or numbers from 1, of `count` thrusters, wheels or magnetorquers of a scenario (TOML).
+    """Return names, or numbers from 1, of `count` parts of one `kind` in a scenario (TOML).
 
-    A two-sided thruster has two places, `NAME+` and `NAME-`. Those that failed before the start are
-    left out where the others are as many as asked for.
+    A two-sided thruster has two places, `NAME+` and `NAME-`. Parts that failed before the start are
+    left out if the others are `count`.
     """
     tables = tomllib.loads(scenario).get(kind, [])
     parts = [
@@ -166,7 +166,7 @@ def part_names(scenario: str, kind: str, count: int) -> list[str]:
 
 
 def distinct(names: Sequence[str]) -> list[str]:
-    """Names of which one that stands twice, for both ways of a part, gets + and -."""
+    """Return names with + and - appended to pairs of equal ones, the two ways of a part."""
     return [
         name if names.count(name) == 1 else name + ("-" if name in names[:place] else "+")
         for place, name in enumerate(names)
@@ -177,14 +177,14 @@ FOLDER = "studies"
 
 
 def named_store(folder: Path, name: str) -> Path:
-    """The store of one study, by the name of its law, which may be a module or a file."""
+    """Return the store of one study by the name of its law, which may be a module or a file."""
     return folder / FOLDER / f"{_file_name(name)}.zarr"
 
 
 def acceptance_store(
     folder: Path, level: str, torque_limit: float, law: str, start: str = "random"
 ) -> Path:
-    """The store of a law on the acceptance set at a level and a torque limit (N m).
+    """Return the store of a law on the acceptance set at a level and a torque limit (N m).
 
     Its cases start at "random", or in the "paper"'s initial state.
     """
@@ -192,7 +192,7 @@ def acceptance_store(
 
 
 def store_of_row(folder: Path, row: Mapping[str, Any]) -> Path:
-    """The store behind a row of a comparison's record, of a scenario or of the acceptance set."""
+    """Return the store of a row of a comparison's record, of a scenario or the acceptance set."""
     if "scenario" in row:
         return named_store(folder, row["law"])
     return acceptance_store(folder, row["level"], row["torque_limit"], row["law"])

@@ -1,10 +1,10 @@
-"""The ledger of a store: which chunks are done, and by what their files are known.
+"""Ledger of a store: completed chunks, and hashes of their files.
 
-A chunk has a record, a file of its own that is written once the files of the chunk are on the disk.
-The checksums of Zarr cannot stand in for it: a chunk that is missing reads there as fill values,
-and one in another's place as that other's. Of 300 stores damaged by `benchmarks/corruption.py` the
-zarr library read 78 as something else, in silence. So `StudyColumn` reads a result from its chunks
-when it is used, each checked against its record.
+A chunk has a record, a file of its own that is written once the files of the chunk are on disk.
+The checksums of Zarr cannot replace it: a missing chunk reads there as fill values, and a misplaced
+one as that of another place. Of 300 stores damaged by `benchmarks/corruption.py` the zarr library
+silently read wrong values from 78. So `StudyColumn` reads a result from its chunks when it is used,
+each checked against its record.
 """
 
 import json
@@ -28,21 +28,21 @@ from jaxsat.store.files import (
 from jaxsat.store.header import Header, read_header
 
 LEDGER = f"{STATUS}/ledger"
-"""Beside the status, which says the same to other programs: Zarr does not look there."""
+"""Folder beside the status, which informs other programs: Zarr does not look there."""
 
 
 class ChunkRecord(NamedTuple):
-    """What is done of a chunk: its first `cases`; the hash of every column's file."""
+    """Completed part of a chunk: its first `cases`; the hash of every column's file."""
 
     cases: int
     hashes: Mapping[str, str]
 
 
 class Ledger:
-    """The records of the chunks, each bound by a hash to its study and its chunk.
+    """Records of the chunks, each bound by a hash to its study and its chunk.
 
-    `done` has those of chunks that are done and `withdrawn` the numbers of those that are not after
-    all; `damaged` are the chunks whose record cannot be read. Raises `OutputError`.
+    `done` has the records of completed chunks and `withdrawn` the numbers of chunks that are no
+    longer complete; `damaged` are the chunks with an unreadable record. Raises `OutputError`.
     """
 
     done: dict[int, ChunkRecord]
@@ -61,17 +61,17 @@ class Ledger:
 
     @property
     def end(self) -> int:
-        """The cases from the first one to the last one that is done."""
+        """Number of cases from the first to the last completed one."""
         size = self._header.chunk
         return max((chunk * size + record.cases for chunk, record in self.done.items()), default=0)
 
     @property
     def chunks(self) -> set[int]:
-        """The chunks that have a record that can be read."""
+        """Chunks with a readable record."""
         return self.withdrawn.union(self.done)
 
     def read(self, chunk: int) -> ChunkRecord | None:
-        """The record of a chunk as it is on the disk now; None if there is none of this study's."""
+        """Return the current record of a chunk on disk; None without one of this study."""
         content = read_or_explain(self._folder / str(chunk)) or b""
         check, _, text = content.partition(b" ")
         if check != self._hash(chunk, text):
@@ -80,7 +80,7 @@ class Ledger:
         return ChunkRecord(entry["cases"], entry["hashes"])
 
     def write(self, chunk: int, record: ChunkRecord) -> None:
-        """Note a chunk whose files are on the disk; raises `OSError`."""
+        """Record a chunk whose files are on disk; raises `OSError`."""
         text = json.dumps(record._asdict(), sort_keys=True).encode()
         content = self._hash(chunk, text) + b" " + text
         self._folder.mkdir(exist_ok=True)
@@ -90,7 +90,7 @@ class Ledger:
         self._take(chunk, record)
 
     def withdraw(self, chunk: int) -> None:
-        """Note that a chunk is not done after all; raises `OSError`."""
+        """Record that a chunk is no longer complete; raises `OSError`."""
         self.write(chunk, ChunkRecord(0, {}))
 
     def _take(self, chunk: int, record: ChunkRecord) -> None:
@@ -107,12 +107,12 @@ class Ledger:
 
 
 def status_chunks(store: Path) -> set[int]:
-    """The chunks that the status knows of; raises `OutputError`."""
+    """Return the chunks that have a status; raises `OutputError`."""
     return _numbered_files(store / STATUS / "c")
 
 
 def _numbered_files(folder: Path) -> set[int]:
-    """The files of a folder that are called by the number of a chunk; raises `OutputError`."""
+    """Return the files of a folder that are named by a chunk number; raises `OutputError`."""
     with explained(folder, "read"):
         try:
             names = os.listdir(folder)
@@ -122,7 +122,7 @@ def _numbered_files(folder: Path) -> set[int]:
 
 
 def read_ledger(store: Path, header: Header) -> Ledger:
-    """The ledger of a store that is only read; raises `OutputError` for one that is damaged."""
+    """Return the ledger of a store for reading; raises `OutputError` for a damaged one."""
     status = status_chunks(store)  # before the ledger, which is written first
     ledger = Ledger(store, header)
     if ledger.damaged or status - ledger.chunks:
@@ -136,7 +136,7 @@ def read_ledger(store: Path, header: Header) -> Ledger:
 def read_chunk_file(
     store: Path, header: Header, chunk: int, name: str, record: ChunkRecord
 ) -> bytes | None:
-    """The file of a chunk's column if it is what the ledger says; raises `OutputError`."""
+    """Return the file of a chunk's column, None if not as recorded; raises `OutputError`."""
     data = read_or_explain(store / chunk_file(name, header.columns[name], chunk))
     intact = data is not None and chunk_hash(name, chunk, data) == record.hashes[name]
     return data if intact else None
@@ -145,7 +145,7 @@ def read_chunk_file(
 def read_chunk(
     store: Path, header: Header, chunk: int, name: str, record: ChunkRecord
 ) -> np.ndarray | None:
-    """A column of the done cases of a chunk; None if its file is not what the ledger says."""
+    """Return a column of a chunk's completed cases; None if its file is not as recorded."""
     data = read_chunk_file(store, header, chunk, name, record)
     if data is None:
         return None
@@ -153,10 +153,10 @@ def read_chunk(
 
 
 class StudyColumn:
-    """One result of all cases, from the first to the last one done; NaN or 0 where not done.
+    """One result of all cases, from the first to the last completed one; NaN or 0 where not done.
 
-    Indexed like an array, it reads the chunks that it must and nothing twice at a time. Raises
-    `OutputError` where a chunk is not what was written.
+    Indexed like an array, it reads only the necessary chunks, each once. Raises `OutputError` for a
+    damaged chunk.
     """
 
     shape: tuple[int, ...]
@@ -174,15 +174,15 @@ class StudyColumn:
         return len(self.shape)
 
     def __len__(self) -> int:
-        """Number of cases."""
+        """Return the number of cases."""
         return self.shape[0]
 
     def labels(self, axis: str) -> tuple[str | float, ...]:
-        """The labels along an axis of the study."""
+        """Return the labels along an axis of the study."""
         return self._header.coordinates[axis].values
 
     def __getitem__(self, key: Any) -> Any:
-        """The values at these places."""
+        """Return the values at these places."""
         first, *others = key if isinstance(key, tuple) else (key,)
         if isinstance(first, slice):
             rows = range(len(self))[first]
@@ -196,7 +196,7 @@ class StudyColumn:
         return self._read(low, high)[(places, *others)]
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-        """All values."""
+        """Return all values."""
         values = self._read(0, len(self))
         return values if dtype is None else values.astype(dtype)
 
@@ -232,9 +232,9 @@ class StudyColumn:
 
 
 def study_columns(path: str | Path, header: Header | None = None) -> dict[str, StudyColumn]:
-    """The results of a study by name, read when used, without their labels.
+    """Return the results of a study by name, read when used, without their labels.
 
-    Raises `OutputError` for what is no store, or one that is damaged.
+    Raises `OutputError` for an invalid or damaged store.
     """
     path = Path(path)
     header = read_header(path) if header is None else header

@@ -1,8 +1,9 @@
-"""How jaxsat knows its own: a marker in every folder says what the folder is and what was written.
+"""Markers, by which jaxsat recognises its own folders and files.
 
-The marker is one document, replaced whole. It names a file's hash before the file is written, and
-one name for all files while they are written. So even what a killed process left can be told from
-what a user put there, and only what is unchanged since jaxsat wrote it is ever replaced or removed.
+The marker of a folder is one document, replaced whole. It records a file's hash before the file is
+written, and one name for all files during writing. So even the remains of a killed process can be
+distinguished from a user's files, and only files unchanged since jaxsat wrote them are ever
+replaced or removed.
 """
 
 import json
@@ -27,41 +28,40 @@ from jaxsat.store.files import (
 )
 
 MARKER = ".jaxsat"
-"""File by which jaxsat knows a folder as its own."""
+"""File that marks a folder as written by jaxsat."""
 
 FORMAT = 2
 
 EARLIER = b'"written_by"'
-"""What markers of format 1 have and no later one; files beside one are read as they are."""
+"""Text in markers of format 1 and in no later one; files beside one are read unverified."""
 
 SYSTEM_FILES = frozenset(
     {".ds_store", ".localized", "icon\r", "thumbs.db", "ehthumbs.db", "desktop.ini", ".directory"}
 )
-"""Files, in small letters, that file managers leave in every folder that they open; they hold no
-data of a user."""
+"""Files, in lower case, that file managers leave in folders that they open, without user data."""
 
 SYSTEM_FOLDERS = frozenset({"__MACOSX", ".AppleDouble", "@eaDir"})
-"""Folders in which archives of macOS, file servers of it and those of Synology keep such files."""
+"""Folders for such files, by archives of macOS, its file servers and those of Synology."""
 
 SYNOLOGY = re.compile(r"SYNO.*|.*@Syno\w+")
 """Names of pictures and attributes that a Synology server keeps in `@eaDir`."""
 
 APPLE_DOUBLE = b"\x00\x05\x16\x07"
-"""How a file begins in which macOS keeps what another file system cannot hold of a file: `._NAME`,
-or any name in a folder for such files."""
+"""First bytes of a file with macOS metadata that another file system cannot hold: `._NAME`, or any
+name in a folder for such files."""
 
 
 NameTest = Callable[[str], bool]
-"""Whether a file or folder is one that a build makes of what jaxsat wrote, by its name within."""
+"""Whether a file or folder of this name is built from jaxsat's files."""
 
 
 def nothing(name: str) -> bool:
-    """False: a build makes nothing, whatever the name."""
+    """Return false: no name is that of a build product."""
     return False
 
 
 def _is_of_system(folder: Path, name: str, mode: int) -> bool:
-    """Whether a file or folder of this name within `folder` is one that a system leaves.
+    """Whether a file or folder of this name within `folder` is a system's own.
 
     Raises `OSError`.
     """
@@ -80,15 +80,15 @@ def _is_of_system(folder: Path, name: str, mode: int) -> bool:
 
 
 def _is_plain(mode: int) -> bool:
-    """Whether it is a file or a folder, and no link."""
+    """Whether a mode is that of a file or a folder, and not a link."""
     return stat.S_ISREG(mode) or stat.S_ISDIR(mode)
 
 
 class Marker:
-    """What a folder is, and the hashes of all that was written to it.
+    """Content of a folder, and the hashes of all files written to it.
 
     `kind` is the type of the result, such as "run"; `about` is plain data kept with it; `complete`
-    says that nothing is to come. `partial` is the name of files while they are written.
+    marks a finished folder. `partial` is the name of files during writing.
     """
 
     folder: Path
@@ -113,14 +113,14 @@ class Marker:
 
     @staticmethod
     def make(folder: Path, kind: str, about: Mapping[str, Any]) -> "Marker":
-        """The marker of a folder that this process has just made; raises `OSError`."""
+        """Make the marker of a folder that this process has just made; raises `OSError`."""
         marker = Marker(folder, kind, about, partial_name(new_token()))
         marker._save()
         return marker
 
     @staticmethod
     def read(folder: Path) -> "Marker | None":
-        """The marker that a folder has, if it has one that can be read; raises `OSError`."""
+        """Return the marker of a folder, None without a readable one; raises `OSError`."""
         document = parse_json(read_file(folder / MARKER))
         try:
             check, form = document.pop("check"), document.pop("format")
@@ -134,11 +134,11 @@ class Marker:
 
     @property
     def names(self) -> list[str]:
-        """The files that were written, by their paths in the folder."""
+        """Paths in the folder of the written files."""
         return sorted(self._hashes)
 
     def write(self, name: str, data: bytes, *, durable: bool = True) -> None:
-        """Write a file of the folder, or replace it, once the marker knows it; raises `OSError`."""
+        """Write or replace a file of the folder, recorded in the marker first; raises `OSError`."""
         before = dict(self._hashes)
         self._hashes[name] = [*before.get(name, ()), content_hash(data)]
         try:
@@ -150,22 +150,22 @@ class Marker:
         self._hashes[name] = [content_hash(data)]
 
     def adopt(self, name: str) -> None:
-        """Know a file that is in the folder as written for it, once `finish` says so."""
+        """Record an existing file of the folder as written, saved by `finish`."""
         data = read_file(self.folder / name)
         if data is not None and not self.is_unchanged(name, data):
             self._note(name, data)
 
     def finish(self) -> None:
-        """Say that nothing is to come; raises `OSError`."""
+        """Mark the folder as complete; raises `OSError`."""
         self.complete = True
         self._save()
 
     def has_written(self, name: str, data: bytes) -> bool:
-        """Whether this is what jaxsat wrote to a file."""
+        """Whether jaxsat wrote this content to a file."""
         return content_hash(data) in self._hashes.get(name, ())
 
     def is_unchanged(self, name: str, data: bytes | None = None) -> bool:
-        """Whether a file is as jaxsat wrote it, or not there."""
+        """Whether a file is as jaxsat wrote it, or missing."""
         path = self.folder / name
         if not os.path.lexists(path):
             return True
@@ -173,12 +173,12 @@ class Marker:
         return data is not None and self.has_written(name, data)
 
     def remove_partial(self) -> None:
-        """Remove the file that a killed process was about to write."""
+        """Remove the partial file of a killed process."""
         self._partial.unlink(missing_ok=True)
 
     def foreign_files(self, is_made_of_it: NameTest = nothing) -> list[str]:
-        """What is in the folder and not proven to be as jaxsat wrote it, nor what a build makes of
-        that, as `is_made_of_it` says of a name; raises `OSError`."""
+        """Return the names in the folder that are neither proven to be as jaxsat wrote them nor
+        built from such files (`is_made_of_it` of the name); raises `OSError`."""
         folders = {parent.as_posix() for name in self._hashes for parent in Path(name).parents}
         foreign = []
         for name, mode in walk(self.folder):
@@ -195,7 +195,7 @@ class Marker:
         return sorted(foreign)
 
     def _note(self, name: str, data: bytes) -> None:
-        """Expect a content of a file; until it is there, what was there before is right too."""
+        """Record the content of a file to be written; the previous one also stays valid."""
         self._hashes.setdefault(name, []).append(content_hash(data))
 
     def _save(self, *, durable: bool = True) -> None:
@@ -216,30 +216,30 @@ def _check(document: Mapping[str, Any]) -> str:
 
 
 def _is_name(text: str) -> bool:
-    """Whether a path is the name of something that lies in the folder itself."""
+    """Whether a path is a name directly in the folder."""
     return _is_inside(text) and Path(text).name == text
 
 
 def _is_inside(name: str) -> bool:
-    """Whether a path leads to a place in the folder, whoever wrote the marker."""
+    """Whether a path leads to a place in the folder, whatever the marker's origin."""
     path = Path(name)
     return not path.is_absolute() and ".." not in path.parts
 
 
 def _is_damaged(folder: Path) -> bool:
-    """Whether a marker that cannot be read is there, and not one of an earlier version's lines."""
+    """Whether an unreadable marker exists that is not an earlier version's."""
     text = read_or_explain(folder / MARKER)
     return text is not None and EARLIER not in text
 
 
 class UnverifiedWarning(UserWarning):
-    """A file is read that no marker shows to be as jaxsat wrote it."""
+    """A file was read that no marker shows to be as jaxsat wrote it."""
 
 
 def unverified(folder: Path) -> str | None:
-    """What to tell of a folder whose files no marker vouches for; None where one does.
+    """Return a warning for a folder whose files no marker verifies; None with a marker.
 
-    Raises `OutputError` where the marker is damaged or the system will not read it.
+    Raises `OutputError` for a marker that is damaged or cannot be read.
     """
     return _no_marker(folder) if _sound_marker(folder) is None else None
 
@@ -260,11 +260,11 @@ def _sound_marker(folder: Path) -> Marker | None:
 
 
 def read_unchanged(path: Path) -> bytes | None:
-    """The content of a plain file, None where there is none.
+    """Return the content of a plain file, None for a missing one.
 
-    A file for which no marker vouches is read with an `UnverifiedWarning`. Raises `OutputError`
-    where the system will not read it, for a file that jaxsat wrote to its folder and that is not
-    there any longer or is not as jaxsat wrote it, and in a folder whose marker is damaged.
+    A file that no marker verifies is read with an `UnverifiedWarning`. Raises `OutputError` for a
+    file that cannot be read, for one that jaxsat wrote to its folder and that is missing or
+    changed, and in a folder whose marker is damaged.
     """
     data = read_or_explain(Path(os.path.realpath(path)))
     marker = _sound_marker(path.parent)
@@ -282,7 +282,8 @@ def read_unchanged(path: Path) -> bytes | None:
 
 
 def walk(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
-    """Path and mode of everything in a folder, each folder before what is in it; no link followed.
+    """Yield path and mode of everything in a folder, each folder before its content; no link
+    followed.
 
     Raises `OSError`.
     """
@@ -297,7 +298,7 @@ def walk(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
 
 
 def foreign_files_in(folder: Path, is_made_of_it: NameTest = nothing) -> list[str]:
-    """What is in a folder and not proven to be jaxsat's: without a marker all that users put there.
+    """Return the names in a folder not proven to be jaxsat's: without a marker all user files.
 
     Raises `OSError`.
     """
@@ -306,7 +307,7 @@ def foreign_files_in(folder: Path, is_made_of_it: NameTest = nothing) -> list[st
 
 
 def user_files_in(folder: Path, within: str = "") -> list[str]:
-    """What is in a folder but what a system leaves; raises `OSError`."""
+    """Return the names in a folder except a system's own files; raises `OSError`."""
     found = []
     with os.scandir(folder / within) as entries:
         names = sorted(
@@ -321,7 +322,7 @@ def user_files_in(folder: Path, within: str = "") -> list[str]:
 
 
 def remove_folder(folder: Path, is_made_of_it: NameTest = nothing) -> list[str]:
-    """Remove a folder if all of it is jaxsat's, or a system's; else nothing, and say what is not.
+    """Remove a folder if all of it is jaxsat's or a system's; else return the foreign names.
 
     Raises `OSError`.
     """
@@ -329,14 +330,14 @@ def remove_folder(folder: Path, is_made_of_it: NameTest = nothing) -> list[str]:
     if foreign_files:
         return foreign_files
     entries = list(walk(folder))
-    for name, mode in reversed(entries):  # what is in a folder comes after it
+    for name, mode in reversed(entries):  # the content of a folder comes after it
         if name != MARKER:
             (folder / name).rmdir() if stat.S_ISDIR(mode) else (folder / name).unlink()
     (folder / MARKER).unlink(missing_ok=True)
-    folder.rmdir()  # which fails if something has come meanwhile
+    folder.rmdir()  # fails if a file has come meanwhile
     return []
 
 
 def abbreviated(names: list[str]) -> str:
-    """The first of some names, for a message."""
+    """Return the first three of some names, for a message."""
     return ", ".join(names[:3]) + (", …" if len(names) > 3 else "")

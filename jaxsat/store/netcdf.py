@@ -14,16 +14,16 @@ import xarray as xr
 from xarray.conventions import encode_cf_variable, encode_dataset_coordinates
 
 COMPRESSION = 4
-"""Of zlib, as netCDF's own programs have it."""
+"""Level of zlib, as in netCDF's own programs."""
 
 NO_VARIABLE = "This is a netCDF dimension but not a netCDF variable.{size:>10}"
-"""How netCDF 4 calls the scale of a dimension that has no coordinates."""
+"""Name of the netCDF 4 scale of a dimension without coordinates."""
 
 
 def dataset_bytes(dataset: xr.Dataset) -> bytes:
-    """A dataset as a netCDF 4 file, compressed, its numbers with checksums.
+    """Return a dataset as a netCDF 4 file, compressed, with checksums of its numbers.
 
-    It is made in memory: HDF5 does not survive a disk that fills up while it writes. Raises
+    The file is made in memory: HDF5 does not survive a disk that fills up during writing. Raises
     `ValueError` for names with a slash, which would be groups of the file.
     """
     slashed = [name for name in (*dataset.variables, *dataset.sizes) if "/" in str(name)]
@@ -51,7 +51,7 @@ def dataset_bytes(dataset: xr.Dataset) -> bytes:
 
 
 def _write(file: h5py.File, name: str, variable: xr.Variable, is_data: bool) -> h5py.Dataset:
-    """A variable, encoded by the CF conventions, in the file; data are compressed."""
+    """Write a variable, encoded by the CF conventions, to the file; data are compressed."""
     values, attributes, filters = variable.values, dict(variable.attrs), dict[str, Any]()
     if values.dtype.kind in "UO":
         values = values.astype(h5py.string_dtype())
@@ -66,7 +66,7 @@ def _write(file: h5py.File, name: str, variable: xr.Variable, is_data: bool) -> 
 
 
 def _scale(file: h5py.File, axis: str, size: int, coordinates: h5py.Dataset | None) -> h5py.Dataset:
-    """The dataset that HDF5 has for a dimension: its coordinates, or one without a value."""
+    """Return the HDF5 scale of a dimension: its coordinates, or a dataset without a value."""
     if coordinates is not None:
         coordinates.make_scale(axis)
         return coordinates
@@ -76,7 +76,7 @@ def _scale(file: h5py.File, axis: str, size: int, coordinates: h5py.Dataset | No
 
 
 def _write_attributes(target: h5py.File | h5py.Dataset, attributes: Mapping[Any, Any]) -> None:
-    """Attributes; single numbers as arrays of one, as netCDF's own programs write them."""
+    """Write attributes; single numbers as arrays of one, as netCDF's own programs do."""
     for name, value in attributes.items():
         is_number = np.isscalar(value) and not isinstance(value, str)
         target.attrs[name] = np.atleast_1d(value) if is_number else value

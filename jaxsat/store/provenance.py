@@ -1,4 +1,4 @@
-"""What made a result: versions, machine and time."""
+"""Provenance of a result: versions, machine and time."""
 
 import datetime
 import importlib.metadata
@@ -16,13 +16,13 @@ PACKAGES = ("jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy")
 
 
 def command_line() -> str:
-    """The program that runs and its arguments, in characters that every file can hold."""
+    """Return the running program and its arguments, in characters that every file can hold."""
     program = Path(sys.argv[0]).name
     return clean(shlex.join(["jaxsat" if program == "__main__.py" else program, *sys.argv[1:]]))
 
 
 def provenance() -> dict[str, Any]:
-    """Versions of jaxsat and what it computes with, the platform, and the time (UTC, ISO 8601)."""
+    """Return versions of jaxsat and its libraries, the platform, and the time (UTC, ISO 8601)."""
     return {
         "versions": dict(_versions()),
         "platform": platform.platform(),
@@ -37,9 +37,10 @@ def _versions() -> dict[str, str]:
 
 
 def machine() -> dict[str, Any]:
-    """What the bits of a result may depend on besides its inputs: versions, processor, precision.
+    """Return everything that bits of a result depend on besides inputs: versions, processor,
+    precision.
 
-    Only on equal machines in this sense are two runs of one study held to equal bits.
+    Two runs of one study are guaranteed equal bits only on equal machines in this sense.
     """
     import jax
 
@@ -54,7 +55,7 @@ def machine() -> dict[str, Any]:
 
 @once
 def _processor() -> str:
-    """The processor's name; on Linux that of its model, which `platform` does not tell."""
+    """Return the processor's name; on Linux its model, which `platform` does not give."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         return next(line.split(":", 1)[1].strip() for line in lines if "model name" in line)
@@ -63,7 +64,7 @@ def _processor() -> str:
 
 
 def provenance_attributes() -> dict[str, str]:
-    """What `provenance` holds as flat text attributes of a dataset, named by CF conventions."""
+    """Return `provenance` as flat text attributes of a dataset, named by CF conventions."""
     made_by = provenance()
     versions = {f"{name}_version": version for name, version in made_by["versions"].items()}
     return {

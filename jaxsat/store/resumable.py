@@ -1,4 +1,4 @@
-"""A folder that a command resumes; files are replaced whole and only if they are ours."""
+"""A folder that a command resumes; only jaxsat's own files are replaced, each whole."""
 
 import contextlib
 import os
@@ -14,10 +14,9 @@ from jaxsat.store.temporary import is_absent_or_empty, lock_folder, make_folder
 class ResumableFolder:
     """A folder of one kind of result, open for writing by this process alone.
 
-    A folder that is not there, or empty, is made, with `about`, plain data, in its marker; one of
-    the same kind is continued. What a user puts beside the results stays. Raises `OutputError` for
-    a folder of anything else, one that another process writes to, and one in which a file of ours
-    is not as it was written.
+    A missing or empty folder is made, with `about`, plain data, in its marker; one of the same kind
+    is continued. A user's files beside the results are kept. Raises `OutputError` for a folder with
+    other content, one that another process writes to, and one with a changed file of jaxsat's.
     """
 
     path: Path
@@ -44,16 +43,16 @@ class ResumableFolder:
 
     @staticmethod
     def of_any_kind(path: str | Path) -> "ResumableFolder":
-        """A folder of results that is there, whatever they are, to add to it."""
+        """Return an existing folder of results of any kind, to add to it."""
         marker = Marker.read(Path(path))
         return ResumableFolder(path, "result" if marker is None else marker.kind, {})
 
     def __enter__(self) -> "ResumableFolder":
-        """The folder itself."""
+        """Return the folder itself."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *exception: object) -> None:
-        """Let other processes write; a new folder in which nothing came to be is removed."""
+        """Let other processes write; a new folder without results is removed after an exception."""
         if kind is not None and self._new and not self._marker.names:
             with contextlib.suppress(OSError):
                 remove_folder(self.path)
@@ -69,14 +68,14 @@ class ResumableFolder:
         return bool(self._marker.names)
 
     def is_complete(self, name: str) -> bool:
-        """Whether a file is there, and every other one that was ever written."""
+        """Whether this file and every other one ever written exist."""
         names = self._marker.names
         return name in names and all((self.path / one).is_file() for one in names)
 
     def read(self, name: str) -> bytes | None:
-        """The content that was written to a file; None if the file is not there.
+        """Return the content written to a file; None if the file is missing.
 
-        Raises `OutputError` for one that is not as it was written.
+        Raises `OutputError` for a changed file.
         """
         data = read_or_explain(self.path / name)
         if data is None or not self._marker.has_written(name, data):
@@ -84,9 +83,9 @@ class ResumableFolder:
         return data
 
     def write(self, name: str, content: str | bytes) -> None:
-        """Write a file, or replace it, in one step.
+        """Write or replace a file in one step.
 
-        Raises `OutputError` for one that is not as it was written, and then leaves it.
+        Raises `OutputError` for a changed file, which is then kept.
         """
         data = content.encode() if isinstance(content, str) else content
         self._refuse(name)

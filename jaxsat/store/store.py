@@ -1,9 +1,9 @@
-"""The results of a study on disk: a Zarr store that grows chunk by chunk.
+"""Results of a study on disk: a Zarr store that grows chunk by chunk.
 
-A chunk's files are written first, then its line in the ledger, from which a broken-off study goes
-on, and at last its status. Files are replaced whole, so killing a run loses at most the chunks that
-it was working on. Every file of a chunk is checked against the ledger when the store is continued;
-what is damaged counts as not done.
+A chunk's files are written first, then its record in the ledger, by which an interrupted study
+resumes, and at last its status. Files are replaced whole, so killing a run loses at most the chunks
+in progress. Every file of a chunk is checked against the ledger when the store is continued;
+damaged chunks count as not done.
 """
 
 import contextlib
@@ -34,13 +34,14 @@ from jaxsat.store.temporary import is_absent_or_empty, lock_folder, make_folder
 class StudyStore:
     """A study's results, open for writing by this process alone.
 
-    `identity` is all that the numbers depend on, as plain data; `columns` says what a case has, and
-    `coordinates` label axes of theirs by name.
-    A folder that is not there is made; one that holds the same study is continued, if need be
-    with more cases. Raises `OutputError` for a folder that holds another study or anything else,
-    that another process writes to, or (unless `elsewhere`) that was begun with other versions or
-    on another processor, where the bits may differ. A `remark` is kept with the versions. `repairs`
-    tells what was found damaged, a line each; the chunks concerned are not done.
+    `identity` is everything that the numbers depend on, as plain data; `columns` are the results of
+    a case, and `coordinates` label their axes by name.
+
+    A missing folder is made; one that holds the same study is continued, if need be with more
+    cases. Raises `OutputError` for a folder that holds another study or other content, that another
+    process writes to, or (unless `elsewhere`) that was begun with other versions or on another
+    processor, where the bits may differ. A `remark` is kept with the versions. `repairs` lists the
+    damage, a line each; the affected chunks are not done.
     """
 
     count: int
@@ -81,7 +82,7 @@ class StudyStore:
             raise
 
     def __enter__(self) -> "StudyStore":
-        """The store itself."""
+        """Return the store itself."""
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -89,25 +90,25 @@ class StudyStore:
         self.close()
 
     def close(self) -> None:
-        """Leave what other programs read without complaint, and let other processes write."""
+        """Leave a store that other programs can read, and let other processes write."""
         try:
-            with contextlib.suppress(OSError, OutputError):  # else the next process does it
+            with contextlib.suppress(OSError, OutputError):  # left to the next process
                 self._arrays.close()
         finally:
             self._lock.close()
 
     @property
     def chunk(self) -> int:
-        """Cases in a chunk; the last may have fewer."""
+        """Number of cases in a chunk; the last may have fewer."""
         return self._header.chunk
 
     @property
     def chunks(self) -> int:
-        """How many chunks there are."""
+        """Number of chunks."""
         return -(-self.count // self.chunk)
 
     def numbers(self, chunk: int) -> np.ndarray:
-        """The cases of a chunk."""
+        """Return the cases of a chunk."""
         return chunk_numbers(chunk, self.chunk, self.count)
 
     def is_done(self, chunk: int) -> bool:
@@ -116,15 +117,15 @@ class StudyStore:
         return record is not None and record.cases >= len(self.numbers(chunk))
 
     def done(self) -> list[int]:
-        """The chunks that are done, in order."""
+        """Return the completed chunks, in order."""
         return sorted(filter(self.is_done, self._ledger.done))
 
     def pending(self) -> Iterator[int]:
-        """The chunks that are not done, in order."""
+        """Return the chunks that are not done, in order."""
         return (chunk for chunk in range(self.chunks) if not self.is_done(chunk))
 
     def write(self, chunk: int, values: Mapping[str, np.ndarray]) -> None:
-        """Keep the results of a chunk, column by column, then mark it done."""
+        """Store the results of a chunk, column by column, then mark it done."""
         numbers, columns = self.numbers(chunk), self._header.columns
         if set(values) != set(columns):
             missing = sorted(set(values) ^ set(columns))
@@ -140,7 +141,7 @@ class StudyStore:
             files[name] = encoded(column, array, self.chunk)
         hashes = {name: chunk_hash(name, chunk, data) for name, data in files.items()}
         with self._writing():
-            if chunk in self._ledger.done:  # fewer cases of it, and its files will be others
+            if chunk in self._ledger.done:  # with fewer cases, and its files will change
                 self._ledger.withdraw(chunk)
             self._arrays.grow(int(numbers[-1]) + 1, self.count)
             self._arrays.write_chunk(chunk, files)
@@ -148,7 +149,7 @@ class StudyStore:
             self._arrays.write_status(chunk, len(numbers))
 
     def values(self, chunk: int, names: list[str]) -> dict[str, np.ndarray]:
-        """Some columns of a chunk, as stored."""
+        """Return some columns of a chunk, as stored."""
         record = self._ledger.done[chunk]
         columns = {}
         for name in names:
@@ -164,7 +165,7 @@ class StudyStore:
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
-        """Tell what the system has against a change of the store."""
+        """Convert system errors of a change of the store to `OutputError`."""
         try:
             yield
         except OSError as error:
@@ -175,7 +176,7 @@ class StudyStore:
             ) from error
 
     def _make(self, header: Header) -> None:
-        """Make it beside the target, then put it in place at once: there is never half a store."""
+        """Make the store beside the target, then rename it: there is never half a store."""
         with explained(self.path, "made"):
             if not is_absent_or_empty(self.path):
                 return
@@ -185,14 +186,14 @@ class StudyStore:
             make_folder(self.path, "study", files)
 
     def _continue(self, study_header: Header, elsewhere: bool) -> Header:
-        """The header that the store goes on with."""
+        """Return the header of the continued store."""
         if not self.path.is_dir():
             raise OutputError(f"{self.path} is a file; give another folder.")
         header = read_header(self.path)
         other = differences(header.identity, study_header.identity)
         layouts = ({**one.layout(), "chunk": None} for one in (header, study_header))
         other += differences(*(json.loads(json.dumps(layout)) for layout in layouts))
-        if other == [OTHER_PROGRAM]:  # versions may tell why
+        if other == [OTHER_PROGRAM]:  # versions may be the reason
             other += differences(header.runs[-1]["machine"], machine())
         if other:
             raise OutputError(
@@ -214,7 +215,7 @@ class StudyStore:
         return header
 
     def _repair(self) -> None:
-        """Find what is damaged, and make the rest what it should be."""
+        """Withdraw damaged chunks, and repair the other files."""
         self._arrays.begin()
         if self._ledger.damaged:
             self.repairs.append(
@@ -239,7 +240,7 @@ class StudyStore:
         self._ledger.withdraw(chunk)
 
     def _check_status(self) -> None:
-        """Have the status say what the ledger does; it may know of chunks that the ledger lost."""
+        """Match the status to the ledger, which may have lost chunks that the status has."""
         for chunk in sorted(self._ledger.chunks | status_chunks(self.path)):
             if chunk not in self._ledger.chunks:
                 self._withdraw_damaged(chunk, "was lost from the ledger")
@@ -248,7 +249,7 @@ class StudyStore:
 
 
 def _require_fitting(columns: Mapping[str, Column], coordinates: Mapping[str, Coordinate]) -> None:
-    """Raise `ValueError` where axes and coordinates of columns do not suit one another."""
+    """Raise `ValueError` where axes and coordinates of columns do not match."""
     sizes = {name: len(coordinate.values) for name, coordinate in coordinates.items()}
     for name, column in columns.items():
         if len(column.dims) != len(column.shape):

@@ -21,25 +21,27 @@ from jaxsat.store.ledger import StudyColumn, study_columns
 
 
 class _LazyColumn(BackendArray):
-    """A column as xarray wants it."""
+    """A column in the interface of xarray."""
 
     def __init__(self, column: StudyColumn):
         self.shape, self.dtype = column.shape, column.dtype
         self._column = column
 
     def __getitem__(self, key: indexing.ExplicitIndexer) -> Any:
-        """The values at these places."""
+        """Return the values at these places."""
         basic = indexing.IndexingSupport.BASIC
         return indexing.explicit_indexing_adapter(key, self.shape, basic, self._column.__getitem__)
 
 
 def open_study(path: str | Path) -> xr.Dataset:
-    """The results of a study as a dataset over `case`, read when used; `status` is 1 where done.
+    """Return the results of a study as a dataset over `case`, read when used; `status` 1 means
+    done.
 
-    The cases reach to the last one that is done. The components of vectors have names, such as `x`,
-    `y`, `z` along `body_axis`. Histories, where there are any, are over `history_time` (s) as well.
-    The attributes `identity` and `runs` are JSON. `case_table` makes a table of it.
-    Raises `OutputError` for what is no store, or one that is damaged, also when values are read.
+    Cases extend to the last completed one. The components of vectors have names, such as `x`, `y`,
+    `z` along `body_axis`. Histories, if any, are also over `history_time` (s). The attributes
+    `identity` and `runs` are JSON. `case_table` returns a table of the dataset.
+
+    Raises `OutputError` for an invalid or damaged store, also when values are read.
     """
     header = read_header(Path(path))
     columns = study_columns(path, header)
@@ -65,16 +67,16 @@ def _lazy_array(column: StudyColumn) -> indexing.MemoryCachedArray:
 
 
 ROWS = 10_000
-"""Rows of a table that are made into text at once."""
+"""Number of rows of a table that are converted to text at once."""
 
 
 def case_table(study: xr.Dataset) -> pd.DataFrame:
-    """The cases of a study that are done, one row each, indexed by `case`.
+    """Return the completed cases of a study, one row each, indexed by `case`.
 
     `study` is the dataset of `open_study`, or of `xarray.open_zarr`. Vectors have a column for
     each component, names end with the unit, as in `omega_x_rad_s`, and `outcome` is a text:
-    "settled", "unsettled", or how the case failed. What was drawn comes last, as `drawn_...`.
-    Histories are left out, and codes stand as the texts that they stand for.
+    "settled", "unsettled", or the name of the failure. Drawn values come last, as `drawn_...`.
+    Histories are left out, and codes are replaced by their meanings.
     """
     cases = study[[name for name in study.data_vars if not _is_history(study[name])]]
     cases = cases.isel({CASE: np.flatnonzero(np.asarray(study[STATUS]) == DONE)}).load()
@@ -108,7 +110,7 @@ def save_case_table(
 
 
 def _outcomes(code: np.ndarray, settling_time: np.ndarray) -> np.ndarray:
-    """How cases ended, as texts: settled, unsettled, or the failure."""
+    """Return the outcomes of cases as texts: settled, unsettled, or the failure."""
     names = {int(one): one.name.lower() for one in Outcome} | {int(Outcome.SUCCESS): UNSETTLED}
     outcomes = np.array([names[int(one)] for one in code], object)
     outcomes[np.isfinite(settling_time)] = SETTLED
@@ -120,7 +122,7 @@ def _is_history(variable: xr.DataArray) -> bool:
 
 
 def _case_columns(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
-    """The columns of a variable over the cases, its flags as texts."""
+    """Return the columns of a variable over the cases, its flags as texts."""
     flags = flags_of(variable)
     if flags:
         variable = variable.copy(data=np.array(flags, object)[variable.values.astype(int)])
@@ -128,7 +130,7 @@ def _case_columns(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
 
 
 def columns_of(name: str, variable: xr.DataArray) -> dict[str, np.ndarray]:
-    """The columns of a variable over cases or times, by their names with units."""
+    """Return the columns of a variable over cases or times, by their names with units."""
     unit = variable.attrs.get("units", "1").replace("degree", "deg")
     unit = re.sub(r"[ /]", "_", re.sub(r"-\d+\b", "", unit))
     suffix = "" if unit == "1" else f"_{unit}"

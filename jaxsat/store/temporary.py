@@ -1,6 +1,6 @@
-"""Folders that are made beside their target and take its name when they are whole.
+"""Folders that are made beside their target and take its name once complete.
 
-A folder has one writer: a lock that ends with the process that holds it, however it ends.
+A folder has one writer: its lock ends with the process that holds it, however it ends.
 """
 
 import contextlib
@@ -26,7 +26,7 @@ class FolderLock:
         self._handle: int | None = handle
 
     def close(self) -> None:
-        """Give the folder free."""
+        """Release the folder."""
         if self._handle is not None:
             os.close(self._handle)
             self._handle = None
@@ -65,7 +65,7 @@ else:
 
 
 LOCKED_BY = 10.0
-"""Seconds. A folder of this age without a lock on it has no process that writes to it."""
+"""Age in s from which a folder without a lock has no process that writes to it."""
 
 
 class TemporaryFolder(NamedTuple):
@@ -76,19 +76,19 @@ class TemporaryFolder(NamedTuple):
     lock: FolderLock
 
     def remove(self) -> None:
-        """Remove what is left of it, and let go."""
+        """Remove the rest of the folder, and release the lock."""
         shutil.rmtree(self.path, ignore_errors=True)
         self.lock.close()
 
 
 def temporary_folder(target: Path, kind: str) -> TemporaryFolder:
-    """A new folder beside `target`, whose stale ones are removed first; raises `OSError`."""
+    """Make a folder beside `target`, after removing stale ones; raises `OSError`."""
     prefix = f".{target.name}.partial-"
     remove_stale(target.parent, prefix)
     path = Path(tempfile.mkdtemp(prefix=prefix, dir=target.parent))
     lock = lock_folder(path)
     try:
-        path.chmod(0o777 & ~_umask())  # mkdtemp keeps others out, which a result need not
+        path.chmod(0o777 & ~_umask())  # mkdtemp excludes other users; a result need not
         return TemporaryFolder(path, Marker.make(path, kind, {"folder": path.name}), lock)
     except BaseException:
         shutil.rmtree(path, ignore_errors=True)
@@ -97,10 +97,10 @@ def temporary_folder(target: Path, kind: str) -> TemporaryFolder:
 
 
 def remove_stale(parent: Path, prefix: str) -> None:
-    """Remove the folders of that prefix whose writers, which hold locks on them, have died.
+    """Remove the folders of that prefix whose writers, which held locks on them, have died.
 
-    Only those that `temporary_folder` made and that hold nothing else; one too young to be locked
-    yet is left alone, and so is all where there are no locks.
+    Only folders that `temporary_folder` made, without other content, are removed; a folder too
+    young to be locked yet is kept, and so are all on systems without locks.
     """
     if sys.platform == "win32":
         return
@@ -125,10 +125,10 @@ def make_folder(
     files: Mapping[str, bytes],
     mark: Callable[[Path], object] | None = None,
 ) -> None:
-    """A folder with these files, which takes the name of an empty one or of none; raises `OSError`.
+    """Make a folder with these files, in place of an empty one or of none; raises `OSError`.
 
-    `mark` gives it a marker of its own; without one it has none. If another process was faster, its
-    folder stays.
+    `mark` gives it a marker of its own; without `mark` it has none. If another process was faster,
+    its folder is kept.
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = temporary_folder(target, kind)
@@ -154,7 +154,7 @@ def make_folder(
 
 
 def is_absent_or_empty(target: Path) -> bool:
-    """Whether there is nothing of that name, or a folder empty but for files that a system leaves.
+    """Whether a name does not exist, or is a folder without files except a system's own.
 
     Raises `OSError`.
     """
