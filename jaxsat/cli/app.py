@@ -1,6 +1,6 @@
 """The commands, and the handling of every exception that they raise.
 
-The last resort is for one that no command expected: it becomes one line and a file.
+An unexpected exception is reported as one line and a file with its traceback.
 """
 
 import os
@@ -54,13 +54,13 @@ from jaxsat.core.errors import JaxsatError
 from jaxsat.core.text import at_least_digits, clean
 
 MAX_MESSAGE_LENGTH = 300
-"""Characters of an exception's message that are reported; the file has all of it."""
+"""Number of reported characters of an exception's message; the file has all of it."""
 
 OUT_OF_MEMORY_TEXTS = ("RESOURCE_EXHAUSTED", "can't start new thread", "Cannot allocate memory")
-"""How libraries call a lack of memory or threads where they have no exception for it."""
+"""Texts of library errors for a lack of memory or threads, where no exception class exists."""
 
 PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
-"""Variables that choose where JAX computes; it raises at its first use where that is not there."""
+"""Variables that choose JAX's platform; JAX raises at its first use where it is missing."""
 
 app = App(
     name="jaxsat",
@@ -105,7 +105,7 @@ def completion(shell: Literal["bash", "zsh", "fish"], /, *, printed: Printed = P
 
 
 def run(tokens: Sequence[str] | None = None) -> int:
-    """Run one command; gives its exit status, whatever it raised, but for signals."""
+    """Run one command and return its exit status, for every exception but signals."""
     try:
         with thread_errors_reported(), warnings.catch_warnings():
             warnings.showwarning = _show_warning
@@ -120,7 +120,7 @@ def run(tokens: Sequence[str] | None = None) -> int:
     except FailedRun as failure:
         print_stderr(str(failure))
         return FAILED_RUN
-    except SystemExit as ended:  # of code that is not jaxsat's; its status says nothing
+    except SystemExit as ended:  # of foreign code; its status means nothing
         print_stderr(
             "control.law, a disturbance, actuators or an estimator: must be such that its code "
             f"returns, got {ending_of(ended)}"
@@ -128,7 +128,7 @@ def run(tokens: Sequence[str] | None = None) -> int:
         return USER_MISTAKE
     except KeyboardInterrupt:
         raise
-    except BaseException as error:  # also one that is no Exception, as panics of Rust are
+    except BaseException as error:  # also classes outside Exception, such as panics of Rust
         return report_error(error)
 
 
@@ -140,7 +140,7 @@ def _command(tokens: Sequence[str] | None) -> int:
     if not command.__module__.startswith("jaxsat."):
         try:
             command(*bound.args, **bound.kwargs)
-        except (BrokenPipeError, SystemExit):  # which Rich makes of it
+        except (BrokenPipeError, SystemExit):  # Rich raises SystemExit for it
             return OUTPUT_CUT
         return SUCCESS
     computes = command.__module__ not in ("jaxsat.cli.scenarios", "jaxsat.cli.app")
@@ -152,12 +152,13 @@ def _command(tokens: Sequence[str] | None) -> int:
 
 
 def _show_warning(message: Warning | str, *place: object) -> None:
-    del place  # in the source, which says nothing to a user
+    del place  # in the source, of no use to a user
     print_warning(str(message))
 
 
 def failure_of(error: BaseException) -> str | None:
-    """What to tell of an exception that means a lack of memory or a failing disk, else None."""
+    """Return a message for an exception that means a lack of memory or a failing disk, else
+    None."""
     from jaxsat.store.files import FAILURES
 
     if isinstance(error, BrokenPipeError):
@@ -176,7 +177,7 @@ def failure_of(error: BaseException) -> str | None:
 
 
 def ending_of(error: SystemExit) -> str:
-    """What ended Python, and where: "sys.exit(3) (law.py:12)"."""
+    """Return the cause and place of Python's end: "sys.exit(3) (law.py:12)"."""
     code = "" if error.code is None else clean(repr(error.code), MAX_MESSAGE_LENGTH)
     frames = traceback.extract_tb(error.__traceback__)
     places = [f'"{one.filename}", line {one.lineno}' for one in frames]
@@ -187,11 +188,10 @@ def ending_of(error: SystemExit) -> str:
 
 
 def report_error(error: BaseException) -> int:
-    """Tell of an exception; gives the exit status.
+    """Report an exception and return the exit status.
 
-    One line for a scenario or results that cannot be used, a failure of what was rightly asked for,
-    or a lack of memory or disk. All else is a mistake of jaxsat's, of which a file has the
-    traceback, too.
+    One line for an unusable scenario or unusable results, a failure of a valid request, or a lack
+    of memory or disk. All other exceptions are bugs of jaxsat, with the traceback in a file.
     """
     if isinstance(error, JaxsatError):
         if error.failure:
@@ -229,7 +229,7 @@ def report_bug(error: BaseException) -> None:
 
 @contextmanager
 def thread_errors_reported() -> Iterator[None]:
-    """Have exceptions that end a thread, or that Python cannot raise, told in the same way."""
+    """Report exceptions that end a thread, or that Python cannot raise, in the same way."""
     messages: set[str] = set()
 
     def tell(error: BaseException | None) -> None:
@@ -251,7 +251,7 @@ def _write_traceback(error: BaseException) -> Path:
 
     try:
         lines = traceback.format_exception(error)
-    except Exception as other:  # such as a __str__ or __repr__ that fails
+    except Exception as other:  # such as a failing __str__ or __repr__
         lines = [f"{type(error).__name__}, of which {type(other).__name__} keeps the traceback\n"]
     versions = [
         f"jaxsat {jaxsat.__version__}, Python {platform.python_version()}, {platform.platform()}\n",

@@ -1,4 +1,4 @@
-"""`jaxsat bound`: the least time or effort in which a scenario's manoeuvre can be done."""
+"""`jaxsat bound`: the least time or effort of a scenario's manoeuvre."""
 
 import json
 from pathlib import Path
@@ -90,7 +90,7 @@ def bound(
 
 
 def _best(scenario: "Scenario", objective: Objective, **keys: Any) -> "Bound | None":
-    """The bound that the library finds; its errors become mistakes and failures."""
+    """Return the bound from the library; its errors become mistakes and failures."""
     import jaxsat
     from jaxsat.synthesis.optima.run import UnsuitableScenario
 
@@ -105,7 +105,7 @@ def _best(scenario: "Scenario", objective: Objective, **keys: Any) -> "Bound | N
 
 
 def unsuitable(error: "UnsuitableScenario") -> UserMistake:
-    """What to raise for a scenario that cannot be bounded, with the option that may help."""
+    """Return the mistake for a scenario that cannot be bounded, with the option that may help."""
     return UserMistake(f"{error}; give it with --set" if error.lacking else str(error))
 
 

@@ -34,7 +34,7 @@ Result = TypeVar("Result")
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class AcceptanceSet:
-    """The options that count without a scenario alone.
+    """Options that apply only without a scenario.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def _on_acceptance_set(
     out: Path,
     results: Resumable,
 ) -> dict[str, Any]:
-    """The record of laws on the acceptance set."""
+    """Return the record of laws on the acceptance set."""
     import jaxsat
     from jaxsat.store.files import save_file
     from jaxsat.synthesis.comparison.acceptance import LAWS, LEVELS
@@ -171,7 +171,7 @@ def _in_scenario(
     out: Path,
     results: Resumable,
 ) -> dict[str, Any]:
-    """The record of laws on the cases of a scenario."""
+    """Return the record of laws on the cases of a scenario."""
     scenario = load_scenario(name, overrides, "study")
     from jaxsat.synthesis.comparison.in_scenario import compare_in_scenario
 
@@ -191,7 +191,7 @@ def _in_scenario(
 
 
 def _compute(out: Path, work: Callable[[], Result]) -> Result:
-    """Do the work; its errors become mistakes, and an interruption tells of `out`."""
+    """Do the work; its errors become mistakes, and an interruption names `out`."""
     from jaxsat.synthesis.comparison.run import UnsuitableLaw, UnsuitableSetting
 
     try:

@@ -16,7 +16,7 @@ Result = TypeVar("Result")
 def use_double_precision() -> None:
     """Switch JAX to 64-bit floats, as every command that computes does first.
 
-    JAX is not imported for it: a mistake in a scenario is reported before.
+    JAX is not imported for it: a mistake in a scenario is reported earlier.
     """
     os.environ["JAX_ENABLE_X64"] = "1"
     if "jax" in sys.modules:
@@ -26,16 +26,16 @@ def use_double_precision() -> None:
 def interruptibly(work: Callable[[], Result], *, brief: bool = False) -> Result:
     """Do the work in a thread, so that a signal need not wait for compiled code to return.
 
-    While `brief` work is done, as a single run, nobody searches for dead cycles either.
+    `brief` work, such as a single run, also keeps garbage collection off.
     """
-    if not (gc.isenabled() or brief):  # commands start without that search
+    if not (gc.isenabled() or brief):  # commands start without garbage collection
         gc.freeze()
         gc.enable()
     return _in_a_thread(work)
 
 
 def import_interruptibly(*modules: str) -> None:
-    """Import in a thread: an exception of a signal inside JAX's own import becomes another one."""
+    """Import in a thread: a signal's exception inside JAX's own import becomes another one."""
     _in_a_thread(lambda: [importlib.import_module(module) for module in modules])
 
 
@@ -62,11 +62,11 @@ def _in_a_thread(work: Callable[[], Result]) -> Result:
 def dask_unseen() -> Iterator[None]:
     """Hide dask from xarray, which imports all of it where it is installed, to label one array.
 
-    Nothing is hidden where a part of a user's own has imported either.
+    Nothing is hidden where a user's own part has imported either.
     """
     hidden = not {"dask", "xarray"} & sys.modules.keys()
     if hidden:
-        sys.modules["dask"] = cast(ModuleType, None)  # which Python takes for: there is none
+        sys.modules["dask"] = cast(ModuleType, None)  # Python takes it as not installed
     try:
         yield
     finally:

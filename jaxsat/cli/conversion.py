@@ -1,4 +1,4 @@
-"""A trajectory in formats of others: CCSDS attitude ephemeris and CSV."""
+"""Conversion of a trajectory to other formats: CCSDS attitude ephemeris and CSV."""
 
 import datetime
 import tomllib
@@ -17,14 +17,14 @@ from jaxsat.scenario.parts.orbit import OrbitTable
 from jaxsat.store.tables import columns_of
 
 FRAMES = {"inertial": "EME2000", "orbit": "LVLH"}
-"""What the reference frames are called in an attitude ephemeris."""
+"""Names of the reference frames in an attitude ephemeris."""
 
 BODY = "SC_BODY_1"
 MAX_NAME = 80
 
 
 FIRST_INSTANT, LAST_INSTANT = np.datetime64("1972-01-01", "s"), np.datetime64("9999-12-31T23:59:59")
-"""The instants between which UTC has seconds of one length, and years of four digits."""
+"""First and last instant of UTC with seconds of one length and four-digit years."""
 
 LEAP_DAYS = (
     *("1972-06-30", "1972-12-31", "1973-12-31", "1974-12-31", "1975-12-31", "1976-12-31"),
@@ -33,7 +33,7 @@ LEAP_DAYS = (
     *("1994-06-30", "1995-12-31", "1997-06-30", "1998-12-31", "2005-12-31", "2008-12-31"),
     *("2012-06-30", "2015-06-30", "2016-12-31"),
 )
-"""Days that ended with a leap second, all that are known (IERS Bulletin C)."""
+"""All known days that ended with a leap second (IERS Bulletin C)."""
 
 
 class ConversionError(JaxsatError, ValueError):
@@ -48,16 +48,15 @@ def attitude_ephemeris(
     object_name: str = "",
     object_id: str = "UNKNOWN",
 ) -> str:
-    """The attitude of a run as a CCSDS attitude ephemeris message (AEM 1.0, CCSDS 504.0-B).
+    """Return the attitude of a run as a CCSDS attitude ephemeris message (AEM 1.0, CCSDS 504.0-B).
 
-    `epoch` is UTC at the start of the run, from 1972 on. The quaternions turn the
-    reference frame into body axes, scalar part last. `frame` is "inertial", x to the equinox and z
-    to the north pole (called EME2000), by way of the angles of the scenario's orbit, or "orbit",
-    x along the velocity and z to the Earth's centre (called LVLH). Times after the end of a failed
-    run are left out. Text is printable ASCII: a title is spelled in it. Raises
-    `ConversionError` for a dataset without attitude, for names of other characters, for the orbit
-    frame of an ellipse, and for times before 1972, after 9999 or across a leap second, which no
-    count of seconds tells.
+    `epoch` is UTC at the start of the run, from 1972 on. The quaternions turn the reference frame
+    into body axes, scalar part last. `frame` is "inertial", x to the equinox and z to the north
+    pole (called EME2000), from the angles of the scenario's orbit, or "orbit", x along the velocity
+    and z to the Earth's centre (called LVLH). Times after the end of a failed run are left out.
+    Text is printable ASCII: a title is transliterated. Raises `ConversionError` for a dataset
+    without attitude, for names of other characters, for the orbit frame of an ellipse, and for
+    times before 1972, after 9999 or across a leap second, which no count of seconds represents.
     """
     if "quaternion" not in dataset:
         raise ConversionError("there is no attitude in it")
@@ -102,13 +101,13 @@ def attitude_ephemeris(
 
 
 def epoch_of_run(dataset: xr.Dataset) -> np.datetime64 | None:
-    """UTC at the start of a run, where its scenario tells."""
+    """Return UTC at the start of a run, None if its scenario has no epoch."""
     orbit = tomllib.loads(str(dataset.attrs.get("scenario", ""))).get("orbit", {})
     return epoch_of(orbit["epoch"]) if "epoch" in orbit else None
 
 
 def _instants(epoch: np.datetime64, seconds: np.ndarray) -> np.ndarray:
-    """UTC at these times of a run, as text to the nanosecond; raises `ConversionError`."""
+    """Return UTC at these times of a run, as text to the nanosecond; raises `ConversionError`."""
     begin = epoch.astype("datetime64[s]")
     fraction = (epoch - begin).astype("timedelta64[ns]").astype(int)
     whole = np.floor(seconds)
@@ -129,19 +128,19 @@ def _instants(epoch: np.datetime64, seconds: np.ndarray) -> np.ndarray:
 
 
 def _nearest_signs(quaternions: np.ndarray) -> np.ndarray:
-    """Give each quaternion the sign nearer to the one before, so that a reader can interpolate."""
+    """Return quaternions of signs nearest to their predecessors, for interpolation by a reader."""
     flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0
     return quaternions * np.cumprod(np.concatenate([[1], np.where(flips, -1, 1)]))[:, None]
 
 
 def _orbit_table(dataset: xr.Dataset) -> OrbitTable:
-    """`[orbit]` of a run's scenario, empty where it has none."""
+    """Return `[orbit]` of a run's scenario, empty where it has none."""
     tables = tomllib.loads(str(dataset.attrs.get("scenario", "")))
     return OrbitTable.model_validate(tables.get("orbit", {}))
 
 
 def _orbit_frame(dataset: xr.Dataset, seconds: np.ndarray) -> Rotation:
-    """The turns from the inertial to the orbit frame at some times."""
+    """Return the rotations from the inertial to the orbit frame at some times (s)."""
     import jax
     import jax.numpy as jnp
 
@@ -154,7 +153,7 @@ def _orbit_frame(dataset: xr.Dataset, seconds: np.ndarray) -> Rotation:
 
 
 def signal_table(dataset: xr.Dataset) -> str:
-    """All signals of a run as CSV, a row for each saved time, with units in the column names."""
+    """Return all signals of a run as CSV, a row for each saved time, units in the column names."""
     columns = {"time_s": dataset["time"].values}
     for name, variable in dataset.data_vars.items():
         if variable.dims[:1] == ("time",) and variable.ndim <= 2:

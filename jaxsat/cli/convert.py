@@ -84,7 +84,7 @@ def _spacecraft(path: Path) -> "Converted":
 
 
 def _text(path: Path) -> str:
-    """What is in a file; bytes that are no text become marks."""
+    """Return the text of a file; undecodable bytes become replacement characters."""
     from jaxsat.scenario.limits import MAX_FILE_SIZE
 
     try:
@@ -100,7 +100,7 @@ def _text(path: Path) -> str:
 
 
 def _beside(run: Path, ending: str) -> Path:
-    """The path beside the folder of a run, even for its trajectory; else beside the file."""
+    """Return the path beside the folder of a run, even for its trajectory; else beside the file."""
     from jaxsat.store.marker import MARKER
 
     if not run.is_dir():

@@ -1,4 +1,4 @@
-"""`jaxsat design`: from a vehicle with failures to a controller verified on it."""
+"""`jaxsat design`: from a vehicle with failures to a verified controller."""
 
 from pathlib import Path
 from typing import Annotated, Literal

@@ -1,4 +1,4 @@
-"""The entry point, there before anything slow is imported: signals and exit statuses."""
+"""The entry point, defined before any slow import: signals and exit statuses."""
 
 import gc
 import os
@@ -18,21 +18,21 @@ SIGNALS = [
 
 
 def main(tokens: Sequence[str] | None = None) -> None:
-    """Run the command line and exit with a status that docs/scenarios.md lists."""
-    if tokens is None:  # a process of its own, in which no code was changed
-        gc.disable()  # until `interruptibly` does what takes long
+    """Run the command line and exit with a status of docs/scenarios.md."""
+    if tokens is None:  # a process of its own, with unchanged code
+        gc.disable()  # until `interruptibly` starts long work
         os.environ.setdefault("JAXSAT_KEPT_KERNELS", "1")
-        os.environ |= {"MATPLOTLIBRC": os.devnull, "MPLBACKEND": "agg"}  # damaged ones of a user
+        os.environ |= {"MATPLOTLIBRC": os.devnull, "MPLBACKEND": "agg"}  # the user's may be damaged
     with _signals_as_exceptions() as received:
         try:
             with _no_exit_unsaid():
                 status = _status(tokens, received)
-        except KeyboardInterrupt:  # a second one, while the first was told of
+        except KeyboardInterrupt:  # a second one during the report of the first
             status = _signal_status(received)
         if received:
             os._exit(status)  # a computation may still hold a thread
     if tokens is None:
-        gc.freeze()  # Python would search all objects for dead cycles once more as it ends
+        gc.freeze()  # otherwise Python's exit would collect garbage once more
     sys.exit(status)
 
 
@@ -52,10 +52,10 @@ def _status(tokens: Sequence[str] | None, received: list[int]) -> int:
 
 @contextmanager
 def _no_exit_unsaid() -> Iterator[None]:
-    """Inside, `os._exit` raises `SystemExit`, as `sys.exit` does, so that it is reported.
+    """Make `os._exit` raise `SystemExit`, as `sys.exit` does, inside the `with` block.
 
-    Code of a user's own could end a command with status 0 otherwise. Processes that are forked
-    inside end by it as ever.
+    Otherwise a user's own code could end a command with status 0 unreported. Forked processes still
+    end by it.
     """
     end, process = os._exit, os.getpid()
 
@@ -77,9 +77,9 @@ def _signal_status(received: Sequence[int]) -> int:
 
 @contextmanager
 def _signals_as_exceptions() -> Iterator[list[int]]:
-    """Signals become exceptions, and are listed; a third one ends the process at once.
+    """Convert signals to exceptions, and list them; a third one ends the process at once.
 
-    One that is ignored from the start, as under `nohup`, stays so.
+    A signal that is ignored from the start, as under `nohup`, stays ignored.
     """
     received: list[int] = []
     end = os._exit

@@ -1,4 +1,4 @@
-"""What a library function tells while it runs, as progress, remarks and warnings."""
+"""Reports of a library function to the command line: progress, remarks and warnings."""
 
 from collections.abc import Callable, Container, Iterator
 from contextlib import contextmanager
@@ -22,10 +22,11 @@ Result = TypeVar("Result")
 def run_into(
     target: Path, results: Resumable, work: Callable[..., Result], options: Container[str] = ()
 ) -> Result:
-    """What `work` returns, which gets the folder, how studies are run, and a listener.
+    """Return the result of `work`, called with the folder, the execution of studies, and a
+    listener.
 
-    An interruption tells that the results so far are in `target`. A `ValueError` becomes a
-    `UserMistake`, under the option that an argument of one of these names comes from.
+    An interruption reports that the results so far are in `target`. A `ValueError` becomes a
+    `UserMistake` that names the option of the wrong argument, if it is in `options`.
     """
     try:
         with resumed_later(target):
@@ -39,7 +40,7 @@ def run_into(
 
 
 def listener(target: Path, results: Resumable) -> "Listener":
-    """A listener that shows progress, prints each remark once, and refuses too much work."""
+    """Return a listener that shows progress, prints each remark once, and refuses too much work."""
     from jaxsat.synthesis.execution import Listener
 
     remarks: set[str] = set()
@@ -58,7 +59,7 @@ def listener(target: Path, results: Resumable) -> "Listener":
 
 
 def execution(results: Resumable) -> "Execution":
-    """How the options say that studies are run; raises `UserMistake`."""
+    """Return the execution of studies by the options; raises `UserMistake`."""
     from jaxsat.cli.study_executors import chosen_executor
     from jaxsat.synthesis.execution import Execution
 
@@ -66,7 +67,7 @@ def execution(results: Resumable) -> "Execution":
 
 
 def show(what: str, progress: Any) -> None:
-    """Show what runs and how far a study or the tuner is."""
+    """Show the current task and the progress of a study or the tuner."""
     from jaxsat.studies.run import StudyProgress
 
     if isinstance(progress, StudyProgress):
@@ -77,7 +78,7 @@ def show(what: str, progress: Any) -> None:
 
 
 def progress_text(progress: "StudyProgress") -> str:
-    """One line on how far a study is."""
+    """Return one line on the progress of a study."""
     remainder = f"{progress.seconds_left:.0f} s left" if progress.seconds_left >= 1 else "finishing"
     return (
         f"{progress.done} of {progress.count} cases, {progress.rate:.1f} per second, "
@@ -86,7 +87,7 @@ def progress_text(progress: "StudyProgress") -> str:
 
 
 def tuning_text(progress: "DescentProgress") -> str:
-    """One line on how far a tuning is."""
+    """Return one line on the progress of a tuning."""
     several = f", {progress.starts} starts" if progress.starts > 1 else ""
     slope = progress.gradient_norm
     gradient = f"gradient {slope:.3g}, " if slope == slope else ""
@@ -99,7 +100,7 @@ def tuning_text(progress: "DescentProgress") -> str:
 
 @contextmanager
 def resumed_later(target: Path, what: str = "the results so far are in {}") -> Iterator[None]:
-    """Inside, an interruption tells that what is in `target` is resumed, if anything is."""
+    """Make an interruption report that the content of `target`, if any, is resumed."""
     try:
         yield
     except KeyboardInterrupt as stop:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def load_scenario(
     name_or_path: str, overrides: Sequence[str] = (), purpose: "Purpose | Literal['tuning']" = "run"
 ) -> "Scenario":
-    """The scenario, which can be built for the purpose; raises `ScenarioError` with every problem.
+    """Load a scenario that can be built for the purpose; raises `ScenarioError` with every problem.
 
     "tuning" is a study whose gains can be tuned.
     """
@@ -31,7 +31,7 @@ def load_scenario(
 
 
 def _try_tuning(scenario: "Scenario") -> None:
-    """Raise `BuildError` where the gains cannot be tuned as `[tuning]`, if it is there, says."""
+    """Raise `BuildError` where the gains cannot be tuned by `[tuning]`, if present."""
     if scenario.tuning is not None:
         from jaxsat.synthesis.tuning.build import try_tuning
 
@@ -39,7 +39,7 @@ def _try_tuning(scenario: "Scenario") -> None:
 
 
 def load_vehicle(name_or_path: str, overrides: Sequence[str] = ()) -> "Vehicle":
-    """The vehicle, with what its file may leave out; raises `ScenarioError` with every problem."""
+    """Load a vehicle, with defaults; raises `ScenarioError` with every problem."""
     show_progress(f"reading {name_or_path}")
     use_double_precision()
     from jaxsat.synthesis.controller_design.request import read_vehicle

@@ -1,4 +1,4 @@
-"""What the parser of the options finds, in the form of every message: "OPTION: must …, got …"."""
+"""Errors of the options' parser in the form of every message: "OPTION: must …, got …"."""
 
 import difflib
 from collections.abc import Iterable, Iterator
@@ -19,11 +19,11 @@ from jaxsat.cli.options import MAX_VALUE_LENGTH
 from jaxsat.core.text import clean
 
 CLOSE = 0.75
-"""Similarity from which a word is taken for a misspelt one: --sett for --set, not --seed."""
+"""Similarity from which a word is a misspelt one: --sett for --set, not --seed."""
 
 
 def parser_message(error: CycloptsError, app: App) -> str:
-    """What is wrong with the words after `jaxsat`, and where the options are listed."""
+    """Return the message for wrong words after `jaxsat`, with a pointer to the options."""
     command = " ".join(("jaxsat", *(error.command_chain or ())))
     match error:
         case UnusedCliTokensError():
@@ -59,7 +59,7 @@ def _missing(error: MissingArgumentError, command: str, app: App) -> str:
 
 
 def _meaning(name: str, command: str, app: App) -> str:
-    """The first sentence of the help of an argument of a command, "" where there is none."""
+    """Return the first sentence of the help of a command's argument, "" without help."""
     for word in command.split()[1:]:
         app = app[word]
     for argument in app.assemble_argument_collection(parse_docstring=True):
@@ -94,7 +94,7 @@ def _unknown_option(word: str, command: str, names: Iterable[str], app: App) -> 
 
 
 def _commands_with(option: str, app: App) -> Iterator[str]:
-    """The commands, without those of groups, that have an option of that name."""
+    """Yield the commands, without those of groups, that have an option of that name."""
     for name in _shown(app):
         if app[name].default_command is not None:
             arguments = app[name].assemble_argument_collection()
@@ -112,18 +112,18 @@ def _unknown_command(error: UnknownCommandError, command: str) -> str:
 
 
 def _shown(app: App) -> list[str]:
-    """The commands of an app."""
+    """Return the commands of an app."""
     return [name for name in app if not name.startswith("-")]
 
 
 def _choices(kind: object) -> list[str]:
-    """The words that an option may be, in a list too, or none if it is not of such a kind."""
+    """Return the allowed words of an option, in a list too; empty if it is not a choice."""
     if get_origin(kind) is tuple:
         kind = get_args(kind)[0]
     return [str(one) for one in get_args(kind)] if get_origin(kind) is Literal else []
 
 
 def _closest(word: str, choices: Iterable[str]) -> str:
-    """`, did you mean …?` for what a word is a misspelling of, or nothing."""
+    """Return `, did you mean …?` for a misspelt word, or an empty text."""
     close = difflib.get_close_matches(word, list(choices), 1, CLOSE)
     return f", did you mean {close[0]}?" if close else ""

@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Saved:
-    """What is written of a study besides its plain results.
+    """Outputs of a study besides its store.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ class Saved:
     history: Instants = None
 
     def places(self) -> list[tuple[str, Path]]:
-        """The files and folders that are asked for, each after the name of its option."""
+        """Return the requested files and folders, each after the name of its option."""
         options = (("--figures", self.figures), ("--csv", self.csv))
         return [(option, place) for option, place in options if place is not None]
 
@@ -163,7 +163,7 @@ def montecarlo(
 def _refuse_contradictions(
     case: int | None, controller: Path | None, saved: Saved, sharing: Sharing, results: Resumable
 ) -> None:
-    """Raise `UserMistake` for options that say nothing together."""
+    """Raise `UserMistake` for contradictory options."""
     if case is not None and saved.figures is not None:
         raise UserMistake("--case: must be given without --figures, which show a whole study")
     if case is not None and saved.csv is not None:
@@ -181,7 +181,7 @@ def _refuse_contradictions(
 def _plan_report(
     target: Path, saved: Saved, results: Resumable, *, store: bool
 ) -> PlannedReport | None:
-    """The report that is asked for; raises `UserMistake` for places that cannot be written to."""
+    """Return the requested report; raises `UserMistake` for places that cannot be written to."""
     for one, other in itertools.combinations([*saved.places(), ("--out", target)], 2):
         refuse_nested(one, other)
     if saved.csv is not None:
@@ -195,7 +195,7 @@ def _plan_report(
 def _build_study(
     scenario: "Scenario", count: int, quiet: bool, **keys: Any
 ) -> tuple["Scenario", "Study"]:
-    """The scenario and the study that `refined_study` makes; raises `UserMistake`."""
+    """Return the scenario and the study of `refined_study`; raises `UserMistake`."""
     use_double_precision()
     from jaxsat.scenario.build.study import refined_study
 
@@ -218,7 +218,7 @@ def _write_study(
     sharing: Sharing,
     results: Resumable,
 ) -> None:
-    """Run the study into its store; write and print what is asked for of it."""
+    """Run the study into its store; write and print the requested outputs."""
     from jaxsat.scenario.resolution import excessive_error
     from jaxsat.studies.work import study_work
 
@@ -237,7 +237,7 @@ def _write_study(
             show_progress("writing the table")
             write_csv(saved.csv, target, count, overwrite=results.overwrite)
     except KeyboardInterrupt as stop:
-        with contextlib.suppress(KeyboardInterrupt):  # a second one does not wait
+        with contextlib.suppress(KeyboardInterrupt):  # a second interruption does not wait
             executor.stop()
         raise type(stop)(_interruption_text(target)) from None
     excess = excessive_error((summary.rate_error, summary.attitude_error), scenario)

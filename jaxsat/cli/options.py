@@ -1,4 +1,4 @@
-"""The options of the commands and their ranges, checked before anything else.
+"""Options of the commands and their ranges, checked before anything else.
 
 docs/scenarios.md lists the ranges.
 """
@@ -19,29 +19,29 @@ from jaxsat.core.errors import ArgumentError
 from jaxsat.core.text import MOST_DIGITS, clean
 
 MAX_CASES = 2**32
-"""Case numbers are 32-bit words of the noise's key."""
+"""Number of case numbers, 32-bit words of the noise's key."""
 
 MAX_BATCH_SIZE = 2**20
-"""Cases of a chunk or of a batch: each takes memory for all of them at once."""
+"""Largest number of cases of a chunk or of a batch, which are all in memory at once."""
 
 MAX_INSTANTS = 100_000
 MAX_SEED = 2**64 - 1
 MAX_WORKERS = 4096
 MAX_STARTS = 10_000
 MIN_LIMIT, MAX_LIMIT = 0.01, 1000.0
-"""N m; the time that a study covers goes with the root of the limit."""
+"""Range of torque limits, N m; the time that a study covers scales with the limit's root."""
 
 MAX_NAME_LENGTH, MAX_PATH_LENGTH = 255, 4095
-"""Bytes that Linux and macOS take for one name, and for a path."""
+"""Largest numbers of bytes of one name, and of a path, on Linux and macOS."""
 
 MAX_VALUE_LENGTH = 60
-"""Characters of a wrong value that a message shows."""
+"""Number of characters of a wrong value that a message shows."""
 
 _WHOLE = re.compile(r"[+-]?\d{1,40}(\.\d{1,40})?([eE][+-]?\d{1,2})?", re.ASCII)
 
 
 def mistake(option: str, must: str, got: object) -> UserMistake:
-    """The one form of a message about an option."""
+    """Return the mistake of an option in the form of every message."""
     return UserMistake(
         f"{option}: must be {must}, got {clean(str(got), MAX_VALUE_LENGTH) or 'nothing'}"
     )
@@ -50,10 +50,10 @@ def mistake(option: str, must: str, got: object) -> UserMistake:
 def option_mistake(
     error: BaseException, options: Container[str], otherwise: str = ""
 ) -> UserMistake:
-    """What the library refuses, under the option that an argument of one of these names comes from.
+    """Return a library error as a mistake, under the option of the wrong argument if in `options`.
 
-    Of an error for which an `ArgumentError` is the cause, that one counts; `otherwise` begins the
-    text of any other.
+    For an error caused by an `ArgumentError`, the cause counts; `otherwise` begins the text of any
+    other error.
     """
     cause = error if isinstance(error, ArgumentError) else error.__cause__
     if isinstance(cause, ArgumentError) and cause.argument in options:
@@ -71,7 +71,7 @@ def _converter(convert: Callable[[str, str], Any]) -> Callable:
 
 
 def whole(least: int, most: int) -> Callable:
-    """A converter to whole numbers, which may be written like 1e6 but not like 1.5."""
+    """Return a converter to whole numbers, which may be written like 1e6 but not like 1.5."""
 
     def convert(option: str, text: str) -> int:
         if _WHOLE.fullmatch(text):
@@ -84,7 +84,7 @@ def whole(least: int, most: int) -> Callable:
 
 
 def number(least: float, most: float, *, open_ends: bool = False) -> Callable:
-    """A converter to numbers in a range, with or without its ends."""
+    """Return a converter to numbers in a range, with or without its ends."""
 
     def convert(option: str, text: str) -> float:
         try:
@@ -100,7 +100,7 @@ def number(least: float, most: float, *, open_ends: bool = False) -> Callable:
 
 
 def place(option: str, text: str) -> Path:
-    """A path that a file system takes."""
+    """Return a path that a file system accepts."""
     names = [os.fsencode(name) for name in Path(text).parts]
     if not text or "\0" in text:
         raise mistake(option, "a path", text)
@@ -112,7 +112,7 @@ def place(option: str, text: str) -> Path:
 
 
 def something(option: str, text: str) -> str:
-    """A text that is not empty."""
+    """Return a text that is not empty."""
     if not text.strip():
         raise mistake(option, "given with a value", text)
     return text
@@ -130,7 +130,7 @@ Instants = Annotated[int | None, Parameter(converter=whole(2, MAX_INSTANTS))]
 Workers = Annotated[int | None, Parameter(converter=whole(1, MAX_WORKERS))]
 TorqueLimits = Annotated[tuple[str, ...], Parameter(negative="")]
 End = Literal["settled", "rest"]
-"""Where a manoeuvre ends."""
+"""End of a manoeuvre: within the settling tolerances, or exactly at rest."""
 
 Starts = Annotated[int, Parameter(converter=whole(1, MAX_STARTS))]
 StartsOrNone = Annotated[int, Parameter(converter=whole(0, MAX_STARTS))]
@@ -151,7 +151,7 @@ Overrides = Annotated[
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Printed:
-    """The option of every command that only prints.
+    """Option of every command that only prints.
 
     Parameters
     ----------
@@ -165,9 +165,9 @@ class Printed:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Output:
-    """The options of every command that writes files.
+    """Options of every command that writes files.
 
-    The docstring of a command has another text where one of these means something else in it.
+    The docstring of a command overrides the text of an option with another meaning in it.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ class Output:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Results(Output):
-    """The options of every command that writes results of which there are reports.
+    """Options of every command that writes results with reports.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ class Results(Output):
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Resumable(Results):
-    """The options of every command that runs many cases and goes on where it was interrupted.
+    """Options of every command that runs many cases and resumes after an interruption.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ class Resumable(Results):
 
 
 def torque_limits(texts: Sequence[str]) -> list[float]:
-    """The torque limits (N m) that are asked for, each once."""
+    """Return the requested torque limits (N m), each once."""
     from jaxsat.synthesis.comparison.acceptance import LIMITS
 
     limits: list[float] = []

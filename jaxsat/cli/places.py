@@ -1,4 +1,4 @@
-"""Output paths, checked before anything is computed."""
+"""Output paths, checked before any computation."""
 
 import contextlib
 import os
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class _EndOfTrial(Exception):
-    """Ends a folder that was opened only to see whether it can be."""
+    """End of a folder that was opened only as a trial."""
 
 
 def try_folder(open_folder: "Callable[[], OutputFolder]") -> None:
@@ -24,7 +24,7 @@ def try_folder(open_folder: "Callable[[], OutputFolder]") -> None:
 
 
 def refuse_nested(first: tuple[str, Path], second: tuple[str, Path]) -> None:
-    """Raise `UserMistake` where one of two places is the other or lies inside it."""
+    """Raise `UserMistake` where one of two places is the other or is inside it."""
     (one, here), (other, there) = (
         (name, Path(os.path.realpath(path))) for name, path in (first, second)
     )

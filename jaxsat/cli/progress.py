@@ -1,4 +1,4 @@
-"""The progress of a command, on standard error from its first second on.
+"""Progress of a command, on standard error from its first second on.
 
 A live line on a terminal; elsewhere plain lines at increasing intervals.
 """
@@ -15,20 +15,20 @@ from contextlib import contextmanager
 from jaxsat.core.text import clean
 
 FIRST_DELAYS_S = 0.3, 0.8
-"""Seconds before anything is shown, on a terminal and elsewhere: quick commands say nothing."""
+"""Seconds before the first output, on a terminal and elsewhere: quick commands show nothing."""
 
 REDRAW_INTERVAL_S = 0.1
 """Seconds between two drawings of the live line."""
 
 MAX_INTERVAL_S = 60.0
-"""Seconds between two plain lines at most; up to then each comes after twice the time."""
+"""Largest time (s) between two plain lines; up to then each comes after twice the time."""
 
 ERASE = "\r\x1b[2K"
 SPINNER = "|/-\\"
 
 
 class _Display:
-    """The thread that shows the text; one at a time is enough for a process."""
+    """Thread that shows the text, at most one in a process."""
 
     def __init__(self, text: str):
         self.text = text
@@ -43,13 +43,13 @@ class _Display:
         self._thread.start()
 
     def stop(self) -> None:
-        """Show nothing more; the live line goes."""
+        """Show nothing more, and erase the live line."""
         self._end.set()
         self._thread.join()
         self.erase()
 
     def erase(self) -> None:
-        """Take the live line away, until it is drawn again."""
+        """Erase the live line until it is drawn again."""
         with self.lock:
             if self._shown:
                 self._shown = False
@@ -81,7 +81,7 @@ class _Display:
 
 
 def until_next_line(elapsed: float) -> float:
-    """Seconds from one plain line to the next."""
+    """Return seconds from one plain line to the next."""
     return min(MAX_INTERVAL_S, max(1.0, elapsed))
 
 
@@ -90,7 +90,7 @@ _display: _Display | None = None
 
 @contextmanager
 def showing_progress(text: str) -> Iterator[None]:
-    """While this lasts, show what the command is at; `text` first."""
+    """Show progress inside the `with` block; `text` first."""
     global _display
     _display = _Display(text)
     try:
@@ -100,14 +100,14 @@ def showing_progress(text: str) -> Iterator[None]:
 
 
 def show_progress(text: str) -> None:
-    """Show what the command does now."""
+    """Show the current task of the command."""
     display = _display
     if display is not None:
         display.text = text
 
 
 def stop_progress() -> None:
-    """Show no more progress, as for a command that is to be quiet."""
+    """Stop showing progress, as for a quiet command."""
     global _display
     display, _display = _display, None
     if display is not None:
@@ -116,7 +116,7 @@ def stop_progress() -> None:
 
 @contextmanager
 def between_drawings() -> Iterator[None]:
-    """Inside this, other output goes out with no live line in its way."""
+    """Remove the live line for other output inside the `with` block."""
     display = _display
     if display is None:
         yield
@@ -129,12 +129,12 @@ def between_drawings() -> Iterator[None]:
 def _is_live() -> bool:
     try:
         return sys.stderr.isatty() and os.environ.get("TERM", "dumb") not in ("dumb", "unknown", "")
-    except (AttributeError, ValueError):  # none, or closed
+    except (AttributeError, ValueError):  # missing or closed
         return False
 
 
 def _write(text: str) -> None:
-    """Write to standard error, and if it has gone, nowhere: progress is no reason to fail."""
+    """Write to standard error, and ignore a closed one: progress is no reason to fail."""
     try:
         sys.stderr.write(text)
         sys.stderr.flush()

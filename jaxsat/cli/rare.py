@@ -1,4 +1,4 @@
-"""`jaxsat rare`: how probable it is that a requirement is violated, however small."""
+"""`jaxsat rare`: the probability, however small, that a requirement is violated."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -99,7 +99,7 @@ def rare(
 
 
 def _fly_again(chosen: "Scenario", folder: Path, case: int, results: Resumable) -> int:
-    """Write the trajectory of one flight of an estimate into the folder that has it."""
+    """Write the trajectory of one flight of an estimate into the estimate's folder."""
     use_double_precision()
     from jaxsat.synthesis.rare_events.run import flown_again
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from jaxsat.report.document import Document
 
 REPORT = "report.html"
-"""What `--report` writes into a folder of results."""
+"""Name of the file that `--report` writes into a folder of results."""
 
 
 def report(*paths: str, output: Output = Output()) -> int:
@@ -56,7 +56,7 @@ def write_report(paths: Sequence[Path], out: Path, *, overwrite: bool) -> None:
 
 @dataclass(frozen=True)
 class PlannedReport:
-    """What `--report` asked for: a page of `results`, in their folder or in a file elsewhere."""
+    """The report requested by `--report`: a page of `results`, in their folder or elsewhere."""
 
     results: Path
     file: Path
@@ -78,10 +78,10 @@ class PlannedReport:
 
 
 def planned_report(options: Results, results: Path, *, store: bool = False) -> PlannedReport | None:
-    """What `--report` asks for, None for nothing; raises `UserMistake` for what cannot be.
+    """Return the report requested by `--report`, or None; raises `UserMistake` for impossible ones.
 
-    `results` is where they will be; `store` says that they are a store of a study, beside which the
-    page is put.
+    `results` is the path of the results; with `store` it is that of a study, and the page is beside
+    it.
     """
     request, overwrite = options.report, options.overwrite
     if request is False:
@@ -101,7 +101,7 @@ def planned_report(options: Results, results: Path, *, store: bool = False) -> P
 
 
 def finish_report(plan: PlannedReport | None, *, quiet: bool) -> None:
-    """Write the page that was asked for, and say where it is."""
+    """Write the requested page, and print its path."""
     if plan is None:
         return
     plan.write()
@@ -116,7 +116,7 @@ def present(
     report: PlannedReport | None,
     already: str = "",
 ) -> None:
-    """Print the document of results unless that is not wanted, and write their report."""
+    """Print the document of results unless quiet, and write their report."""
     if not results.quiet:
         print_document(document)
         print_stdout("")

@@ -110,7 +110,7 @@ def check(*files: str, overrides: Overrides = (), printed: Printed = Printed()) 
 
 
 def _verdict(file: str, overrides: Sequence[str]) -> list[str]:
-    """What a valid file is good for; raises `ScenarioError` with every error of another one."""
+    """Return lines on the uses of a valid file; raises `ScenarioError` with every error."""
     from jaxsat.scenario.read import given_keys
 
     given = {key.partition(".")[0] for key in given_keys(file, overrides)}
@@ -127,7 +127,7 @@ def _verdict(file: str, overrides: Sequence[str]) -> list[str]:
 
 
 def refusals(scenario: "Scenario") -> Iterator[str]:
-    """A line for each group of commands that refuse the scenario, by what they themselves ask."""
+    """Yield a line for each group of commands that refuse the scenario, by their own checks."""
     from jaxsat.scenario.errors import MissingTable
 
     if scenario.dispersion is None:
@@ -173,4 +173,4 @@ def _require_flight_code(scenario: "Scenario") -> None:
     from jaxsat.flight.flight import FlightController
     from jaxsat.scenario.build.run import build
 
-    FlightController.of(build(scenario).loop)  # which the check has built already
+    FlightController.of(build(scenario).loop)  # already built by the check

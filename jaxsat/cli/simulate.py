@@ -35,7 +35,7 @@ ADVICE = {
     "atol, or set min_step_s; with fixed steps, raise step_s",
     "STEP_UNDERFLOW": "set simulation.solver.min_step_s to pass points where the law has a corner",
 }
-"""What to try after a run that did not reach its end, by its outcome."""
+"""Advice after a run that did not reach its end, by its outcome."""
 
 
 def simulate(scenario: str, /, *, overrides: Overrides = (), results: Results = Results()) -> int:
@@ -102,14 +102,14 @@ def _write(folder: "OutputFolder", scenario: "Scenario", dataset: "xr.Dataset") 
 
 
 def figures_of(dataset: "xr.Dataset") -> "dict[str, Figure]":
-    """The figures of a trajectory by file name; `save_figures` imports matplotlib before."""
+    """Return figures of a trajectory by file name; `save_figures` imports matplotlib before."""
     from jaxsat.report.figures import trajectory_figures
 
     return trajectory_figures(dataset)
 
 
 def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
-    """What a person needs to make the same run again."""
+    """Return the record from which a person can repeat the run."""
     from jaxsat.store.provenance import command_line, provenance
 
     return {
@@ -122,7 +122,7 @@ def _record(scenario: "Scenario", dataset: "xr.Dataset") -> dict[str, Any]:
 
 
 def failure_advice(dataset: "xr.Dataset") -> str:
-    """What happened to a run that did not reach its end, and what to try."""
+    """Return the outcome of a run that ended early, and advice."""
     import numpy as np
 
     good = np.isfinite(dataset["omega"].values).all(axis=1)

@@ -1,4 +1,4 @@
-"""The executors of a study, from the options of the commands."""
+"""Executors of a study, from the options of the commands."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Sharing:
-    """How the cases are shared out.
+    """Distribution of the cases.
 
     Parameters
     ----------
@@ -48,9 +48,9 @@ def chosen_executor(
     scheduler: str | None = None,
     devices: int | None = None,
 ) -> "AbstractExecutor":
-    """The executor that the options of a command ask for; raises `UserMistake`.
+    """Return the executor that the options of a command request; raises `UserMistake`.
 
-    On this machine no more threads compute than there are processors, whatever is asked for.
+    At most as many threads as processors compute on this machine, whatever the options.
     """
     from jaxsat.studies.executors import Devices, Serial, Threads
     from jaxsat.studies.processes import Processes

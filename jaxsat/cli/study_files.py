@@ -30,7 +30,8 @@ def write_figures(
 
 
 def figures_folder(folder: Path) -> "OutputFolder":
-    """The folder for a study's figures, which replaces none but unchanged figures of another one.
+    """Return the folder for a study's figures, which replaces only unchanged figures of another
+    one.
 
     Raises `OutputError`.
     """
@@ -81,7 +82,7 @@ def write_one_case(
 def replayed(
     scenario: "Scenario", study: "Study", number: int
 ) -> tuple["xr.Dataset", Sequence[str]]:
-    """The trajectory of one case as a dataset, and what was drawn for it as lines."""
+    """Return the trajectory of one case as a dataset, and the values drawn for it as lines."""
     from jaxsat.core.declaration.quantities import DISPERSIBLE
     from jaxsat.scenario.build.datasets import replay_case
 

@@ -17,34 +17,34 @@ SUCCESS = 0
 FAILED_RUN = 1
 USER_MISTAKE = 2
 OUTPUT_CUT = 141
-"""What every command exits with, or 128 and the number of a signal; docs/scenarios.md tells.
+"""Exit statuses of the commands, besides 128 plus the number of a signal; see docs/scenarios.md.
 
-The last is 128 and the number of SIGPIPE: the reader of the output went before the end of it.
+The last is 128 plus the number of SIGPIPE: the reader of the output closed it early.
 """
 
 
 class FailedRun(Exception):
-    """Something that failed although it was rightly asked for: a full disk, workers that died."""
+    """A failure of a valid request: a full disk, workers that died."""
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM or SIGHUP, turned into an exception so that temporary files are removed."""
+    """SIGTERM or SIGHUP, as an exception so that temporary files are removed."""
 
 
 class UserMistake(Exception):
-    """Something the user can put right; the message says what, one line for each mistake."""
+    """A mistake that the user can correct; the message has one line for each."""
 
 
 _cut = False
-"""Whether the reader of the output has gone."""
+"""Whether the reader of the output has closed it."""
 
 
 def make_streams_safe() -> None:
-    """Let characters that a stream cannot encode appear as question marks.
+    """Make streams replace unencodable characters by question marks.
 
-    A stream that is closed from the start becomes one that leads nowhere, or the next file that
-    is opened would take its place. One without a buffer (PYTHONUNBUFFERED) gets a buffer, as it
-    drops without an error what a pipe takes only in part.
+    A stream that is closed from the start is replaced by a null one, or the next opened file would
+    take its place. One without a buffer (PYTHONUNBUFFERED) gets a buffer, as it silently drops the
+    rest of a partial write to a pipe.
     """
     global _cut
     _cut = False
@@ -66,7 +66,7 @@ def make_streams_safe() -> None:
 
 
 def print_stdout(line: str) -> None:
-    """Write one line to standard output, whatever is in it; raises `FailedRun` if that fails."""
+    """Write one sanitised line to standard output; raises `FailedRun` if that fails."""
     _print(clean(line) + "\n")
 
 
@@ -83,7 +83,7 @@ def print_document(document: "Document") -> None:
 
 
 def print_stderr(message: str, prefix: str = "jaxsat: ") -> None:
-    """Write to standard error, each line marked as jaxsat's; where nobody listens, to nobody."""
+    """Write to standard error, each line with the prefix; a closed stream is ignored."""
     text = "".join(prefix + clean(line) + "\n" for line in message.split("\n"))
     with between_drawings(), contextlib.suppress(AttributeError):
         try:
@@ -94,24 +94,24 @@ def print_stderr(message: str, prefix: str = "jaxsat: ") -> None:
 
 
 def print_warning(message: str) -> None:
-    """Write to standard error what is likely a mistake and stops nothing."""
+    """Write a warning, of a likely mistake that stops nothing, to standard error."""
     print_stderr(message, "warning: ")
 
 
 def print_problems(error: "ScenarioError") -> None:
-    """Write what is wrong with a scenario: lines that begin with the place, as editors like it."""
+    """Write the problems of a scenario, with their places at the begin of lines, as for editors."""
     print_stderr(str(error), "")
 
 
 def finish(status: int) -> int:
-    """The exit status once all output is out: `status`, unless some of it cannot be written.
+    """Return the exit status once all output is out: `status`, unless some cannot be written.
 
-    What standard error did not take is dropped: Python would end with another status for it.
+    Output that standard error did not take is dropped: Python would end with another status for it.
     """
     try:
         _print("")
     except FailedRun as failure:
-        if status == SUCCESS:  # what failed before has been told
+        if status == SUCCESS:  # an earlier failure has been reported
             print_stderr(str(failure))
             status = FAILED_RUN
     if sys.stderr is not None:
@@ -130,7 +130,7 @@ def _print(text: str) -> None:
         try:
             sys.stdout.write(text)
             sys.stdout.flush()
-        except BrokenPipeError:  # the command goes on, as it may have more to do than to print
+        except BrokenPipeError:  # the command continues, as it may do more than print
             _cut = True
             _silence(sys.stdout)
         except (OSError, ValueError) as error:
@@ -140,7 +140,7 @@ def _print(text: str) -> None:
 
 
 def _silence(stream: TextIO) -> None:
-    """What is left of the output goes nowhere, without complaint."""
+    """Discard the rest of a stream's output silently."""
     with contextlib.suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())

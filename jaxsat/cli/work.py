@@ -1,4 +1,4 @@
-"""An estimate of the work, printed before it starts; too much is refused without --yes."""
+"""Estimate of the work, printed before it starts; too much is refused without --yes."""
 
 import os
 import shutil
@@ -13,17 +13,17 @@ if TYPE_CHECKING:
     from jaxsat.studies.work import Work
 
 MAX_STEPS = 10**12
-"""About a day of ten processors with the native engine; docs/scenarios.md names all."""
+"""About a day of ten processors with the native engine; docs/scenarios.md lists all limits."""
 
 MAX_MEMORY = 8 * 10**9
 MAX_DISK = 20 * 10**9
 MAX_FILES = 10**6
 REPORT_FACTOR = 100
-"""Work within this factor of a limit gets a line of its own."""
+"""Ratio of a limit to the work from which the work is printed on a line of its own."""
 
 
 def require_approval(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet: bool) -> None:
-    """Tell what the parts take, one after the other; raises `UserMistake` for too much of it."""
+    """Show the total work of consecutive parts; raises `UserMistake` for too much of it."""
     parts = list(parts)
     trajectories, steps, disk, files = (
         sum(getattr(part, name) for part in parts)
@@ -55,7 +55,7 @@ def require_approval(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet:
 
 
 def _free(target: Path) -> int | float:
-    """Bytes that are free where a target will be; unlimited where nobody can tell."""
+    """Return free bytes at a target's place; infinite where unknown."""
     for place in (target, *target.absolute().parents):
         try:
             return shutil.disk_usage(place).free
@@ -65,11 +65,11 @@ def _free(target: Path) -> int | float:
 
 
 def _free_files(target: Path) -> int | float:
-    """How many files there can still be where a target will be."""
+    """Return the number of files that a target's place can still take; infinite where unknown."""
     for place in (target, *target.absolute().parents):
         try:
             status = os.statvfs(place)
-        except (OSError, AttributeError):  # nothing is there; not on Windows
+        except (OSError, AttributeError):  # a missing place; not on Windows
             continue
         return status.f_favail if status.f_files else float("inf")
     return float("inf")
