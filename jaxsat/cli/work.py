@@ -19,7 +19,7 @@ MAX_MEMORY = 8 * 10**9
 MAX_DISK = 20 * 10**9
 MAX_FILES = 10**6
 REPORT_FACTOR = 100
-"""Ratio of a limit to the work from which the work is printed on a line of its own."""
+"""Ratio of limit to work below which the work is printed on a line of its own."""
 
 
 def require_approval(parts: "Iterable[Work]", target: Path, *, yes: bool, quiet: bool) -> None:

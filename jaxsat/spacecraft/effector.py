@@ -48,7 +48,7 @@ class Effect(NamedTuple):
 class EffectorContext(NamedTuple):
     """Inputs from a scenario for an effector besides its own tables.
 
-    `field` is the magnetic field along the circular orbit. `failures` in flight are pairs of the
+    `field` is the magnetic field along the orbit. `failures` in flight are pairs of the
     number of the device, from 0, and its checked table `[[failure]]`.
     """
 
@@ -57,7 +57,7 @@ class EffectorContext(NamedTuple):
 
     @property
     def place(self) -> AbstractPlace:
-        """The circular orbit."""
+        """The orbit."""
         return self.field.orbit
 
 

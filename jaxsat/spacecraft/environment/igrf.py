@@ -30,10 +30,10 @@ DEGREE = 13
 ORDERS = DEGREE + 1
 
 EXACT = 32
-"""Numbers of orbital phases and Earth angles that determine such a field exactly."""
+"""Number of orbital phases, and of Earth angles, that determines this degree exactly."""
 
 PLACES = 160
-"""Numbers of orbital phases and Earth angles in the table of `IgrfField`."""
+"""Number of orbital phases, and of Earth angles, in the table of `IgrfField`."""
 
 Coefficients = Float[np.ndarray, "2 orders orders"]
 """g and h of degrees (rows) and orders (columns) from 0 on, T, Schmidt semi-normalised."""
