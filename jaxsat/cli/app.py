@@ -157,8 +157,7 @@ def _show_warning(message: Warning | str, *place: object) -> None:
 
 
 def failure_of(error: BaseException) -> str | None:
-    """Return a message for an exception that means a lack of memory or a failing disk, else
-    None."""
+    """Return a message for a lack of memory or a failing disk, else None."""
     from jaxsat.store.files import FAILURES
 
     if isinstance(error, BrokenPipeError):

@@ -22,8 +22,7 @@ Result = TypeVar("Result")
 def run_into(
     target: Path, results: Resumable, work: Callable[..., Result], options: Container[str] = ()
 ) -> Result:
-    """Return the result of `work`, called with the folder, the execution of studies, and a
-    listener.
+    """Return the result of `work`, called with folder, execution of studies and a listener.
 
     An interruption reports that the results so far are in `target`. A `ValueError` becomes a
     `UserMistake` that names the option of the wrong argument, if it is in `options`.

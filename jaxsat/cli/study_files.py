@@ -30,8 +30,7 @@ def write_figures(
 
 
 def figures_folder(folder: Path) -> "OutputFolder":
-    """Return the folder for a study's figures, which replaces only unchanged figures of another
-    one.
+    """Return the folder for a study's figures, which replaces only unchanged figures.
 
     Raises `OutputError`.
     """

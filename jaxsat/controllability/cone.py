@@ -270,8 +270,7 @@ SPHERE = 1e-9
 def separatrix_normals(
     inertia: Float[np.ndarray, "3 3"],
 ) -> tuple[tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]], Float[np.ndarray, "3"]] | None:
-    """Return unit normals m± of the separatrix planes in momentum (torque) space, and the middle
-    axis.
+    """Return unit normals m± of the separatrix planes in momentum space, and the middle axis.
 
     None for a sphere, which has no such planes.
     """

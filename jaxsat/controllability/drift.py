@@ -185,8 +185,7 @@ def energy_counterexample(
     spin: float | None = None,
     count: int = 2000,
 ) -> EnergyCounterexample:
-    """Return a spin whose energy exceeds (18) within half a period of T_d as printed, without
-    phases.
+    """Return a spin whose energy exceeds (18) within half a period of T_d without phases.
 
     `inertia` in kg m², `amplitude` in N m, `frequency` in rad/s. The torque a sin Ωt about the spin
     axis hardly changes a fast spin ω at first, and does the work ∫ω a sin Ωt dt = 2 ω a/Ω in the

@@ -27,8 +27,7 @@ from jaxsat.controllability.wheels import MomentumLevelSet, momentum_level_set, 
 
 
 def actuator_layout(inertia: Numbers, actuators: ActuatorSet) -> TorqueLayout:
-    """Return the brackets of all thrusters and wheels, for `judge_only`; `inertia` with wheels
-    locked.
+    """Return the brackets of thrusters and wheels, for `judge_only`; `inertia` with wheels locked.
 
     Turning or coasting rotors are no part of the inertia that a torque turns.
     """
@@ -40,8 +39,7 @@ def actuator_layout(inertia: Numbers, actuators: ActuatorSet) -> TorqueLayout:
 def judge(
     inertia: Numbers, actuators: ActuatorSet, *, tolerance: float | int = TOLERANCE
 ) -> Judgement:
-    """Judge the controllability with these actuators; `inertia` (3,) or (3, 3), kg m², wheels
-    locked.
+    """Judge controllability by these actuators; `inertia` (3,) or (3, 3), kg m², wheels locked.
 
     `tolerance` as in `analyse`. Raises ValueError as `make_layout` does.
     """
@@ -75,8 +73,7 @@ def judge_only(
 
 
 def _beside_coasting_wheels(stopped: Judgement) -> Judgement:
-    """Return the judgement of less than three torques beside coasting wheels, from that of
-    `stopped`.
+    """Return the judgement beside coasting wheels from that of `stopped` ones, below three torques.
 
     A coasting wheel adds a gyroscopic torque that is linear in ω. Double brackets at rest do not
     contain it, so the rank is no less than without. It does no work and has no divergence, so the

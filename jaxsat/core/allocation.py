@@ -188,8 +188,7 @@ def least_propellant(
     cost: Float[np.ndarray, " m"],
     command_map: Float[np.ndarray, "3 torques"],
 ) -> Float[np.ndarray, "bases m torques"]:
-    """Compute duties per unit of command for every basis of the linear programme that can be
-    optimal.
+    """Compute duties per unit of command for every basis that can be optimal.
 
     The duties d >= 0 of one-sided thrusters minimise costᵀd subject to B d = M u, with B = `torque`
     at full thrust (N m) and M = `command_map`, from a command to the torque on the body. The

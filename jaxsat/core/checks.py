@@ -46,8 +46,7 @@ def concrete(value: ArrayLike) -> np.ndarray | None:
 
 
 def numpy_if_known(*values: Array) -> tuple[Any, ...]:
-    """Return `numpy` and the values as its arrays if all are concrete, else `jax.numpy` and the
-    values.
+    """Return `numpy` and NumPy arrays if all values are concrete, else `jax.numpy` and the values.
 
     For objects made once of concrete numbers, for which JAX would compile each operation.
     """

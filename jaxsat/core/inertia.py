@@ -49,8 +49,7 @@ the torque axis is a principal axis."""
 def torque_axis_frame(
     inertia: Float[np.ndarray, "3 3"], axis: Float[np.ndarray, "3"]
 ) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"]]:
-    """Return rows b, d, e of the frame of one torque about the unit vector b = `axis`, and J⁻¹ in
-    it.
+    """Return rows b, d, e of the frame of one torque about the unit vector b = `axis`, and its J⁻¹.
 
     d is along J⁻¹b × b and e = b × d, so that no entry couples b and d (1/(kg m²)). About a
     principal axis, where J⁻¹b × b vanishes, d is any direction across b.

@@ -75,13 +75,11 @@ class Actuators(AbstractEffector):
     shares the command among them, and `limit` (N m, may be infinite) bounds each thruster. The
     map is the allocator's: `misaligned` changes the true axes and leaves the map unchanged.
     `saturated` holds each thruster on one side of its limit, see `smooth_piece`. `failures` strike
-    in flight; a failed thruster makes `gain` times its thrust plus `level` times its limit (None
-    without failures).
+    in flight and leave `gain` times the thrust plus `level` times the limit; None means no failure.
 
     With `shared_axes` (3, m), the allocator's knowledge of the axes, other thrusters make up for a
     saturated one; of a torque beyond the limits of all, the greatest part is made in its direction.
-    With None (commands of two torques) each thruster is clipped at its own limit, as in
-    equation (5).
+    With None (commands of two torques) each thruster is clipped at its own limit: equation (5).
     """
 
     kind: ClassVar[str] = "thruster"
@@ -104,8 +102,7 @@ class Actuators(AbstractEffector):
     ) -> "Actuators":
         """Return actuators of the working thrusters, each limited to `limit` N m.
 
-        Raises `ValueError` where the thrusters cannot make the first `torques` torques
-        independently.
+        Raises `ValueError` unless the thrusters make the first `torques` torques independently.
         """
         axes = thrusters.torque_axes
         shares = allocation_matrix(np.asarray(axes), torques)
@@ -223,8 +220,7 @@ class Actuators(AbstractEffector):
 class PluginActuators(AbstractEffector):
     """Actuators of a plug-in, as an effector that takes `torques` commanded torques.
 
-    Actuators that store the ideal thrusters of their context have the dispersible quantities of
-    these thrusters.
+    Actuators that store the ideal thrusters of their context have the same dispersible quantities.
     """
 
     kind: ClassVar[str] = "thruster"

@@ -194,8 +194,7 @@ class RigidBody(eqx.Module):
     def acceleration(
         self, t: RealScalar, state: PlantState, torque: Vector | None = None, pieces: OfEach = ()
     ) -> Vector:
-        """Return dω/dt (rad/s²) at time `t` (s) with effectors in `pieces` and another `torque` (N
-        m).
+        """Return dω/dt (rad/s²) at time `t` (s) with effectors in `pieces` and a `torque` (N m).
 
         Without pieces, effectors make no torque and keep their momenta.
         """

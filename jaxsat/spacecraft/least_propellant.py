@@ -113,8 +113,7 @@ class LeastPropellant(eqx.Module):
         limit: Float[Array, " m"] | None = None,
         first: Vector | None = None,
     ) -> tuple[Float[Array, " m"], Vector]:
-        """Return the duties for a `command`, and the part of its torque (N m) that they do not
-        make.
+        """Return the duties for a `command`, and the part of its torque not made (N m).
 
         Duties are mean fractions of full thrust over a period, up to a `limit` (1 if None). They
         also make a torque `first` (N m). Where the sum is out of reach, `first` is made as far as
@@ -277,8 +276,7 @@ def _pivot(programme: Programme, torque: Vector, at: Vertex) -> Vertex:
 def _next_leg(
     upper: Float[Array, " m"], torque: Vector, at: Vertex, turns: BoolScalar, facet: Vector
 ) -> Vertex:
-    """Return the next leg once this one has ended: 0 is the first torque, 1 the torque (N m)
-    itself.
+    """Return the next leg once this one ends: 0 is the first torque, 1 the torque (N m).
 
     Where members are artificial torques, the last leg exchanges them for thrusters as far as
     possible along a negligible torque, so that thrusters make a change of the torque.

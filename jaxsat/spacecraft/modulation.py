@@ -102,10 +102,9 @@ class PulseWidth(AbstractModulation):
 
 
 class DeltaSigma(AbstractModulation):
-    """ΔΣ modulation: accumulated on-time is released in multiples of the minimum on-time, or for
-    the whole period.
+    """ΔΣ modulation: accumulated on-time is released in multiples of the minimum on-time.
 
-    The remainder stays accumulated, so that the mean thrust has no dead zone.
+    One that fills a period is released whole. The rest stays, so the mean thrust has no dead zone.
     """
 
     def init(self, count: int) -> Float[Array, " m"]:

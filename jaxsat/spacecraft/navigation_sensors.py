@@ -222,8 +222,7 @@ class StarTracker(eqx.Module):
         return has_fix if works is None else has_fix & works
 
     def arriving(self, queue: Queue) -> Queue:
-        """Return the measurement that arrives now from those of the last `latency` samples and
-        now."""
+        """Return the measurement that arrives now from a queue of the last `latency` + 1."""
         place = 0 if self.arrival is None else self.latency - self.arrival
         return jax.tree.map(lambda part: part[place], queue)
 

@@ -19,8 +19,7 @@ from jaxsat.spacecraft.modulation import AbstractModulation, Pulses
 from jaxsat.spacecraft.thrusters import DISPERSIBLE, ThrusterSet
 
 ROUNDING = 1e-13
-"""Tolerance on instants, relative to a period: closer ends of ramps, or of pulses to the period's
-end, coincide."""
+"""Tolerance, over a period, on coincident ends of ramps, and of pulses with the period."""
 
 
 class ThrusterMemory(NamedTuple):
@@ -89,8 +88,7 @@ class Usage(NamedTuple):
 
 
 class ThrusterTorque(NamedTuple):
-    """The torque of all thrusters (N m), and its rate of change (N m/s), None for a constant
-    torque.
+    """Torque of all thrusters (N m), and its rate of change (N m/s), None if constant.
 
     `usage` is that of a period over which the torque is the mean.
     """
@@ -207,8 +205,7 @@ class PulsedThrusters(AbstractEffector):
     def plan_guarded(self, t, use, memory, period, delay, decision) -> PulsePlan:
         """Return a plan; without a step it has the pulses of the last period, or none.
 
-        The modulator's memory then stays. Raises `ValueError` where valves are not `late`, so that
-        pulses are not remembered.
+        The modulator's memory then stays. Raises `ValueError` without remembered pulses (`late`).
         """
         if memory.pulses is None:
             raise ValueError("Argument `late` must be true for a loop with a guard.")

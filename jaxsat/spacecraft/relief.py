@@ -39,8 +39,7 @@ class Relief(eqx.Module):
     period: RealScalar = eqx.field(converter=positive("period"))
 
     def bounds(self, momentum: OfEach) -> tuple[OfEach, OfEach]:
-        """Return bounds of torques (N m) on the body by wheels of a `momentum` (N m s) for a
-        period.
+        """Return bounds of wheel torques (N m) on the body for a period, from a `momentum` (N m s).
 
         A torque on the body changes the wheel's momentum, whose limit bounds the torque.
         """

@@ -282,8 +282,7 @@ def read_unchanged(path: Path) -> bytes | None:
 
 
 def walk(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:
-    """Yield path and mode of everything in a folder, each folder before its content; no link
-    followed.
+    """Yield path and mode of everything in a folder, parents first, without following links.
 
     Raises `OSError`.
     """

@@ -37,8 +37,7 @@ def _versions() -> dict[str, str]:
 
 
 def machine() -> dict[str, Any]:
-    """Return everything that bits of a result depend on besides inputs: versions, processor,
-    precision.
+    """Return versions, processor and precision, on which bits of a result depend besides inputs.
 
     Two runs of one study are guaranteed equal bits only on equal machines in this sense.
     """

@@ -34,8 +34,7 @@ class _LazyColumn(BackendArray):
 
 
 def open_study(path: str | Path) -> xr.Dataset:
-    """Return the results of a study as a dataset over `case`, read when used; `status` 1 means
-    done.
+    """Return the results of a study as a dataset over `case`, read when used; `status` 1 is done.
 
     Cases extend to the last completed one. The components of vectors have names, such as `x`, `y`,
     `z` along `body_axis`. Histories, if any, are also over `history_time` (s). The attributes

@@ -208,8 +208,7 @@ class DispersibleQuantity:
 
 @dataclass(frozen=True)
 class PartDeclaration:
-    """Everything that a scenario needs to know of a disturbance, actuators, a sensor or an
-    estimator.
+    """Declaration of a disturbance, of actuators, of a sensor or of an estimator for a scenario.
 
     `summary` is one line that describes the part; `keys` are those of its table. For parts that
     come with jaxsat `dispersible` are quantities that a study can draw besides or instead of drawn

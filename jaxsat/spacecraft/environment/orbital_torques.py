@@ -44,8 +44,7 @@ class MagneticTorque(AbstractDisturbance):
 
 
 class AerodynamicTorque(AbstractDisturbance):
-    """Torque of drag with one coefficient: the force ½ ρ v² `coefficient` `area` against the
-    velocity.
+    """Torque of drag: the force ½ ρ v² `coefficient` `area` against the velocity.
 
     `density` ρ in kg/m³ is constant, `area` in m², v the speed of the circular `orbit` (motion of
     the air is left out). The force acts at the `centre` of pressure, m from the centre of mass,
