@@ -9,12 +9,13 @@ import xarray as xr
 from jaxsat.core.declaration.actuator import Signal
 from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.text import number_text
-from jaxsat.report.document import Cell, Table
+from jaxsat.report.document import Cell, Shown, Table
 from jaxsat.report.run_plots import part_labels, shown_unit
+from jaxsat.report.saturation import MARKS, STORE, first_time
 from jaxsat.report.shares import shares_of
 
-AT_LIMIT = 1 - 1e-6
-"""The part of a limit from which on a device counts as being at it."""
+FATE = "failure"
+"""The last column."""
 
 
 def share_sentence(dataset: xr.Dataset) -> Iterator[str]:
@@ -39,8 +40,11 @@ def share_sentence(dataset: xr.Dataset) -> Iterator[str]:
 def actuator_tables(
     dataset: xr.Dataset, scenario: Mapping[str, Any], failures: Sequence[tuple[float, str]]
 ) -> Iterator[Table]:
-    """What each device did and how it failed; none without signals of single devices."""
-    rows: list[list[Cell]] = []
+    """What each device did and how it failed; none without signals of single devices.
+
+    A number has a column with its unit, which is empty for devices without it.
+    """
+    rows: list[dict[str, Cell]] = []
     for kind in ACTUATORS:
         signals = [one for one in kind.signals if one.each and one.name in dataset]
         labels = part_labels(dataset[signals[0].name]) if signals else []
@@ -51,33 +55,46 @@ def actuator_tables(
         for place, label in enumerate(labels):
             own = label if label in tables else label.rstrip("+-")  # a way of a two-sided thruster
             table = tables.get(own, {})
-            texts = [_did(dataset, one, place, table) for one in signals]
+            row: dict[str, Cell] = {"actuator": f"{kind.name} {label}".replace("_", " ")}
+            for one in signals:
+                noun = one.name.removeprefix(f"{kind.name}_").replace("_", " ")
+                row |= _numbers(dataset, one, noun, place, table)
             fate = _fate(f"{kind.name} {own}", failures)
-            fate = "failed before the start" if table.get("failed") else fate
-            name = f"{kind.name} {label}".replace("_", " ")
-            rows.append([name, "; ".join(filter(None, texts)), fate])
+            rows.append({**row, FATE: "failed before the start" if table.get("failed") else fate})
     if rows:
-        yield Table("What each actuator did", ["actuator", "did", "failure"], rows)
+        columns = [*dict.fromkeys(name for row in rows for name in row if name != FATE), FATE]
+        cells = [[row.get(name) for name in columns] for row in rows]
+        yield Table("What each actuator did", columns, cells)
 
 
-def _did(dataset: xr.Dataset, signal: Signal, place: int, table: Mapping[str, Any]) -> str:
-    """What a signal says of one device: start, end and peak, seconds, or a count."""
-    values, unit = dataset[signal.name].values[:, place], shown_unit(signal.units)
-    if signal.peak:
-        most = float(np.nanmax(np.abs(values)))
-        first, last = (number_text(float(values[one]), 3, scale=most) for one in (0, -1))
-        text = f"{first} to {last} {unit}, at most {number_text(most, 3)}"
-        limit = table.get(signal.limit)
-        if not limit:
-            return text
-        full = np.flatnonzero(np.abs(values) >= AT_LIMIT * limit)
-        if signal.shape == "disc" and len(full):
-            return f"{text}, full at {number_text(float(dataset['time'][full[0]]), 6)} s"
-        return f"{text}, {100 * most / limit:.3g} % of its limit"
+def _numbers(
+    dataset: xr.Dataset, signal: Signal, noun: str, place: int, table: Mapping[str, Any]
+) -> dict[str, Cell]:
+    """What a signal says of one device, by heading: start, end and peak, seconds, or a count."""
+    values, time = dataset[signal.name].values[:, place], dataset["time"].values
     if signal.mean:
-        seconds = float(np.diff(dataset["time"].values) @ values[:-1])
-        return f"{number_text(seconds, 3)} s at full thrust"
-    return f"{values[-1]:.0f} openings" if signal.total else ""
+        return {"at full thrust (s)": _shown(np.diff(time) @ values[:-1])}
+    if signal.total:
+        return {"openings": int(values[-1])}
+    if not signal.peak:
+        return {}
+    most, unit = float(np.nanmax(np.abs(values))), shown_unit(signal.units)
+    parts = {"at the start": values[0], "at the end": values[-1], "at most": most}
+    cells: dict[str, Cell] = {
+        f"{noun} {when} ({unit})": _shown(value, most) for when, value in parts.items()
+    }
+    if limit := table.get(signal.limit):
+        cells["of its limit (%)"] = _shown(100 * most / limit)
+        if signal.shape == STORE:
+            times = {f"{100 * part:.0f} % at (s)": part for part in MARKS}
+            reached = {name: first_time(time, values, part * limit) for name, part in times.items()}
+            cells |= {name: _shown(at, digits=6) for name, at in reached.items() if at is not None}
+    return cells
+
+
+def _shown(value: Any, scale: float = 0.0, digits: int = 3) -> Shown:
+    """A number that is read with some digits and sorts by all."""
+    return Shown(number_text(float(value), digits, scale=scale), float(value))
 
 
 def _fate(name: str, failures: Sequence[tuple[float, str]]) -> str:

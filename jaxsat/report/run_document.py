@@ -9,11 +9,12 @@ import xarray as xr
 
 from jaxsat.core.declaration.actuators import PARTS
 from jaxsat.core.text import capitalised, number_text, vector_text
-from jaxsat.report.actuator_table import AT_LIMIT, share_sentence
+from jaxsat.report.actuator_table import share_sentence
 from jaxsat.report.document import Document, Facts, Verdict
 from jaxsat.report.facts import scenario_tables, settled_meaning, settles_in_attitude, step_error
 from jaxsat.report.requirements import judgements, requirement_table
 from jaxsat.report.run_plots import has_effectors, shown_unit
+from jaxsat.report.saturation import AT_LIMIT, saturation_sentences
 from jaxsat.report.shares import momentum_budget
 from jaxsat.report.timeline import failures_of
 from jaxsat.store.dataset import errors_of, time_at_rest, time_to_settle
@@ -64,7 +65,7 @@ def run_verdict(
         )
     end = f"{number_text(float(dataset['time'][-1]), 6)} s"
     more = [f"{capitalised(what)} at {number_text(at, 6)} s." for at, what in failures]
-    more += share_sentence(dataset)
+    more += [*share_sentence(dataset), *saturation_sentences(dataset, scenario)]
     if unmet := _unmet_torque(dataset, scenario, _peak_torque(dataset)):
         more.append(f"Unmet torque: {unmet}.")
     if int(dataset.attrs.get("outcome_code", 0)) != 0:

@@ -19,8 +19,8 @@ WHEEL, ROD = "wheel", "magnetorquer"
 
 
 def shares_of(dataset: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None:
-    """The torque on the body (N m, body axes) of the wheels, over time, and of each other kind by
-    its name; None where wheels alone, or no wheels, make it.
+    """The torque on the body (N m, body axes) of each kind of actuator over time, by its name; None
+    where one kind makes it all, or signals lack that tell kinds apart.
 
     Of a sampled law it is the mean until the next saved time, so that no pulse is left out. That of
     magnetorquers beside thrusters is such a mean until one fires; then, and beside gyros, it is
@@ -28,14 +28,17 @@ def shares_of(dataset: xr.Dataset) -> dict[str, Float[np.ndarray, "n 3"]] | None
     gyros, they are one.
     """
     tables = scenario_tables(dataset)
-    if "wheel_torque" not in dataset or not tables.get(WHEEL):
-        return None
     kinds = [one for one in ACTUATORS if tables.get(one.name) and one.name != WHEEL]
     others = [f"{one.called}s" for one in kinds if one.name != ROD]
     if tables.get("spacecraft", {}).get("thruster_torque_axes"):
         others.insert(0, "thrusters")
-    torques = {"wheels": _of_wheels(dataset, tables[WHEEL]) @ _axes(tables[WHEEL])}
-    rest = dataset["torque_mean" if _is_held(dataset) else "torque"].values - torques["wheels"]
+    signals = {"wheel_torque": tables.get(WHEEL), "dipole": others and tables.get(ROD)}
+    if any(needed and name not in dataset for name, needed in signals.items()):
+        return None
+    torques, rest = {}, dataset["torque_mean" if _is_held(dataset) else "torque"].values
+    if tables.get(WHEEL):
+        torques["wheels"] = _of_wheels(dataset, tables[WHEEL]) @ _axes(tables[WHEEL])
+        rest = rest - torques["wheels"]
     if tables.get(ROD):
         rods = rest if not others else _rods_torque(dataset, tables)
         if others == ["thrusters"]:

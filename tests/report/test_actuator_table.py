@@ -1,38 +1,82 @@
 """What each actuator did: in rows and in one sentence."""
 
 import numpy as np
+import pytest
 
 from helpers.pages import run_dataset
 from jaxsat.report.actuator_table import actuator_tables, share_sentence
+from jaxsat.report.document import Shown
 from jaxsat.report.facts import scenario_tables
+from jaxsat.report.saturation import saturation_sentences
 from jaxsat.report.timeline import failures_of
 
 
 def rows_of(run):
+    """Cells by heading, of each actuator."""
     scenario = scenario_tables(run)
     failures = failures_of(scenario, run["time"].values)
     (table,) = actuator_tables(run, scenario, failures)
-    return {row[0]: row[1:] for row in table.rows}
+    rows = [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+    return {row.pop("actuator"): row for row in rows}
 
 
 def test_a_row_says_what_each_device_did_and_how_it_failed():
     time = np.linspace(0.0, 10.0, 101)
     names = {"thruster": ["up", "2"], "wheel": ["1"]}
     run = run_dataset().assign_coords(names)
+    run["valve_openings"] = (("time", "thruster"), np.outer(time, [2, 3]))
     seconds = [np.diff(time) @ abs(one(time))[:-1] for one in (np.sin, np.cos)]
-    assert rows_of(run) == {
-        "thruster up": [f"{seconds[0]:.3g} s at full thrust", "dead at 3.5 s"],
-        "thruster 2": [f"{seconds[1]:.3g} s at full thrust", "failed before the start"],
-        "wheel 1": ["0 to -1.09 N m s, at most 2, 50 % of its limit", ""],
+    on = "at full thrust (s)"
+    rows = rows_of(run)
+    assert list(rows) == ["thruster up", "thruster 2", "wheel 1"]
+    for name, value in zip(("thruster up", "thruster 2"), seconds, strict=True):
+        assert rows[name][on].text == f"{value:.3g}"
+        assert rows[name][on].value == pytest.approx(value, rel=1e-12)
+        assert rows[name]["of its limit (%)"] is None
+    assert [rows[name]["openings"] for name in rows] == [20, 30, None]
+    fates = ["dead at 3.5 s", "failed before the start", ""]
+    assert [rows[name]["failure"] for name in rows] == fates
+    assert {
+        name: cell.text for name, cell in rows["wheel 1"].items() if isinstance(cell, Shown)
+    } == {
+        "momentum at the start (N m s)": "0",
+        "momentum at the end (N m s)": "-1.09",
+        "momentum at most (N m s)": "2",
+        "of its limit (%)": "50",
     }
+    assert list(rows["wheel 1"])[-1] == "failure"
+
+
+def test_the_times_at_which_a_wheel_is_nearly_full_and_full_are_told():
+    run = run_dataset().assign_coords(wheel=["1"])
+    time = run["time"].values
     run["wheel_momentum"] = (3 * run["wheel_momentum"]).clip(-4, 4).assign_attrs(units="N m s")
-    first = time[np.flatnonzero(6 * np.sin(time) >= 4)[0]]
-    assert rows_of(run)["wheel 1"] == [f"0 to -3.26 N m s, at most 4, full at {first:g} s", ""]
+    near, full = (time[np.flatnonzero(6 * np.sin(time) >= level)[0]] for level in (3.6, 4))
+    row = rows_of(run)["wheel 1"]
+    assert (row["90 % at (s)"].value, row["100 % at (s)"].value) == (near, full)
+    (sentence,) = saturation_sentences(run, scenario_tables(run))
+    assert sentence == f"Wheel 1 held 90 % of its limit from {near:g} s and was full at {full:g} s."
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_wheel_that_fills_is_told_before_it_is_full(sign):
+    """0.02 N m fill 4 N m s from 0.5 N m s in 175 s; an oscillation of more is no trend."""
+    run = run_dataset().assign_coords(wheel=["1"])
+    time, scenario = run["time"].values, scenario_tables(run)
+
+    def momentum(swing):
+        values = sign * (0.5 + 0.02 * time + swing * np.sin(5 * time))
+        return run.assign(wheel_momentum=(("time", "wheel"), values[:, None]))
+
+    (sentence,) = saturation_sentences(momentum(0.0), scenario)
+    assert sentence == "Wheel 1 will be full at 175 s by the trend of the second half."
+    assert not list(saturation_sentences(momentum(0.05), scenario))
+    assert not list(saturation_sentences(run, scenario))
 
 
 def test_both_ways_of_a_thruster_have_its_failure():
     run = run_dataset().assign_coords(thruster=["up+", "up-"], wheel=["1"])
-    assert [rows_of(run)[f"thruster up{way}"][1] for way in "+-"] == ["dead at 3.5 s"] * 2
+    assert [rows_of(run)[f"thruster up{way}"]["failure"] for way in "+-"] == ["dead at 3.5 s"] * 2
 
 
 def test_shares_of_torque_over_time_are_told_where_several_kinds_make_it():

@@ -120,6 +120,11 @@ def test_magnetorquers_have_a_share_of_their_own():
     np.testing.assert_allclose(found["magnetorquers"][places], expected, rtol=0, atol=1e-12)
     rest = found["thrusters"] + found["magnetorquers"]
     np.testing.assert_allclose(np.linalg.norm(rest, axis=1), 5e-3, rtol=1e-9)
+    jets_and_rods = SCENARIO.partition("[[wheel]]")[0] + JETS + rods
+    without_wheels = shares_of(both.drop_vars("wheel_torque").assign_attrs(scenario=jets_and_rods))
+    assert list(without_wheels) == ["magnetorquers", "thrusters"]
+    np.testing.assert_allclose(without_wheels["magnetorquers"], found["magnetorquers"])
+    np.testing.assert_allclose(sum(without_wheels.values()), both["torque"], atol=1e-15)
     alone = shares_of(run(1, push=push, outside=0 * push, scenario=SCENARIO + rods))
     assert list(alone) == ["wheels", "magnetorquers"]
     np.testing.assert_allclose(np.linalg.norm(alone["magnetorquers"], axis=1), 5e-3, rtol=1e-9)
