@@ -34,6 +34,8 @@ from jaxsat.scenario.schema import Scenario
 from jaxsat.scenario.stand_ins import converted, without_types
 from jaxsat.scenario.units import Conversion, spellings
 from jaxsat.scenario.wording import suggestion
+from jaxsat.store.files import OutputError
+from jaxsat.store.marker import is_verified
 
 
 def library() -> dict[str, Traversable]:
@@ -99,6 +101,8 @@ def read(
     problems += sorted(located, key=lambda one: (one.line is not None, one.line or 0))
     if scenario is None or problems:
         raise ScenarioError(list(dict.fromkeys(problems)))
+    if source.change:
+        caution(source.change)
     for issue in cautions(scenario, law):
         caution(str(places.problem(issue)))
     return scenario
@@ -137,6 +141,8 @@ class _File:
     name: str
     data: dict[str, Any]
     lines: dict[Location, int]
+    change: str | None = None
+    """What to tell of a file that jaxsat wrote to a folder of results, and that has changed."""
 
 
 @dataclass(frozen=True)
@@ -197,7 +203,15 @@ def _read(name_or_path: str | Path) -> _File:
     if len(content) > MAX_FILE_SIZE:
         message = f"must be a scenario file of at most {MAX_FILE_SIZE} bytes, got more"
         raise ScenarioError([Problem(text_name, message)])
-    return _parse(text_name, content)
+    return dataclasses.replace(_parse(text_name, content), change=_change(path, content))
+
+
+def _change(path: Path, content: bytes) -> str | None:
+    try:
+        is_verified(path, content)
+    except OutputError as error:
+        return str(error)
+    return None
 
 
 def _unknown_name(name: str, names: list[str]) -> Problem:

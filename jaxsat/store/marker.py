@@ -267,18 +267,26 @@ def read_unchanged(path: Path) -> bytes | None:
     changed, and in a folder whose marker is damaged.
     """
     data = read_or_explain(Path(os.path.realpath(path)))
+    if not is_verified(path, data) and data is not None:
+        unknown = f"{path} is not verified: jaxsat did not write it to its folder."
+        remark = unverified(path.parent) or unknown
+        warnings.warn(remark, UnverifiedWarning, stacklevel=1)  # once for all that read it
+    return data
+
+
+def is_verified(path: Path, data: bytes | None) -> bool:
+    """Whether a marker vouches for what a file holds, None where it is not there.
+
+    Raises `OutputError` for what is not as jaxsat wrote it, and where the marker is damaged.
+    """
     marker = _sound_marker(path.parent)
     if marker is None or path.name not in marker.names:
-        if data is not None:
-            unknown = f"{path} is not verified: jaxsat did not write it to its folder."
-            remark = _no_marker(path.parent) if marker is None else unknown
-            warnings.warn(remark, UnverifiedWarning, stacklevel=1)  # once for all that read it
-        return data
+        return False
     if data is None:
         raise OutputError(f"{path} was removed, or replaced, since jaxsat wrote it.")
     if not marker.has_written(path.name, data):
         raise OutputError(f"{path} was damaged, or changed, since jaxsat wrote it.")
-    return data
+    return True
 
 
 def walk(folder: Path, within: str = "") -> Iterator[tuple[str, int]]:

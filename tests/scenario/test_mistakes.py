@@ -8,6 +8,7 @@ import pytest
 from jaxsat.core.errors import ArgumentError
 from jaxsat.scenario import ScenarioError, ScenarioWarning
 from jaxsat.scenario.build.load import load
+from jaxsat.store.folder import OutputFolder
 from scenario.mistakes import SWITCHING, THREE_AXIS, check, problems_of
 
 # text to replace, its replacement, then for each mistake: line, key, part of the message
@@ -273,3 +274,18 @@ def test_a_part_of_a_key_of_the_table_itself_is_taken_for_that_key(tmp_path):
     text = THREE_AXIS.replace("[orbit]", "[[gimbal]]\nmomentum_N_m_s = 1\n[orbit]")
     messages = {one.key: one.message for one in problems_of(text, tmp_path)}
     assert messages["gimbal.momentum_N_m_s"].endswith("did you mean rotor_momentum_N_m_s?")
+
+
+def test_a_scenario_of_a_folder_of_results_that_was_changed_is_told(tmp_path):
+    """A user may change it, but not by mistake; what jaxsat did not write there is the user's."""
+    file = tmp_path / "run" / "tuned.toml"
+    with OutputFolder(file.parent) as folder:
+        folder.write(file.name, THREE_AXIS)
+    (file.parent / "own.toml").write_text(THREE_AXIS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        load(file)
+        load(file.parent / "own.toml")
+    file.write_text(THREE_AXIS.replace('"Test"', '"Other"'))
+    with pytest.warns(ScenarioWarning, match=r"tuned\.toml was damaged, or changed, since jaxsat"):
+        load(file)
