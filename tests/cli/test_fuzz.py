@@ -17,7 +17,7 @@ def test_no_command_line_ends_in_a_traceback():
     # threads of BLAS that live when a process forks can leave a lock in the child for ever
     alone = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
     done = subprocess.run(
-        [sys.executable, str(HERE / "fuzzing.py"), "60", "1"],
+        [sys.executable, str(HERE / "fuzzing.py"), "30", "1"],
         env={**os.environ, **alone, "PYTHONPATH": path},
         capture_output=True, timeout=1200, check=False,
     )  # fmt: skip

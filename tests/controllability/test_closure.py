@@ -32,7 +32,7 @@ def random_layout(seed, count):
 
 @pytest.mark.slow
 @given(st.integers(0, 10_000), st.integers(0, 4))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 def test_rounded_and_exact_generating_vectors_agree(seed, count):
     inertia, axes = random_layout(seed, count)
     layout = make_layout(inertia, axes)

@@ -60,8 +60,8 @@ def test_shape_is_what_linear_programmes_find(seed):
 
 
 @pytest.mark.slow
-def test_shape_of_three_hundred_random_sets():
-    found = {check(seed).kind for seed in range(100, 400)}
+def test_shape_of_a_hundred_random_sets():
+    found = {check(seed).kind for seed in range(100, 200)}
     assert found == set(KINDS.values()) - {"nothing"}  # no set is empty
 
 

@@ -16,10 +16,8 @@ from jaxsat.core.declaration.wheels import WheelFailureKind
 from jaxsat.simulation.engine.adaptive import AdaptiveStepper, Tolerance
 from jaxsat.simulation.engine.native import NativeEngine
 from jaxsat.simulation.engine.program import AbstractCaseFactory, Case, program_of
-from jaxsat.simulation.engine.reference import ReferenceEngine
 from jaxsat.simulation.engine.single import simulate
 from jaxsat.simulation.loops import ContinuousLoop
-from jaxsat.simulation.methods import adaptive
 from jaxsat.spacecraft.distribution import WheelsFirst
 from jaxsat.spacecraft.dynamics import PlantState, RigidBody
 from jaxsat.spacecraft.environment.orbit import ExactOrbit
@@ -185,40 +183,40 @@ def truth(case):
 
 
 @pytest.mark.slow
-def test_engines_agree_with_an_independent_program_and_keep_the_total_momentum():
-    """Steps end where the first wheel comes to its limit; error control meets the later corners.
-
-    In the last case the reference is off by 1.6e-3, the other engine is not: why is not known.
-    That engines that take the same steps agree is tested with thrusters that fail and with wheels
-    at their limits.
-    """
+def test_machine_code_agrees_with_an_independent_program():
+    """Steps end where the first wheel comes to its limit; error control meets the later corners."""
     cases = factory()
     program = program_of(cases, cases.loop, SECONDS)
     stepper = AdaptiveStepper(tolerance=Tolerance(1e-11, 1e-11))
-    reference = ReferenceEngine(adaptive(1e-12, 1e-13, min_step=1e-10), batch_size=len(CASES))
-    engines = {"native": NativeEngine(stepper), "reference": reference}
     expected = np.array([truth(case) for case in CASES])
     assert np.abs(expected[1:] - expected[0]).max(axis=1).min() > 1e-4
-    for name, engine in engines.items():
-        found = engine.evaluate(program, CASES)
-        assert np.all(found.code == 0)
-        right = slice(-1 if engine is reference else None)
-        q, wanted = np.roll(found.quaternion, -1, axis=1)[right], expected[right]
-        same = np.sign(np.sum(q * wanted[:, :4], axis=1, keepdims=True))
-        np.testing.assert_allclose(q * same, wanted[:, :4], atol=2e-8, err_msg=name)
-        np.testing.assert_allclose(found.omega[right], wanted[:, 4:7], atol=2e-8, err_msg=name)
+    found = NativeEngine(stepper).evaluate(program, CASES)
+    assert np.all(found.code == 0)
+    same_motion(found.quaternion, found.omega, expected, 2e-8)
+
+
+def same_motion(quaternion, omega, expected, tolerance):
+    """In each row, but for the sign of the quaternion."""
+    q = np.roll(quaternion, -1, axis=1)
+    same = np.sign(np.sum(q * expected[:, :4], axis=1, keepdims=True))
+    np.testing.assert_allclose(q * same, expected[:, :4], atol=tolerance)
+    np.testing.assert_allclose(omega, expected[:, 4:7], atol=tolerance)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [2, 8])
-def test_a_run_keeps_the_total_momentum_where_a_wheel_seizes(number):
-    """Saved before and after; at the instant of the failure the wheel stands still."""
+@pytest.mark.parametrize(("number", "off"), [(2, 2e-8), (8, 2e-3)])
+def test_diffrax_agrees_and_keeps_the_total_momentum_where_a_wheel_seizes(number, off):
+    """Saved before and after; at the instant of the failure the wheel stands still.
+
+    In the last case diffrax is off by 1.6e-3, the other engine is not: why is not known.
+    """
     made, case = factory(), CASES[number]
     loop = made(case, None).loop
     assert not loop.is_smooth()
     at, which = case[3], int(case[1])
     times = np.sort(np.append(np.linspace(0, SECONDS, 33), [at - 1e-9, at, at + 1e-9]))
     signals = simulate(loop, made.start, np.unique(times)).signals
+    same_motion(signals.quaternion[-1:], signals.omega[-1:], truth(case)[None], off)
     momentum, stopped = np.asarray(signals.parts["wheel_momentum"]), np.unique(times) >= at
     assert np.all(momentum[stopped, which] == 0)
     assert np.abs(momentum[~stopped, which]).min() > 1e-3

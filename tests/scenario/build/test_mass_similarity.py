@@ -46,14 +46,11 @@ def unit_of(field):
     "name",
     [
         "cubesat-12u",
-        "failures-12u",
         "acceptance-hard",
         "oscillatory-dispersed",
         "switching",
         "paper-rate",
         "one-torque-damping",
-        "two-wheel-telescope",
-        "wheels-fail",
         "hybrid-wheels",
         "wheel-and-rods",
     ],
@@ -69,10 +66,13 @@ def test_a_flight_of_each_law_is_the_same_at_any_mass(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("rotor", ["", "rotor_inertia_kg_m2=0.1, "])
 def test_steps_of_both_integrators_are_the_same_at_any_mass(rotor):
-    """Until a wheel is at its momentum limit; diffrax chooses its first step by itself."""
+    """Until a wheel is at its momentum limit; diffrax chooses its first step by itself.
+
+    It locates the limit in the same way with a rotor and without: with one is enough.
+    """
     scenario = load("two-wheel-telescope", [with_limits(rotor), "simulation.duration_s=60"])
     runs = [build(scaled(scenario, factor)) for factor in (1.0, *FACTORS)]
-    for fly in (lambda run: run.simulate(), by_diffrax):
+    for fly in (by_machine_code, by_diffrax) if rotor else (by_machine_code,):
         first, *others = [fly(run) for run in runs]
         largest = np.abs(first.signals.parts["wheel_momentum"]).max()
         assert largest == pytest.approx(3.0, abs=1e-6)
@@ -86,6 +86,10 @@ def with_limits(rotor):
     numbers = f"torque_limit_N_m=0.4, momentum_limit_N_m_s=3.0, {rotor}"
     axes = "[1.0, 0.0, 0.0]", "[0.0, 1.0, 0.0]"
     return f"wheel=[{', '.join(f'{{{numbers}axis={axis}}}' for axis in axes)}]"
+
+
+def by_machine_code(run):
+    return run.simulate()
 
 
 def by_diffrax(run):
