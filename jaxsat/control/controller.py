@@ -44,14 +44,12 @@ class WheelContext(NamedTuple):
 
     `wheels` have the declared limits and friction, and no failures in flight. `failed` marks those
     that had failed before the start. `momentum_noise` (N m s) is the standard deviation of each
-    tachometer, `rate_noise` (rad/s) that of the measured rates, zero where they are exact. Commands
-    act `delay` (s) late.
+    tachometer, `rate_noise` (rad/s) that of the measured rates, zero where they are exact.
     """
 
     wheels: Wheels
     failed: Bool[np.ndarray, " m"]
     momentum_noise: Float[np.ndarray, " m"]
-    delay: float
     rate_noise: float = 0.0
 
 
@@ -77,7 +75,7 @@ class LawContext(NamedTuple):
     `wheels` except for laws that command the torque of each wheel. The unit columns of `wheel_axes`
     are those of all wheels, None without wheels. `gravity_gradient` is true if that torque acts.
     `magnetic` is None without working magnetorquers. `rate_noise` (rad/s) is the standard deviation
-    of the measured rates.
+    of the measured rates. Commands act `delay` (s) late.
     """
 
     model: RigidBody
@@ -91,6 +89,7 @@ class LawContext(NamedTuple):
     wheel_axes: Float[np.ndarray, "3 wheels"] | None = None
     magnetic: MagneticContext | None = None
     rate_noise: float = 0.0
+    delay: float = 0.0
 
 
 Believed = Literal["inertia", "orbit_rate", "inclination"]

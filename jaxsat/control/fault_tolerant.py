@@ -17,9 +17,15 @@ from jaxsat.control.sampled import AbstractSampledController
 from jaxsat.control.third_axis_band import BandMemory, ThirdAxisBand
 from jaxsat.control.tolerant_actuators import (
     AbstractTolerantActuators,
+    Instead,
     Sample,
     TolerantMemory,
     TolerantMode,
+)
+from jaxsat.control.tolerant_magnetic import (
+    MagneticFlight,
+    TolerantMagnetic,
+    TolerantMagneticMemory,
 )
 from jaxsat.control.tolerant_mix import Mix, MixMemory, Unloading
 from jaxsat.control.tolerant_rods import RodMemory, TolerantRods, about
@@ -45,7 +51,7 @@ class FaultTolerantMemory(NamedTuple):
 
     `mix` is that of several kinds together, None for one alone, `rods` that of magnetorquers, None
     without any. `band` is that of the axis which no wheel drives, None where thrusters never leave
-    it alone.
+    it alone, `magnetic` that of magnetorquers with one axis of wheels or none.
     """
 
     healthy: QuaternionFeedbackMemory
@@ -54,6 +60,7 @@ class FaultTolerantMemory(NamedTuple):
     mode: IntScalar
     rods: RodMemory | None = None
     band: BandMemory | None = None
+    magnetic: TolerantMagneticMemory | None = None
 
 
 Kinds = list[tuple[AbstractTolerantActuators, TolerantMemory]]
@@ -96,10 +103,11 @@ class FaultTolerant(AbstractSampledController):
     period: RealScalar = eqx.field(converter=as_float)
     rods: TolerantRods | None = None
     band: ThirdAxisBand | None = None
+    magnetic: TolerantMagnetic | None = None
 
     def __check_init__(self):
         require_positive("period", self.period)
-        if not self.actuators:
+        if not self.actuators and self.rods is None:
             raise ValueError("Argument `actuators` must have at least one kind, but has none.")
 
     def init(self, state: PlantState) -> FaultTolerantMemory:
@@ -113,7 +121,9 @@ class FaultTolerant(AbstractSampledController):
         mix = MixMemory.begin() if len(self.actuators) > 1 else None
         rods = None if self.rods is None else RodMemory.begin()
         band = None if self.band is None else BandMemory.begin()
-        return FaultTolerantMemory(self.healthy.init(state), memories, mix, mode, rods, band)
+        magnetic = None if self.magnetic is None else self.magnetic.init(state)
+        healthy = self.healthy.init(state)
+        return FaultTolerantMemory(healthy, memories, mix, mode, rods, band, magnetic)
 
     def step(
         self, t: RealScalar, state: PlantState, memory: FaultTolerantMemory
@@ -128,9 +138,10 @@ class FaultTolerant(AbstractSampledController):
         mix = self._mix(sample, kinds)
         three = mix.spans(memory.mix)
         left = _Left(kinds, three, self._axis(kinds, three))
+        flight = self._magnetic(sample, left, memory.magnetic)
         slowed = sample._replace(law=self._slowed(sample, left))
         torque, healthy = self._feedback(slowed, left, memory.healthy)
-        dipoles, made, rods = self._rods(sample, left, torque, memory.rods)
+        dipoles, made, rods = self._rods(sample, left, torque, flight, memory.rods)
         whole, axis = three, left.axis
         if made is not None and axis is not None:
             torque, whole = torque - made, three | jnp.any(axis != 0)
@@ -140,14 +151,35 @@ class FaultTolerant(AbstractSampledController):
         commands, memories = [], []
         demands, unmade = mix.demands(torque, unloading, whole)
         demands = [one._replace(besides=own) for one, own in zip(demands, besides, strict=True)]
+        if flight is not None:
+            demands = [
+                demand._replace(instead=_instead(flight, one, now))
+                for demand, (one, now) in zip(demands, kinds, strict=True)
+            ]
         following = None if following is None else following._replace(unmade=unmade)
         for (one, now), before, demand in zip(kinds, memory.actuators, demands, strict=True):
             command, after = one.act(slowed, demand, before, now)
             commands.append(command)
             memories.append(after)
-        mode = self._mode(whole, axis, memories)
-        memory = FaultTolerantMemory(healthy, tuple(memories), following, mode, rods, band)
+        mode = self._mode(whole, axis, flight, memories)
+        magnetic = None if flight is None else flight.memory
+        memory = FaultTolerantMemory(
+            healthy, tuple(memories), following, mode, rods, band, magnetic
+        )
         return jnp.concatenate([*commands, *dipoles]), memory
+
+    def _magnetic(
+        self, sample: Sample, left: _Left, before: TolerantMagneticMemory | None
+    ) -> MagneticFlight | None:
+        """What the law `magnetic` does, and whether nothing else settles; None without it."""
+        if self.magnetic is None or before is None or left.axis is None:
+            return None
+        others = left.three | jnp.any(left.axis != 0)
+        for one, now in left.kinds:
+            others = others | one.alone(now)[0] | one.flows(now)
+        each = (one.wheeled(now) for one, now in left.kinds)
+        wheeled = next((one for one in each if one is not None), None)
+        return self.magnetic.act(sample, ~others, wheeled, before)
 
     def _axis(self, kinds: Kinds, three: BoolScalar) -> Vector | None:
         """The one about which magnetorquers make torques that nothing else does, or zero; None
@@ -177,10 +209,17 @@ class FaultTolerant(AbstractSampledController):
         """The momentum (N m s) that all kinds hold; None where none can."""
         each = [one.stored(reading) for one in self.actuators]
         held = [one for one in each if one is not None]
-        return sum(held[1:], held[0]) if held else None
+        if not held:
+            return None if self.rods is None else jnp.zeros(3)
+        return sum(held[1:], held[0])
 
     def _rods(
-        self, sample: Sample, left: _Left, torque: Vector, before: RodMemory | None
+        self,
+        sample: Sample,
+        left: _Left,
+        torque: Vector,
+        flight: MagneticFlight | None,
+        before: RodMemory | None,
     ) -> tuple[list[Float[Array, " k"]], Vector | None, RodMemory | None]:
         """The dipoles of magnetorquers (A m²), their torque (N m) and their memory, if there are
         any."""
@@ -192,7 +231,10 @@ class FaultTolerant(AbstractSampledController):
         excess = jnp.where(left.three | holds, sum(each, 0 * bias), 0.0)
         stored = cast(Vector, self._stored(sample.reading))
         relief = self.rods.relief(sample, axis, excess, stored - bias - excess)
-        dipoles, made, after = self.rods.act(field, relief, torque, axis, self.period, before)
+        dipoles = self.rods.beside_wheels(field, relief, torque, axis)
+        if flight is not None:
+            dipoles = jnp.where(flight.flies, flight.dipoles, dipoles)
+        made, after = self.rods.act(field, dipoles, self.period, before)
         return [dipoles], made, after
 
     def _coasting(
@@ -275,7 +317,11 @@ class FaultTolerant(AbstractSampledController):
         )
 
     def _mode(
-        self, three: BoolScalar, axis: Vector | None, memories: list[TolerantMemory]
+        self,
+        three: BoolScalar,
+        axis: Vector | None,
+        flight: MagneticFlight | None,
+        memories: list[TolerantMemory],
     ) -> IntScalar:
         changed, alarmed = jnp.array(False), jnp.array(False)
         mode = jnp.array(int(LEFT["none"].modes[0]))
@@ -284,6 +330,8 @@ class FaultTolerant(AbstractSampledController):
             mode = jnp.where(alone, own, mode)
             changed = changed | one.changed(memory)
             alarmed = alarmed | memory.diagnosis.alarmed
+        if flight is not None:
+            mode = jnp.where(flight.flies, flight.mode, mode)
         before, after = LEFT["three torques"].modes
         whole = jnp.where(changed, int(after), int(before))
         if axis is not None:
@@ -302,7 +350,10 @@ class FaultTolerant(AbstractSampledController):
     ) -> bool:
         """Whether these magnetorquers make the torques that wheels along these axes do not."""
         directions, sizes, _ = np.linalg.svd(axes)
-        if self.rods is None or np.sum(sizes > PARALLEL) != 2:
+        rank = np.sum(sizes > PARALLEL)
+        if self.magnetic is not None and rank < 2:
+            return self.magnetic.holds_with(axes)
+        if self.rods is None or rank != 2:
             return False
         inertia = self.healthy.model.spacecraft.inertia
         return bool(self.rods.left(rods).holds(inertia, as_float(directions[:, 2])))
@@ -315,6 +366,8 @@ class FaultTolerant(AbstractSampledController):
         """The verdict on each actuator, how near an alarm it is, and whether there is one; of
         several kinds, the torque about three axes that they do not make."""
         diagnoses = [one.diagnosis for one in memory.actuators]
+        if not diagnoses:
+            return {}
         nearest = jnp.concatenate([jnp.max(one.statistic, axis=0) for one in diagnoses])
         alarmed = jnp.any(jnp.stack([one.alarmed for one in diagnoses]))
         mix = {} if memory.mix is None else {"torque_unmade": memory.mix.unmade}
@@ -332,6 +385,14 @@ class FaultTolerant(AbstractSampledController):
     def mode(self, memory: FaultTolerantMemory) -> IntScalar:
         """The `TolerantMode` at work."""
         return memory.mode
+
+
+def _instead(
+    flight: MagneticFlight, one: AbstractTolerantActuators, now: TolerantMemory
+) -> Instead:
+    """What actuators of one kind do where the law `magnetic` flies: only wheels do something."""
+    idle = one.wheeled(now) is None
+    return Instead(flight.flies, jnp.zeros_like(now.commanded) if idle else flight.torques)
 
 
 def _reading(state: PlantState, rods: RodMemory | None = None) -> Reading:

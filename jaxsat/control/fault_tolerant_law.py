@@ -9,7 +9,12 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jaxsat.control.controller import LawContext, ThrusterContext, UnsuitableModel, WheelContext
+from jaxsat.control.controller import (
+    LawContext,
+    ThrusterContext,
+    UnsuitableModel,
+    WheelContext,
+)
 from jaxsat.control.diagnosis.diagnosis import Diagnosis
 from jaxsat.control.diagnosis.thruster_filter import ThrusterFilter
 from jaxsat.control.diagnosis.wheel_filter import WheelFilter
@@ -38,6 +43,7 @@ from jaxsat.control.reconfiguration import (
 from jaxsat.control.supervisor import ThreeSlewSettling
 from jaxsat.control.third_axis_band import ThirdAxisBand
 from jaxsat.control.tolerant_actuators import AbstractTolerantActuators
+from jaxsat.control.tolerant_magnetic import tolerant_magnetic
 from jaxsat.control.tolerant_rods import TolerantRods
 from jaxsat.control.tolerant_thrusters import SettlingLaws, TolerantThrusters
 from jaxsat.control.tolerant_wheels import TolerantWheels
@@ -165,6 +171,7 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
         actuators=tuple(actuators),
         period=values["period_s"],
         rods=_tolerant_rods(context),
+        magnetic=tolerant_magnetic(values, context),
         band=_band(values["third_axis_band_rad"], context),
     )
 
@@ -179,11 +186,10 @@ def _band(band: float | None, context: LawContext) -> ThirdAxisBand | None:
 
 
 def _tolerant_rods(context: LawContext) -> TolerantRods | None:
-    """Magnetorquers that take momentum out of wheels; None without either."""
-    magnetic, wheels = context.magnetic, context.wheels
-    if magnetic is None or wheels is None:
+    """Magnetorquers beside wheels and thrusters; None without any."""
+    if context.magnetic is None:
         return None
-    return TolerantRods.of(magnetic.steering, wheels.delay)
+    return TolerantRods.of(context.magnetic.steering, context.delay)
 
 
 def _tolerant_thrusters(
@@ -239,7 +245,7 @@ def _tolerant_wheels(
         two_wheels=TwoWheels(law.model),
         fit=_momentum_fit(values, law),
         known=as_array(np.asarray(context.failed)),
-        delay=context.delay,
+        delay=law.delay,
     )
 
 

@@ -171,12 +171,14 @@ class PeriodicGain(eqx.Module):
     momentum of wheels beyond their bias along the columns of `basis` (N m s), and d a constant
     external torque (N m). The first three rows of K belong to rods, with no torque along `basis`,
     the others to wheels along `basis`. `gains` are for `turns` angles of the Earth and phases of
-    the orbit, evenly spaced from time zero; `rate` is ω0 (rad/s).
+    the orbit, evenly spaced from time zero, behind the axes that `place` indexes; `rate` is ω0
+    (rad/s).
     """
 
-    gains: Float[Array, "turns phases u z"] = eqx.field(converter=as_float)
+    gains: Float[Array, "*place turns phases u z"] = eqx.field(converter=as_float)
     basis: Float[Array, "3 p"] = eqx.field(converter=as_float)
     rate: RealScalar = eqx.field(converter=as_float)
+    place: tuple[IntScalar, ...] = ()
 
     def torque(
         self, t: RealScalar, motion: Float[Array, "6"], momentum: Vector, constant: Vector
@@ -191,13 +193,14 @@ class PeriodicGain(eqx.Module):
 
     def __call__(self, t: RealScalar) -> Float[Array, "u z"]:
         """K at time `t` (s)."""
-        turns, phases = self.gains.shape[:2]
+        turns, phases = self.gains.shape[-4:-2]
         turn, late = place_on_circle(EARTH_ROTATION * t, turns)
         phase, share = place_on_circle(self.rate * t, phases)
         after_turn, after_phase = _next(turn, turns), _next(phase, phases)
 
         def along(row):
-            return self.gains[row, phase] * (1 - share) + self.gains[row, after_phase] * share
+            low, high = (self.gains[(*self.place, row, one)] for one in (phase, after_phase))
+            return low * (1 - share) + high * share
 
         return along(turn) * (1 - late) + along(after_turn) * late
 

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from jaxsat.control.diagnosis.diagnosis import DiagnosisMemory
 from jaxsat.control.diagnosis.residual import AbstractResidualFilter, Reading
 from jaxsat.control.quaternion_feedback import QuaternionFeedback
+from jaxsat.control.wheel_allocation import Wheeled
 from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
@@ -34,6 +35,9 @@ class TolerantMode(enum.IntEnum):
     TWO_WHEELS = 8
     RODS = 9
     NEAREST = 10
+    MAGNETIC_DAMPING = 11
+    MAGNETIC_SLEWING = 12
+    MAGNETIC_POINTING = 13
 
 
 class TolerantMemory(NamedTuple):
@@ -51,13 +55,20 @@ class TolerantMemory(NamedTuple):
     own: PyTree
 
 
+class Instead(NamedTuple):
+    """What each actuator is to do in place of all else, `when` another law steers it."""
+
+    when: BoolScalar
+    use: Float[Array, " m"]
+
+
 class Demand(NamedTuple):
     """What actuators of one kind are asked for: a `torque` on the body (N m), and `steady` (N m).
 
     The latter comes first; it makes up for what acts all the time. Where `three` is false no torque
     about three axes can be had, and they do what they can do alone. `use` is what each is to do for
     the torque where that is shared with other actuators, None where it is not. `besides` is what
-    each is to do anyway, None for nothing.
+    each is to do anyway, and `instead` what it does where another law steers it, None for nothing.
     """
 
     torque: Vector
@@ -65,6 +76,7 @@ class Demand(NamedTuple):
     three: BoolScalar
     use: Float[Array, " m"] | None = None
     besides: Float[Array, " m"] | None = None
+    instead: Instead | None = None
 
 
 class Sample(NamedTuple):
@@ -134,6 +146,9 @@ class AbstractTolerantActuators(eqx.Module):
     def missing(self, memory: TolerantMemory) -> Vector:
         """The unit vector about which they make no torque, but all across it; or zero."""
         return jnp.zeros(3)
+
+    def wheeled(self, memory: TolerantMemory) -> Wheeled | None:
+        """What wheels are left; None for what is no wheel."""
 
     def flows(self, memory: TolerantMemory) -> BoolScalar:
         """Whether one that has failed makes a torque on the spacecraft all the time."""

@@ -79,7 +79,7 @@ class Mix(NamedTuple):
     def spans(self, before: MixMemory | None) -> BoolScalar:
         """Whether all together make torques about three axes; `before` is None for one kind."""
         if before is None:
-            return self.three[0]
+            return self.three[0] if self.three else jnp.array(False)
         three = jnp.any(jnp.stack(self.three))
         return jax.lax.cond(three, lambda: jnp.array(True), lambda: self._spans(before.three))
 
@@ -118,8 +118,8 @@ class Mix(NamedTuple):
 
         While one kind settles alone, the others make up for what acts all the time at most.
         """
-        if len(self.reaches) == 1:
-            return [Demand(torque, self.steady[0], three)], jnp.zeros(3)
+        if len(self.reaches) < 2:
+            return [Demand(torque, one, three) for one in self.steady], jnp.zeros(3)
         kinds = zip(self.reaches, self.stores, strict=True)
         stores = jnp.concatenate([jnp.full(one.low.shape, stores) for one, stores in kinds])
         total = torque + sum(self.steady, jnp.zeros(3))

@@ -163,17 +163,15 @@ class TolerantRods(eqx.Module):
         turned = jnp.cross(model.orbit.frame_rate(sample.state.attitude), coasting)
         return jnp.where(holds, turned, 0.0) - rate * excess
 
-    def act(
+    def beside_wheels(
         self,
         field: Vector,
         relief: Vector,
         torque: Vector,
         axis: Vector,
-        period: RealScalar,
-        before: RodMemory,
-    ) -> tuple[Float[Array, " k"], Vector, RodMemory]:
+    ) -> Float[Array, " k"]:
         """Dipoles (A m²) that make the part about an `axis` of a `torque` (N m), and of the
-        `relief` (N m) of wheels what is left, in a field (T); and their torque (N m).
+        `relief` (N m) of wheels what is left, in a field (T).
 
         The axis is zero where others make all torques.
         """
@@ -187,10 +185,15 @@ class TolerantRods(eqx.Module):
         unloading = steering.unlimited(field, relief)
         unloading = unloading - turning * jnp.sum(each * unloading) / square
         left = reach._replace(low=reach.low - holding, high=reach.high - holding)
-        dipoles = holding + allocate(left, reach.columns @ unloading).use
-        made = reach.columns @ dipoles
+        return holding + allocate(left, reach.columns @ unloading).use
+
+    def act(
+        self, field: Vector, dipoles: Float[Array, " k"], period: RealScalar, before: RodMemory
+    ) -> tuple[Vector, RodMemory]:
+        """The torque (N m) of dipoles (A m²) in a field (T), and the memory of the next sample."""
+        made = self.steering.reach(field).columns @ dipoles
         late = self.delay * before.commanded + (period - self.delay) * made
-        return dipoles, made, RodMemory(made, late / period)
+        return made, RodMemory(made, late / period)
 
 
 def about(inertia: Matrix, axis: Vector, torque: Vector, slow: Vector) -> Vector:

@@ -197,6 +197,8 @@ class TolerantThrusters(AbstractTolerantActuators):
             pushed, leaking = leaks.push(fit, push, duty, limit, period, leaking)
             duty = jnp.where(plane, pushed, duty)
         duty = jnp.where(three | plane, duty, self.damping(sample, now))
+        if demand.instead is not None:
+            duty = jnp.where(demand.instead.when, demand.instead.use, duty)
         if demand.besides is not None:
             duty = jnp.minimum(duty + demand.besides, 1.0)
         due, probe = self.probing(sample, now)

@@ -138,6 +138,10 @@ class TolerantWheels(AbstractTolerantActuators):
         """The normal of two axes."""
         return jnp.where(memory.ability.left == Left.PLANE, memory.ability.normal, 0.0)
 
+    def wheeled(self, memory: TolerantMemory) -> Wheeled:
+        """Those in use."""
+        return memory.ability
+
     def stored(self, reading: Reading) -> Vector:
         """The momentum of the wheels with that of rotors which turn with the body, N m s."""
         return self.filter.wheels.axes @ self._momenta(reading)
@@ -204,6 +208,8 @@ class TolerantWheels(AbstractTolerantActuators):
             shared = jnp.where(demand.three, demand.use, shared)
         shared = self.allocation.balanced(wheeled, shared, momentum, unloading)
         shared = jnp.where(demand.three | by_two, shared, self.damping(sample, now))
+        if demand.instead is not None:
+            shared = jnp.where(demand.instead.when, demand.instead.use, shared)
         pulse, probe = self._pulses(sample, now)
         shared = shared + jnp.where(jnp.abs(shared) < jnp.abs(pulse), pulse, 0.0)
         torques = self.allocation.commands(now.diagnosis.condition, momentum, shared)

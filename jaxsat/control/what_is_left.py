@@ -56,9 +56,14 @@ LEFT: Mapping[Laws, WhatFlies] = {
         everywhere=False,
     ),
     "magnetic": WhatFlies(
-        "the law magnetic applies, and beside two wheels the law fault-tolerant; all axes are held "
-        "as the field turns in the orbit",
-        (TolerantMode.RODS,),
+        "the laws magnetic and fault-tolerant apply; all axes are held as the field turns in the "
+        "orbit",
+        (
+            TolerantMode.RODS,
+            TolerantMode.MAGNETIC_DAMPING,
+            TolerantMode.MAGNETIC_SLEWING,
+            TolerantMode.MAGNETIC_POINTING,
+        ),
         ("magnetic",),
     ),
     "none": WhatFlies("no law of jaxsat applies", (TolerantMode.DAMPING,), (), everywhere=False),

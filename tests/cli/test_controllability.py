@@ -76,7 +76,7 @@ def test_the_verdict_on_a_wheel_and_magnetorquers_begins_with_what_they_can_do(c
     assert first < verdict.index("Without magnetorquers: not controllable")
     text = " ".join(out.split())
     assert "Survives: 3 of 4 single" in text
-    assert "Laws: the law magnetic applies" in text
+    assert "Laws: the laws magnetic and fault-tolerant apply" in text
 
 
 @pytest.mark.slow

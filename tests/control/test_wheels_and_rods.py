@@ -4,6 +4,7 @@ from types import SimpleNamespace
 from typing import cast
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -12,12 +13,19 @@ from scipy.linalg import null_space
 from scipy.spatial.transform import Rotation
 
 from helpers.magnetic import document
-from jaxsat.control.tolerant_actuators import TolerantMode
+from jaxsat.control.diagnosis.residual import Reading
+from jaxsat.control.magnetic import MagneticMode
+from jaxsat.control.reconfiguration import Left
+from jaxsat.control.tolerant_actuators import Sample, TolerantMode
 from jaxsat.control.tolerant_rods import FULL_AT, RELIEF, SHALLOW, TolerantRods, about
+from jaxsat.control.wheel_allocation import Wheeled
+from jaxsat.core.attitude import Quaternion
 from jaxsat.scenario import Scenario
 from jaxsat.scenario.build.load import load
 from jaxsat.scenario.build.run import build
 from jaxsat.simulation.engine.single import simulate
+from jaxsat.spacecraft.spacecraft import PlantState
+from jaxsat.spacecraft.wheels import WheelMomenta
 from oracle import magnetic as oracle
 
 RATE = 1.1e-3  # rad/s
@@ -214,10 +222,65 @@ def test_errors_decrease_in_every_orbit(lost, inclination, turn):
 
 
 @pytest.mark.slow
-def test_a_cubesat_that_loses_a_wheel_keeps_three_axes():
-    run = build(load("cubesat-3w3m", ["simulation.duration_s=3000"]))
-    found = run.simulate()
+def test_a_cubesat_that_loses_a_wheel_keeps_three_axes_and_then_flies_by_what_is_left():
+    lost = ", ".join(
+        f'{{of="wheel {name}", at_s={at}, kind="dead"}}' for name, at in (("x", 600), ("y", 3000))
+    )
+    changes = ["simulation.duration_s=6000", f"failure=[{lost}]", "dispersion={}"]
+    found = build(load("cubesat-3w3m", changes)).simulate()
     mode, times = np.asarray(found.signals.mode), np.asarray(found.times)
-    assert mode[-1] == TolerantMode.RODS
     assert TolerantMode.RODS not in mode[times < 600]
-    assert float(found.assessment.settled_from) < 2000
+    assert set(mode[(times > 900) & (times < 3000)]) == {TolerantMode.RODS}
+    settled = (times > 2000) & (times < 3000)
+    turn = 2 * np.linalg.norm(np.asarray(found.signals.quaternion)[:, 1:], axis=1)
+    assert np.max(turn[settled]) < 0.05
+    assert mode[-1] == TolerantMode.MAGNETIC_POINTING
+
+
+STATES = (
+    ((0.5, 0.5, -0.5, 0.5), (0.02, -0.01, 0.01)),
+    ((0.5, 0.5, -0.5, 0.5), (1e-3, -2e-3, 1e-3)),
+    ((1.0, 0.05, -0.1, 0.02), (1e-4, -1e-3, 2e-4)),
+    ((1.0, 0.04, -0.1, 0.02), (1e-4, -1e-3, 1e-4)),
+)
+"""Attitudes and rates (rad/s) of a tumble, of a slew, and near the orbit frame."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("failed", ["false", "true"])
+def test_one_wheel_or_none_flies_as_under_the_law_magnetic(failed):
+    """Dipoles and the torque of the wheel are those of that law and of what steers it."""
+    wheel = f"axis=[0, -1, 0], torque_limit_N_m=5e-3, momentum_N_m_s=0.06, failed={failed}"
+    bias = 0.0 if failed == "true" else 0.06
+    changes = [f"wheel=[{{{wheel}}}]", f"unloading.bias_N_m_s={bias}"]
+    own = build(load("wheel-and-rods", changes)).loop
+    table = 'control={law="fault-tolerant", natural_frequency_rad_s=0.02, period_s=2.0}'
+    law = build(load("wheel-and-rods", [*changes, table])).loop.controller
+    steering, axis = own.distribution.steering[0], np.array([0.0, -1.0, 0.0])
+    usable = jnp.array([0.0 if failed == "true" else 5e-3])
+    wheeled = Wheeled(usable, jnp.array(int(Left.LESS)), jnp.zeros(3), jnp.zeros((1, 3)))
+
+    @jax.jit
+    def both(t, state, memory, own_memory):
+        sample = Sample(t, state, Reading(state.omega), law.healthy)
+        flight = law.magnetic.act(sample, jnp.array(True), wheeled, memory)
+        torque, own_memory = own.controller.step(t, state, own_memory)
+        return flight, steering(t, state, torque), flight.mode, own_memory
+
+    memory = own_memory = None
+    for number, (quaternion, omega) in enumerate(STATES):
+        attitude = Quaternion(jnp.array(quaternion) / np.linalg.norm(quaternion))
+        state = PlantState(attitude, jnp.array(omega), (WheelMomenta(jnp.array([0.07])), None))
+        if memory is None:
+            memory, own_memory = law.magnetic.init(state), own.controller.init(state)
+        flight, (dipoles, rest), mode, own_memory = both(
+            jnp.array(2.0 * number), state, memory, own_memory
+        )
+        memory = flight.memory
+        wheel = 0.0 if failed == "true" else axis @ np.asarray(rest)
+        np.testing.assert_allclose(flight.dipoles, dipoles, rtol=1e-9)
+        np.testing.assert_allclose(flight.torques, [wheel], rtol=1e-9, atol=1e-15)
+        np.testing.assert_allclose(memory.own.torque, own_memory.torque, rtol=1e-9)
+        assert mode == 10 + own_memory.mode
+    assert own_memory.mode == MagneticMode.POINTING
+    assert np.any(memory.own.torque != 0)

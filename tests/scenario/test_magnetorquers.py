@@ -112,6 +112,8 @@ def _law(data):
 
 def _tolerant(data):
     data["control"] = {"law": "fault-tolerant", "natural_frequency_rad_s": 0.05}
+    data["wheel"] = [{"axis": [1.0, 0.0, 0.0], "torque_limit_N_m": 1e-3}]
+    _all_failed(data)
 
 
 def _inertial(data):
@@ -151,7 +153,10 @@ def _unknown(data):
     [
         (_renamed, "must be a name of its own"),
         (_law, 'commands three torques .*"quaternion-feedback"'),
-        (_tolerant, 'must be given under the law "fault-tolerant", which diagnoses them, or'),
+        (
+            _tolerant,
+            "two axes at least where neither thrusters nor magnetorquers make",
+        ),
         (_inertial, "must be that of an orbit above the ground"),
         (_all_failed, "must leave one that works"),
         (_unloading, r"got time_constant_s = 10.0 without \[\[wheel\]\]"),

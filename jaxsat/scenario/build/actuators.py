@@ -153,9 +153,8 @@ def wheel_context(scenario: Scenario) -> WheelContext | None:
     if not scenario.law.declaration.commands_actuators or not scenario.wheel:
         return None
     wheels = _declared_wheels(scenario)
-    delay = 0.0 if scenario.sampling is None else scenario.sampling.delay_s
     failed = np.array([one.failed for one in scenario.wheel])
-    return WheelContext(wheels, failed, tachometer_noise(scenario), delay, rate_noise(scenario))
+    return WheelContext(wheels, failed, tachometer_noise(scenario), rate_noise(scenario))
 
 
 def magnetic_context(scenario: Scenario) -> MagneticContext | None:

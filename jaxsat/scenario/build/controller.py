@@ -45,6 +45,7 @@ def build_controller(scenario: Scenario) -> AbstractController | AbstractSampled
         wheel_axes(scenario.wheel) if scenario.wheel else None,
         magnetic_context(scenario),
         rate_noise(scenario) if law.declaration.sampled else 0.0,
+        0.0 if scenario.sampling is None else scenario.sampling.delay_s,
     )
     try:
         controller = law.from_table(values, context)

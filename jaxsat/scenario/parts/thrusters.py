@@ -140,10 +140,10 @@ def _thrusters_need_a_sampled_law(thrusters, law):
         )
 
 
-@rule("thruster", "wheel", "control.law")
-def _a_law_that_commands_actuators_has_some(thrusters, wheels, law):
-    if law.declaration.commands_actuators and not (thrusters or wheels):
-        message = f'must be given under the law "{law}", which diagnoses them, or [[wheel]]'
+@rule("thruster", "wheel", "magnetorquer", "control.law")
+def _a_law_that_commands_actuators_has_some(thrusters, wheels, magnetorquers, law):
+    if law.declaration.commands_actuators and not (thrusters or wheels or magnetorquers):
+        message = f'must be given under the law "{law}", or [[wheel]], or [[magnetorquer]]'
         yield at("thruster", f"{message}, got none", True)
 
 

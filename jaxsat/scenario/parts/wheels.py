@@ -139,7 +139,8 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
     torques = declaration.torques
     if declaration.commands_actuators:
         if wheels:
-            yield from _diagnosis_issues(law, wheels, bool(thrusters), axes)
+            beside = bool(thrusters) or any(not one.failed for one in values["magnetorquer"])
+            yield from _diagnosis_issues(law, wheels, beside, axes)
         return
     if wheels and torques == 1:
         yield at("wheel", f'must be left out under the law "{law}", which knows thrusters alone')
@@ -159,15 +160,18 @@ def _wheels_and_thrusters_make_what_the_law_commands(values):
         )
 
 
-def _diagnosis_issues(law, wheels, thrusters, axes):
-    """Yield issues under a law that commands each wheel, for lack of three torques or thrusters."""
+def _diagnosis_issues(law, wheels, beside, axes):
+    """Yield issues under a law that commands each wheel; `beside` tells of other actuators."""
     what = f'under the law "{law}", which diagnoses wheels'
     if axes:
         key = "spacecraft.thruster_torque_axes"
         yield at(key, f"must not be given {what} ([[thruster]] is diagnosed), got {len(axes)}")
-    if left_by_wheels(wheels, 3).any() and not thrusters:
+    if not beside and np.trace(left_by_wheels(wheels, 3)) > 1 + MISSING:
         count = sum(not one.failed for one in wheels)
-        message = f"must leave independent torques about body axes x, y and z {what}"
+        message = (
+            "must leave torques about two axes at least where neither thrusters nor magnetorquers "
+            f"make others, {what}"
+        )
         yield at("wheel", f"{message}, got {count} of {len(wheels)}")
     for number, one in enumerate(wheels):
         if one.torque_limit_N_m is None:

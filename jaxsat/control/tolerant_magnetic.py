@@ -1,0 +1,215 @@
+"""Magnetorquers alone, or with the wheels of one axis, under the fault-tolerant law."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from jaxsat.control.controller import LawContext, MagneticContext, UnsuitableModel
+from jaxsat.control.magnetic import MagneticLaw, MagneticMemory, MagneticMode
+from jaxsat.control.periodic_gain import PeriodicGain
+from jaxsat.control.reconfiguration import Left
+from jaxsat.control.tolerant_actuators import Sample, TolerantMode
+from jaxsat.control.wheel_allocation import Wheeled
+from jaxsat.core.array_types import BoolScalar, IntScalar
+from jaxsat.core.checks import as_array
+from jaxsat.core.declaration.magnetic import MAGNETIC_CONTROL
+from jaxsat.spacecraft.dynamics import PlantState
+
+PARALLEL = 1e-9
+"""One less the cosine of the angle between two axes that count as one."""
+
+SMALLEST = 1e-30
+"""Keeps a quotient of two zeros finite, and is a rate (rad/s) below which no body is."""
+
+NOWHERE = -1
+"""Number of the set while another law flies."""
+
+FIRST_MODE = TolerantMode.MAGNETIC_DAMPING - MagneticMode.DAMPING
+"""The `TolerantMode` of a `MagneticMode`, less that."""
+
+
+class TolerantMagneticMemory(NamedTuple):
+    """The memory of the law `magnetic`, and the number of the set of wheels that it flies with."""
+
+    own: MagneticMemory
+    number: IntScalar
+
+
+class MagneticFlight(NamedTuple):
+    """What the law `magnetic` does, and whether it `flies`.
+
+    `dipoles` are in A m², `torques` of wheels on the body in N m.
+    """
+
+    flies: BoolScalar
+    dipoles: Float[Array, " k"]
+    torques: Float[Array, " m"]
+    memory: TolerantMagneticMemory
+
+    @property
+    def mode(self) -> IntScalar:
+        """The `TolerantMode`."""
+        return FIRST_MODE + self.memory.own.mode
+
+
+class TolerantMagnetic(eqx.Module):
+    """The law `magnetic` with gains for each set of wheels that leaves less than a plane.
+
+    The first set has no wheel, the others those along one axis each. Of `laws`, what differs
+    between sets has a leading axis. `members` are the wheels of each set, and `of_wheel` the number
+    of the set of each wheel. A set `holds` all axes if it has gains that do; else magnetorquers and
+    its wheels damp the rate.
+    """
+
+    laws: MagneticLaw
+    members: Bool[Array, "sets m"]
+    of_wheel: Int[Array, " m"]
+    holds: Bool[Array, " sets"]
+
+    @staticmethod
+    def of(
+        laws: Sequence[MagneticLaw | None], members: Bool[np.ndarray, "sets m"]
+    ) -> "TolerantMagnetic | None":
+        """With the law of each set, None for one without gains; None where no set has some."""
+        some = next((law for law in laws if law is not None), None)
+        if some is None:
+            return None
+        each = [some if law is None else law for law in laws]
+        steerings, gains = [law.steering for law in each], [_with_wheels(law.gain) for law in each]
+        stacked = (
+            np.stack([one.wanted for one in steerings]),
+            np.stack([one.bias for one in steerings]),
+            np.stack([basis for _, basis in gains]),
+            np.stack([table for table, _ in gains]),
+        )
+        return TolerantMagnetic(
+            eqx.tree_at(_of_each_set, some, tuple(map(as_array, stacked))),
+            as_array(members),
+            as_array(np.argmax(members, axis=0)),
+            as_array(np.array([law is not None for law in laws])),
+        )
+
+    def holds_with(self, axes: Float[np.ndarray, "3 k"]) -> bool:
+        """Whether it holds all axes with wheels along these, parallel ones or none."""
+        same = [np.allclose(np.cross(axes.T, one), 0.0) for one in self.laws.gain.basis[1:, :, 0]]
+        number = 1 + int(np.argmax(same)) if axes.shape[1] else 0
+        return bool(self.holds[number])
+
+    def init(self, state: PlantState) -> TolerantMagneticMemory:
+        """Another law flies."""
+        return TolerantMagneticMemory(self.laws.init(state), jnp.array(NOWHERE))
+
+    def act(
+        self,
+        sample: Sample,
+        alone: BoolScalar,
+        wheeled: Wheeled | None,
+        before: TolerantMagneticMemory,
+    ) -> MagneticFlight:
+        """What it does where magnetorquers and the wheels in use are `alone`, None for no wheels.
+
+        What was learnt of dipole and torque is kept as wheels fail, but not how the body moved.
+        """
+        none = jnp.zeros(0)
+        usable = none if wheeled is None else wheeled.usable
+        few = jnp.array(True) if wheeled is None else wheeled.left == Left.LESS
+        number, flies = self._number(usable), alone & few
+        used = jnp.where(self.members[number], usable, 0.0)
+        law = self._law(number, used)
+        same = number == before.number
+        own = before.own._replace(
+            mode=jnp.where(same, before.own.mode, int(MagneticMode.DAMPING)),
+            predicts=same & before.own.predicts,
+        )
+        torque, own = law.step(sample.t, sample.state, own)
+        dipoles, rest = law.steering(sample.t, sample.state, torque)
+        torques = none
+        if law.wheel_axes is not None:
+            along = law.wheel_axes.T @ law.gain.basis[:, 0]
+            shares = used * along / (jnp.sum(used * along**2) + SMALLEST)
+            torques = shares * jnp.sum(law.gain.basis[:, 0] * rest)
+        memory = TolerantMagneticMemory(own, jnp.where(flies, number, NOWHERE))
+        return MagneticFlight(flies, dipoles, torques, memory)
+
+    def _number(self, usable: Float[Array, " m"]) -> IntScalar:
+        """The set with the wheel that has the most torque to spare, of `usable` ones (N m)."""
+        if not usable.shape[0]:
+            return jnp.array(0)
+        return jnp.where(jnp.any(usable > 0), self.of_wheel[jnp.argmax(usable)], 0)
+
+    def _law(self, number: IntScalar, usable: Float[Array, " m"]) -> MagneticLaw:
+        """That of a set, with the wheels that are usable."""
+        laws, gain = self.laws, self.laws.gain
+        wanted, bias, basis = (one[number] for one in _of_each_set(laws)[:3])
+        axes = laws.wheel_axes
+        used = None if axes is None else jnp.where(usable > 0, axes, 0.0)
+        return dataclasses.replace(
+            laws,
+            steering=dataclasses.replace(laws.steering, wanted=wanted, bias=bias, wheel_axes=used),
+            gain=PeriodicGain(gain.gains, basis, gain.rate, (number,)),
+            pointing_rate=jnp.where(self.holds[number], laws.pointing_rate, SMALLEST),
+        )
+
+
+def tolerant_magnetic(values: Mapping[str, Any], context: LawContext) -> TolerantMagnetic | None:
+    """The law `magnetic` with each set of wheels that leaves less than a plane of torques.
+
+    None without magnetorquers that hold all axes with any set. Raises `UnsuitableModel` where
+    nothing but they and such a set works at the start, and does not hold all axes.
+    """
+    magnetic = context.magnetic
+    if magnetic is None:
+        return None
+    axes = np.zeros((3, 0)) if context.wheel_axes is None else context.wheel_axes
+    parallel = np.abs(axes.T @ axes) > 1 - PARALLEL
+    members = np.vstack([0 * parallel[:1], np.unique(parallel, axis=0)[::-1]]).astype(bool)
+    if not axes.size:
+        members = np.zeros((1, 0), bool)
+    working = None if context.wheels is None else members[:, ~context.wheels.failed].any(axis=1)
+    begins = 0 if working is None or not working.any() else int(working.argmax())
+    alone = context.thrusters is None and (working is None or working.sum() < 2)
+    laws: list[MagneticLaw | None] = []
+    for number, one in enumerate(members):
+        try:
+            laws.append(_magnetic_law(values, context, magnetic, axes[:, one][:, :1]))
+        except UnsuitableModel:
+            if alone and number == begins:
+                raise
+            laws.append(None)
+    return TolerantMagnetic.of(laws, members)
+
+
+def _magnetic_law(
+    values: Mapping[str, Any],
+    context: LawContext,
+    magnetic: MagneticContext,
+    axis: Float[np.ndarray, "3 p"],
+) -> MagneticLaw:
+    """The law `magnetic` with wheels along a unit axis, or none. They keep the bias along it."""
+    unmade, bias = np.eye(3) - axis @ axis.T, np.asarray(magnetic.steering.bias)
+    along = np.abs(unmade @ bias).max() <= PARALLEL * np.abs(bias).max()
+    kept = bias if along else np.zeros(3)
+    steering = dataclasses.replace(magnetic.steering, wanted=unmade, bias=kept)
+    own = MagneticContext(steering, magnetic.momentum + kept - bias)
+    table = {key.name: key.default for key in MAGNETIC_CONTROL.keys}
+    table["period_s"] = values["period_s"]
+    return MagneticLaw.from_table(table, context._replace(magnetic=own))
+
+
+def _of_each_set(law: MagneticLaw) -> tuple:
+    """What differs between laws of sets of wheels."""
+    return law.steering.wanted, law.steering.bias, law.gain.basis, law.gain.gains
+
+
+def _with_wheels(gain: PeriodicGain) -> tuple[np.ndarray, np.ndarray]:
+    """The gains and the basis, also without wheels with a row, a column and an axis of some."""
+    gains, basis = np.asarray(gain.gains), np.asarray(gain.basis)
+    if basis.shape[1]:
+        return gains, basis
+    gains = np.insert(np.insert(gains, 3, 0.0, axis=-2), 6, 0.0, axis=-1)
+    return gains, np.zeros((3, 1))
