@@ -1,16 +1,12 @@
 """Pulses, wheels and the gravity gradient against Basilisk, where it is installed."""
 
-import json
-import subprocess
-import sys
-from pathlib import Path
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from jaxtyping import Array, Float
 from scipy.spatial.transform import Rotation
 
+from helpers.basilisk import basilisk
 from helpers.thruster_layouts import allocated, canted, thruster_set
 from helpers.tools import needs
 from jaxsat.control.controller import Coast
@@ -29,7 +25,7 @@ from jaxsat.spacecraft.modulation import PulseWidth
 from jaxsat.spacecraft.pulsed_thrusters import PulsedThrusters
 from jaxsat.spacecraft.spacecraft import Spacecraft
 from jaxsat.spacecraft.thrusters import Thrusters
-from jaxsat.spacecraft.wheels import Wheels
+from jaxsat.spacecraft.wheels import WheelMomenta, Wheels
 
 pytestmark = [
     pytest.mark.slow,
@@ -39,7 +35,6 @@ pytestmark = [
 INERTIA = np.array([[0.30, 0.01, -0.02], [0.01, 0.55, 0.015], [-0.02, 0.015, 0.62]])
 START = np.array([0.8, 0.1, -0.5, 0.3]) / np.linalg.norm([0.8, 0.1, -0.5, 0.3])
 OMEGA = [0.02, -0.03, 0.01]
-RUNS = Path(__file__).with_name("basilisk_runs.py")
 
 
 class Schedule(AbstractSampledController):
@@ -59,15 +54,7 @@ def found(name, **given):
     """Quaternions from inertial to body axes and rates (rad/s) of a run of Basilisk."""
     mrp = START[1:] / (1 + START[0])
     given = {"sigma": mrp.tolist(), "omega": OMEGA, "inertia": INERTIA.tolist()} | given
-    done = subprocess.run(
-        [sys.executable, "-W", "ignore", RUNS, name],
-        input=json.dumps(given),
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=300,
-    )
-    states = np.array(json.loads(done.stdout.partition("FOUND")[2].splitlines()[0]))
+    states = np.array(basilisk("basilisk_runs.py", name, given))
     sigma, omega = states[:, 0], states[:, 1]
     square = np.sum(sigma**2, axis=1, keepdims=True)
     return np.concatenate([1 - square, 2 * sigma], axis=1) / (1 + square), omega
@@ -121,7 +108,7 @@ def test_wheels(friction):
     plant = RigidBody(Spacecraft(INERTIA), ExactOrbit(0.0), effectors=(wheels,))
     law = Schedule(jnp.asarray(-motors @ axes.T), jnp.array(period))
     loop = SampledLoop(plant, law, WheelsFirst.of(axes, 3), substeps=8)
-    start = PlantState(Quaternion(START), OMEGA, rotor * speeds)
+    start = PlantState(Quaternion(START), OMEGA, (WheelMomenta(rotor * speeds),))
     run = simulate(loop, start, np.arange(count + 1) * period)
     given = {"period": period, "step": step, "torques": motors[:count].tolist()}
     given |= {"axes": axes.T.tolist(), "rotor": rotor, "speeds": speeds.tolist()}
