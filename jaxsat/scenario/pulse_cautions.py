@@ -36,7 +36,7 @@ def pulse_cautions(scenario: Scenario) -> Iterator[Issue]:
         return
     axes = TorqueMakers.of(scenario).axes
     if np.linalg.matrix_rank(axes, tol=PLANE) == 2:
-        yield from _coarse_for_the_band(scenario, np.linalg.svd(axes)[0][:, 2])
+        yield from _coarse_about_one_axis(scenario, np.linalg.svd(axes)[0][:, 2])
     elif not scenario.wheel:
         yield from _dead_zone(scenario, kind)
         yield from _coarse_pulses(scenario)
@@ -96,32 +96,45 @@ def _coarse_pulses(scenario: Scenario) -> Iterator[Issue]:
         for duties in _duties_of_axes(scenario)
     ]
     worst = max(finest, key=lambda push: steps[push])
-    settled, half = scenario.settled, steps[worst] / 2
+    yield from _left_rate(scenario, pushes[worst], steps[worst] / 2)
+
+
+def _left_rate(scenario: Scenario, push: "_Push", half: float) -> Iterator[Issue]:
+    """Yield a caution if half of what the pulse changes (rad/s) is beyond the tolerance."""
+    settled = scenario.settled
     turn = 2 * max(settled.turn_rad, settled.tilt_rad or 2 * math.atan(SETTLED_W))
     most = min(settled.rate_rad_s, turn / scenario.control.period_s)
     if half > most:
-        shortest = pushes[worst].shortest
         message = (
-            f"should be at most {shortest * most / half:.4g} s: of the rate that a pulse changes "
-            f"at least half is left, {half:.3g} rad/s, with which a case does not count as "
-            f"settled, got {shown(shortest)}"
+            f"should be at most {push.shortest * most / half:.4g} s: of the rate that a pulse "
+            f"changes at least half is left, {half:.3g} rad/s, with which a case does not count as "
+            f"settled, got {shown(push.shortest)}"
         )
-        yield Issue(("thruster", pushes[worst].number, "min_on_time_s"), message)
+        yield Issue(("thruster", push.number, "min_on_time_s"), message)
 
 
-def _coarse_for_the_band(scenario: Scenario, axis: np.ndarray) -> Iterator[Issue]:
-    """Yield a caution if pulses about the axis that no wheel drives send the body from edge to edge
-    of the law's band, so that the external torque does not."""
-    band = getattr(scenario.control, "third_axis_band_rad", None)
-    if band is None:
-        return
+def _coarse_about_one_axis(scenario: Scenario, axis: np.ndarray) -> Iterator[Issue]:
+    """Yield a caution if pulses about the axis that no wheel drives leave too large a rate.
+
+    With a band, that is one that sends the body from edge to edge, so that the external torque does
+    not; without, one beyond the tolerance.
+    """
     inertia = inertia_matrix(scenario.spacecraft.inertia_kg_m2)
-    shortest = np.array([one.shortest for one in _pushes(scenario)])
-    steps = axis @ TorqueMakers.of(scenario).pushes * shortest / (axis @ inertia @ axis)
-    sides = [steps[steps > 0], -steps[steps < 0]]
+    pushes = _pushes(scenario)
+    steps = axis @ TorqueMakers.of(scenario).pushes / (axis @ inertia @ axis)
+    steps *= [one.shortest for one in pushes]
+    sides = [np.flatnonzero(side * steps > 0) for side in (1, -1)]
     if not all(len(side) for side in sides):
         return
-    half = max(float(side.min()) for side in sides) / 2
+    worst = max(
+        (min(side, key=lambda push: abs(steps[push])) for side in sides),
+        key=lambda push: abs(steps[push]),
+    )
+    half = abs(steps[worst]) / 2
+    band = getattr(scenario.control, "third_axis_band_rad", None)
+    if band is None:
+        yield from _left_rate(scenario, pushes[worst], half)
+        return
     least = half / (CALM * scenario.control.natural_frequency_rad_s)
     if band < least:
         message = (

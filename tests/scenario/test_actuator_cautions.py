@@ -316,15 +316,25 @@ def test_no_thruster_fires_in_the_dead_zone_of_pulse_width():
     assert not any("fires" in one for one in messages)
 
 
-def test_pulses_too_coarse_to_settle_are_told():
-    """J 0.3 kg m² and 0.01 N m for t: half the step of the first axis is 0.01 t / 0.6."""
+@pytest.mark.parametrize(
+    ("wheels", "inertia", "part"),
+    [
+        ([], 0.3, 1),
+        ([[1, 0, 0], [0, 0, 1]], 0.55, 1),
+        ([[1, 0, 1], [0, 1, 0]], (0.3 + 0.62) / 2, np.sqrt(0.5)),
+    ],
+)
+def test_pulses_too_coarse_to_settle_are_told(wheels, inertia, part):
+    """Half a step is 1e-3 rad/s: about x, or its part about the axis without a wheel."""
+    largest = 1e-3 * 2 * inertia / (0.01 * part)
+    drives = ", ".join(f"{{axis={one}, torque_limit_N_m=0.02}}" for one in wheels)
     for factor in (0.9, 1.1):
-        shortest = factor * 1e-3 * 0.6 / 0.01
-        jets = f"thruster=[{', '.join(JETS)}]".replace("0.02}", f"{shortest}}}")
-        changes = "spacecraft.inertia_kg_m2=[0.3,0.55,0.62]", "control.period_s=0.2", jets
+        jets = f"thruster=[{', '.join(JETS)}]".replace("0.02}", f"{factor * largest}}}")
+        body = "spacecraft.inertia_kg_m2=[0.3,0.55,0.62]"
+        changes = body, "control.period_s=0.2", f"wheel=[{drives}]", jets
         texts = [one for one in told("cubesat-12u", *changes)[0] if "not count as settled" in one]
         assert len(texts) == (factor > 1)
-        assert all("should be at most 0.06 s" in one for one in texts)
+        assert all(f"should be at most {largest:.4g} s" in one for one in texts)
 
 
 def test_pulses_too_coarse_for_the_band_about_the_third_axis_are_told():
