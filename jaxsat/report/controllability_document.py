@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,6 +38,11 @@ COLUMNS = {
     "torques": "attainable torques",
     "lost": "lost",
 }
+
+SURVIVES, UNFLOWN = "Survives", "Controllable, but flown by no law of jaxsat"
+BORDERLINE, UNDECIDED = "Borderline", "Not decided"
+OUTCOMES = (SURVIVES, UNFLOWN, BORDERLINE, UNDECIDED)
+"""What a summary counts failures by."""
 """Headings of the sections on a failure, by their names in the records."""
 
 COUNT_WORDS = ("single", "double", "triple")
@@ -83,25 +88,31 @@ def count_failed(record: Mapping[str, Any]) -> int:
 def _survival(records: Sequence[Mapping[str, Any]]) -> list[str]:
     """After how many failures of one actuator, of two, … a law of jaxsat can fly the spacecraft.
 
-    Those that leave it controllable, but by no law, are counted apart.
+    Those that leave it controllable, but by no law, are counted apart, as are those without a
+    verdict.
     """
-    controllable = [one for one in records if one["verdict"] in CONTROLLABLE]
     cases = Counter(map(count_failed, records))
-    flown = Counter(count_failed(one) for one in controllable if LEFT[one["laws"]].everywhere)
-    others = Counter(count_failed(one) for one in controllable if not LEFT[one["laws"]].everywhere)
     words = {number: word for number, word in enumerate(COUNT_WORDS, 1) if cases[number]}
     if not words:
         return ["No failure is listed."]
-
-    def counts(good: Counter[int], numbers: Iterable[int]) -> str:
-        parts = [f"{good[number]} of {cases[number]} {words[number]}" for number in numbers]
-        return f"{', '.join(parts)} failures."
-
-    unflown = [number for number in words if others[number]]
-    lines = [f"Survives: {counts(flown, words)}"]
-    if unflown:
-        lines.append(f"Controllable, but flown by no law of jaxsat: {counts(others, unflown)}")
+    outcomes = Counter((_outcome(one), count_failed(one)) for one in records)
+    lines = []
+    for outcome in OUTCOMES:
+        parts = [
+            f"{outcomes[outcome, number]} of {cases[number]} {word}"
+            for number, word in words.items()
+            if outcomes[outcome, number] or outcome == SURVIVES
+        ]
+        if parts:
+            lines.append(f"{outcome}: {', '.join(parts)} failures.")
     return lines
+
+
+def _outcome(record: Mapping[str, Any]) -> str | None:
+    """Which of `OUTCOMES` a failure has; None where control is lost."""
+    if record["verdict"] in CONTROLLABLE:
+        return SURVIVES if LEFT[record["laws"]].everywhere else UNFLOWN
+    return {"borderline": BORDERLINE, "not decided": UNDECIDED}.get(record["verdict"])
 
 
 def _cell(name: str, record: Mapping[str, Any]) -> Cell:

@@ -57,6 +57,32 @@ def test_failures_that_no_law_can_fly_are_not_counted_as_survived():
     ]
 
 
+def test_failures_without_a_verdict_are_not_counted_as_lost():
+    verdicts = {
+        "none": "borderline",
+        "a": "borderline",
+        "b": "not decided",
+        "a b": "uncontrollable",
+    }
+    entries = {"laws": "none", "rank": 6, "dimension": 6, "margin": 1e-4, "turn_time_s": np.nan}
+    records = [
+        {
+            "failed": one,
+            "verdict": verdict,
+            "once_stopped": verdict,
+            "torques": "",
+            "lost": "",
+            **entries,
+        }
+        for one, verdict in verdicts.items()
+    ]
+    assert list(controllability_document("", "", records, []).verdict.more) == [
+        "Survives: 0 of 2 single, 0 of 1 double failures.",
+        "Borderline: 1 of 2 single failures.",
+        "Not decided: 1 of 2 single failures.",
+    ]
+
+
 def test_only_what_a_law_flies_is_told_as_good():
     """Two wheels and a thruster: with momentum a law flies to some attitudes alone."""
     axes, thruster = np.eye(3)[:, :2], np.eye(3)[:, 2:]
