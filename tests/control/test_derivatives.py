@@ -67,6 +67,10 @@ class Commands:
         return jax.lax.scan(sample, law.init(seen(0.0)), jnp.arange(float(SAMPLES)))[1].ravel()
 
 
+LONG = ("oscillatory", "three-slew")
+"""Laws beside those that command actuators whose derivatives take more than five seconds."""
+
+
 def _all_laws():
     """Those that no gradient is taken of take longest.
 
@@ -75,7 +79,7 @@ def _all_laws():
     gradient = {"disturbance": {"gravity_gradient": True}}
     for name, law in LAWS.items():
         if name != PLANNED:
-            long = law.declaration.commands_actuators or name == "three-slew"
+            long = law.declaration.commands_actuators or name in LONG
             slow = [pytest.mark.slow] if long else []
             yield pytest.param((name, {}), marks=slow, id=name)
             if law.declaration.any_plane:

@@ -297,6 +297,7 @@ def of_the_docs(page, control=None, failed=None):
 SLOW = {"failing_wheels", "failing_pulsed_thrusters", "failing_magnetorquers", "tachometers"}
 SLOW |= {"noise_and_delay", "disturbances", "panels", "navigation-none", "magnetorquers"}
 SLOW |= {"failing_wheels_without_rotors", "navigation-mekf", "wheels"}
+SLOW |= {"flexible_modes", "gimbals"}
 ALL = [
     pytest.param(one, id=one.name, marks=[pytest.mark.slow] if one.name in SLOW else [])
     for one in PARTS + PLUGINS

@@ -118,7 +118,7 @@ def test_a_duration_that_is_given_is_kept():
 @pytest.mark.slow
 def test_any_two_torques_and_any_inertia():
     """Every plan that is not told as failed ends, flown by SciPy, at rest at the target."""
-    cases = [random_body(np.random.default_rng([3, number])) for number in range(16)]
+    cases = [random_body(np.random.default_rng([3, number])) for number in range(8)]
     plans = []
     for inertia, axes, limit, start in cases:
         made = planner(inertia, axes, limit)
@@ -126,7 +126,7 @@ def test_any_two_torques_and_any_inertia():
         if plan.status != PlanStatus.FAILED:
             assert_arrives(made, start, plan)
         plans.append(plan)
-    assert sum(int(plan.status) == PlanStatus.SOLVED for plan in plans) >= 14
+    assert sum(int(plan.status) == PlanStatus.SOLVED for plan in plans) >= 7
     inertia, axes, limit, start = cases[0]  # J and the limit divided alike change nothing
     small = quickest(planner(inertia / 1000, axes, limit / 1000), start)
     assert small.duration == pytest.approx(float(plans[0].duration), rel=1e-6)

@@ -30,6 +30,12 @@ def example(request):
     return EXAMPLES[request.param]()
 
 
+of_each_stepper = pytest.mark.parametrize(
+    "example", ["sampled", "continuous", "corners"], indirect=True, scope="module"
+)
+"""What the loops that share a stepper have in common."""
+
+
 @pytest.fixture(scope="module")
 def found(example):
     return example.scan.evaluate(program(example), KICKS, GAIN)
@@ -95,6 +101,7 @@ def test_a_block_of_one_case_has_bits_of_its_own(example, found):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("example", ["sampled", "corners"], indirect=True, scope="module")
 def test_the_reference_keeps_cases_apart(example, expected):
     """The same bits in another order and beside a case that diverges, and again in a replay."""
     prog, kicks = program(example), np.array(KICKS)
@@ -111,9 +118,7 @@ def test_the_reference_keeps_cases_apart(example, expected):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "example", ["sampled", "continuous", "corners"], indirect=True, scope="module"
-)
+@of_each_stepper
 def test_a_replay_has_the_same_bits_and_the_history_of_simulate(example, found):
     replay = example.scan.replay(program(example), KICKS[3], GAIN)
     same_bits(replay.outputs, jax.tree.map(lambda x: x[3], found))
@@ -143,6 +148,7 @@ def test_effort_of_a_sampled_loop_is_that_of_its_held_torques():
 
 
 @pytest.mark.slow
+@of_each_stepper
 def test_the_horizon_is_no_part_of_the_compiled_loop(example):
     """Half the way gives what the whole way passes through: `replay` rests on it.
 

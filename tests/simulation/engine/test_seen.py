@@ -42,10 +42,8 @@ def check(plain, detailed):
     assert ended[-1]
 
 
-@pytest.mark.parametrize("every", [pytest.param(1, marks=pytest.mark.slow), 7])
-@pytest.mark.parametrize(
-    "example", [sampled_example, pytest.param(estimated_example, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("example", "every"), [(sampled_example, 7), (estimated_example, 1)])
 def test_machine_code_keeps_the_signals(example, every, monkeypatch):
     monkeypatch.setattr(kernel, "WATCHED", 50)  # of which the histories have several
     check(*observed(NativeEngine(SampledStepper(), simd_lanes=1), example, 20.0, every))

@@ -198,6 +198,7 @@ def test_steps_are_somewhat_shorter_where_times_ask_for_it():
     assert int(coarse.steps) == 4 * (len(run.times) - 1)  # saved every second
 
 
+@pytest.mark.slow
 def test_a_run_that_diverges_tells_until_when():
     run = of(*SMOOTH[:2])
     fast = dataclasses.replace(run.start, omega=jnp.array([1e7, 0.0, 0.0]))

@@ -112,6 +112,7 @@ def test_other_numbers_need_no_new_machine_code(example, found):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("example", ["sampled"], indirect=True, scope="module")
 def test_machine_code_is_given_no_arrays_but_those_it_was_made_for(example):
     prog, engine = program(example), native(example)
     kernel, trees = engine.kernel(prog, KICKS), engine.trees(KICKS, prog, None)

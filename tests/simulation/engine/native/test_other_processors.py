@@ -40,6 +40,12 @@ SCENARIOS = {
 }
 """Scenarios, and what disperses them or lets them fail within the time that is flown."""
 
+FLOWN = {
+    "x86-64": ("paper-three-axis", "two-wheel-telescope", "benchmark-three-axis"),
+    "cortex-a53": ("two-torque-free", "pulsed-two-torque", "two-wheel-telescope", "failures-12u"),
+}
+"""Each scenario on a processor, one with adaptive steps on both."""
+
 PROCESSORS = {
     "x86-64": (["gcc"], []),
     "cortex-a53": (["aarch64-linux-gnu-gcc", "-static"], ["qemu-aarch64"]),
@@ -96,15 +102,20 @@ def computed(found: Flight, processor: str, folder: Path) -> Outputs:
     return jax.tree.unflatten(jax.tree.structure(made.trajectory.outputs), room)
 
 
+NEEDED = {
+    "x86-64": [needs("gcc")],
+    "cortex-a53": [needs("aarch64-linux-gnu-gcc"), needs("qemu-aarch64")],
+}
+
+
 @pytest.mark.parametrize(
-    "processor",
+    ("name", "processor"),
     [
-        pytest.param("x86-64", marks=needs("gcc")),
-        pytest.param("cortex-a53", marks=[needs("aarch64-linux-gnu-gcc"), needs("qemu-aarch64")]),
+        pytest.param(name, processor, marks=NEEDED[processor])
+        for name in SCENARIOS
+        for processor, names in FLOWN.items()
+        if name in names
     ],
-)
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.xdist_group(name)) for name in SCENARIOS]
 )
 def test_another_processor_computes_the_same(name, processor, tmp_path):
     """Fixed steps differ by rounding, adaptive ones in their lengths, too.
