@@ -196,13 +196,11 @@ class PeriodicGain(eqx.Module):
         turns, phases = self.gains.shape[-4:-2]
         turn, late = place_on_circle(EARTH_ROTATION * t, turns)
         phase, share = place_on_circle(self.rate * t, phases)
-        after_turn, after_phase = _next(turn, turns), _next(phase, phases)
-
-        def along(row):
-            low, high = (self.gains[(*self.place, row, one)] for one in (phase, after_phase))
-            return low * (1 - share) + high * share
-
-        return along(turn) * (1 - late) + along(after_turn) * late
+        rows = jnp.stack([turn, _next(turn, turns)])[:, None]
+        columns = jnp.stack([phase, _next(phase, phases)])
+        corners = self.gains.at[(*self.place, rows, columns)].get(mode="promise_in_bounds")
+        along = corners[:, 0] * (1 - share) + corners[:, 1] * share
+        return along[0] * (1 - late) + along[1] * late
 
 
 def _next(place: IntScalar, count: int) -> IntScalar:

@@ -25,7 +25,7 @@ from jaxsat.core.errors import LibraryError
 from jaxsat.core.once import once
 from jaxsat.flight.flight import CannotExport, FlightController, Measured, Seen
 from jaxsat.flight.harness import ABI
-from jaxsat.flight.program import FlightProgram, flight_program
+from jaxsat.flight.program import FlightProgram, flight_program, is_parameter
 from jaxsat.simulation.loops import AbstractLoop
 from jaxsat.simulation.sampled_loop import SampledLoop
 from jaxsat.spacecraft.dynamics import PlantState
@@ -91,7 +91,7 @@ class Library:
             "binary_sha256": binary,
         }
         paths = jax.tree_util.tree_leaves_with_path(
-            eqx.filter(FlightController.of(loop), eqx.is_array)
+            eqx.filter(FlightController.of(loop), is_parameter)
         )
         self.leaves = {
             part: [i for i, (path, _) in enumerate(paths) if getattr(path[0], "name", "") == part]
@@ -143,7 +143,7 @@ class ExternalLaw(AbstractSampledController):
 
     def step(self, t: Array, state: PlantState, memory: PyTree) -> tuple[Array, PyTree]:
         """The library's torque (N m) and memory."""
-        arrays = eqx.filter(self.law, eqx.is_array)
+        arrays = eqx.filter(self.law, is_parameter)
         sample = jnp.asarray(jnp.round(t / self.period), jnp.int32)
         command = jax.eval_shape(self.law.step, t, state, memory)[0]
         law_input = Seen(state.attitude, state.omega, wheel_momentum(state))
@@ -183,7 +183,7 @@ class ExternalEstimator(AbstractEstimator):
         self, sample: Array, period: Array, measurement: Measurement, memory: PyTree
     ) -> tuple[Estimate, PyTree]:
         """The library's estimate and memory."""
-        arrays = eqx.filter(self.estimator, eqx.is_array)
+        arrays = eqx.filter(self.estimator, is_parameter)
         momentum = self.library.program.now.measured.wheel_momentum
         if momentum is not None:  # which passes the estimator by, and `ExternalLaw` is told
             momentum = jnp.zeros(momentum.shape)

@@ -23,7 +23,7 @@ from jaxsat.flight.guard import (
     real_type,
     status_bits,
 )
-from jaxsat.flight.program import FlightProgram
+from jaxsat.flight.program import FlightProgram, is_parameter
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Parameter:
 
 def parameters(program: FlightProgram, loop: object, keys: Sequence[Key]) -> list[Parameter]:
     """All parameters of a program in the order of the structure; `keys` are those of its law."""
-    arrays = eqx.filter(as_type(FlightController.of(loop), np.float64), eqx.is_array)
+    arrays = eqx.filter(as_type(FlightController.of(loop), np.float64), is_parameter)
     paths = jax.tree_util.tree_leaves_with_path(arrays)
     number_of = {
         jax.tree_util.keystr(path): number

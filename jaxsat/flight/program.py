@@ -27,6 +27,14 @@ from jaxsat.flight.flight import (
 from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.wheels import wheel_momentum
 
+LARGEST = 8192
+"""Largest number of elements of a parameter."""
+
+
+def is_parameter(leaf: Any) -> bool:
+    """Whether flight code takes an array as a parameter; larger tables of gains are constants."""
+    return eqx.is_array(leaf) and np.size(leaf) <= LARGEST
+
 
 @dataclass(frozen=True)
 class ProgramStage:
@@ -84,7 +92,7 @@ def flight_program(loop: object, start: PlantState, *, single: bool = False) -> 
 
 def _flight_program(loop: object, start: PlantState, dtype: Any) -> FlightProgram:
     flight = as_type(FlightController.of(loop), dtype)
-    arrays, rest = eqx.partition(flight, eqx.is_array)
+    arrays, rest = eqx.partition(flight, is_parameter)
     defaults, fields, order = parameter_fields(arrays)
     structure = jax.tree.structure(arrays)
 
