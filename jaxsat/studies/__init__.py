@@ -1,7 +1,7 @@
 """Monte-Carlo studies: dispersions, designs, ensembles.
 
-What computes and stores them is imported when it is first used: to check a `[dispersion]` table
-takes less.
+Modules that compute and store studies are imported at first use: the check of a `[dispersion]`
+table does not need them.
 """
 
 import importlib

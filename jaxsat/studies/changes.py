@@ -1,4 +1,4 @@
-"""A loop that is dispersed, what a quantity does to it, and which inertias a body can have."""
+"""Perturbed loops, changes by dispersed quantities, and the physically possible inertias."""
 
 from collections.abc import Callable
 from typing import NamedTuple, cast
@@ -23,7 +23,7 @@ from jaxsat.spacecraft.spacecraft import Spacecraft
 
 
 class PerturbedLoop(NamedTuple):
-    """A closed loop and its start, as far as they have been dispersed, and the nominal loop."""
+    """A closed loop and its start, with the dispersions applied so far, and the nominal loop."""
 
     loop: AbstractLoop
     start: PlantState
@@ -33,21 +33,21 @@ class PerturbedLoop(NamedTuple):
 Values = Float[Array, " size"]
 
 Obstacle = Callable[[AbstractLoop], str | None]
-"""Tells, as a clause, why a loop lacks a quantity, or None."""
+"""Reason, as a clause, why a loop lacks a quantity, or None."""
 
 
 def fixed(size: int) -> Callable[[AbstractLoop], int]:
-    """The size of a quantity that takes so many numbers of any loop."""
+    """Constant size of a quantity, for any loop."""
     return lambda loop: size
 
 
 class Quantity(NamedTuple):
-    """What a quantity of `jaxsat.core.declaration.quantities` takes and does.
+    """Effect and size of a quantity of `jaxsat.core.declaration.quantities`.
 
-    `apply` puts the numbers into the model. `limits` are the least and the largest number that may
-    be drawn for it, given the nominal loop, so that what comes of it stays in its range
-    (`jaxsat.core.ranges`). `size` is how many numbers it takes. `obstacle` tells, as a clause, why
-    a loop has no such quantity, or None.
+    `apply` puts the numbers into the model. `limits` are the smallest and the largest number that
+    may be drawn, given the nominal loop, so that the results stay in their range
+    (`jaxsat.core.ranges`). `size` is the count of numbers. `obstacle` is the reason, as a clause,
+    why a loop has no such quantity, or None.
     """
 
     apply: Callable[[PerturbedLoop, Values], PerturbedLoop]
@@ -57,67 +57,67 @@ class Quantity(NamedTuple):
 
 
 def between(values: Range) -> Callable[[AbstractLoop], Limits]:
-    """Limits of numbers that are drawn as they are."""
+    """Limits of absolute values."""
     return lambda loop: Limits.between(values)
 
 
 def changing(
     values: Range, nominal: Callable[[AbstractLoop], Float[Array, " n"]]
 ) -> Callable[[AbstractLoop], Limits]:
-    """Limits of relative changes of what `nominal` finds in a loop."""
+    """Limits of changes relative to the value of `nominal` in a loop."""
     return lambda loop: Limits.of_change(values, nominal(loop))
 
 
 def needs_torque_level(loop: AbstractLoop) -> str | None:
-    """The obstacle unless torques reach the plant through actuators."""
+    """Obstacle to a quantity unless torques reach the plant through actuators."""
     if isinstance(loop, ErrorCoordinateLoop):
         return "a loop in error coordinates has ideal thrusters and the plant's own model"
     return None
 
 
 def controller_of(loop: AbstractLoop):
-    """The controller of any loop."""
+    """Return the controller of any loop."""
     if isinstance(loop, ErrorCoordinateLoop):
         return loop.law
     return cast(ContinuousLoop | SampledLoop, loop).controller
 
 
 def with_controller(loop: AbstractLoop, controller) -> AbstractLoop:
-    """The loop with another controller."""
+    """Return the loop with another controller."""
     return eqx.tree_at(controller_of, loop, controller)
 
 
 def in_loop(perturbed: PerturbedLoop, where, new) -> PerturbedLoop:
-    """The perturbed loop with `new` in the place that `where` finds in it."""
+    """Return the perturbed loop with `new` at the place that `where` selects."""
     loop = eqx.tree_at(where, perturbed.loop, new, is_leaf=lambda part: part is None)
     return perturbed._replace(loop=loop)
 
 
 def map_parts(change, kind: type | tuple[type, ...], tree):
-    """The tree with every part of a kind changed."""
+    """Return the tree with every part of a kind changed."""
     return jax.tree.map(change, tree, is_leaf=lambda part: isinstance(part, kind))
 
 
 LEAST_TORQUE = 1e-30
-"""N m: tells frequencies apart where no torque does."""
+"""Torque, N m, that orders frequencies if no torque amplitude does."""
 
 
 def possible_inertia(inertia: Matrix) -> BoolScalar:
     """Whether a body of positive mass density can have this inertia: ½ tr(J) I - J > 0.
 
-    The triangle inequality of the principal moments in the form that products of inertia leave
-    simple; it implies J > 0.
+    The triangle inequality of the principal moments in a form without eigenvalues, also for
+    products of inertia; it implies J > 0.
     """
     return _positive(jnp.trace(inertia) / 2 * jnp.eye(3, dtype=inertia.dtype) - inertia)
 
 
 def possible_body(loop: AbstractLoop) -> BoolScalar:
-    """Whether a body can have the plant's inertia, and the rotors of its wheels are part of it."""
+    """Whether the plant's inertia is possible and contains the rotors of the wheels."""
     return _with_rotors(loop.plant.spacecraft.inertia, loop)
 
 
 def possible_belief(loop: AbstractLoop) -> BoolScalar:
-    """Whether a body can have the inertia that the controller believes, with rotors added."""
+    """Whether the inertia of the controller's model, with rotors added, is possible."""
     parts = parts_of(Spacecraft, controller_of(loop))
     return _with_rotors(parts[0].inertia + rotors_of(loop), loop)
 
@@ -138,23 +138,23 @@ def _positive(matrix: Matrix) -> BoolScalar:
 
 
 def rotors_of(loop: AbstractLoop) -> Matrix:
-    """What of the inertia moves freely in the plant's effectors, Σ J_w a aᵀ of wheels
-    and Σ d dᵀ of flexible modes, kg m²."""
+    """Inertia that moves freely in the plant's effectors, Σ J_w a aᵀ of wheels and Σ d dᵀ of
+    flexible modes, kg m²."""
     free = (one.free_inertia() for one in loop.plant.effectors)
     return -sum((one for one in free if one is not None), jnp.zeros((3, 3)))
 
 
 def periodic_of(loop: AbstractLoop) -> PeriodicTorque:
-    """The plant's one periodic torque."""
+    """Return the plant's only periodic torque."""
     (torque,) = parts_of(PeriodicTorque, loop.plant.disturbance)
     return torque
 
 
 def follow_frequency(loop: AbstractLoop) -> AbstractLoop:
-    """The loop whose law knows the frequencies of the plant's periodic torque.
+    """Return the loop with the frequencies of the plant's periodic torque in its law.
 
-    That is its internal model about the first two axes and its ripple estimator about the axis
-    without a torque, for the frequency that makes the most ripple about it.
+    They are those of the internal model about the first two axes and of the ripple estimator about
+    the undriven axis, for the frequency with the largest ripple about it.
     """
     torque = periodic_of(loop)
     forms = parts_of(NormalForm, controller_of(loop))

@@ -1,7 +1,7 @@
-"""Chunks computed by the workers of a dask scheduler, on other machines perhaps.
+"""Execution of chunks by the workers of a dask scheduler, possibly on other machines.
 
-Needs the extra `cluster`. Only this process writes to the study's store. Whoever can reach a
-scheduler can run code as those who use it; see `scheduler_at`.
+Needs the extra `cluster`. Only this process writes to the study's store. Access to a scheduler
+allows execution of code with the rights of its users; see `scheduler_at`.
 """
 
 import logging
@@ -29,33 +29,32 @@ from jaxsat.studies.executors import POLL_S, AbstractExecutor, ClusterError, Sto
 from jaxsat.studies.worker import Done, Failed, PickledWork, computed, packed
 
 AHEAD = 2
-"""Chunks that are given out for every thread of a worker: one being computed, one waiting."""
+"""Chunks submitted per worker thread: one being computed, one waiting."""
 
 CONNECT_S = 10.0
-"""How long a scheduler is waited for."""
+"""Time limit, s, for a connection to a scheduler."""
 
 WITHOUT_WORKERS_S = 3600.0
-"""How long a scheduler may have no workers."""
+"""Time limit, s, for a scheduler without workers."""
 
 SHIPPED_S = 300.0
-"""How long the workers that are there may take to import what a study needs."""
+"""Time limit, s, for the present workers to import the modules of a study."""
 
 LOOK_S = 5.0
-"""How often a run asks whether the scheduler and its workers are still there."""
+"""Interval, s, between checks of the scheduler and its workers."""
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
 class Scheduler(AbstractExecutor):
-    """The workers of the dask scheduler at an address, which may come and go while a study runs.
+    """Workers of the dask scheduler at an address, which may come and go while a study runs.
 
-    What is to be computed is sent to every worker once, so that it compiles once there, and to
-    those that come later. The chunks of a worker that died are computed again. `tell` reports
-    that there are no workers yet, or no longer. Raises `ClusterError` where no scheduler answers
-    within `timeout` seconds, or no longer does, or is of another version; where there are no
-    workers for `patience` seconds; where they cannot import jaxsat; and where one chunk's workers
-    die again and again.
+    The work is sent to every worker once, also to later ones, so that it compiles once there. The
+    chunks of a worker that died are computed again. `tell` receives reports that there are no
+    workers yet, or no longer. Raises `ClusterError` if no scheduler answers within `timeout`
+    seconds, or one stops answering or is of another version; if there are no workers for `patience`
+    seconds; if they cannot import jaxsat; and if one chunk's workers die repeatedly.
     """
 
     address: str
@@ -65,12 +64,12 @@ class Scheduler(AbstractExecutor):
     _stop: Stop = field(default_factory=Stop, init=False, repr=False, compare=False)
 
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
-        """The results as they are ready; raises `ClusterError` where `stop` was called."""
+        """Yield results in order of completion; raises `ClusterError` after a call of `stop`."""
         with self._stop.run(), _Link.to(self) as link:
             yield from link.results(packed(work), iter(chunks), self._stop)
 
     def stop(self) -> None:
-        """Take back what is given out and let the workers go; waits until they are."""
+        """Cancel the submitted chunks and release the workers; blocks until this is done."""
         self._stop.ask()
 
 
@@ -80,17 +79,17 @@ def scheduler_at(
     patience: float = WITHOUT_WORKERS_S,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Scheduler:
-    """The scheduler at an address such as tcp://host:8786, or named in the JSON file it wrote.
+    """Return the scheduler at an address such as tcp://host:8786, or of the JSON file it wrote.
 
-    The connection is as dask's configuration says: with a tls:// address and
-    `distributed.comm.tls` encrypted and authenticated, else open to all who reach the address.
-    Raises `ValueError` for what is neither an address nor a scheduler's file.
+    The connection follows dask's configuration: with a tls:// address and `distributed.comm.tls`
+    encrypted and authenticated, else open to all who reach the address. Raises `ValueError` for
+    neither an address nor a scheduler's file.
     """
     return Scheduler(scheduler_address(place, timeout), timeout, patience, tell)
 
 
 class _Link:
-    """A connection to a scheduler, each of whose answers has a time limit."""
+    """A connection to a scheduler, with a time limit on each answer."""
 
     def __init__(self, to: Scheduler, client: Client):
         self._to, self._client = to, client
@@ -103,7 +102,7 @@ class _Link:
     @staticmethod
     @contextmanager
     def to(scheduler: Scheduler) -> Iterator["_Link"]:
-        with silence_logging_cmgr(logging.CRITICAL):  # what counts is raised here
+        with silence_logging_cmgr(logging.CRITICAL):  # errors are raised here
             link = _Link(scheduler, connected(scheduler.address, scheduler.timeout))
             try:
                 yield link
@@ -155,7 +154,7 @@ class _Link:
         return outcome.result
 
     def _look(self) -> None:
-        """Ask from time to time how many threads the workers have."""
+        """Update the number of worker threads at regular intervals."""
         now = time.monotonic()
         if now - self._last_look < LOOK_S:
             return
@@ -175,7 +174,7 @@ class _Link:
             )
 
     def _workers_there(self) -> dict[str, int]:
-        """The threads of every worker; a busy scheduler may turn the question away once."""
+        """Threads of every worker; retries if a busy scheduler rejects the request."""
         until = time.monotonic() + ANSWER_S
         while True:
             try:
@@ -194,19 +193,19 @@ class _Link:
 
     @contextmanager
     def _lasting(self) -> Iterator[None]:
-        """Raise `ClusterError`, in words, for what goes wrong between here and the workers."""
+        """Convert errors of the connection and the workers to `ClusterError` with a message."""
         try:
             yield
         except (ClusterError, KilledWorker, TimeoutError):
             raise
         except (OSError, CancelledError) as error:
             raise ClusterError(f"the scheduler is gone: {reason(error)}") from error
-        except Exception as error:  # their own are sent as `Failed`
+        except Exception as error:  # exceptions of the work arrive as `Failed`
             raise ClusterError(f"the workers cannot compute: {reason(error)}") from error
 
     def _leave(self) -> None:
         for parting in (self._take_back, self._client.close):
-            with suppress(Exception):  # of a scheduler that is gone
+            with suppress(Exception):  # the scheduler may be gone
                 in_time(parting, PARTING_S)
 
     def _take_back(self) -> None:
@@ -216,7 +215,7 @@ class _Link:
 
 
 class _Shipped(WorkerPlugin):
-    """What a worker keeps of a study: the work, unpacked once."""
+    """Work of a study on a worker, unpacked once."""
 
     def __init__(self, work: PickledWork):
         self._packed = work

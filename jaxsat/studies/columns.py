@@ -1,4 +1,4 @@
-"""What the store of a study has of every case."""
+"""Columns of a study's store."""
 
 from collections import ChainMap
 
@@ -16,10 +16,10 @@ from jaxsat.store import labels
 from jaxsat.store.chunks import Column
 
 DRAWN = "drawn_"
-"""Prefix of the columns that hold what was drawn for a case."""
+"""Prefix of the columns of a case's drawn values."""
 
 HISTORY = "history_"
-"""Prefix of the columns that hold a case's history, (times, components)."""
+"""Prefix of the columns of a case's history, (times, components)."""
 
 HISTORY_TIME = HISTORY + "time"
 
@@ -53,13 +53,13 @@ UNMADE = {
         (), "float64", "1", "fraction of samples at which actuators do not make the torque"
     ),
 }
-"""Of sampled loops that tell it."""
+"""Columns of sampled loops that report unmade torque."""
 
 ERRORS = {
     name: (part, Column((), "float64", label.units, label.long_name))
     for name, (part, label) in labels.ERRORS.items()
 }
-"""Of programs that estimate it, see `jaxsat.simulation.assessment.IntegrationError`."""
+"""Columns of integration errors, see `jaxsat.simulation.assessment.IntegrationError`."""
 
 REQUIREMENT = "requirement"
 """The axis of requirements."""
@@ -78,11 +78,11 @@ REQUIREMENTS = {
         Column((0,), "float64", "s", "time at which it was decided", (REQUIREMENT,)),
     ),
 }
-"""Of programs with requirements, see `jaxsat.simulation.requirements.Margin`."""
+"""Columns of programs with requirements, see `jaxsat.simulation.requirements.Margin`."""
 
 
 def requirement_columns(requirements: Requirements | None) -> dict[str, Column]:
-    """The columns of so many requirements."""
+    """Return the columns of the requirements; empty without any."""
     if requirements is None:
         return {}
     shape = (len(requirements.names),)
@@ -100,7 +100,7 @@ HISTORIES = {
     for name in ("w", "z", "omega", "relative_rate", "torque")
     for label in [labels.VARIABLES[name]]
 }
-"""The signals of which a study can keep a history."""
+"""Signals of which a study can keep a history."""
 
 RANGES = {
     name: (
@@ -109,24 +109,24 @@ RANGES = {
     )
     for part, (name, what) in labels.RANGES.items()
 }
-"""Of sampled loops: what the torque was between the instants of a history."""
+"""Columns of sampled loops: range of the torque between the instants of a history."""
 
 
 def histories_of(loop: AbstractLoop) -> dict[str, Column]:
-    """The histories of such a loop, by name."""
+    """Return the histories of a loop, by name."""
     ranges = {name: column for name, (_, column) in RANGES.items()}
     return HISTORIES | ranges if isinstance(loop, SampledLoop) else HISTORIES
 
 
 def history_of(signals: Signals, name: str) -> Array | np.ndarray:
-    """The values of the history of this name."""
+    """Return the values of a history by its name."""
     if name not in RANGES:
         return getattr(signals, name)
     return getattr(signals.torque_range, RANGES[name][0])
 
 
 def columns_of(loop: AbstractLoop) -> dict[str, Column]:
-    """The columns that every study of such a loop has, besides what is drawn and histories."""
+    """Return the columns of a study of this loop, other than drawn values and histories."""
     plant = loop.plant
 
     def of_parts() -> dict[str, Array]:

@@ -1,6 +1,6 @@
-"""A connection to a dask scheduler: made in time, to one of the same versions, or refused.
+"""Connection to a dask scheduler within a time limit; other versions are refused.
 
-The scheduler is found by its address, or by the JSON file that it wrote.
+The scheduler is located by its address, or by the JSON file that it wrote.
 """
 
 import json
@@ -24,21 +24,21 @@ from distributed.versions import VersionMismatchWarning
 from jaxsat.studies.executors import ClusterError
 
 MAX_FILE_SIZE = 1_000_000
-"""Bytes of a scheduler's file that are read; such a file has about a thousand."""
+"""Bytes read of a scheduler's file at most; such a file has about a thousand."""
 
 FLUSHED_S = 1.0
-"""How long a scheduler may take to write its file in full."""
+"""Time limit, s, for a scheduler to write its file in full."""
 
 EXAMPLE = "tcp://host:8786"
 ADDRESS = re.compile(r"[a-z][a-z0-9+.-]*://\S+|[^\s/]+:[0-9]+")
-"""With any protocol that dask knows, or without one."""
+"""Addresses with any protocol that dask knows, or without one."""
 
 
 def scheduler_address(place: str, timeout: float) -> str:
-    """The address of the scheduler at `place`, which is an address or a scheduler's file.
+    """Return the address of the scheduler at `place`, which is an address or a scheduler's file.
 
-    A file that is not there yet is waited for, `timeout` seconds. Raises `ValueError` where there
-    is none then, or where there is something else.
+    An absent file is awaited for `timeout` seconds. Raises `ValueError` if there is none then, or
+    the file is invalid.
     """
     if not os.path.exists(place):
         if ADDRESS.fullmatch(place):
@@ -74,7 +74,7 @@ def _address_in(path: Path) -> str:
         document = json.loads(content.decode())
     except json.JSONDecodeError:
         raise
-    except (RecursionError, ValueError):  # nested too deeply; bytes that are no text; long numbers
+    except (RecursionError, ValueError):  # nested too deeply; no valid text; long numbers
         raise ValueError("it must be the JSON that a scheduler wrote") from None
     address = document.get("address") if isinstance(document, dict) else None
     if not isinstance(address, str) or not ADDRESS.fullmatch(address):
@@ -83,18 +83,18 @@ def _address_in(path: Path) -> str:
 
 
 ANSWER_S = 30.0
-"""How long a scheduler may take for any other answer."""
+"""Time limit, s, for any other answer of a scheduler."""
 
 PARTING_S = 3.0
-"""How long taking leave of a scheduler may take."""
+"""Time limit, s, for closing the connection to a scheduler."""
 
 T = TypeVar("T")
 
 
 def connected(address: str, timeout: float) -> Client:
-    """A client of the scheduler at an address.
+    """Return a client of the scheduler at an address.
 
-    Raises `ClusterError` where none answers within `timeout` seconds, or one of other versions.
+    Raises `ClusterError` if no scheduler of the same versions answers within `timeout` seconds.
     """
 
     def connect() -> Client:
@@ -106,12 +106,12 @@ def connected(address: str, timeout: float) -> Client:
         client = in_time(connect, timeout + 1.0)
     except (OSError, ValueError) as error:
         raise ClusterError(f"no scheduler answers at {address}: {reason(error)}") from error
-    except Exception as error:  # whatever dask makes of what is there
+    except Exception as error:  # any error of dask about the server at this address
         raise ClusterError(
             f"no scheduler at {address} can be used by dask {version('dask')}: {reason(error)}"
         ) from error
     loop = cast(Any, client.loop).asyncio_loop
-    loop.set_exception_handler(lambda *_: None)  # of tasks that nobody waits for any longer
+    loop.set_exception_handler(lambda *_: None)  # errors of abandoned tasks
     try:
         _require_same_versions(client, address)
     except BaseException:
@@ -122,7 +122,7 @@ def connected(address: str, timeout: float) -> Client:
 
 
 def _require_same_versions(client: Client, address: str) -> None:
-    """Raise `ClusterError` where a scheduler has other versions, with which it may not answer."""
+    """Raise `ClusterError` for a scheduler of other versions, with which communication may fail."""
     here = {name: version(name) for name in ("dask", "distributed")}
     here["python"] = platform.python_version()
     try:
@@ -144,12 +144,12 @@ def _require_same_versions(client: Client, address: str) -> None:
 
 
 def _release(name: str, number: str) -> str:
-    """What of a version must be the same: of Python 3.11.7 the 3.11, of others all."""
+    """Part of a version that must agree: 3.11 of Python 3.11.7, all of other packages."""
     return ".".join(number.split(".")[:2]) if name == "python" else number
 
 
 def in_time(question: Callable[[], T], limit: float) -> T:
-    """An answer within a number of seconds, or `TimeoutError`; not all of dask's own have one."""
+    """Return an answer, or raise `TimeoutError` after `limit` seconds, which dask lacks in part."""
     answer = Answer[T]()
 
     def target() -> None:
@@ -163,6 +163,6 @@ def in_time(question: Callable[[], T], limit: float) -> T:
 
 
 def reason(error: BaseException) -> str:
-    """What an error says, in one line."""
+    """Message of an error, in one line."""
     silent = "no answer in time" if isinstance(error, TimeoutError) else type(error).__name__
     return " ".join(str(error).split()) or silent

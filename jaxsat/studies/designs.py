@@ -1,7 +1,7 @@
-"""Designs: where in the unit cube the cases of a study lie.
+"""Designs: the points of a study's cases in the unit cube.
 
 Every named quantity has coordinates of its own. Point `i` depends on the seed, `i` and the names
-alone (and, for Latin hypercubes, on the study's size), whatever else is asked for beside it.
+alone (and, for Latin hypercubes, on the study's size), whatever other points are requested.
 """
 
 import abc
@@ -28,27 +28,27 @@ class AbstractDesign(eqx.Module):
 
     @abc.abstractmethod
     def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
-        """Points (cases, dimensions) of the cases `numbers`, the coordinates name by name."""
+        """Points (cases, dimensions) of the cases `numbers`, with the coordinates name by name."""
 
     def noise(self, numbers: np.ndarray) -> np.ndarray:
-        """The numbers from which the noise of cases is drawn: their own."""
+        """Numbers that seed the noise of cases: the case numbers themselves."""
         return numbers
 
 
 class Listed(AbstractDesign):
-    """Cases that are listed: `listed_points` (cases, dimensions), and whose noise they have."""
+    """Cases from a list: `listed_points` (cases, dimensions), and the noise number of each."""
 
     seed: int = eqx.field(static=True)
     listed_points: np.ndarray
     listed_noise: np.ndarray
 
     def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
-        """The rows of the list."""
+        """Rows of the list."""
         _require_numbers(numbers, len(self.listed_points) - 1)
         return self.listed_points[np.asarray(numbers)]
 
     def noise(self, numbers: np.ndarray) -> np.ndarray:
-        """The numbers of the list."""
+        """Noise numbers of the list."""
         return self.listed_noise[np.asarray(numbers)]
 
 
@@ -58,7 +58,7 @@ class Independent(AbstractDesign):
     seed: int = eqx.field(static=True)
 
     def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
-        """Points of uniform draws, the same for a case whatever the others are."""
+        """Points of uniform draws; each depends on its own case number alone."""
         _require_numbers(numbers)
         key = np.asarray(noise.key_of_seed(self.seed))
         own = _fold(key, np.asarray(numbers).astype(np.uint32))
@@ -70,16 +70,16 @@ class Independent(AbstractDesign):
 
 
 class Sobol(AbstractDesign):
-    """Points of the Sobol sequence, each coordinate shifted digit by digit at random.
+    """Points of the Sobol sequence, each coordinate with a random digital shift.
 
-    The shift comes from the seed and the name. A quantity added to a study may change which
-    coordinate of the sequence the others take.
+    The shift depends on the seed and the name. A quantity added to a study may change the
+    coordinate of the sequence that others take.
     """
 
     seed: int = eqx.field(static=True)
 
     def points(self, numbers: np.ndarray, dimensions: Mapping[str, int]) -> np.ndarray:
-        """The points of SciPy's sequence, shifted; fast where `numbers` go up one by one."""
+        """Points of SciPy's sequence, shifted; fast for consecutive `numbers`."""
         _require_numbers(numbers, 2**30 - 1)
         total = sum(dimensions.values())
         if not total or not len(numbers):
@@ -115,7 +115,7 @@ class LatinHypercube(AbstractDesign):
 
 
 def open_uniform(key: noise.Key, count: int):
-    """Uniform draws that are neither 0 nor 1: the middles of the cells of `noise.uniform`."""
+    """Uniform draws in the open interval (0, 1): the centres of the cells of `noise.uniform`."""
     draws = noise.uniform(key, count)
     return draws + jnp.finfo(draws.dtype).epsneg
 
@@ -126,7 +126,7 @@ def _fold(key: Any, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _draws(keys: tuple[np.ndarray, np.ndarray], count: int) -> np.ndarray:
-    """`open_uniform` by NumPy, for which nothing must be compiled: (keys, count)."""
+    """`open_uniform` by NumPy, without compilation: (keys, count)."""
     low = np.arange(count, dtype=np.uint32)[None, :]
     first, second = noise.threefry([word[:, None] for word in keys], np.zeros_like(low), low)
     dtype = jax.dtypes.canonicalize_dtype(float)
@@ -154,7 +154,7 @@ def _sobol_run(dimension: int, first: int, count: int) -> np.ndarray:
     sequence = qmc.Sobol(dimension, scramble=False)
     if first:
         sequence.fast_forward(first)
-    # a run is a piece of the study's sequence; of one number first, SciPy does not warn of that
+    # SciPy warns of a first piece that is not a power of two, but not of one number
     return np.concatenate([sequence.random(1), sequence.random(count - 1)])
 
 

@@ -1,4 +1,4 @@
-"""What stands between distributions and the closed loop whose numbers they are to disperse."""
+"""Reasons why distributions cannot disperse the quantities of a closed loop."""
 
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
@@ -21,10 +21,10 @@ Distributions = Mapping[str, AbstractProbabilityDistribution]
 
 
 class DispersionProblem(NamedTuple):
-    """Why a quantity cannot be dispersed so: `rule` is "must …", `got` what it is instead.
+    """Reason why a quantity cannot be dispersed: `rule` is "must …", `got` the actual value.
 
-    `parameter` is the parameter of the distribution that is to blame, if it is one. `lacking` is
-    whether the loop has no such quantity, whatever its distribution.
+    `parameter` is the offending parameter of the distribution, if any. `lacking` is whether the
+    loop has no such quantity, whatever its distribution.
     """
 
     quantity: str
@@ -40,11 +40,11 @@ def dispersion_problems(
     loop: AbstractLoop,
     start: PlantState | None = None,
 ) -> Iterator[DispersionProblem]:
-    """Everything that stands against dispersing a nominal loop and start, quantity by quantity.
+    """Yield every problem with the dispersion of a nominal loop and start, quantity by quantity.
 
-    A quantity that the loop lacks, a distribution that is not for it, another number of components,
-    or one that gives numbers out of the quantity's limits. Of a normal distribution only the mean
-    is checked: its tails are told from each draw. Numbers that are traced are not checked.
+    Problems are a quantity that the loop lacks, an unsuitable distribution, another number of
+    components, and values outside the quantity's limits. For a normal distribution only the mean is
+    checked: each draw shows whether its tails exceed the limits. Traced numbers are not checked.
     """
     for name, distribution in distributions.items():
         obstacle = QUANTITIES[name].obstacle(loop)
@@ -61,7 +61,7 @@ def dispersion_problems(
 
 
 def limits_of(name: str, frequency_known: bool, loop: AbstractLoop) -> Limits:
-    """What may be drawn for a quantity; an internal model knows no frequencies of zero or less."""
+    """Limits of a quantity's draws; an internal model excludes frequencies of zero or less."""
     limits = QUANTITIES[name].limits(loop)
     if name != "disturbance_frequency" or not frequency_known:
         return limits
@@ -88,7 +88,7 @@ def _of_the_kind(
 
 
 def _singular(name: str, start: PlantState | None) -> DispersionProblem | None:
-    """What stands against a change of (w, z) that cannot be made from this start."""
+    """Problem of a change of (w, z) that is singular at this start."""
     if start is None or name not in ("tilt", "tilt_direction", "turn"):
         return None
     w = concrete(start.attitude.as_wz().w)

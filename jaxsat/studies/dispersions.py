@@ -1,4 +1,4 @@
-"""From a nominal closed loop to the dispersed copy that is one case of a study."""
+"""Dispersed copies of a nominal closed loop, each one case of a study."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple, TypeVar
@@ -34,16 +34,16 @@ from jaxsat.studies.quantities import QUANTITIES
 Tree = TypeVar("Tree")
 
 ATTEMPTS = 32
-"""Inertias drawn at most before a case is given up as impossible."""
+"""Largest number of inertia draws before a case is treated as impossible."""
 
 BODY = tuple(name for name, one in DISPERSIBLE.items() if one.stage == "body")
 BELIEF = ("model_inertia",)
 RATES = frozenset({"omega", "rate_error"})
-"""The quantities that change the rate at the start."""
+"""Quantities that change the initial rate."""
 
 
 class Dispersions(eqx.Module):
-    """Distributions by the name of what they disperse; see `QUANTITIES` for the names.
+    """Distributions by the name of the dispersed quantity; see `QUANTITIES` for the names.
 
     With `frequency_known` the law's internal model and ripple estimator follow the dispersed
     disturbance frequency.
@@ -64,12 +64,12 @@ class Dispersions(eqx.Module):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The dispersed names in the order in which they are applied."""
+        """Dispersed names in the order in which they are applied."""
         return tuple(name for name in QUANTITIES if name in self.distributions)
 
     @property
     def ordered(self) -> dict[str, AbstractProbabilityDistribution]:
-        """The distributions in the order in which they are applied."""
+        """Distributions in the order in which they are applied."""
         return {name: self.distributions[name] for name in self.names}
 
     def check(self, loop: AbstractLoop, start: PlantState | None = None) -> None:
@@ -79,7 +79,7 @@ class Dispersions(eqx.Module):
             raise ValueError(f"`{problem.quantity}` {problem.rule}{got}.")
 
     def dimensions(self, loop: AbstractLoop) -> dict[str, int]:
-        """How many unit coordinates each name takes."""
+        """Number of unit coordinates of each name."""
         return {
             name: self.distributions[name].dimension(QUANTITIES[name].size(loop))
             for name in self.names
@@ -87,7 +87,7 @@ class Dispersions(eqx.Module):
 
 
 class StudyCase(NamedTuple):
-    """The number from which the noise of a case is drawn, and its point in the unit cube."""
+    """The number that seeds the noise of a case, and the case's point in the unit cube."""
 
     number: UInt32[Array | np.ndarray, "*n"]
     point: Float[Array | np.ndarray, "*n dimension"]
@@ -96,11 +96,11 @@ class StudyCase(NamedTuple):
 class Dispersed(AbstractCaseFactory):
     """The cases of a study: a nominal loop and start, dispersed.
 
-    `key` is that of the study's seed. Called with a case it gives that case's copy; numbers in
-    `gains`, by dotted name inside the controller, displace those of the nominal one. Where the
-    inertia drawn is not that of a possible body, inertia and products are drawn again from keys of
-    their own; a case that finds none in `ATTEMPTS` draws counts as impossible, and so does one for
-    which the tail of a distribution gives what its quantity cannot be.
+    `key` belongs to the study's seed. A call with a case returns its copy; numbers in `gains`, by
+    dotted name inside the controller, replace the nominal ones. If the drawn inertia is impossible,
+    inertia and products are drawn again from keys of their own; a case without a possible one in
+    `ATTEMPTS` draws is treated as impossible, and so is one with a draw from the tail of a
+    distribution that exceeds the limits of its quantity.
     """
 
     loop: AbstractLoop
@@ -116,7 +116,7 @@ class Dispersed(AbstractCaseFactory):
         self.key = noise.key_of_seed(seed)
 
     def dimensions(self) -> dict[str, int]:
-        """How many unit coordinates each name takes."""
+        """Number of unit coordinates of each name."""
         return self.dispersions.dimensions(self.loop)
 
     @property
@@ -128,7 +128,7 @@ class Dispersed(AbstractCaseFactory):
         return any(one is not None for one in (loop.sensors, loop.navigation, loop.tachometers))
 
     def __call__(self, case: StudyCase, gains: dict[str, Array] | None = None) -> Case:
-        """The copy of one case."""
+        """Return the copy of one case."""
         own_key = noise.fold_in(self.key, case.number)
         draws, possible = self._draw(jnp.asarray(case.point), own_key)
         perturbed = PerturbedLoop(with_gains(self.loop, gains), self.start, self.loop)
@@ -159,9 +159,9 @@ class Dispersed(AbstractCaseFactory):
         return draws, possible
 
     def _within_limits(self, draws) -> BoolScalar:
-        """Whether no tail of a distribution reached beyond its quantity's limits.
+        """Whether all draws from distributions with tails are within their quantities' limits.
 
-        Inertias are left out: they are drawn again until they are possible.
+        Inertias are omitted: they are drawn again until they are possible.
         """
         good = jnp.array(True)
         for name, values in draws.items():
@@ -172,9 +172,9 @@ class Dispersed(AbstractCaseFactory):
         return good
 
     def _draw_until_possible(self, names, coordinates, own_key, possible_in):
-        """The first of several draws of `names` that makes a possible body.
+        """Return the first of several draws of `names` that makes a possible body.
 
-        Where there is none, the very first.
+        Without any, the very first.
         """
 
         def draw(attempt):
@@ -202,7 +202,7 @@ class Dispersed(AbstractCaseFactory):
 
 
 def with_gains(loop: AbstractLoop, gains: dict[str, Array] | None) -> AbstractLoop:
-    """The loop with other numbers at dotted names inside its controller.
+    """Return the loop with other numbers at dotted names inside its controller.
 
     Raises `AttributeError` for a name that the controller does not have.
     """
@@ -212,14 +212,14 @@ def with_gains(loop: AbstractLoop, gains: dict[str, Array] | None) -> AbstractLo
 
 
 def with_numbers(tree: Tree, numbers: Mapping[str, Array]) -> Tree:
-    """A module with other numbers at dotted names inside it."""
+    """Return a module with other numbers at dotted names inside it."""
     for name, value in numbers.items():
         tree = eqx.tree_at(lambda tree, name=name: number_at(tree, name), tree, value)
     return tree
 
 
 def number_at(tree: PyTree, name: str) -> Any:
-    """The number at a dotted name inside a module."""
+    """Return the number at a dotted name inside a module."""
     for part in name.split("."):
         tree = getattr(tree, part)
     return tree

@@ -1,4 +1,4 @@
-"""Distributions, each by its quantile function, so that any design of points can drive them."""
+"""Probability distributions by their quantile functions, for any design of points."""
 
 import abc
 from typing import ClassVar
@@ -22,10 +22,10 @@ from jaxsat.core.checks import (
 from jaxsat.core.errors import ArgumentError
 
 MAX_STANDARD_DEVIATIONS = 1e9
-"""Standard deviations from the mean to a bound; farther out the bound has no digits left."""
+"""Largest distance of a bound from the mean, in standard deviations, before round-off dominates."""
 
 MIN_WEIGHT_SUM, MAX_WEIGHT_SUM = 1e-30, 1e30
-"""Sums of weights that leave every share a number."""
+"""Sums of weights that keep every normalised weight finite."""
 
 
 class AbstractProbabilityDistribution(eqx.Module):
@@ -35,31 +35,31 @@ class AbstractProbabilityDistribution(eqx.Module):
     """
 
     end_names: ClassVar[tuple[str, ...]] = ("low", "high")
-    """Names of the parameters that are `ends`."""
+    """Names of the parameters in `ends`."""
 
     @abc.abstractmethod
     def quantile(self, u: Float[Array, " dimension"]) -> Float[Array, " size"]:
-        """The values at coordinates `u` in the open unit cube."""
+        """Values at coordinates `u` in the open unit cube."""
 
     def ends(self) -> dict[str, Float[Array, "*n"]]:
-        """The parameters, by name, that say where what is drawn lies: see `is_bounded`."""
+        """Parameters, by name, that locate the range of draws: see `is_bounded`."""
         return {name: getattr(self, name) for name in self.end_names}
 
     def is_bounded(self) -> bool:
-        """Whether nothing is drawn below or above all of `ends`."""
+        """Whether all draws lie between the smallest and the largest of `ends`."""
         return True
 
     def components(self) -> int | None:
-        """How many components the parameters are given for; None where any number will do."""
+        """Number of components of the parameters; None if any number is valid."""
         return _components(*jax.tree.leaves(self))
 
     def dimension(self, size: int) -> int:
-        """How many unit coordinates `size` components take."""
+        """Number of unit coordinates for `size` components."""
         return size
 
 
 class Uniform(AbstractProbabilityDistribution):
-    """Equally likely everywhere between `low` and `high`."""
+    """Uniform distribution between `low` and `high`."""
 
     low: Float[Array, "*n"] = eqx.field(converter=finite("low"))
     high: Float[Array, "*n"] = eqx.field(converter=finite("high"))
@@ -68,7 +68,7 @@ class Uniform(AbstractProbabilityDistribution):
         _require_order(self.low, self.high)
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
-        """The values low + (high - low) u."""
+        """Values low + (high - low) u."""
         return self.low + (self.high - self.low) * u
 
 
@@ -84,7 +84,7 @@ class Normal(AbstractProbabilityDistribution):
         require_positive("sigma", self.sigma, zero_allowed=True)
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
-        """The Gaussian quantile."""
+        """Gaussian quantile."""
         return self.mean + self.sigma * ndtri(u)
 
     def is_bounded(self) -> bool:
@@ -93,7 +93,7 @@ class Normal(AbstractProbabilityDistribution):
 
 
 class TruncatedNormal(AbstractProbabilityDistribution):
-    """Gaussian with `mean` and `sigma` before truncation, given that it is in [`low`, `high`]."""
+    """Gaussian with `mean` and `sigma` before truncation to [`low`, `high`]."""
 
     mean: Float[Array, "*n"] = eqx.field(converter=finite("mean"))
     sigma: Float[Array, "*n"] = eqx.field(converter=as_float)
@@ -111,7 +111,7 @@ class TruncatedNormal(AbstractProbabilityDistribution):
         parameters = [number for number in numbers if number is not None]
         if len(parameters) < 4:
             return
-        _components(*parameters)  # or they cannot be compared
+        _components(*parameters)  # raises if they cannot be broadcast
         mean, sigma, low, high = np.broadcast_arrays(*parameters)
         if np.any(np.maximum(abs(low - mean), abs(high - mean)) > MAX_STANDARD_DEVIATIONS * sigma):
             share = f"{1 / MAX_STANDARD_DEVIATIONS:g} of the distance from the mean"
@@ -120,7 +120,7 @@ class TruncatedNormal(AbstractProbabilityDistribution):
             )
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
-        """The quantile in the lower half of the Gaussian, where its tail keeps its digits."""
+        """Quantile in the lower half of the Gaussian, whose tail keeps full precision."""
         low, high = (self.low - self.mean) / self.sigma, (self.high - self.mean) / self.sigma
         mirrored = low + high > 0
         lower = jnp.where(mirrored, -high, low)
@@ -132,7 +132,7 @@ class TruncatedNormal(AbstractProbabilityDistribution):
 
 
 class Discrete(AbstractProbabilityDistribution):
-    """Each component one of `values`, with probabilities in the proportion of `weights`."""
+    """Components drawn from `values`, with probabilities in proportion to `weights`."""
 
     end_names = ("values",)
     values: Float[Array, " k"] = eqx.field(converter=finite("values"))
@@ -148,7 +148,7 @@ class Discrete(AbstractProbabilityDistribution):
             raise ArgumentError("weights", rule, f"{float(weights.sum()):g}")
 
     def quantile(self, u: Float[Array, " size"]) -> Float[Array, " size"]:
-        """The value whose share of the unit interval u is in."""
+        """Value whose share of the unit interval contains u."""
         bounds = jnp.cumsum(self.weights / jnp.sum(self.weights))[:-1]
         return self.values[jnp.sum(u[:, None] >= bounds[None, :], axis=1)]
 
@@ -158,7 +158,7 @@ class Discrete(AbstractProbabilityDistribution):
 
 
 class RandomAttitude(AbstractProbabilityDistribution):
-    """A rotation uniform over all rotations, as a unit quaternion, scalar first.
+    """Rotations uniform over SO(3), as unit quaternions, scalar first.
 
     K. Shoemake, Uniform random rotations, Graphics Gems III, 1992.
     """
@@ -166,7 +166,7 @@ class RandomAttitude(AbstractProbabilityDistribution):
     end_names = ()
 
     def quantile(self, u: Vector) -> Float[Array, "4"]:
-        """The quaternion of three unit coordinates."""
+        """Quaternion of three unit coordinates."""
         near, far = jnp.sqrt(1 - u[0]), jnp.sqrt(u[0])
         first, second = 2 * jnp.pi * u[1], 2 * jnp.pi * u[2]
         return jnp.stack(

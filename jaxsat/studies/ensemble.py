@@ -1,4 +1,4 @@
-"""A study: n dispersed copies of a closed loop, and what a store has of each."""
+"""A study: n dispersed copies of a closed loop, and the columns of each in a store."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -36,13 +36,13 @@ from jaxsat.studies.recovery import FailureRecovery
 
 @dataclass(frozen=True)
 class Study:
-    """What is computed: a program over dispersed copies, a design, an engine, n cases.
+    """The definition of a study: a program over dispersed copies, a design, an engine, n cases.
 
-    `description` is plain data that, with seed, design, engine and program, tells studies apart in
-    a store: the scenario and its dispersions. `remark` is to be told with the results, such as why
-    an engine was not taken. `history` is the number of instants, evenly over the horizon, at which
-    signals of every case are kept; None keeps none. `names` are those of all thrusters, a two-sided
-    one twice, and wheels; they have numbers without. Raises `ValueError` where the design has
+    `description` is plain data that, with seed, design, engine and program, identifies a study in a
+    store: the scenario and its dispersions. `remark` belongs to the results, such as the reason for
+    another engine. `history` is the number of instants, evenly over the horizon, at which signals
+    of every case are kept; None keeps none. `names` are those of all thrusters, a two-sided one
+    twice, and wheels; without them parts are numbered. Raises `ValueError` if the design has
     another size than the study, or `history` does not suit the program.
     """
 
@@ -71,12 +71,12 @@ class Study:
 
     @property
     def case_factory(self) -> Dispersed:
-        """How a case is made."""
+        """The factory of dispersed cases."""
         return self.program.case_factory  # pyright: ignore[reportReturnType]
 
     @once_property
     def failures(self) -> FailureRecovery | None:
-        """What tells of failures in flight; None where there are none."""
+        """Evaluation of failures in flight; None without any."""
         program, copies = self.program, self.case_factory
         duration = float(np.asarray(program.interval)) * program.intervals  # nothing to compile
         return FailureRecovery.of(
@@ -85,20 +85,20 @@ class Study:
 
     @property
     def has_fixed_size(self) -> bool:
-        """Whether the cases depend on how many there are, so that none may be left out."""
+        """Whether the cases depend on their total number, so that none may be left out."""
         return isinstance(self.design, LatinHypercube)
 
     def cases(self, numbers: np.ndarray) -> StudyCase:
-        """The cases of these numbers, as the engine takes them."""
+        """Return the cases with these numbers, as input of the engine."""
         points = self.design.points(numbers, self.case_factory.dimensions())
         return StudyCase(self.design.noise(np.asarray(numbers)).astype(np.uint32), points)
 
     def evaluate(self, numbers: np.ndarray) -> Outputs:
-        """Outputs of these cases."""
+        """Return the outputs of these cases."""
         return self.engine.evaluate(self.program, self.cases(numbers), self.gains)
 
     def values(self, numbers: np.ndarray) -> dict[str, np.ndarray]:
-        """What these cases have in a store, by column. Histories change no bit of the rest."""
+        """Return the store columns of these cases. Histories change no bit of other columns."""
         if self.history is None:
             return self._by_column(self.evaluate(numbers))
         instants = self.program.evenly(self.history)
@@ -110,7 +110,7 @@ class Study:
         return self._by_column(outputs) | histories
 
     def _by_column(self, outputs: Outputs) -> dict[str, np.ndarray]:
-        """What the outputs have of every column, and what they say of failures."""
+        """Store columns of the outputs, with those of failures."""
         columns = _by_column(outputs)
         if self.failures is None:
             return columns
@@ -118,12 +118,12 @@ class Study:
         return columns | self.failures.values(columns, draws)
 
     def replay(self, number: int) -> Replay:
-        """One case again, with its history and the bits that it has in any study."""
+        """Return one case with its history, bit for bit as in any study."""
         case = jax.tree.map(lambda x: x[0], self.cases(np.array([number])))
         return self.engine.replay(self.program, case, self.gains)
 
     def columns(self) -> dict[str, Column]:
-        """What a case has in a store."""
+        """Return the store columns of a case."""
         names = self.case_factory.dispersions.names
         draws = {DRAWN + name: self._draw_column(name) for name in names}
         columns = columns_of(self.case_factory.loop)
@@ -139,7 +139,7 @@ class Study:
         return columns
 
     def coordinates(self) -> dict[str, Coordinate]:
-        """The labels of the axes that columns have."""
+        """Return the labels of the axes of the columns."""
         sizes = {
             axis: size
             for column in self.columns().values()
@@ -154,13 +154,13 @@ class Study:
         return labels
 
     def _components(self, axis: str, size: int) -> tuple[str, ...]:
-        """The names of parts, where the study knows as many, and else those of components."""
+        """Names of parts, if the study has exactly `size`, else names of components."""
         begin = f"{axis} "
         names = [one.removeprefix(begin) for one in self.names if one.startswith(begin)]
         return tuple(distinct(names)) if len(names) == size else components(axis, size)
 
     def _draw_column(self, name: str) -> Column:
-        """The column of what was drawn for a quantity."""
+        """Column of the drawn values of a quantity."""
         quantity = DISPERSIBLE[name]
         size = QUANTITIES[name].size(self.case_factory.loop)
         if size == 1:
@@ -176,14 +176,14 @@ class Study:
         return (self.program.evenly(self.history) * interval).tolist()
 
     def program_identity(self) -> dict[str, Any]:
-        """What tells the program that computes the cases from others.
+        """Return the identity of the program that computes the cases.
 
-        It is traced for that, once for this and the first chunk.
+        The program is traced for it, once for this and the first chunk.
         """
         return program_identity(self.engine, self.program, self.cases(np.arange(1)), self.gains)
 
     def identity(self) -> dict[str, Any]:
-        """All that the numbers of a case depend on; the count only where they depend on it."""
+        """Return all data that affect the numbers of a case; the count only if it does."""
         return {
             **self.description,
             "history": self._history_times,

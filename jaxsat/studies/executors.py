@@ -1,4 +1,4 @@
-"""Where the chunks of a study are computed."""
+"""Executors of a study's chunks."""
 
 import abc
 import threading
@@ -15,54 +15,54 @@ from jaxsat.core.checks import require_counts
 from jaxsat.core.errors import ArgumentError, JaxsatError
 
 Work = Callable[[int], Any]
-"""Computes one chunk, given its number; can be pickled."""
+"""A picklable function that computes one chunk from its number."""
 
 POLL_S = 0.2
-"""How often a run that waits looks whether it is to stop."""
+"""Interval, s, at which a waiting run checks whether it must stop."""
 
 PATIENCE_S = 10.0
-"""How long a run that is to stop may take to let its workers go."""
+"""Time limit, s, for a stopping run to release its workers."""
 
 
 class ClusterError(JaxsatError):
-    """Workers that cannot be reached or do not live; the message says what happened."""
+    """Workers that cannot be reached or keep dying; the message explains the failure."""
 
     failure = True
 
 
 class AbstractExecutor(abc.ABC):
-    """Computes chunks, a bounded number at a time, in any order."""
+    """An executor of chunks, a bounded number at a time, in any order."""
 
     @abc.abstractmethod
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
-        """Pairs of chunk and result as they are ready; `chunks` is read no faster than needed."""
+        """Yield pairs of chunk and result in order of completion; `chunks` is consumed lazily."""
 
     def stop(self) -> None:  # noqa: B027 -- most have nothing to do
-        """End a run that is under way in another thread, where other processes work for it.
+        """End a run in another thread, if it uses other processes.
 
-        Threads of this process end with it, so there is nothing to do for them.
+        Threads of this process end with it, so executors without processes do nothing.
         """
 
 
 class Stop:
-    """The way to end a run of other processes from another thread; one run at a time."""
+    """A signal that ends a run of other processes from another thread; one run at a time."""
 
     def __init__(self):
         self._asked, self._idle = threading.Event(), threading.Lock()
 
     @contextmanager
     def run(self) -> Iterator[None]:
-        """A run, which lets its workers go before it leaves this."""
+        """Context of a run, which must release its workers before exit."""
         with self._idle:
             yield
 
     def check(self) -> None:
-        """Raise `ClusterError` where the run is to end."""
+        """Raise `ClusterError` if the run must end."""
         if self._asked.is_set():
             raise ClusterError("the run was stopped")
 
     def ask(self) -> None:
-        """End the run that is under way, and wait until it has ended."""
+        """End the current run, and wait until it has ended."""
         self._asked.set()
         if self._idle.acquire(timeout=PATIENCE_S):
             self._asked.clear()
@@ -71,10 +71,10 @@ class Stop:
 
 @dataclass(frozen=True)
 class Serial(AbstractExecutor):
-    """One chunk after the other."""
+    """Sequential execution of chunks."""
 
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
-        """The results in the order of the chunks."""
+        """Yield the results in the order of the chunks."""
         for chunk in chunks:
             yield chunk, work(chunk)
 
@@ -89,7 +89,7 @@ class Threads(AbstractExecutor):
         require_counts(workers=self.workers)
 
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
-        """The results as they are ready. The first chunk goes alone, so that it compiles once."""
+        """Yield results in order of completion; the first chunk runs alone, to compile once."""
         remaining = iter(chunks)
         for chunk in remaining:
             yield chunk, work(chunk)
@@ -101,9 +101,9 @@ class Threads(AbstractExecutor):
 class Devices(AbstractExecutor):
     """One chunk at a time on each of the first `count` local devices.
 
-    Every device runs the program that a single one would, so the bits are the same; a program
-    partitioned over devices (`jax.shard_map`) is compiled in another way and rounds differently.
-    Raises `ValueError` where there are fewer devices.
+    Every device runs the single-device program, so results agree bit for bit; a program partitioned
+    over devices (`jax.shard_map`) is compiled in another way and rounds differently. Raises
+    `ValueError` if there are fewer devices.
     """
 
     count: int
@@ -114,7 +114,7 @@ class Devices(AbstractExecutor):
             raise ArgumentError("count", f"must be from 1 to the {there} devices here", self.count)
 
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
-        """The results as they are ready."""
+        """Yield the results in order of completion."""
         free = SimpleQueue[jax.Device]()
         for device in jax.local_devices()[: self.count]:
             free.put(device)

@@ -1,4 +1,4 @@
-"""Codes of failures and of verdicts on them, as they stand in a store."""
+"""Codes of failures and of diagnostic verdicts in a store."""
 
 import enum
 
@@ -7,16 +7,16 @@ from jaxsat.core.declaration.actuators import ACTUATORS
 from jaxsat.core.declaration.failures import AbstractFailureKind
 
 NEVER = 0
-"""The code of a failure that does not strike within the horizon, and of no verdict."""
+"""Code of a failure that does not strike within the horizon, and of no verdict."""
 
 
 def words(kinds: type[enum.IntEnum]) -> tuple[str, ...]:
-    """The names of an enumeration as words."""
+    """Names of an enumeration as words."""
     return tuple(kind.name.lower().replace("_", " ") for kind in kinds)
 
 
 _KINDS: dict[type[AbstractFailureKind], str] = {}
-"""The enumerations of kinds, each with the name of the first actuator that has it."""
+"""Enumerations of kinds, each with the name of the first actuator that has it."""
 
 for _one in ACTUATORS:
     _KINDS.setdefault(type(_one.kinds[0]), _one.name)
@@ -24,31 +24,31 @@ for _one in ACTUATORS:
 _CODES: dict[int, AbstractFailureKind] = dict(
     enumerate((kind for kinds in _KINDS for kind in kinds), 1)
 )
-"""What strikes, by the code of `failure_kind`."""
+"""Kind of failure by its code in `failure_kind`."""
 
 
 def _words(kind: AbstractFailureKind) -> str:
-    """A kind in words, with the actuator where that is no thruster."""
+    """Name of a kind, with the actuator unless it is a thruster."""
     actuator = _KINDS[type(kind)]
     return kind.word if actuator == ACTUATORS[0].name else f"{actuator} {kind.word}"
 
 
 FAILURES = ("none", *map(_words, _CODES.values()))
-"""What the codes of `failure_kind` stand for."""
+"""Names of the codes of `failure_kind`."""
 
 DIAGNOSED = ("none", *words(DiagnosedKind))
-"""What the codes of `isolated_kind` stand for."""
+"""Names of the codes of `isolated_kind`."""
 
 
 def first_code(kinds: type[AbstractFailureKind]) -> int:
-    """The code of the first of these kinds of failure."""
+    """Return the code of the first of these kinds of failure."""
     return next(code for code, kind in _CODES.items() if isinstance(kind, kinds))
 
 
 AMOUNTLESS = ("none", *(FAILURES[code] for code, kind in _CODES.items() if not kind.one_number))
-"""Failures that have no amount."""
+"""Names of failures that have no amount."""
 
 _VERDICTS = {kind.text: 1 + kind for kind in DiagnosedKind}
 
 HYPOTHESES = {code: _VERDICTS[kind.text] for code, kind in _CODES.items() if kind.text in _VERDICTS}
-"""The verdict that is right for a failure of a thruster or wheel, where there is one."""
+"""Correct verdict for each failure code of a thruster or wheel, if there is one."""

@@ -1,4 +1,4 @@
-"""The quantities of the body, of the model that the controller believes, and of the start."""
+"""Dispersible quantities of the body, of the controller's model, and of the start."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -37,13 +37,13 @@ from jaxsat.studies.changes import (
 )
 
 STATE = ranges.Range(-ranges.STATE_LIMIT, ranges.STATE_LIMIT)
-"""Rates (rad/s) and angles (rad) with which a run goes on."""
+"""Range of rates (rad/s) and angles (rad) within which a run continues."""
 
 _INERTIA = attrgetter("plant.spacecraft.inertia")
 
 
 def _scaled(inertia: Matrix, change: Values) -> Matrix:
-    """J_ij √((1 + change_i)(1 + change_j)), NaN where a factor is negative."""
+    """J_ij √((1 + change_i)(1 + change_j)), NaN for a negative factor."""
     root = jnp.sqrt(1 + change)
     return inertia * root[:, None] * root[None, :]
 
@@ -60,7 +60,7 @@ def _with_products(perturbed: PerturbedLoop, share: Values) -> PerturbedLoop:
 
 
 def _products_limits(loop: AbstractLoop) -> Limits:
-    """Jij² < Ji Jj, else some axis has a negative moment; what else must hold is judged draw by
+    """Jij² < Ji Jj, else some axis has a negative moment; other conditions are checked draw by
     draw."""
     spacecraft = loop.plant.spacecraft
     xp, inertia, moments = numpy_if_known(spacecraft.inertia, spacecraft.moments)
@@ -71,7 +71,7 @@ def _products_limits(loop: AbstractLoop) -> Limits:
 
 
 def _with_constant_torque(perturbed: PerturbedLoop, torque: Values) -> PerturbedLoop:
-    """The torque is there beside the disturbances of the plant."""
+    """Add the torque to the disturbances of the plant."""
     disturbance = SumOfDisturbances((perturbed.loop.plant.disturbance, ConstantTorque(torque)))
     return in_loop(perturbed, lambda loop: loop.plant.disturbance, disturbance)
 
@@ -92,7 +92,7 @@ def _with_belief(perturbed: PerturbedLoop, kind: type, change: Callable) -> Pert
 
 
 def _with_believed_inertia(perturbed: PerturbedLoop, change: Values) -> PerturbedLoop:
-    """The change is that of the inertia with wheels locked."""
+    """Apply the change to the inertia with wheels locked."""
     rotors = rotors_of(perturbed.nominal)
 
     def changed(part: Spacecraft) -> Spacecraft:
@@ -124,7 +124,7 @@ def _with_attitude(perturbed: PerturbedLoop, attitude: AbstractAttitude) -> Pert
 
 
 def _of_tilt(change: Callable[[WZ, Values], WZ], values: ranges.Range) -> Quantity:
-    """A quantity that changes the initial (w, z) parameters."""
+    """Quantity that changes the initial (w, z) parameters."""
 
     def apply(perturbed: PerturbedLoop, drawn: Values) -> PerturbedLoop:
         return _with_attitude(perturbed, change(perturbed.start.attitude.as_wz(), drawn))
@@ -133,18 +133,18 @@ def _of_tilt(change: Callable[[WZ, Values], WZ], values: ranges.Range) -> Quanti
 
 
 def _resized(wz: WZ, size: Values) -> WZ:
-    """The attitude with w in the same direction, of another length."""
+    """Attitude with w in the same direction, of another length."""
     return WZ(wz.w * (size[0] / jnp.sqrt(jnp.sum(wz.w**2))), wz.z)
 
 
 def _redirected(wz: WZ, angle: Values) -> WZ:
-    """The attitude with w of the same length, in another direction (rad)."""
+    """Attitude with w of the same length, in another direction (rad)."""
     size = jnp.sqrt(jnp.sum(wz.w**2))
     return WZ(size * jnp.stack([jnp.cos(angle[0]), jnp.sin(angle[0])]), wz.z)
 
 
 def _turned(perturbed: PerturbedLoop, rotation: Values) -> PerturbedLoop:
-    """The initial attitude is turned by a rotation vector in body axes, rad."""
+    """Turn the initial attitude by a rotation vector in body axes, rad."""
     half = jnp.sqrt(jnp.sum(rotation**2)) / 2
     stretch = jnp.where(half > 0, jnp.tan(half) / jnp.where(half > 0, half, 1.0), 1.0)
     return _with_attitude(perturbed, turned_slightly(perturbed.start.attitude, stretch * rotation))
@@ -155,14 +155,14 @@ def _with_omega(perturbed: PerturbedLoop, omega: Values) -> PerturbedLoop:
 
 
 def _omega_limits(loop: AbstractLoop) -> Limits:
-    """A held third rate begins at zero, and stays there."""
+    """Limits of the initial rate; a held third rate starts at zero, and stays there."""
     third = 0.0 if loop.plant.third_rate_held else ranges.STATE_LIMIT
     largest = np.array([ranges.STATE_LIMIT, ranges.STATE_LIMIT, third])
     return Limits(as_float(-largest), as_float(largest))
 
 
 def _with_rate_error(perturbed: PerturbedLoop, error: Values) -> PerturbedLoop:
-    """The initial (ω1, ω2) is off the reference of the nominal law, rad/s."""
+    """Set the initial (ω1, ω2) to the nominal law's reference plus an error, rad/s."""
     law = cast(AbstractBacksteppingLaw, controller_of(perturbed.nominal))
     reference = law.reference_rate(perturbed.start)
     return _with_omega(perturbed, jnp.concatenate([reference + error, perturbed.start.omega[2:]]))

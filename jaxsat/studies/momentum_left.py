@@ -1,8 +1,8 @@
-"""Whether two wheels hold the target in a case of a study, with the momentum and torques there are.
+"""Whether two wheels hold the target in a case of a study, with its momentum and torques.
 
-No wheel changes E, the momentum beyond what the target's rate needs, about the normal n of both:
-n·Jω is that momentum. In the target's axes dE/dt = m - o × E, with o the rate of the orbit frame
-and m the torque from outside less o × J o. Two wheels hold the target for as long as is asked where
+No wheel changes E, the momentum beyond the requirement of the target's rate, about the normal n of
+both wheels: n·Jω equals it. In the target's axes dE/dt = m - o × E, with o the rate of the orbit
+frame and m the external torque less o × J o. Two wheels hold the target for the required time if
 n·E / |Jn| is a rate that leaves the attitude within its tolerances.
 """
 
@@ -24,23 +24,22 @@ from jaxsat.studies.changes import PerturbedLoop
 from jaxsat.studies.quantities import QUANTITIES
 
 INSTANTS = 97
-"""From the last failure to the end, at which torques are taken."""
+"""Number of instants from the last failure to the end at which torques are evaluated."""
 
 SLOW = 0.25
-"""Of the tolerance about the normal: the turn in the time asked of a body that is held."""
+"""Largest rotation of a held body over the required time, relative to the tolerance."""
 
 NOTHING = 1e-12
-"""Of the momentum of a body at the largest rate allowed, over the duration: a torque that is
-none."""
+"""Momentum that is treated as zero, relative to that of a body at the largest rate allowed."""
 
 SLIGHT = 1e-3
-"""rad; turn over which the change of a torque is taken."""
+"""Rotation (rad) over which the slope of a torque is taken."""
 
 
 @dataclass(frozen=True)
 class Held:
-    """What is asked of cases, by their `draws`: the `duration` (s), and the attitude that is to be
-    within the `tolerances` before its end."""
+    """Cases, by their `draws`, with the `duration` (s) and the `tolerances` of the attitude before
+    the end."""
 
     loop: AbstractLoop
     start: PlantState
@@ -50,7 +49,7 @@ class Held:
 
     @once_property
     def _starts(self) -> "_Starts":
-        """That of each case; one for all where nothing is drawn."""
+        """Start of each case; one for all without draws."""
         names = [name for name in QUANTITIES if name in self.draws]
         drawn = tuple(np.asarray(self.draws[name]) for name in names)
         drawn = tuple(one.reshape(len(one), -1) for one in drawn)
@@ -71,7 +70,7 @@ class Held:
 
     @once_property
     def free(self) -> bool:
-        """Whether no torque acts from outside, nor does the target turn."""
+        """Whether neither an external torque acts nor the target turns."""
         times, inertia = np.linspace(0.0, self.duration, INSTANTS), self._starts.inertia[0]
         torques = self._torques(inertia, times, _slightly(SLIGHT * np.eye(3)))
         most = np.abs(inertia).max() * float(self.tolerances.relative_rate)
@@ -83,12 +82,12 @@ class Held:
         return float(np.asarray(self.loop.plant.orbit.rate))
 
     def holds(self, case: int, normal: Float[np.ndarray, "3"], failed: float) -> bool:
-        """Whether two wheels with this `normal` hold the target at the end, failures being over at
-        a time (s).
+        """Whether two wheels with this `normal` hold the target at the end, with the last failure
+        at `failed` (s).
 
-        An attitude within the tolerances may oppose as much of the momentum as it can. What
-        torques from outside give before the last failure, in an attitude as at the start, is not
-        known in sign.
+        An attitude within the tolerances may oppose as much of the momentum as it can. The sign of
+        the momentum from external torques before the last failure, in the initial attitude, is
+        unknown.
         """
         limits, inertia = self._limits(normal), self._starts.of(case).inertia
         times, path = self.path(case, normal, failed)
@@ -112,8 +111,8 @@ class Held:
     ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, "k 3"]]:
         """Times (s) to the end, and E (N m s) at these times.
 
-        It is as if the body were at the target from the last failure on, or at an attitude within
-        the tolerances that opposes the mean torque about the normal.
+        The body is assumed at the target from the last failure on, or at an attitude within the
+        tolerances that opposes the mean torque about the normal.
         """
         inertia, momentum, _ = self._starts.of(case)
         failed = min(max(failed, 0.0), self.duration)
@@ -142,8 +141,8 @@ class Held:
         normal: Float[np.ndarray, "3"],
         times: Float[np.ndarray, " k"],
     ) -> Float[np.ndarray, "k 3"]:
-        """m (N m) at the target, less what an attitude within the tolerances opposes of its mean
-        about the normal."""
+        """m (N m) at the target, less the part of its mean about the normal that an attitude within
+        the tolerances opposes."""
         turns = SLIGHT * np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])
         torques = self._torques(inertia, times, _slightly(turns))
         slopes = (torques[1:4] - torques[4:]).mean(axis=1) @ normal / (2 * SLIGHT)
@@ -152,7 +151,7 @@ class Held:
         return torques[0] - np.clip(mean, -most, most) * normal
 
     def _unknown(self, case: int, failed: float) -> float:
-        """Momentum (N m s) that torques in the first attitude give until the last failure (s)."""
+        """Momentum (N m s) from torques in the initial attitude until the last failure (s)."""
         if self.free:
             return 0.0
         inertia, _, into_body = self._starts.of(case)
@@ -165,7 +164,7 @@ class Held:
         times: Float[np.ndarray, " k"],
         matrices: Float[np.ndarray, "n 3 3"],
     ) -> Float[np.ndarray, "n k 3"]:
-        """m (N m, body axes) in some attitudes, at some times (s)."""
+        """m (N m, body axes) in several attitudes, at several times (s)."""
         plant = self.loop.plant
 
         def torque(row, inertia):
@@ -182,15 +181,15 @@ class Held:
 
 
 class _Starts(NamedTuple):
-    """Inertia (kg m²), momentum of body and wheels (N m s, axes of the target), and the attitude
-    at the start, of each case or of one."""
+    """Initial inertia (kg m²), momentum of body and wheels (N m s, axes of the target), and
+    attitude, of each case or of one."""
 
     inertia: Float[np.ndarray, "*cases 3 3"]
     momentum: Float[np.ndarray, "*cases 3"]
     into_body: Float[np.ndarray, "*cases 3 3"]
 
     def of(self, case: int) -> "_Starts":
-        """That of a case."""
+        """Return the start of a case."""
         return _Starts(*(one[min(case, len(one) - 1)] for one in self))
 
 
@@ -206,19 +205,19 @@ class _Limits(NamedTuple):
 
 
 def _within(tilt: float, turn: float, across, along):
-    """The largest rotation (rad) about an axis, of these parts across and along the third one,
-    within tolerances."""
+    """Largest rotation (rad) within tolerances about an axis with these components across and along
+    the third one."""
     with np.errstate(divide="ignore"):
         return np.minimum(tilt / np.abs(across), turn / np.abs(along))
 
 
 def _slightly(turns: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
-    """The matrices of bodies turned slightly (rad) from the target: 1 - turn ×."""
+    """Matrices of bodies turned slightly (rad) from the target: 1 - turn ×."""
     return np.eye(3) + np.cross(turns[:, None, :], np.eye(3))
 
 
 def _turned(vector: Float[np.ndarray, "3"], turn: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    """A vector turned by a rotation vector (rad)."""
+    """Vector turned by a rotation vector (rad)."""
     angle = float(np.linalg.norm(turn))
     if angle == 0:
         return vector

@@ -1,4 +1,4 @@
-"""Chunks computed by processes of this machine, connected to this one by pipes alone."""
+"""Execution of chunks by local processes, connected by pipes alone."""
 
 import contextlib
 import pickle
@@ -16,28 +16,27 @@ from jaxsat.studies.executors import POLL_S, AbstractExecutor, ClusterError, Sto
 from jaxsat.studies.worker import Done, Failed, Ready, WorkerTask, packed
 
 ATTEMPTS = 3
-"""Workers that may die on one chunk, or one after the other before they are ready."""
+"""Largest number of worker deaths on one chunk, or in succession before readiness."""
 
 AHEAD = 1
-"""Chunks that a worker has in hand besides one for each of its threads."""
+"""Chunks that a worker holds in addition to one for each of its threads."""
 
 PROGRAM = (
     "import pickle, sys; sys.path[:] = pickle.load(sys.stdin.buffer); "
     "from jaxsat.studies.worker import serve; serve()"
 )
-"""What a worker runs. It finds modules where this process does, and nowhere else before."""
+"""Program of a worker; its module search path is that of this process."""
 
 
 @dataclass(frozen=True)
 class Processes(AbstractExecutor):
     """`count` worker processes of this machine that compute `threads` chunks at once each.
 
-    They talk to this process through anonymous pipes: nothing listens, and no other process can
-    send them work. What is to be computed is sent to every worker once, so that it compiles once
-    there. A worker that dies is replaced, which `tell` reports, and its chunks are computed again,
-    now one at a time, so that a chunk is not blamed for another one. Raises `ClusterError` where
-    `ATTEMPTS` workers died on a chunk, or before they could compute any, or where none can be
-    started.
+    They communicate with this process through anonymous pipes: nothing listens, and no other
+    process can send them work. The work is sent to every worker once, so that it compiles once
+    there. A worker that dies is replaced, which is reported to `tell`, and its chunks are computed
+    again, one at a time, so that a chunk is not blamed for another one. Raises `ClusterError` if
+    `ATTEMPTS` workers died on a chunk, or before they could compute any, or if none can be started.
     """
 
     count: int
@@ -52,7 +51,7 @@ class Processes(AbstractExecutor):
                 raise ValueError(f"Argument `{name}` must be at least 1, but got {value}.")
 
     def run(self, work: Work, chunks: Iterable[int]) -> Iterator[tuple[int, Any]]:
-        """The results as they are ready; raises `ClusterError` where `stop` was called."""
+        """Yield results in order of completion; raises `ClusterError` after a call of `stop`."""
         with self._stop.run():
             crew = _Crew(self, work)
             try:
@@ -61,17 +60,17 @@ class Processes(AbstractExecutor):
                 crew.end()
 
     def stop(self) -> None:
-        """End the workers; waits until they have."""
+        """End the workers; blocks until they have ended."""
         self._stop.ask()
 
 
 class _End(NamedTuple):
-    """A worker has ended, with this status, or killed by a signal if it is negative."""
+    """End of a worker with this status; a negative one is the signal that killed it."""
 
     status: int
 
     def __str__(self) -> str:
-        """The words for the last of several."""
+        """Text for the last of several ends."""
         return f"the last {'was ' if self.status < 0 else ''}{self.how}"
 
     @property
@@ -87,7 +86,7 @@ class _End(NamedTuple):
 
 
 class _Crew:
-    """The workers of a run, and the chunks that are to be computed again."""
+    """Workers of a run, and the chunks that must be computed again."""
 
     def __init__(self, executor: Processes, work: Work):
         self._count, self._tell = executor.count, executor.tell
@@ -105,7 +104,7 @@ class _Crew:
             if not self._workers:
                 return
             worker, message = self._next_message(stop)
-            if worker not in self._workers:  # it was let go
+            if worker not in self._workers:  # a released worker
                 continue
             match message:
                 case Ready():
@@ -127,7 +126,7 @@ class _Crew:
             worker.end()
 
     def _give_out(self, remaining: Iterator[int]) -> None:
-        """Give chunks to all who have room; let workers without any go, and start new ones."""
+        """Give chunks to workers with room; release workers without any, and start new ones."""
         for worker in list(self._workers):
             while self._has_room(worker):
                 chunk = self._next_chunk(remaining, alone=not worker.chunks)
@@ -144,7 +143,7 @@ class _Crew:
             self._workers.append(_Worker(self._order, chunk, self._messages))
 
     def _has_room(self, worker: "_Worker") -> bool:
-        """Whether a worker may have one more; a first chunk and one that saw a death go alone."""
+        """Whether a worker may take another chunk; first and suspect chunks run alone."""
         if not worker.chunks:
             return True
         suspect = any(self._deaths[chunk] for chunk in worker.chunks)
@@ -181,7 +180,7 @@ class _Crew:
 
 
 class _Worker:
-    """A worker process with the chunks that it was given, and a thread that hears its answers."""
+    """A worker process with its chunks, and a thread that reads its replies."""
 
     def __init__(self, order: WorkerTask, chunk: int, messages: "SimpleQueue[tuple[_Worker, Any]]"):
         self.chunks = {chunk}
@@ -203,9 +202,9 @@ class _Worker:
             raise _start_error(error) from error
 
     def give(self, chunk: int) -> None:
-        """Send one chunk more; a worker whose first chunk is done has read all before."""
+        """Send another chunk; a worker that finished its first chunk has read all before."""
         self.chunks.add(chunk)
-        with contextlib.suppress(OSError):  # it died, which it is heard of
+        with contextlib.suppress(OSError):  # the worker died, which the thread reports
             self._to.write(pickle.dumps(chunk))
             self._to.flush()
 
@@ -213,12 +212,12 @@ class _Worker:
         self._process.kill()
 
     def end(self) -> None:
-        """End the process, with nothing left open."""
+        """End the process and close its pipes."""
         self._process.kill()
         self._process.wait()
         self._hearing.join()
         for stream in (self._to, self._from):
-            with contextlib.suppress(OSError):  # what could not be sent
+            with contextlib.suppress(OSError):  # unsent data
                 cast(IO[bytes], stream).close()
 
     def _read_replies(self, first: bytes, messages: "SimpleQueue[tuple[_Worker, Any]]") -> None:
@@ -227,9 +226,9 @@ class _Worker:
             self._to.flush()
             while True:
                 messages.put((self, pickle.load(cast(IO[bytes], self._from))))
-        except (EOFError, OSError, pickle.UnpicklingError):  # it ended, in the middle perhaps
+        except (EOFError, OSError, pickle.UnpicklingError):  # perhaps within a message
             pass
-        except Exception as error:  # an answer that this process has no use for
+        except Exception as error:  # a reply that cannot be unpickled here
             messages.put((self, Failed(error)))
             return
         messages.put((self, _End(self._process.wait())))
@@ -240,7 +239,7 @@ def _start_error(reason: object) -> ClusterError:
 
 
 def _start_process() -> subprocess.Popen[bytes]:
-    """A worker that Ctrl-C does not reach: who started it ends it, in good order."""
+    """Start a worker that Ctrl-C does not reach: its parent ends it in an orderly way."""
     command = [sys.executable, *_interpreter_flags(), "-c", PROGRAM]
     pipe = subprocess.PIPE
     if sys.platform == "win32":
@@ -254,7 +253,7 @@ def _start_process() -> subprocess.Popen[bytes]:
 
 
 def _interpreter_flags() -> list[str]:
-    """Never import from the current folder, and heed the environment as this process does."""
+    """Flags: no imports from the current folder, and environment variables as in this process."""
     same = {"-I": sys.flags.isolated, "-E": sys.flags.ignore_environment}
     same |= {"-s": sys.flags.no_user_site}
     return ["-P", *(flag for flag, value in same.items() if value)]

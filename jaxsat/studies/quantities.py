@@ -1,7 +1,7 @@
-"""How many numbers each dispersible quantity takes, and where they go in the model.
+"""Sizes of the dispersible quantities and their places in the model.
 
-Here stand those of sensors, disturbances, effectors, their failures and the delay, besides those of
-`model_quantities.py`.
+Defined here are quantities of sensors, disturbances, effectors, their failures and the delay; the
+others are in `model_quantities.py`.
 """
 
 import dataclasses
@@ -45,9 +45,9 @@ def _of_field(
     obstacle: Obstacle,
     lacks: str = "",
 ) -> Quantity:
-    """A quantity that is one field of a part; `lacks` begins what is said where that is None.
+    """Quantity that is one field of a part; `lacks` begins the message if the field is None.
 
-    The law believes the nominal numbers.
+    The law's model keeps the nominal numbers.
     """
     field, within = one.field, one.within
     assert field is not None
@@ -70,7 +70,7 @@ def _of_field(
 
 
 def _of_sensor(place: str, what: str, one: DispersibleQuantity) -> Quantity:
-    """A field of the sensor at an attribute of a sampled loop."""
+    """Quantity that is a field of the sensor at an attribute of a sampled loop."""
 
     def sensor(loop: AbstractLoop) -> Any:
         part: Any = loop
@@ -87,7 +87,7 @@ def _of_sensor(place: str, what: str, one: DispersibleQuantity) -> Quantity:
 
 
 def _of_disturbance(kind: type, what: str, one: DispersibleQuantity) -> Quantity:
-    """A field of the plant's only disturbance of a class."""
+    """Quantity that is a field of the plant's only disturbance of a class."""
 
     def obstacle(loop: AbstractLoop) -> str | None:
         count = len(parts_of(kind, loop.plant.disturbance))
@@ -97,7 +97,7 @@ def _of_disturbance(kind: type, what: str, one: DispersibleQuantity) -> Quantity
 
 
 def _of_effector(kind: str, one: DispersibleQuantity) -> Quantity:
-    """A field of the effector of a kind, or what its `Dispersible` changes in it or its state."""
+    """Quantity of the effector of a kind: a field, or a change by its `Dispersible`."""
 
     def place(loop: AbstractLoop) -> int | None:
         numbers = (
@@ -144,7 +144,7 @@ def _of_effector(kind: str, one: DispersibleQuantity) -> Quantity:
 def _of_failures(
     field: str, limits: Callable[[AbstractLoop], Limits], part: str | None = None
 ) -> Quantity:
-    """A field of all failures, or of those of one kind of actuator: one number for each."""
+    """Quantity that is a field of all failures, or of one kind of actuator: one number for each."""
 
     def failures(loop: AbstractLoop) -> list[AbstractFailures]:
         return [one for one in failures_of(loop) if part in (None, one.part)]
@@ -164,7 +164,7 @@ def _of_failures(
 
 
 def _of_failed(name: str) -> Quantity:
-    """The number of the device of an actuator that fails."""
+    """Number of the failing device of an actuator."""
 
     def limits(loop: AbstractLoop) -> Limits:
         (devices,) = [one for one in loop.plant.effectors if one.kind == name]
@@ -174,7 +174,7 @@ def _of_failed(name: str) -> Quantity:
 
 
 def _kind_limits(loop: AbstractLoop) -> Limits:
-    """The limits of numbers that are rounded to the kinds that actuators declare as drawn."""
+    """Limits of numbers that are rounded to the kinds that actuators declare as drawn."""
     sampled, effectors = isinstance(loop, SampledLoop), loop.plant.effectors
 
     def last(failures: AbstractFailures) -> np.ndarray:
@@ -193,7 +193,7 @@ def _amount_limits(loop: AbstractLoop) -> Limits:
 
 
 def _of_all_failures(loop: AbstractLoop, each: Callable[[Any], np.ndarray]) -> Float[Array, "*n"]:
-    """Numbers of all failures, one where they are the same for all."""
+    """Numbers of all failures, reduced to one if they are equal."""
     values = np.concatenate([each(one) for one in failures_of(loop)])
     return as_float(values[0] if np.all(values == values[0]) else values)
 
@@ -205,9 +205,9 @@ def _period(loop: AbstractLoop) -> RealScalar:
 def _of_tracker(
     field: str, least: int, limits: Callable[[AbstractLoop], Limits], obstacle: Obstacle
 ) -> Quantity:
-    """A time (s) of the star tracker, not that of its estimator, which believes the nominal one.
+    """Time (s) of the star tracker; the estimator assumes the nominal one.
 
-    It is rounded to whole periods of the law, and is at least `least` of them.
+    The time is rounded to whole periods of the law, and is at least `least` of them.
     """
 
     def apply(perturbed: PerturbedLoop, values: Values) -> PerturbedLoop:
@@ -229,7 +229,7 @@ def _tracker_of(loop: AbstractLoop) -> Any:
 
 
 def _latency_limits(loop: AbstractLoop) -> Limits:
-    """At most the nominal latency, for which measurements are kept."""
+    """Limits up to the nominal latency, for which measurements are buffered."""
     period, most = _period(loop), _tracker_of(loop).latency + 1e-9
     return Limits(jnp.zeros_like(period), period * most)
 
@@ -276,4 +276,4 @@ _QUANTITIES: dict[str, Quantity] = {
 }
 
 QUANTITIES = {name: _QUANTITIES[name] for name in DISPERSIBLE}
-"""By name, in the order in which they are applied."""
+"""Quantities by name, in the order in which they are applied."""

@@ -1,4 +1,4 @@
-"""What failed in each case of a study, what torques that left, and why a case did not recover."""
+"""Failures in each case of a study, remaining torques, and reasons why a case did not recover."""
 
 import enum
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ from jaxsat.studies.momentum_left import Held
 from jaxsat.studies.torques_left import UNRECOVERABLE, TorquesLeft, torques_left
 
 STUCK = [1 + kind for kind in ONE_WAY]
-"""Codes of failures of one of the two ways of a two-sided thruster."""
+"""Codes of failures of one direction of a two-sided thruster."""
 
 OF_RECORD = {
     "longest_stay": Column(
@@ -46,11 +46,11 @@ OF_RECORD = {
         (0,), "uint8", "1", "last verdict on each thruster", ("thruster",), DIAGNOSED
     ),
 }
-"""What a sampled loop tells of its failures; of a diagnosis only where its law makes one."""
+"""Columns of a sampled loop's failures; those of a diagnosis only if its law makes one."""
 
 
 class Recovery(enum.IntEnum):
-    """Whether a case settled for good and, if not, the first of these reasons that holds."""
+    """Whether a case settled for good or, if not, the first applicable reason."""
 
     RECOVERED = 0
     UNRECOVERABLE = 1
@@ -65,11 +65,11 @@ class Recovery(enum.IntEnum):
 
 @dataclass(frozen=True)
 class FailureRecovery:
-    """Tells of cases with failures in flight what struck, what that left, and what came of it.
+    """Evaluation of failures in flight: strikes, remaining torques, and recovery of each case.
 
-    A case is settled within the `tolerances`, of the rate alone where those of the attitude are
+    A case is settled within the `tolerances`, of the rate alone if those of the attitude are
     infinite. `names` are those of all thrusters, a two-sided one twice, and wheels. `outputs` has
-    the shapes of what the loop records of its failures, by column.
+    the shapes of the loop's failure record, by column.
     """
 
     loop: AbstractLoop
@@ -87,9 +87,9 @@ class FailureRecovery:
         tolerances: Tolerances,
         names: tuple[str, ...] = (),
     ) -> "FailureRecovery | None":
-        """The recovery of a loop and its start; None where nothing fails in flight.
+        """Return the recovery of a loop and its start; None without failures in flight.
 
-        Without a name for each thruster, wheel and magnetorquer they have numbers.
+        Without a name for each thruster, wheel and magnetorquer these are numbered.
         """
         if not failures_of(loop):
             return None
@@ -106,7 +106,7 @@ class FailureRecovery:
 
     @property
     def _dwell(self) -> float:
-        """For how long (s) a settled case is settled at the end at least."""
+        """Shortest time (s) at the end for which a settled case is within the tolerances."""
         dwell = self.tolerances.dwell
         return (1 - SETTLED_BEFORE) * self.duration if dwell is None else float(np.asarray(dwell))
 
@@ -116,7 +116,7 @@ class FailureRecovery:
 
     @property
     def _diagnosed_kind(self) -> str:
-        """The kind of actuator of which verdicts are, or `ALL_PARTS` for thrusters and wheels."""
+        """Kind of actuator of the verdicts, or `ALL_PARTS` for thrusters and wheels."""
         thrusters = _counts(self.loop).get("thruster", 0)
         if not thrusters:
             return "wheel"
@@ -124,7 +124,7 @@ class FailureRecovery:
         return "thruster" if verdicts == thrusters else ALL_PARTS
 
     def columns(self) -> dict[str, Column]:
-        """The columns of a store; those of `OF_RECORD` where the loop has them."""
+        """Return the store columns; those of `OF_RECORD` if the loop has them."""
         count = sum(one.count for one in self._events)
         events = ("failure",)
 
@@ -155,7 +155,7 @@ class FailureRecovery:
     def values(
         self, columns: Mapping[str, np.ndarray], draws: Mapping[str, np.ndarray]
     ) -> dict[str, np.ndarray]:
-        """Columns of failures and recovery, by the other columns of cases and their draws."""
+        """Return columns of failures and recovery, from other columns of cases and their draws."""
         cases = len(columns["code"])
         failures = self._failures(draws, cases)
         momentum, asked = np.asarray(self.loop.plant.total_momentum(self.start)), None
@@ -186,7 +186,7 @@ class FailureRecovery:
             before += count
         part = np.rint(np.concatenate(parts, axis=1)).astype(int)
         shift = np.concatenate([np.full(one.count, first_code(one.kinds)) for one in self._events])
-        part = np.clip(part, 0, len(self.names) - 1)  # what is beyond is an impossible case
+        part = np.clip(part, 0, len(self.names) - 1)  # numbers beyond belong to impossible cases
         kind = np.clip(np.rint(kind).astype(int) + shift, NEVER, len(FAILURES) - 1)
         kind = np.where(at <= self.duration, kind, NEVER)
         amount = numbers("failure_amount", "amount")
@@ -201,7 +201,7 @@ class FailureRecovery:
     def _recovery(
         self, columns: Mapping[str, np.ndarray], remaining: np.ndarray
     ) -> Int[np.ndarray, " cases"]:
-        """The `Recovery` of every case."""
+        """`Recovery` of every case."""
         wrong = UNRECOVERABLE if self._attitude else (TorquesLeft.UNOPPOSED_TORQUE,)
         had_settled = columns["longest_stay"] >= self._dwell if "longest_stay" in columns else False
         reasons = {
@@ -216,7 +216,7 @@ class FailureRecovery:
 
 
 def _of_others(column: Column, kind: str) -> Column:
-    """A column of a law that diagnoses actuators of another kind than thrusters."""
+    """Column of a law that diagnoses actuators of another kind than thrusters."""
     dims = tuple(kind if axis == "thruster" else axis for axis in column.dims)
     return column._replace(dims=dims, long_name=column.long_name.replace("thruster", kind))
 
@@ -224,10 +224,10 @@ def _of_others(column: Column, kind: str) -> Column:
 def failed_thrusters(
     columns: Mapping[str, np.ndarray], names: tuple[str, ...]
 ) -> Int[np.ndarray, "cases m"]:
-    """The code of the last failure that struck each thruster, `NEVER` where none did.
+    """Return the code of the last failure that struck each thruster, `NEVER` without one.
 
-    The two ways of a two-sided thruster have the same one of the `names`, and fail together but
-    for the kinds `ONE_WAY`.
+    The two directions of a two-sided thruster have the same one of the `names`, and fail together
+    except for the kinds `ONE_WAY`.
     """
     verdict = columns["isolated_kind"]
     count, truth = verdict.shape[1], np.zeros(verdict.shape, int)
@@ -245,7 +245,7 @@ def failed_thrusters(
 
 
 def wrong_kind(columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndarray:
-    """Which thrusters (cases, m) are isolated as what they are not, where they could be right."""
+    """Mask of thrusters (cases, m) isolated as the wrong kind, although a right verdict exists."""
     truth, verdict = failed_thrusters(columns, names), columns["isolated_kind"]
     right = np.array([HYPOTHESES.get(code, NEVER) for code in range(len(FAILURES))])[truth]
     return (right != NEVER) & (verdict > NEVER) & (verdict != right)
@@ -254,7 +254,7 @@ def wrong_kind(columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.
 def _errors(
     columns: Mapping[str, np.ndarray], names: tuple[str, ...]
 ) -> dict[Recovery, np.ndarray]:
-    """What a diagnosis got wrong of every case."""
+    """Errors of the diagnosis, as masks of cases."""
     truth, verdict = failed_thrusters(columns, names), columns["isolated_kind"]
     of_thruster = (columns["failure_kind"] > NEVER) & (columns["failed_part"] < truth.shape[1])
     wrong = {
@@ -267,12 +267,12 @@ def _errors(
 
 
 def _counts(loop: AbstractLoop) -> dict[str, int]:
-    """How many parts of each kind may fail, in the order of `failures_of`."""
+    """Number of parts of each kind that may fail, in the order of `failures_of`."""
     return {one.kind: one.count for one in loop.plant.effectors}
 
 
 def _output_shapes(loop: AbstractLoop, start: PlantState) -> Mapping[str, jax.ShapeDtypeStruct]:
-    """Shapes of what the loop tells of its failures, by column."""
+    """Shapes of the loop's failure record, by column."""
 
     def outputs():
         record = initial_record(loop, loop.start(start))

@@ -1,6 +1,6 @@
-"""What a study of failures in flight found: recovered fractions by kind, and every case explained.
+"""Summary of a study of failures in flight: recovered fractions by kind, and explained cases.
 
-All of it comes from the columns of a store, so that it can be told of any store that has them.
+The summary needs the columns of a store alone, so that it exists for any store that has them.
 """
 
 import itertools
@@ -51,11 +51,11 @@ _LEFT = {
 
 
 class KindDiagnosis(NamedTuple):
-    """How the diagnosis of failures of one kind went.
+    """Diagnosis of failures of one kind.
 
     `detected` cases had an alarm after every failure; in `isolated` ones exactly the failed
-    thrusters are at the end, in `as_kind` also as what they are. The delays (s) are those from the
-    failure to the alarm and from the alarm to the verdict, by percent.
+    thrusters are isolated at the end, in `as_kind` also as the right kind. The delays (s) are from
+    the failure to the alarm and from the alarm to the verdict, by percent.
     """
 
     detected: int
@@ -66,11 +66,11 @@ class KindDiagnosis(NamedTuple):
 
 
 class KindRecovery(NamedTuple):
-    """Cases of one kind of failure, by what became of them.
+    """Cases of one kind of failure, by their recovery.
 
-    `recovered` is the fraction of all, `of_recoverable` that of those for which laws exist, by
-    controllability or because they recovered; None where there are none. `settling_delay` is the
-    time (s) from the last failure until recovered cases had settled, zero where they stayed so, by
+    `recovered` is the fraction of all, `of_recoverable` that of cases for which laws exist, by
+    controllability or because they recovered; None without any. `settling_delay` is the time (s)
+    from the last failure until recovered cases had settled, zero if they stayed settled, by
     percent. `reasons` counts the others by `Recovery`.
     """
 
@@ -86,7 +86,7 @@ class KindRecovery(NamedTuple):
 
 
 class UnrecoveredCase(NamedTuple):
-    """A case that did not recover, why, and all that is known of it in one line."""
+    """A case that did not recover, the reason, and a one-line explanation."""
 
     case: int
     reason: Recovery
@@ -94,7 +94,7 @@ class UnrecoveredCase(NamedTuple):
 
 
 class RecoverySummary(NamedTuple):
-    """What a study of failures found: by kind, all kinds last, and the cases that did not recover.
+    """Summary of a study of failures: by kind, all kinds last, and the cases that did not recover.
 
     `false_alarms` is the number of alarms in `healthy_time` (s), the time before any failure of all
     cases together; None for a law that does not diagnose.
@@ -107,15 +107,15 @@ class RecoverySummary(NamedTuple):
 
 
 def reason_words(reason: Recovery) -> str:
-    """A reason for a person."""
+    """Reason in words."""
     return _REASONS[reason]
 
 
 def summarise_recovery(dataset: Mapping[Any, Any], places: np.ndarray) -> RecoverySummary | None:
-    """What the cases at these `places` say; None for a study without failures in flight.
+    """Summarise the cases at these `places`; None for a study without failures in flight.
 
-    `dataset` is that of `open_study`, or columns by name. Parts of a vehicle are numbered where the
-    columns are plain arrays, which lack their names.
+    `dataset` is that of `open_study`, or columns by name. Parts of a vehicle are numbered if the
+    columns are plain arrays, which lack names.
     """
     if "recovery" not in dataset:
         return None
@@ -144,14 +144,14 @@ def summarise_recovery(dataset: Mapping[Any, Any], places: np.ndarray) -> Recove
 def recovery_by_device(
     columns: Mapping[str, np.ndarray], names: tuple[str, ...]
 ) -> Iterator[tuple[str, np.ndarray, KindRecovery]]:
-    """What fails, the places of these cases, and what became of them, of a study with one failure
-    each; `names` are those of what can fail.
+    """Yield the failing device, the indices of its cases, and their recovery, of a study with one
+    failure per case; `names` are those of the devices.
 
     Cases in which nothing strikes are left out.
     """
     columns = {name: columns[name] for name in (*COLUMNS, *OF_DIAGNOSIS) if name in columns}
     kinds, parts = columns["failure_kind"][:, 0], columns["failed_part"][:, 0]
-    first = np.array([names.index(name) for name in names])  # both ways of a part have its name
+    first = np.array([names.index(name) for name in names])  # both directions have one name
     parts = first[parts]
     for part, kind in np.unique(np.column_stack([parts, kinds]), axis=0):
         if kind != NEVER:
@@ -167,7 +167,7 @@ def _part_numbers(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:
 
 
 def explanations(columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> Iterator[str]:
-    """A line for each case: the reason, what failed, what is left, how it was diagnosed."""
+    """Yield a line for each case: the reason, failures, remaining torques, and diagnosis."""
     for case in range(len(columns["recovery"])):
         row = {name: values[case] for name, values in columns.items()}
         parts = [
@@ -216,7 +216,7 @@ def _only(columns: Mapping[str, np.ndarray], selection: np.ndarray) -> dict[str,
 
 
 def _kind_names(kinds: np.ndarray) -> np.ndarray:
-    """The kinds of all failures of each case, as one text."""
+    """Kinds of all failures of each case, as one text."""
     return np.array(
         [" + ".join(FAILURES[code] for code in row if code != NEVER) or NONE for row in kinds],
         object,
@@ -224,7 +224,7 @@ def _kind_names(kinds: np.ndarray) -> np.ndarray:
 
 
 def _in_order(kinds: np.ndarray) -> list[str]:
-    """The kinds in the order of `FAILURES`, no failure last."""
+    """Kinds in the order of `FAILURES`, no failure last."""
     there = sorted(set(kinds.tolist()))
 
     def place(kind: str) -> tuple:
@@ -277,7 +277,7 @@ def _diagnosis(columns: Mapping[str, np.ndarray], names: tuple[str, ...]) -> Kin
 
 
 def _settling_delays(columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """The time (s) from the last failure until settled, of recovered cases with failures."""
+    """Time (s) from the last failure until settled, of recovered cases with failures."""
     last_failure = np.where(columns["failure_kind"] != NEVER, columns["failure_time"], -np.inf).max(
         axis=1
     )

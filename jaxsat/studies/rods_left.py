@@ -1,4 +1,4 @@
-"""What magnetorquers add to what is left in a case of a study, and whether the law uses it."""
+"""Contribution of magnetorquers to the remaining control in a case, and whether the law uses it."""
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -12,12 +12,12 @@ from jaxsat.spacecraft.environment.disturbances import has_gravity_gradient
 from jaxsat.spacecraft.magnetorquers import MagneticSteering
 
 TURNED = 0.1
-"""Of the least momentum that a wheel can hold: what runaways may hold across the orbit normal. The
-orbit turns it, and nothing takes that out of two wheels for a third of an orbit."""
+"""Largest momentum of runaways across the orbit normal, relative to the least capacity of a wheel.
+The orbit turns it, and two wheels cannot unload it for a third of an orbit."""
 
 
 def rod_set(loop: AbstractLoop, dipoles: Dipoles) -> RodSet:
-    """The magnetorquers of a loop as controllability judges them."""
+    """Return the magnetorquers of a loop for controllability."""
     limits = np.asarray(dipoles.limits, float)
     return RodSet(
         names=tuple(f"m{number}" for number in range(1, len(limits) + 1)),
@@ -30,13 +30,13 @@ def rod_set(loop: AbstractLoop, dipoles: Dipoles) -> RodSet:
 
 
 def momentum_bias(loop: AbstractLoop) -> float:
-    """Momentum (N m s) along the orbit normal that wheels are to keep, whoever steers rods."""
+    """Momentum bias (N m s) of wheels along the orbit normal, whatever steers the magnetorquers."""
     steering = parts_of(MagneticSteering, loop)
     return -float(steering[0].bias[1]) if steering else 0.0
 
 
 def sampled_law(loop: AbstractLoop) -> AbstractSampledController | None:
-    """The law of a loop that is sampled; None for another, which no magnetorquers serve."""
+    """Return the law of a sampled loop; None for another, which does not use magnetorquers."""
     return loop.controller if isinstance(loop, SampledLoop) else None
 
 
@@ -50,9 +50,9 @@ def law_uses_rods(
 
 
 def wheels_hold_turned(loop: AbstractLoop, runaway: Float[np.ndarray, "3 k"], least: float) -> bool:
-    """Whether wheels that hold the `least` momentum (N m s) live with that of `runaway` columns.
+    """Whether wheels of at least this capacity (N m s) tolerate the momentum of `runaway` columns.
 
-    Only a law that watches wheels finds one in that state.
+    Only a law that monitors wheels sees such a state.
     """
     law = sampled_law(loop)
     if law is None or law.known is None:

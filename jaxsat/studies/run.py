@@ -1,4 +1,4 @@
-"""A study computed into its store, chunk by chunk, until it is done or a rule is met."""
+"""Computation of a study into its store, chunk by chunk, until it is done or a rule is met."""
 
 import time
 import warnings
@@ -22,7 +22,7 @@ from jaxsat.studies.statistics import AbstractStopRule
 
 @dataclass(frozen=True)
 class StudyProgress:
-    """How far a study is: cases done and to do, those settled, and the pace of this run."""
+    """Progress of a study: cases done and total, settled ones, and the rate of this run."""
 
     done: int
     count: int
@@ -31,12 +31,12 @@ class StudyProgress:
 
     @property
     def seconds_left(self) -> float:
-        """The seconds that the rest takes at the pace so far."""
+        """Remaining time, s, at the rate so far."""
         return (self.count - self.done) / self.rate if self.rate > 0 else float("inf")
 
     @property
     def fraction_settled(self) -> float:
-        """The fraction of the done cases that settled."""
+        """Fraction of the done cases that settled."""
         return self.settled / self.done if self.done else float("nan")
 
 
@@ -50,13 +50,13 @@ def run_study(
     tell: Callable[[str], None] = warnings.warn,
     elsewhere: bool = False,
 ) -> int:
-    """Compute what a store at `path` lacks of a study; gives the number of cases that count.
+    """Compute the missing chunks of a study in the store at `path`; return the valid cases' number.
 
-    With a stop rule these are the chunks from the first on up to where the rule is met, which does
-    not depend on the order in which they are computed. `elsewhere` lets a store be continued with
-    other versions or on another processor. `tell` is called with what was found damaged in the
-    store, and is computed again. Raises `OutputError` where the store cannot be used, and
-    `ValueError` for a stop rule over a Latin hypercube, whose size is fixed.
+    With a stop rule, valid are the chunks from the first up to the one that meets the rule, in
+    whatever order they are computed. `elsewhere` lets a store be continued with other versions or
+    on another processor. `tell` receives reports of damage in the store, which is computed again.
+    Raises `OutputError` if the store cannot be used, and `ValueError` for a stop rule over a Latin
+    hypercube, whose size is fixed.
     """
     if until is not None and study.has_fixed_size:
         raise ValueError("A stop rule must have independent or Sobol draws, not a Latin hypercube.")
@@ -90,9 +90,9 @@ def run_study(
 
 @dataclass(frozen=True)
 class _ChunkWork:
-    """Computes the chunks of a study, in any process where the program is the same.
+    """A picklable function that computes the chunks of a study, if the program there is the same.
 
-    On the machine `where` if one is given.
+    Restricted to the machine `where` if one is given.
     """
 
     study: Study
@@ -118,12 +118,12 @@ class _ChunkWork:
 
     @once_property
     def _program_here(self) -> dict[str, Any]:
-        """What the program is in this process, whose law or libraries may be others."""
+        """Identity of the program in this process, whose law or libraries may differ."""
         return self.study.program_identity()
 
 
 class _StudyLedger:
-    """Which chunks are done, and how many of the cases from the first on count."""
+    """Chunks that are done, and the number of consecutive cases from the first on."""
 
     def __init__(self, store: StudyStore, count: int, until: AbstractStopRule | None):
         self._store, self._until = store, until
@@ -144,14 +144,14 @@ class _StudyLedger:
         return "settling_time" if self._until is None else self._until.column
 
     def wanted(self) -> Iterator[int]:
-        """The chunks to compute, until the rule is met."""
+        """Yield the chunks to compute, until the rule is met."""
         for chunk in self._store.pending():
             if self._met or chunk >= self._chunks:
                 return
             yield chunk
 
     def add(self, chunk: int, values: Mapping[str, np.ndarray]) -> None:
-        """One more chunk is done."""
+        """Add a completed chunk."""
         settled = np.isfinite(values["settling_time"])
         successes = None if self._until is None else self._until.successes(values[self._column])
         self._shares[chunk] = (len(settled), successes)

@@ -1,7 +1,7 @@
-"""Which dispersed number matters for a result: first-order indices and rank correlations.
+"""Sensitivity of results to dispersed numbers: first-order indices and rank correlations.
 
-Both come with intervals that hold for all numbers of a study together, so that a sample in which
-nothing matters shows something in one study of forty.
+Intervals hold for all numbers of a study together: without any influence, one study of forty shows
+some.
 """
 
 from collections.abc import Iterable
@@ -15,14 +15,14 @@ from jaxsat.studies.statistics import LEVEL, Interval
 UNKNOWN = Interval(float("nan"), float("nan"), float("nan"))
 
 ROUNDING = 1e-12
-"""Of the variance: what rounding errors leave of a first-order index of zero."""
+"""Round-off tolerance on a first-order index of zero, relative to the variance."""
 
 
 class Sensitivity(NamedTuple):
-    """How much one dispersed number tells of a result.
+    """Sensitivity of a result to one dispersed number.
 
     `rank_correlation` is Spearman's; `first_order` is the share of the result's variance that the
-    number explains alone, Sobol's first-order index; NaN where nothing varies.
+    number explains alone, Sobol's first-order index; NaN without variation.
     """
 
     name: str
@@ -36,11 +36,11 @@ class Sensitivity(NamedTuple):
 
 
 def numbers_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
-    """What was drawn under a name, (cases, components), as numbers by the names in reports.
+    """Split the draws of a name, (cases, components), into numbers by their names in reports.
 
     A quantity of one number may have shape (cases,). Components are numbered from 1. A quaternion,
-    whose components depend on one another and whose sign means nothing, becomes the angle (rad, 0
-    to π) of the rotation and its axis.
+    whose components are dependent and whose sign is arbitrary, becomes the angle (rad, 0 to π) of
+    the rotation and its axis.
     """
     values = np.asarray(values, dtype=float).reshape(len(values), -1)
     if name == "attitude":
@@ -56,11 +56,11 @@ def numbers_of(name: str, values: np.ndarray) -> dict[str, np.ndarray]:
 
 
 class Sensitivities:
-    """How much dispersed numbers, added one name after the other, tell of one or more results.
+    """Sensitivities of one or more results to dispersed numbers, added one name after the other.
 
-    Cases whose result is not finite are left out. The draws must be independent of one another;
-    where they are not, as the components of an axis, an index counts what a number shares with
-    others. Sorting is what takes long: every number and every result is sorted once.
+    Cases with a non-finite result are left out. The draws must be independent; if they are not, as
+    the components of an axis, an index includes the share in common with others. Sorting dominates
+    the time: every number and every result is sorted once.
     """
 
     def __init__(self, results: Iterable[np.ndarray]):
@@ -68,7 +68,7 @@ class Sensitivities:
         self._evidence: list[list[_Evidence]] = [[] for _ in self._results]
 
     def add(self, name: str, values: np.ndarray) -> None:
-        """What was drawn under a name, as `numbers_of` takes it."""
+        """Add the draws of a name, as `numbers_of` takes them."""
         for label, column in numbers_of(name, values).items():
             order = np.argsort(column, kind="stable")
             for evidence, result in zip(self._evidence, self._results, strict=True):
@@ -87,7 +87,7 @@ class Sensitivities:
 
 
 class _Result:
-    """A result's finite values, their places among these, and their ranks less the mean rank."""
+    """Finite values of a result, their places among these, and their ranks less the mean rank."""
 
     def __init__(self, values: np.ndarray):
         self.fine = np.isfinite(values)
@@ -108,7 +108,7 @@ class _Index(NamedTuple):
 
 
 class _Evidence(NamedTuple):
-    """What the sample says of one number, before it is known how many there are."""
+    """Estimates for one number, before the number of simultaneous intervals is known."""
 
     name: str
     share: _Index | None
@@ -116,7 +116,7 @@ class _Evidence(NamedTuple):
     cases: int
 
     def sensitivity(self, tails: float) -> Sensitivity:
-        """The sensitivity, with intervals that miss with a probability of `tails`."""
+        """Sensitivity, with intervals that miss with a probability of `tails`."""
         index = UNKNOWN if self.share is None else _index_interval(self.share, tails)
         return Sensitivity(
             self.name, index, _correlation_interval(self.correlation, self.cases, tails)
@@ -124,30 +124,30 @@ class _Evidence(NamedTuple):
 
 
 def _evidence(name: str, x: np.ndarray, places: np.ndarray, result: _Result) -> _Evidence:
-    """The evidence of ascending numbers `x` and their places in a result."""
+    """Evidence of ascending numbers `x` and their places in a result."""
     y = result.values[places]
-    if not len(x) or not x[-1] > x[0] or not np.ptp(y) > 0:  # NaN comes last
+    if not len(x) or not x[-1] > x[0] or not np.ptp(y) > 0:  # NaN is last
         return _Evidence(name, None, float("nan"), len(x))
     correlation = _correlation(_ranks(x), result.ranks[places])
     return _Evidence(name, _first_order_index(y), correlation, len(x))
 
 
 def _ranks(ascending: np.ndarray) -> np.ndarray:
-    """Ranks less their mean; equal numbers share the mean of theirs."""
+    """Ranks less their mean; equal numbers share their mean rank."""
     new = np.flatnonzero(np.diff(ascending, prepend=np.nan) != 0)
     counts = np.diff(new, append=len(ascending))
     return np.repeat(new + (counts - len(ascending)) / 2, counts)
 
 
 def _correlation(x: np.ndarray, y: np.ndarray) -> float:
-    """The correlation of numbers without mean; NaN for fewer than three."""
+    """Correlation of zero-mean numbers; NaN for fewer than three."""
     if len(x) < 3:
         return float("nan")
     return float(np.sum(x * y) / np.sqrt(np.sum(x**2) * np.sum(y**2)))
 
 
 def _correlation_interval(r: float, cases: int, tails: float) -> Interval:
-    """The interval by Fisher's transformation: Bonett and Wright, Psychometrika 65, 2000."""
+    """Interval by Fisher's transformation: Bonett and Wright, Psychometrika 65, 2000."""
     if np.isnan(r):
         return UNKNOWN
     if cases < 4:
@@ -158,14 +158,14 @@ def _correlation_interval(r: float, cases: int, tails: float) -> Interval:
 
 
 def _first_order_index(y: np.ndarray) -> _Index | None:
-    """Var(E[y | x]) / Var(y) of results in the order of the numbers x, None where it is unknown.
+    """Var(E[y | x]) / Var(y) of results in the order of the numbers x, None if it is unknown.
 
-    From bins of equal counts of x, less what chance alone gives. E. Plischke, Reliability
+    From bins of equal counts of x, less the expectation by chance. E. Plischke, Reliability
     Engineering & System Safety 95, 2010, has the estimator; the correction is that of the analysis
-    of variance (ω²), without which many bins look like sensitivity. What y does within a bin is not
-    seen: where it oscillates with x and the cases are few, the index is too small.
-    The deviation is that of 2 m (y - μ) - m² - S (y - μ)², over Var(y), with m the mean of a bin
-    less μ: what one case more would change.
+    of variance (ω²), without which many bins look like sensitivity. Variation of y within a bin is
+    unresolved: if y oscillates with x and the cases are few, the index is too small. The deviation
+    is that of 2 m (y - μ) - m² - S (y - μ)², over Var(y), with m the mean of a bin less μ: the
+    influence of one more case.
     """
     count = len(y)
     bins = max(2, min(32, round(count**0.4)))
@@ -186,12 +186,12 @@ def _first_order_index(y: np.ndarray) -> _Index | None:
 
 
 def _index_interval(index: _Index, tails: float) -> Interval:
-    """Score interval of an index, two errors added in squares.
+    """Score interval of an index, from two errors added in squares.
 
-    What chance alone makes of an index of zero, by the quantiles of F of the analysis of variance,
-    so that the lower end is above zero where the F test rejects; and the deviation of the estimate,
-    whose square grows in proportion to the index. The second is asymptotic: an index far from zero
-    of a result with a heavy tail is less certain than that.
+    The first is the chance value of an index of zero, by the quantiles of F of the analysis of
+    variance, so that the lower end is above zero if the F test rejects; the second the deviation of
+    the estimate, whose square grows in proportion to the index. It is asymptotic: an index far from
+    zero of a result with a heavy tail is less certain.
     """
     from scipy import special  # takes its time, and a study that is computed has no use for it
 
@@ -206,6 +206,6 @@ def _index_interval(index: _Index, tails: float) -> Interval:
     constant = slope * max(index.value, 0.0)
     down = by_chance(1 - tails / 2) ** 2 + constant
     up = by_chance(tails / 2) ** 2 + constant
-    low = index.value - 2 * down / (np.sqrt(slope**2 + 4 * down) + slope)  # nothing cancels
+    low = index.value - 2 * down / (np.sqrt(slope**2 + 4 * down) + slope)  # no cancellation
     high = index.value + (np.sqrt(slope**2 + 4 * up) + slope) / 2
     return Interval(index.value, *np.clip([low, high], 0.0, 1.0).tolist())

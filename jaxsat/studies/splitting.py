@@ -1,12 +1,12 @@
-"""The probability of a rare event, by splitting the cases that come nearest to it.
+"""The probability of a rare event, by multilevel splitting.
 
 The cases lie in a space of independent standard normal numbers, and an event is a margin below
-zero. Margins below levels that go down to zero are nested events, none of which is rare given the
-one before. A pilot run finds the levels; it is subset simulation of S.-K. Au and J. L. Beck,
-Probabilistic Engineering Mechanics 16, 2001, with the Markov chains of I. Papaioannou, W. Betz,
-K. Zwirglmaier, D. Straub, ibid. 41, 2015. Replications then keep levels and steps fixed and choose
-the begins of their chains without bias, so that the mean of their estimates is the probability:
-P. Del Moral, Feynman-Kac Formulae, 2004, theorem 7.4.2.
+zero. Margins below levels that decrease to zero are nested events, none of which is rare given the
+previous one. A pilot run sets the levels; it is subset simulation of S.-K. Au and J. L. Beck,
+Probabilistic Engineering Mechanics 16, 2001, with the Markov chains of I. Papaioannou, W. Betz, K.
+Zwirglmaier, D. Straub, ibid. 41, 2015. Replications then keep levels and steps fixed and sample the
+seeds of their chains without bias, so that the mean of their estimates is the probability: P. Del
+Moral, Feynman-Kac Formulae, 2004, theorem 7.4.2.
 """
 
 from collections.abc import Callable
@@ -20,27 +20,27 @@ from jaxsat.core.errors import ArgumentError
 from jaxsat.studies.statistics import Interval
 
 LENGTH = 10
-"""Cases of a chain, its begin among them; one of so many cases is below the next level."""
+"""Cases of a chain, seed included; its inverse is the fraction of cases below the next level."""
 
 ACCEPTED = 0.44
-"""Part of the moves that is to be accepted (Papaioannou et al.)."""
+"""Target acceptance rate of the moves (Papaioannou et al.)."""
 
 FIRST_SIZE = 0.6
 """Size of the first moves: 0 for none, 1 for an independent draw."""
 
 MORE = 0.3
-"""Probability with which what can be drawn again only whole is, besides the one that always is."""
+"""Probability of a redraw of each further part that is redrawn whole; one part always is."""
 
 Evaluate = Callable[
     [Float[np.ndarray, "cases dimension"], UInt32[np.ndarray, " cases"]],
     Float[np.ndarray, " cases"],
 ]
-"""Margins of cases at points in the open unit cube, with the numbers of their noise."""
+"""Function from points in the open unit cube and noise numbers to the margins of cases."""
 
 
 class Space(NamedTuple):
-    """Which coordinates are `whole`: drawn again, not moved, as what they mean jumps; and whether
-    cases have noise, which is always drawn again whole."""
+    """Mask of `whole` coordinates, which are redrawn, not moved, as their meaning jumps; and
+    whether cases have noise, which is always redrawn whole."""
 
     whole: Bool[np.ndarray, " dimension"]
     noisy: bool
@@ -52,13 +52,13 @@ class Space(NamedTuple):
 
     @property
     def redraws(self) -> int:
-        """How many parts are drawn again whole."""
+        """Number of parts that are redrawn whole."""
         return int(self.whole.sum()) + self.noisy
 
 
 class Population(NamedTuple):
     """Cases: normal numbers `x`, `noise`, `margin`, the `number` of the evaluation, and the `root`,
-    the number of the independent draw that the case comes from."""
+    the number of the independent draw from which the case descends."""
 
     x: Float[np.ndarray, "*n dimension"]
     noise: UInt32[np.ndarray, "*n"]
@@ -67,24 +67,22 @@ class Population(NamedTuple):
     root: Int[np.ndarray, "*n"]
 
     def at(self, places: np.ndarray | tuple) -> "Population":
-        """The cases at these places."""
+        """Return the cases at these places."""
         return Population(*(one[places] for one in self))
 
     def split(self, rows: int) -> "Population":
-        """The cases in so many rows."""
+        """Return the cases in this number of rows."""
         return Population(*(one.reshape(rows, -1, *one.shape[1:]) for one in self))
 
     def joined(self) -> "Population":
-        """The cases of all rows in one."""
+        """Return the cases of all rows in one."""
         return Population(*(one.reshape(-1, *one.shape[2:]) for one in self))
 
 
 class Level(NamedTuple):
-    """A `margin`, below or at which are the cases of the next population, and the `size` of its
-    moves.
+    """Largest `margin` of the cases of the next population, and the `size` of its moves.
 
-    `moved` and `redrawn` are the fractions of moves and of whole draws that were accepted, NaN
-    where there are none.
+    `moved` and `redrawn` are the acceptance rates of moves and of whole redraws, NaN without any.
     """
 
     margin: float
@@ -94,12 +92,12 @@ class Level(NamedTuple):
 
 
 class Replications(NamedTuple):
-    """What independent estimates found.
+    """Independent estimates of the probability.
 
     `fractions` (replications, levels + 1) are at or below each level given the one before, at last
     below zero. `last` has the populations (alive, cases) below the last level, of the replications
-    that are still `alive` there. `levels` tell what was accepted, and `draws` are the numbers of
-    all independent draws.
+    that are still `alive` there. `levels` hold the acceptance rates, and `draws` the numbers of all
+    independent draws.
     """
 
     fractions: Float[np.ndarray, "replications levels"]
@@ -110,17 +108,17 @@ class Replications(NamedTuple):
 
     @property
     def probabilities(self) -> Float[np.ndarray, " replications"]:
-        """The estimate of each replication."""
+        """Estimate of each replication."""
         return self.fractions.prod(axis=1)
 
     @property
     def of_last(self) -> Float[np.ndarray, " replications"]:
-        """The estimate of each replication of how probable it is to be below the last level."""
+        """Estimate by each replication of the probability of margins below the last level."""
         return self.fractions[:, :-1].prod(axis=1)
 
 
 class Splitting:
-    """Estimates the probability of a margin below zero from `cases` a population.
+    """Estimator of the probability of a margin below zero, from `cases` per population.
 
     Raises `ArgumentError` for a number of cases that chains do not divide.
     """
@@ -133,9 +131,9 @@ class Splitting:
         self._evaluated = 0
 
     def pilot(self, least: float) -> tuple[list[Level], bool]:
-        """The levels, and whether the last population reaches the event.
+        """Return the levels, and whether the last population reaches the event.
 
-        It does not if the margin goes no lower, or if its probability is below `least`, with
+        It does not if the margin stops decreasing, or if its probability is below `least`, with
         confidence.
         """
         population, size = self._draws(self._cases), FIRST_SIZE
@@ -154,7 +152,7 @@ class Splitting:
         return levels, True
 
     def replicate(self, levels: list[Level], replications: int) -> Replications:
-        """So many independent estimates with these levels."""
+        """Return independent estimates with these levels."""
         population = self._draws(replications * self._cases)
         draws, rows = population.number, population.split(replications)
         fractions = np.zeros((replications, len(levels) + 1))
@@ -175,7 +173,7 @@ class Splitting:
         return Replications(fractions, rows, alive, outcomes, draws)
 
     def _draws(self, count: int) -> Population:
-        """Independent cases."""
+        """Draw independent cases."""
         x = self._generator.standard_normal((count, len(self._space.whole)))
         return self._evaluated_at(x, self._noise(count), None)
 
@@ -183,7 +181,7 @@ class Splitting:
         return self._generator.integers(0, 2**32, count, dtype=np.uint32)
 
     def _evaluated_at(self, x, noise, root: np.ndarray | None) -> Population:
-        """Cases that are flown; they are their own roots if none are given."""
+        """Evaluate cases; they are their own roots if none are given."""
         points = np.clip(ndtr(x), 2.0**-53, 1 - 2.0**-53)
         number = self._evaluated + np.arange(len(x))
         self._evaluated += len(x)
@@ -191,8 +189,8 @@ class Splitting:
         return Population(x, noise, margin, number, number if root is None else root)
 
     def _next_margin(self, margins: np.ndarray, levels: list[Level]) -> float | None:
-        """The margin that one of `LENGTH` is below; of many equal ones the next lower that there
-        is. None where there is none from zero on."""
+        """Margin quantile of one in `LENGTH`; among ties the next lower margin. None if no margin
+        from zero on remains."""
         last = levels[-1].margin if levels else np.inf
         lower = margins[(margins < last) & (margins >= 0)]
         if not len(lower):
@@ -201,7 +199,7 @@ class Splitting:
         return float(min(np.partition(margins, place)[place], lower.max()))
 
     def _chosen(self, below: Bool[np.ndarray, " cases"]) -> Int[np.ndarray, " begins"]:
-        """Places of the begins of chains: each of those below is expected equally often.
+        """Places of the seeds of chains: each case below the level has the same expected count.
 
         Systematic resampling: J. Carpenter, P. Clifford, P. Fearnhead, IEE Proceedings - Radar,
         Sonar and Navigation 146, 1999.
@@ -214,8 +212,8 @@ class Splitting:
     def _chains(
         self, now: Population, margin: float, size: float, *, adapt: bool
     ) -> tuple[Population, Level]:
-        """All cases of the chains that begin at `now` and stay at or below a margin, step by step
-        one after the other, and what was accepted."""
+        """All cases of the chains that start at `now` and stay at or below a margin, step by step
+        in sequence, and the acceptance rates."""
         cases, moved, redrawn = [now], [], []
         for step in range(1, LENGTH):
             moving = self._moving(len(now.margin))
@@ -237,13 +235,13 @@ class Splitting:
         return together, Level(margin, float(size), *rates)
 
     def _moving(self, count: int) -> Bool[np.ndarray, " count"]:
-        """Which of the chains move; in the others something is drawn again whole."""
+        """Mask of the chains that move; the others redraw some parts whole."""
         if not (self._space.moves and self._space.redraws):
             return np.full(count, self._space.moves or not self._space.redraws)
         return self._generator.random(count) < 0.5
 
     def _proposed(self, now: Population, moving: np.ndarray, size: float) -> Population:
-        """The next case of each chain, if it is accepted; its distribution stays that of draws."""
+        """Proposal for each chain, which preserves the distribution of draws."""
         generator, whole = self._generator, self._space.whole
         fresh = generator.standard_normal(now.x.shape)
         move = moving[:, None] & ~whole
@@ -256,7 +254,7 @@ class Splitting:
         return self._evaluated_at(x, noise, now.root)
 
     def _again(self, redrawing: np.ndarray) -> Bool[np.ndarray, "chains redraws"]:
-        """What is drawn again whole: of these chains at least one part."""
+        """Mask of the parts redrawn whole: at least one part of each of these chains."""
         parts = self._space.redraws
         if not parts:
             return np.zeros((len(redrawing), 0), bool)
@@ -266,11 +264,11 @@ class Splitting:
 
 
 def interval_of(estimates: Float[np.ndarray, " replications"], level: float) -> Interval:
-    """The mean of independent estimates of a probability, and its interval.
+    """Mean of independent estimates of a probability, and its interval.
 
     The estimates are skewed and nearly log-normal (F. Cérou, A. Guyader, Stoch. Anal. Appl. 25,
     2007). So the logarithm of the mean has the interval of D. R. Cox for that of a log-normal mean
-    (X.-H. Zhou, S. Gao, Statistics in Medicine 16, 1997), with Student's distribution. Where an
+    (X.-H. Zhou, S. Gao, Statistics in Medicine 16, 1997), with Student's distribution. If an
     estimate is zero, the variance of the logarithms follows from that of the estimates.
     """
     count, mean = len(estimates), float(estimates.mean())
@@ -286,7 +284,7 @@ def interval_of(estimates: Float[np.ndarray, " replications"], level: float) -> 
 
 
 def _by_replication(population: Population, count: int) -> Population:
-    """The cases of chains of all replications (steps, replications, begins), by replication."""
+    """Cases of chains of all replications (steps, replications, begins), by replication."""
     steps = population.split(LENGTH * count)
     order = np.arange(LENGTH * count).reshape(LENGTH, count).T.ravel()
     return steps.at(order).joined().split(count)

@@ -1,4 +1,4 @@
-"""What a sample of cases says: fractions and percentiles with their intervals."""
+"""Statistics of a sample of cases: fractions and percentiles with their intervals."""
 
 import abc
 import bisect
@@ -16,7 +16,7 @@ LEVEL = 0.95
 
 
 class Interval(NamedTuple):
-    """An estimate with its confidence interval; an end is infinite where none can be given."""
+    """An estimate with its confidence interval; an unbounded end is infinite."""
 
     value: float
     low: float
@@ -24,7 +24,7 @@ class Interval(NamedTuple):
 
 
 def wilson(successes: int, count: int, level: float = LEVEL) -> Interval:
-    """A fraction with Wilson's score interval, which holds near 0 and 1 as well.
+    """Fraction with Wilson's score interval, which is valid also near 0 and 1.
 
     E. B. Wilson, J. Am. Stat. Assoc. 22, 1927.
     """
@@ -40,19 +40,19 @@ def wilson(successes: int, count: int, level: float = LEVEL) -> Interval:
 
 
 class AbstractStopRule(abc.ABC):
-    """When so many cases are enough: by how many of them were successes, in one sense or more."""
+    """A rule that ends a study, by the number of successes in one sense or more."""
 
     column: ClassVar[str] = "settling_time"
-    """The column of a store by which cases are successes: finite times, margins from 0 on."""
+    """Store column that defines successes: finite times, margins from 0 on."""
 
     @staticmethod
     def successes(values: np.ndarray) -> Any:
-        """How many of these cases, by their values of `column`, are successes."""
+        """Number of successes among these values of `column`."""
         return int(np.isfinite(values).sum())
 
     @abc.abstractmethod
     def met(self, successes: Any, count: int) -> bool:
-        """Whether `count` cases are enough, of which so many were successes."""
+        """Whether `count` cases with this number of successes are enough."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class StopRule(AbstractStopRule):
             )
 
     def met(self, successes: int, count: int) -> bool:
-        """Whether so many cases are enough."""
+        """Whether the interval is narrow enough."""
         if count < self.least:
             return False
         interval = wilson(successes, count, self.level)
@@ -81,10 +81,10 @@ class StopRule(AbstractStopRule):
 class WhenDecided(AbstractStopRule):
     """Stop once the settled fraction is above, or below, `fraction` with confidence.
 
-    It may be asked after any number of cases, and for each of so many `candidates`: with a
-    probability of at most (1 - level) / 2 is any of those that settle no larger fraction ever told
-    to be above, and the same for below. For this the likelihood of what was seen, the mean over all
-    fractions on the other side, must exceed that under `fraction` so many times. H. Robbins, Ann.
+    The test is valid after any number of cases, and for each of several `candidates`: with a
+    probability of at most (1 - level) / 2 any of those with no larger fraction is ever declared
+    above, and the same for below. For this the likelihood of the observations, averaged over all
+    fractions on the other side, must exceed that under `fraction` by a factor. H. Robbins, Ann.
     Math. Stat. 41, 1970; J. Ville, 1939.
     """
 
@@ -102,18 +102,18 @@ class WhenDecided(AbstractStopRule):
         return self._decides(successes, count, self.fraction)
 
     def interval(self, successes: int, count: int) -> Interval:
-        """The fraction, and the ends of all fractions that are not surely too small or too large.
+        """Fraction, and the bounds of all fractions that are not rejected as too small or too
+        large.
 
         At whatever number of cases a study stops, the true fraction is below the interval with a
-        probability of at most (1 - level) / 2, and above it with the same, for all `candidates`
-        together.
+        probability of at most (1 - level) / 2, and above it alike, for all `candidates` together.
         """
         low = self._least_likely(successes, count)
         high = 1 - self._least_likely(count - successes, count)
         return Interval(successes / count, low, high)
 
     def _least_likely(self, successes: int, count: int) -> float:
-        """The largest fraction that so many successes decide against."""
+        """Largest fraction that this number of successes rejects."""
         low, high = 0.0, successes / count
         for _ in range(60):
             middle = (low + high) / 2
@@ -121,13 +121,13 @@ class WhenDecided(AbstractStopRule):
         return low
 
     def _decides(self, successes: int, count: int, fraction: float) -> bool:
-        """Whether a true fraction of `fraction` or less makes so many successes too unlikely."""
+        """Whether this number of successes rejects true fractions of `fraction` or less."""
         from scipy import special  # as below
 
         if fraction in (0, 1):
             return fraction == 0 < successes
         shape = (successes + 1, count - successes + 1)
-        with np.errstate(divide="ignore"):  # log 0: so few that no larger fraction makes them
+        with np.errstate(divide="ignore"):  # log 0: no larger fraction is likely
             larger = special.betaln(*shape) + np.log(special.betaincc(*shape, fraction))
         alike = special.xlogy(successes, fraction) + special.xlog1py(shape[1], -fraction)
         return bool(larger - alike >= np.log(2 * self.candidates / (1 - self.level)))
@@ -143,7 +143,7 @@ class WhenAllDecided(AbstractStopRule):
 
     @staticmethod
     def successes(values: np.ndarray) -> Any:
-        """How many of these cases meet each requirement."""
+        """Number of cases that meet each requirement."""
         return (values >= 0).sum(axis=0)
 
     def met(self, successes: Any, count: int) -> bool:
@@ -152,12 +152,12 @@ class WhenAllDecided(AbstractStopRule):
 
 
 def percentile(values: np.ndarray, percent: float) -> Interval:
-    """A percentile with the interval between two order statistics; values may be infinite, not NaN.
+    """Percentile with the interval between two order statistics; values may be infinite, not NaN.
 
-    How many of so many draws lie below the percentile is binomial, whatever their distribution, so
-    the interval covers it with a probability of at least 0.95, half of the rest on either side.
-    An end that no order statistic is sure enough for is infinite: nothing is known beyond the
-    largest value seen. H. A. David, H. N. Nagaraja, Order Statistics, 3rd edition, 2003, 7.1.
+    The number of draws below the percentile is binomial, whatever their distribution, so the
+    interval covers the percentile with a probability of at least 0.95, half of the rest on either
+    side. If no order statistic has enough confidence, an end is infinite: nothing is known beyond
+    the largest value. H. A. David, H. N. Nagaraja, Order Statistics, 3rd edition, 2003, 7.1.
     """
     values = np.sort(np.asarray(values, dtype=float))
     if not len(values) or np.isnan(values).any():
@@ -170,13 +170,13 @@ def percentile(values: np.ndarray, percent: float) -> Interval:
 
 @latest(256)
 def _order_statistics(count: int, percent: float) -> tuple[int, int]:
-    """How many order statistics are below a percentile with confidence, and the first above it."""
+    """Number of order statistics surely below a percentile, and index of the first above it."""
     from scipy import special  # takes its time, and a study that is computed has no use for it
 
     tail = (1 - LEVEL) / 2
 
     def at_most(number: int) -> float:
-        """The probability that at most so many values lie below the percentile."""
+        """Probability that at most `number` values lie below the percentile."""
         return float(special.bdtr(number, count, percent / 100))
 
     below = bisect.bisect_right(range(count), tail, key=at_most)
@@ -184,7 +184,7 @@ def _order_statistics(count: int, percent: float) -> tuple[int, int]:
 
 
 def _of_sorted(values: np.ndarray, percent: float) -> float:
-    """Linear interpolation between order statistics that leaves infinities what they are."""
+    """Linear interpolation between order statistics that preserves infinities."""
     place = percent / 100 * (len(values) - 1)
     below = int(np.floor(place))
     low, high = values[below], values[min(below + 1, len(values) - 1)]
@@ -195,7 +195,7 @@ def _of_sorted(values: np.ndarray, percent: float) -> float:
 
 
 def percent_texts(interval: Interval) -> tuple[str, str, str]:
-    """A fraction and the ends of its interval, "99.90%"; digits enough to tell the ends apart."""
+    """A fraction and the ends of its interval, "99.90%", with digits that tell the ends apart."""
     width, digits = 100 * (interval.high - interval.low), 2
     while digits < 6 and 0 < width < 10 ** (1 - digits):
         digits += 1
@@ -210,7 +210,7 @@ def fraction_text(interval: Interval) -> str:
 
 
 def ends_text(interval: Interval, text_of: Callable[[float], str] = number_text) -> str:
-    """The ends of an interval in words, "1 to 2"; "over 1" where the upper end is open."""
+    """Ends of an interval as text, "1 to 2"; "over 1" for an open upper end."""
     low, high = map(text_of, interval[1:])
     if np.isfinite(interval.high):
         return f"{low} to {high}" if np.isfinite(interval.low) else f"up to {high}"

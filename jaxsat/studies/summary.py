@@ -18,11 +18,11 @@ PERCENTS = (50.0, 90.0, 99.0)
 
 
 class RequirementSummary(NamedTuple):
-    """What the cases of a study show of a requirement.
+    """Results of a study for one requirement.
 
-    `met` is the fraction of cases that meet it, `worst` the case with the least margin, or one that
-    ended before it was judged: its `margin` (SI) is then NaN. The margin was decided by the
-    `comparison` of that number at `time` (s).
+    `met` is the fraction of cases that meet it, `worst` the case with the smallest margin, or one
+    that ended before the requirement was evaluated: its `margin` (SI) is then NaN. The margin was
+    decided by the `comparison` of that number at `time` (s).
     """
 
     name: str
@@ -34,18 +34,18 @@ class RequirementSummary(NamedTuple):
 
 
 class Summary(NamedTuple):
-    """What a study found.
+    """Results of a study.
 
     `settled` is a fraction; `settling_time` (s, of the settled cases) and `effort` (N m s, of the
-    cases that reached their end) are by percent, empty where there are none. So are `actuators`, by
-    column: what all devices together used, and the largest peak of any, as actuators declare, and
-    the torque (N m) that they did not make, with the fraction of samples at which they did not.
-    `outcomes` counts the cases by how they ended, `worst` lists case numbers, those that failed
-    first. The rankings say which dispersion matters for the cost and for settling at all. Intervals
-    are of 95 %, those of independent draws, and open (infinite) where there are too few cases;
-    those of a ranking hold together. `recovery` is None where nothing fails in flight. `rate_error`
-    (rad/s) and `attitude_error` (rad) are the largest estimates of what the length of the steps
-    leaves, None where there are none. `requirements` are those that could be judged.
+    cases that reached their end) are by percent, empty without such cases. So are `actuators`, by
+    column: the consumption of all devices together, the largest peak of any, as actuators declare,
+    and the torque (N m) that they did not make, with the fraction of samples at which they did not.
+    `outcomes` counts the cases by how they ended, `worst` lists case numbers, failed ones first.
+    The rankings order dispersions by their effect on the cost and on settling. Intervals are of 95
+    %, those of independent draws, and open (infinite) for too few cases; those of a ranking hold
+    together. `recovery` is None without failures in flight. `rate_error` (rad/s) and
+    `attitude_error` (rad) are the largest estimates of the integration error, None without any.
+    `requirements` are those that could be evaluated.
     """
 
     cases: int
@@ -64,13 +64,13 @@ class Summary(NamedTuple):
 
     @property
     def ranking(self) -> list[Sensitivity]:
-        """What settling depends on, or the cost where all cases settle or none."""
+        """Ranking for settling, or for the cost if all cases settle or none."""
         some = 0 < self.settled.value < 1
         return self.settling_sensitivity if some else self.cost_sensitivity
 
 
 def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int = 10) -> Summary:
-    """The summary of the done cases among the first `count` (all unless given).
+    """Summarise the done cases among the first `count` (all by default).
 
     `dataset` is that of `open_study`, or columns by name.
     """
@@ -89,7 +89,7 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
     success = columns["code"] == int(Outcome.SUCCESS)
     names = [str(name) for name in dataset if str(name).startswith(DRAWN)]
     measure = Sensitivities([columns["cost"], settled])
-    for name in names:  # one at a time, which keeps memory small
+    for name in names:  # one at a time to save memory
         measure.add(name.removeprefix(DRAWN), column(name))
     of_cost, of_settling = measure.ranked()
     errors = largest_errors({name: column(name) for name in ERRORS if name in dataset})
@@ -118,7 +118,7 @@ def summarise(dataset: Mapping[Any, Any], count: int | None = None, worst: int =
 def summarise_requirements(
     dataset: Mapping[Any, Any], numbers: np.ndarray
 ) -> tuple[RequirementSummary, ...]:
-    """Every requirement of a study, by the cases of these numbers."""
+    """Return the results for every requirement of a study, by the cases of these numbers."""
     if not set(REQUIREMENTS) <= set(dataset):
         return ()
     margins, by, at = (np.asarray(dataset[name])[numbers] for name in REQUIREMENTS)
@@ -141,14 +141,14 @@ def summarise_requirements(
 
 
 def _of_all(values: np.ndarray, total: bool) -> np.ndarray:
-    """One number a case: the sum of all devices, or that of the one with the largest."""
+    """One number per case: the sum over all devices, or the largest value."""
     each = values.reshape(len(values), -1)
     return each.sum(axis=1) if total else each.max(axis=1)
 
 
 def largest_errors(columns: Mapping[Any, np.ndarray]) -> dict[str, float | None]:
-    """The largest estimates of the error of the steps, `rate_error` (rad/s) and `attitude_error`
-    (rad), of all cases; None where there are none."""
+    """Largest estimates of the integration error, `rate_error` (rad/s) and `attitude_error` (rad),
+    of all cases; None without any."""
     return {
         f"{part}_error": _largest(columns[name]) if name in columns else None
         for name, (part, _) in ERRORS.items()
@@ -156,7 +156,7 @@ def largest_errors(columns: Mapping[Any, np.ndarray]) -> dict[str, float | None]
 
 
 def _largest(values: np.ndarray) -> float | None:
-    """The largest of the numbers; None without any."""
+    """Largest of the numbers; None without any."""
     numbers = values[~np.isnan(values)]
     return float(numbers.max()) if numbers.size else None
 
@@ -176,7 +176,7 @@ def _outcomes(codes: np.ndarray, settled: np.ndarray) -> dict[str, int]:
 
 
 def _worst_first(columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Places from the worst on: failed, then not settled, then slow; the dearer the worse."""
+    """Order from the worst on: failed, then not settled, then slow; ties by higher cost."""
     failed = columns["code"] != int(Outcome.SUCCESS)
     cost = np.nan_to_num(columns["cost"], nan=np.inf)
     return np.lexsort((-cost, -columns["settling_time"], ~failed))

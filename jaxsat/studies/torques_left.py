@@ -1,4 +1,4 @@
-"""What torques failures in flight leave in each case of a study, by controllability."""
+"""Torques that remain after failures in flight in each case of a study, by controllability."""
 
 import dataclasses
 import enum
@@ -25,11 +25,11 @@ from jaxsat.studies.momentum_left import Held
 from jaxsat.studies.rods_left import law_uses_rods, rod_set, sampled_law, wheels_hold_turned
 
 SAME_TORQUE = 1e-9
-"""Of the largest torque: less than this in every direction is none."""
+"""Torque that is treated as zero, relative to the largest torque."""
 
 
 class TorquesLeft(enum.IntEnum):
-    """What the actuators can do once all failures have struck, by `jaxsat.controllability`."""
+    """Capability of the actuators after all failures, by `jaxsat.controllability`."""
 
     THREE_AXES = 0
     TWO_TORQUES = 1
@@ -49,7 +49,7 @@ _LEFT: Mapping[Laws, TorquesLeft] = {
     "two wheels": TorquesLeft.TWO_TORQUES,
     "magnetic": TorquesLeft.MAGNETIC,
 }
-"""By the laws of a judgement that reach every attitude."""
+"""Code by the laws of a judgement that reach every attitude."""
 
 _UNFLOWN = {
     "controllable": TorquesLeft.TWO_TORQUES,
@@ -57,7 +57,7 @@ _UNFLOWN = {
     "some attitudes": TorquesLeft.SOME_ATTITUDES,
     "uncontrollable": TorquesLeft.TOO_FEW,
 }
-"""By its verdict where none does."""
+"""Code by the verdict of a judgement without such laws."""
 
 UNRECOVERABLE = (
     *(TorquesLeft(code) for code in range(2, 6)),
@@ -66,14 +66,14 @@ UNRECOVERABLE = (
 )
 
 LEAST_TORQUE = 0.1
-"""Of what a wheel or gyro can do before anything fails: one that can do less counts as lost."""
+"""Smallest share of the healthy torque with which a wheel or gyro is not treated as lost."""
 
 LEAST_HOLD = 0.02
-"""Of the largest momentum of a wheel: what others must hold in any direction beside a runaway."""
+"""Smallest momentum reserve beside a runaway wheel, relative to the largest wheel capacity."""
 
 
 class _Reaches(NamedTuple):
-    """The reach of a part in every case: see `Reach`; `most` is `high` before anything fails."""
+    """Reach of a part in every case: see `Reach`; `most` is `high` before any failure."""
 
     columns: Float[np.ndarray, "cases 3 n"]
     low: Float[np.ndarray, "cases n"]
@@ -82,22 +82,22 @@ class _Reaches(NamedTuple):
 
     @staticmethod
     def of(reach: Reach, cases: int) -> "_Reaches":
-        """The reach of a part that is the same in so many cases."""
+        """Return a part's reach that is the same in this number of cases."""
         columns, low, high = map(np.asarray, (reach.columns, reach.low, reach.high))
         each = [np.broadcast_to(part, (cases, *part.shape)) for part in (columns, low, high)]
         return _Reaches(each[0], each[1], each[2], high)
 
     @property
     def healthy(self) -> Bool[np.ndarray, "cases n"]:
-        """Which devices do what they are asked, of either sign, and nearly as much as before."""
+        """Mask of devices that follow commands of either sign, with nearly full torque."""
         return (self.low < 0) & (self.high > 0) & (self.high >= LEAST_TORQUE * self.most)
 
 
 class _Exchanger(NamedTuple):
     """An effector that stores momentum, in one case or, with a leading axis, in all.
 
-    Its unit `columns` of reach, which devices are `healthy`, as they do what they are asked, and
-    which run away.
+    The fields are unit `columns` of reach, a mask of `healthy` devices, which follow their
+    commands, and a mask of runaways.
     """
 
     storage: Storage
@@ -107,7 +107,7 @@ class _Exchanger(NamedTuple):
 
     @staticmethod
     def of(loop: AbstractLoop, effector: AbstractEffector, reach: _Reaches) -> "_Exchanger | None":
-        """An effector by its reach in every case, None for one that stores nothing.
+        """Return an effector by its reach in every case, None for one that stores no momentum.
 
         A wheel that the law knows as failed is lost.
         """
@@ -124,19 +124,19 @@ class _Exchanger(NamedTuple):
         return _Exchanger(Storage(*map(np.asarray, storage)), columns, healthy, runaway)
 
     def case(self, number: int) -> "_Exchanger":
-        """The effector in one case."""
+        """Return the effector in one case."""
         return _Exchanger(self.storage, *(part[number] for part in self[1:]))
 
 
 class _Rods(NamedTuple):
-    """All magnetorquers, None without any, and which of them are `healthy` in every case."""
+    """All magnetorquers, None without any, and the mask of `healthy` ones in every case."""
 
     rods: RodSet | None
     healthy: Bool[np.ndarray, "cases k"]
 
     @staticmethod
     def of(loop: AbstractLoop, parts: Sequence[tuple[AbstractEffector, _Reaches]]) -> "_Rods":
-        """The magnetorquers of a loop, by the reach of its effectors in every case."""
+        """Return the magnetorquers of a loop, by the reach of its effectors in every case."""
         for one, reach in parts:
             if (dipoles := one.dipoles()) is not None:
                 return _Rods(rod_set(loop, dipoles), reach.healthy)
@@ -150,13 +150,13 @@ def torques_left(
     gain: Float[np.ndarray, "cases m"] | None = None,
     asked: Held | None = None,
 ) -> Int[np.ndarray, " cases"]:
-    """The `TorquesLeft` of every case with its `failures`, by column; cases alike are judged once.
+    """Return the `TorquesLeft` of every case with its `failures`, by column; equal cases share one.
 
-    Where failed thrusters make a constant torque, it counts how strong each thruster of a case is:
+    If failed thrusters make a constant torque, the strength of each thruster of a case counts:
     relative to the nominal one by 1 + `gain`. Otherwise the torques of the nominal loop decide:
-    dispersed ones that are not quite parallel are no more of them. `momentum` (N m s) is that of
-    body and effectors at the start. Where two wheels alone are left, what is `asked` of each case
-    and its own momentum decide whether they hold the target.
+    dispersed axes that are not quite parallel add no independent torque. `momentum` (N m s) is that
+    of body and effectors at the start. If two wheels alone remain, the tolerances in `asked` and
+    the momentum of each case decide whether they hold the target.
     """
     parts = list(zip(loop.plant.effectors, _reaches_left(loop, failures), strict=True))
     none = _Reaches.of(Reach.none(), len(failures["failure_kind"]))
@@ -190,16 +190,16 @@ def torques_left(
 
 
 def _by_two_wheels(asked: Held, case: int, normal: np.ndarray, last: float) -> int:
-    """What two wheels with this `normal` leave after the `last` failure (s)."""
+    """Code for two wheels with this `normal` after the `last` failure (s)."""
     if asked.holds(case, normal, last):
         return TorquesLeft.TWO_TORQUES
     return TorquesLeft.SOME_ATTITUDES if asked.free else TorquesLeft.UNHELD_ATTITUDE
 
 
 def _reaches_left(loop: AbstractLoop, failures: Mapping[str, np.ndarray]) -> list[_Reaches]:
-    """What each effector can do at rest in every case, once all failures have struck.
+    """Reach of each effector at rest in every case, after all failures.
 
-    The failures of one are after those of another; the last may have more than its own number.
+    Failures are ordered by effector; the last effector may have more than its own number.
     """
     reaches, before, cases = [], 0, len(failures["failure_kind"])
     last = [one for one in loop.plant.effectors if one.failures is not None][-1:]
@@ -221,9 +221,9 @@ def _at_rest(one: AbstractEffector, hit: Bool[Array, " f"]) -> Reach:
 
 
 def _in_cases(one: AbstractEffector, before: int, failures: Mapping[str, np.ndarray]) -> _Reaches:
-    """The reach of an effector in every case; its devices come after so many others.
+    """Reach of an effector in every case; `before` devices precede its own.
 
-    The `failures` count devices over all effectors. One more case has none.
+    The `failures` number devices over all effectors. An additional case has none.
     """
     place = failures["failed_part"] - before
     mine = (failures["failure_kind"] != NEVER) & (place >= 0) & (place < one.count)
@@ -251,9 +251,9 @@ def _levels(
 ) -> tuple[
     Float[np.ndarray, "cases 3 m"], Float[np.ndarray, "cases m"], Float[np.ndarray, "cases m"]
 ]:
-    """Torques (N m) of all thrusters at level 1, and between which levels they can be.
+    """Torques (N m) of all thrusters at level 1, and the limits of their levels.
 
-    Level 1 is what a thruster can do before anything fails, 1 N m of one without a limit.
+    Level 1 is the full torque before any failure, 1 N m for a thruster without a limit.
     """
     full = np.where(np.isfinite(reach.most) & (reach.most > 0), reach.most, 1.0)
     low, high = (np.clip(one / full, -1.0, 1.0) for one in (reach.low, reach.high))
@@ -261,10 +261,10 @@ def _levels(
 
 
 def _holds_momentum(loop: AbstractLoop, here: _Exchanger) -> bool:
-    """Whether healthy wheels can hold what runaway ones take up, and some in any direction.
+    """Whether healthy wheels can hold the momentum of runaway ones, with a reserve in all
+    directions.
 
-    A runaway ends at its largest momentum, of either sign. What makes a torque from outside can
-    take momentum out.
+    A runaway ends at its largest momentum, of either sign. External torque can unload momentum.
     """
     healthy, runaway = here.healthy, here.runaway
     outside = any(one.storage() is None and one.command_size for one in loop.plant.effectors)
@@ -281,7 +281,7 @@ def _holds_momentum(loop: AbstractLoop, here: _Exchanger) -> bool:
 
 
 def _turns_runaways(loop: AbstractLoop, here: list[_Exchanger]) -> bool:
-    """Whether healthy wheels beside magnetorquers can live with what runaway ones hold."""
+    """Whether healthy wheels beside magnetorquers tolerate the momentum of runaway ones."""
     most = [one.storage.capacity for one in here]
     runaway = [one.columns * limit for one, limit in zip(here, most, strict=True)]
     lost = [columns[:, one.runaway] for one, columns in zip(here, runaway, strict=True)]
@@ -300,7 +300,7 @@ def _judge(
     rods: RodSet | None,
     left: Bool[np.ndarray, " rods"],
 ) -> tuple[int, np.ndarray | None]:
-    """The code, and the normal of two wheels where they alone are left."""
+    """Code, and the normal of two wheels if they alone remain."""
     inertia = np.asarray(loop.plant.spacecraft.inertia)
     axes = np.concatenate(
         [np.zeros((3, 0)), *(one.columns[:, one.healthy] for one in here)], axis=1

@@ -1,4 +1,4 @@
-"""What a study will take, known before any of it is done."""
+"""Estimate of the resources of a study."""
 
 import math
 from typing import NamedTuple
@@ -12,29 +12,29 @@ from jaxsat.studies.ensemble import Study
 from jaxsat.studies.statistics import StopRule
 
 SUMMARISED = 120
-"""Bytes a case takes while a summary is made: columns held at once, and their order."""
+"""Bytes per case during a summary: columns held at once, and their order."""
 
 COMPUTED = 4
-"""How many times a chunk's results are in memory while it is computed and written."""
+"""Copies of a chunk's results in memory during computation and writing."""
 
 LANE = 4000
-"""Bytes that a case takes in the compiled loop, about."""
+"""Approximate bytes per case in the compiled loop."""
 
 
 BLOCK = 4096
-"""Bytes of disk that the smallest file or folder takes, and by which they grow."""
+"""Allocation unit of files and folders on disk, bytes."""
 
 RECORD = 80
-"""Bytes of the record of a chunk for each of its files."""
+"""Bytes per file in the record of a chunk."""
 
 OWN_COLUMNS = 2
-"""Of small whole numbers, which a store has beside those of the study."""
+"""Number of columns of small integers that a store adds to those of the study."""
 
 
 class Work(NamedTuple):
-    """Trajectories, the steps of all of them, bytes of memory and of disk, and files; all about.
+    """Trajectories, total steps, bytes of memory and of disk, and files; all approximate.
 
-    Adaptive steps count as one an interval, so that there are at least so many.
+    Adaptive steps count as one per interval, a lower bound.
     """
 
     trajectories: int
@@ -45,7 +45,7 @@ class Work(NamedTuple):
 
 
 def study_work(study: Study, until: StopRule | None = None, workers: int = 1) -> Work:
-    """What the whole study takes at most; with a stop rule, up to where it must be met."""
+    """Return the largest work of the whole study; with a stop rule, until the rule must be met."""
     cases = study.count
     if until is not None:
         chunks = math.ceil(most_cases(until, cases) / study.chunk) + workers
@@ -61,14 +61,14 @@ def study_work(study: Study, until: StopRule | None = None, workers: int = 1) ->
     steps = cases * study.program.intervals * _substeps(study)
     sizes = [study.chunk * math.prod(shape) * size for shape, size in shapes]
     folders = sum(len(shape) for shape, _ in shapes)
-    sizes.append(len(sizes) * RECORD)  # the chunk's record in the ledger
+    sizes.append(len(sizes) * RECORD)  # record of the chunk in the ledger
     blocks = folders + sum(-(-size // BLOCK) for size in sizes)
     chunks = -(-cases // study.chunk)
     return Work(cases, steps, memory, chunks * blocks * BLOCK, chunks * (len(sizes) + folders))
 
 
 def _substeps(study: Study) -> int:
-    """Steps in an interval where they are fixed."""
+    """Steps in an interval if they are fixed."""
     if isinstance(study.case_factory.loop, SampledLoop):
         return study.case_factory.loop.substeps
     stepper = getattr(study.engine, "stepper", None)
@@ -76,11 +76,11 @@ def _substeps(study: Study) -> int:
 
 
 def most_cases(rule: StopRule, count: int) -> int:
-    """The cases after which the rule is met whatever they show, at most `count`."""
+    """Return the number of cases after which any result meets the rule, at most `count`."""
     least, most = 1, count
     while least < most:
         middle = (least + most) // 2
-        if rule.met(middle // 2, middle):  # half of them settled is the widest interval
+        if rule.met(middle // 2, middle):  # half of them settled: the widest interval
             most = middle
         else:
             least = middle + 1

@@ -1,8 +1,8 @@
-"""A worker process of `jaxsat.studies.processes.Processes`: it reads what to compute, and answers.
+"""A worker process of `jaxsat.studies.processes.Processes`, and messages shared with dask workers.
 
-Both go through the pipes that it was started with, standard input and output, which no process but
-the one that started it holds. It ends when that one does, however that ends. What goes to and fro
-(work there, results and failures back) is the same for the workers of a scheduler.
+Work and replies pass through the pipes of its start, standard input and output, which only its
+parent process holds. The worker ends when its parent does, however that ends. The messages (work
+there, results and failures back) are the same for the workers of a scheduler.
 """
 
 import io
@@ -25,17 +25,17 @@ from jaxsat.studies.executors import ClusterError, Work
 
 
 class PickledWork(NamedTuple):
-    """Work as bytes, whether the sender computes with 64-bit floats, and where a user's modules
-    are."""
+    """Pickled work, whether the sender computes with 64-bit floats, and the folders of a user's
+    modules."""
 
     work: bytes
     double_precision: bool
     folders: tuple[str, ...] = ()
 
     def unpacked(self) -> Work:
-        """The work, once JAX is in the sender's precision.
+        """Return the work, after setting JAX to the sender's precision.
 
-        Unpacking before would round arrays to the precision of the moment.
+        Unpacking before would round arrays to the current precision.
         """
         jax.config.update("jax_enable_x64", self.double_precision)
         add_folders(self.folders)
@@ -50,15 +50,15 @@ class Done(NamedTuple):
 
 
 class Failed(NamedTuple):
-    """What the work raised."""
+    """Exception of the work."""
 
     error: BaseException
 
 
 def packed(work: Work) -> PickledWork:
-    """Work for another process.
+    """Pack work for another process.
 
-    Functions that the running program or a notebook defines go along; modules are imported there.
+    Functions defined by the running program or a notebook are included; modules are imported there.
     Raises `ClusterError` for an equinox module of such a program, which would lose its fields.
     """
     file = io.BytesIO()
@@ -68,7 +68,7 @@ def packed(work: Work) -> PickledWork:
 
 class _Pickler(cloudpickle.Pickler):
     def reducer_override(self, obj: Any) -> Any:
-        """Reduce an object as cloudpickle does; refuse what could not be rebuilt."""
+        """Reduce an object as cloudpickle does; refuse one that cannot be rebuilt."""
         if isinstance(obj, type) and issubclass(obj, eqx.Module) and not _is_importable(obj):
             raise ClusterError(
                 "what worker processes compute must be defined in a module that they can import, "
@@ -78,17 +78,17 @@ class _Pickler(cloudpickle.Pickler):
 
 
 def _is_importable(kind: type) -> bool:
-    """Whether a worker finds a class where it says that it is."""
+    """Whether a worker can import a class from its module."""
     if kind.__module__ == "__main__":
         return False
     try:
         return pkgutil.resolve_name(f"{kind.__module__}:{kind.__qualname__}") is kind
-    except (ImportError, AttributeError, ValueError):  # a class inside of a function
+    except (ImportError, AttributeError, ValueError):  # a class inside a function
         return False
 
 
 def computed(work: Work, chunk: int) -> Done | Failed:
-    """A chunk, computed in a worker on one of the processors that the worker may use."""
+    """Compute a chunk in a worker on one of the processors available to the worker."""
     try:
         with share_of(1):
             return Done(chunk, work(chunk))
@@ -97,7 +97,7 @@ def computed(work: Work, chunk: int) -> Done | Failed:
 
 
 def failed(error: BaseException) -> Failed:
-    """An exception with where it was raised, or what it says where it cannot be pickled."""
+    """Return an exception with its traceback, or its message if it cannot be pickled."""
     where = f"In a worker:\n{''.join(traceback.format_exception(error))}"
     try:
         cloudpickle.loads(cloudpickle.dumps(error))
@@ -108,20 +108,20 @@ def failed(error: BaseException) -> Failed:
 
 
 class WorkerTask(NamedTuple):
-    """What a worker is to compute, and how many chunks at once; numbers of chunks follow."""
+    """Work of a worker, and number of parallel chunks; chunk numbers follow."""
 
     packed: PickledWork
     threads: int
 
 
 class Ready(NamedTuple):
-    """The worker has imported and unpacked what it needs."""
+    """Report that the worker has imported and unpacked its work."""
 
 
 def serve() -> NoReturn:
-    """Compute the chunks that are asked for until nobody asks any longer."""
+    """Compute the requested chunks until the parent closes the pipe."""
     replies = _Replies()
-    warnings.filterwarnings("ignore", "machine code cannot be kept")  # who started it tells that
+    warnings.filterwarnings("ignore", "machine code cannot be kept")  # the parent reports it
     try:
         order: WorkerTask = pickle.load(sys.stdin.buffer)
         work = order.packed.unpacked()
@@ -132,48 +132,48 @@ def serve() -> NoReturn:
     except BaseException as error:
         replies.send(failed(error))
         os._exit(1)
-    os._exit(0)  # at once, with the threads that compute
+    os._exit(0)  # at once, with its computing threads
 
 
 def _next_chunk() -> int | None:
-    """What is asked for next; None where who asked has gone."""
+    """Next requested chunk; None if the parent is gone."""
     try:
         return pickle.load(sys.stdin.buffer)
-    except (EOFError, OSError, pickle.UnpicklingError):  # in the middle of a number, perhaps
+    except (EOFError, OSError, pickle.UnpicklingError):  # perhaps within a number
         return None
 
 
 def _begin(pool: ThreadPoolExecutor, work: Work, chunk: int, replies: "_Replies") -> None:
     try:
         pool.submit(_compute, work, chunk, replies)
-    except RuntimeError as error:  # the user has as many as are allowed
+    except RuntimeError as error:  # the user's thread limit is reached
         raise ClusterError(f"a worker process cannot start its threads: {error}") from error
 
 
 class _Replies:
-    """Standard output as it was at the start, for answers alone; what is printed goes to stderr."""
+    """Standard output at the start, for replies alone; printed text goes to stderr."""
 
     def __init__(self):
         self._stream = os.fdopen(os.dup(1), "wb")
         self._lock = threading.Lock()
         try:
             os.dup2(2, 1)
-        except OSError:  # there is no standard error
+        except OSError:  # no standard error
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
     def send(self, message: Ready | Done | Failed) -> None:
-        """Send a message; raises what pickling it raises."""
+        """Send a message; raises exceptions of pickling."""
         data = cloudpickle.dumps(message)
         with self._lock:
             try:
                 self._stream.write(data)
                 self._stream.flush()
             except OSError:
-                os._exit(0)  # nobody reads
+                os._exit(0)  # no reader
 
 
 def _compute(work: Work, chunk: int, replies: _Replies) -> None:
     try:
         replies.send(computed(work, chunk))
-    except Exception as error:  # a result that cannot be pickled
+    except Exception as error:  # an unpicklable result
         replies.send(failed(error))
