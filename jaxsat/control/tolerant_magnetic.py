@@ -95,9 +95,10 @@ class TolerantMagnetic(eqx.Module):
         )
 
     def holds_with(self, axes: Float[np.ndarray, "3 k"]) -> bool:
-        """Whether it holds all axes with wheels along these, parallel ones or none."""
-        same = [np.allclose(np.cross(axes.T, one), 0.0) for one in self.laws.gain.basis[1:, :, 0]]
-        number = 1 + int(np.argmax(same)) if axes.shape[1] else 0
+        """Whether it holds all axes with wheels along these parallel unit axes, or with none."""
+        number, wheels = 0, self.laws.wheel_axes
+        if axes.shape[1] and wheels is not None:
+            number = self.of_wheel[np.argmax(np.abs(axes[:, 0] @ np.asarray(wheels)))]
         return bool(self.holds[number])
 
     def init(self, state: PlantState) -> TolerantMagneticMemory:

@@ -66,12 +66,12 @@ def saturation_sentences(dataset: xr.Dataset, scenario: Mapping[str, Any]) -> It
             labels, tables, dataset[signal.name].values.T, strict=False
         ):
             limit = table.get(signal.limit)
-            text = _told(time, values, limit) if limit else ""
+            text = _state(time, values, limit) if limit else ""
             if text:
                 yield f"{capitalised(kind.called)} {label} {text}."
 
 
-def _told(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"], limit: float) -> str:
+def _state(time: Float[np.ndarray, " n"], values: Float[np.ndarray, " n"], limit: float) -> str:
     """What a history has to say of its limit; nothing where that is far."""
     near, full = (first_time(time, values, part * limit) for part in MARKS)
     expected = full_at_trend(time, values, limit) if full is None else None

@@ -1,5 +1,6 @@
 """Two wheels, and magnetorquers about the axis that they lack: against an independent program."""
 
+import dataclasses
 from types import SimpleNamespace
 from typing import cast
 
@@ -17,6 +18,7 @@ from jaxsat.control.diagnosis.residual import Reading
 from jaxsat.control.magnetic import MagneticMode
 from jaxsat.control.reconfiguration import Left
 from jaxsat.control.tolerant_actuators import Sample, TolerantMode
+from jaxsat.control.tolerant_magnetic import TolerantMagnetic
 from jaxsat.control.tolerant_rods import FULL_AT, RELIEF, SHALLOW, TolerantRods, about
 from jaxsat.control.wheel_allocation import Wheeled
 from jaxsat.core.attitude import Quaternion
@@ -74,6 +76,17 @@ def test_rods_that_are_left_have_the_mean_torque_of_their_projection():
     two = np.eye(3)[:, :2]
     assert law.holds_by_rods(two, np.array([True, True, False]))
     assert not law.holds_by_rods(two, np.array([True, False, False]))
+
+
+def test_wheels_of_one_axis_are_judged_by_their_own_gains():
+    """Sets without gains stand beside, as where a law of no wheel or of another axis fails."""
+    own = build(load("wheel-and-rods")).loop.controller
+    law = dataclasses.replace(own, wheel_axes=np.eye(3))
+    members = np.vstack([np.zeros(3, bool), np.eye(3, dtype=bool)])
+    one_set = cast(TolerantMagnetic, TolerantMagnetic.of([None, None, law, None], members))
+    held = [one_set.holds_with(np.eye(3)[:, [axis]]) for axis in range(3)]
+    assert held == [False, True, False]
+    assert not one_set.holds_with(np.zeros((3, 0)))
 
 
 def feedback(c, omega, inertia, rate, frequency, most):
