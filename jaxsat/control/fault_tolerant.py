@@ -1,4 +1,4 @@
-"""A law that diagnoses its actuators and flies by what is left of them."""
+"""Fault-tolerant control: diagnosis of the actuators, and a law for those that still work."""
 
 import dataclasses
 import enum
@@ -39,19 +39,19 @@ from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.wheels import wheel_momentum
 
 DISPLACED, DISPLACED_MORE = 0.005, 0.05
-"""Errors of what takes momentum out of others may displace the body by the first (rad) and by the
-second times what it is off its target."""
+"""Attitude error (rad) that torques which unload wheels may cause: a constant, and a part of the
+attitude's distance from its target."""
 
 PARALLEL = 1e-6
-"""Of a singular value of unit axes: what counts as none."""
+"""Singular value of unit axes below which a direction counts as not driven."""
 
 
 class FaultTolerantMemory(NamedTuple):
-    """The memory of the law of three axes, that of each kind of actuator, and the mode.
+    """Memory of the fault-tolerant law, of each kind of actuator, and the mode.
 
-    `mix` is that of several kinds together, None for one alone, `rods` that of magnetorquers, None
-    without any. `band` is that of the axis which no wheel drives, None where thrusters never leave
-    it alone, `magnetic` that of magnetorquers with one axis of wheels or none.
+    `healthy` is that of the law of three axes, `mix` that of several kinds together, `rods` that of
+    magnetorquers, `band` that of the axis no wheel drives, `magnetic` that of magnetorquers with at
+    most one axis of wheels; each is None where that part is absent.
     """
 
     healthy: QuaternionFeedbackMemory
@@ -64,12 +64,12 @@ class FaultTolerantMemory(NamedTuple):
 
 
 Kinds = list[tuple[AbstractTolerantActuators, TolerantMemory]]
-"""The actuators of each kind, and what is known of them at a sample."""
+"""Actuators of each kind with their memory at this sample."""
 
 
 class _Left(NamedTuple):
-    """What is left of all `kinds`: whether `three` axes, and the `axis` of magnetorquers, zero
-    where others make all torques, None without any."""
+    """Capability of all `kinds`: whether `three` axes are driven, and the `axis` (unit vector) that
+    magnetorquers hold, zero where other actuators make all torques, None without magnetorquers."""
 
     kinds: Kinds
     three: BoolScalar
@@ -77,21 +77,21 @@ class _Left(NamedTuple):
 
 
 def _missing(kinds: Kinds) -> Vector:
-    """The axis about which one kind makes no torque, or zero."""
+    """Return the unit axis about which one kind makes no torque, or zero."""
     return sum((one.missing(now) for one, now in kinds), jnp.zeros(3))
 
 
 class FaultTolerant(AbstractSampledController):
-    """Quaternion feedback, diagnosis of the actuators, and the best law for those that are left.
+    """Quaternion feedback with diagnosis of the actuators, and the best law for those still
+    working.
 
-    The command is that of each actuator: duties of thrusters, torques (N m) of wheels on the body,
-    dipoles (A m²) of magnetorquers. The law sees estimates of attitude and rate, tachometers of
-    wheels and its own commands, nothing else. What is left decides: three axes go on under
-    quaternion feedback; what leaves torques in a plane settles by a law of its own, see
-    `AbstractTolerantActuators`; else rates are damped. Of several kinds, see `Mix`, wheels make
-    what they can of a torque and thrusters the rest, which also take momentum out of wheels that
-    are full. Magnetorquers, `rods`, do so all the time while there are three axes. Within a `band`
-    thrusters leave the axis alone that no wheel drives.
+    Each actuator gets its own command: duties of thrusters, torques (N m) of wheels on the body,
+    dipoles (A m²) of magnetorquers. Inputs are estimates of attitude and rate, tachometers of
+    wheels and the law's own commands. With torques about three axes quaternion feedback goes on;
+    with torques in a plane each kind settles by its own law, see `AbstractTolerantActuators`; else
+    rates are damped. With several kinds, see `Mix`, wheels make what they can of a torque and
+    thrusters the rest; thrusters also unload full wheels. Magnetorquers, `rods`, unload wheels all
+    the time while three axes are driven. Within a `band` the axis that no wheel drives coasts.
     """
 
     declaration: ClassVar[LawDeclaration] = FAULT_TOLERANT
@@ -111,7 +111,7 @@ class FaultTolerant(AbstractSampledController):
             raise ValueError("Argument `actuators` must have at least one kind, but has none.")
 
     def init(self, state: PlantState) -> FaultTolerantMemory:
-        """All actuators work but those that are known to have failed."""
+        """Return the memory at the start: all actuators work but those known to have failed."""
         reading = _reading(state)
         memories = tuple(
             one.init(state, reading, self.diagnosis.init(one.watch, reading))
@@ -128,7 +128,7 @@ class FaultTolerant(AbstractSampledController):
     def step(
         self, t: RealScalar, state: PlantState, memory: FaultTolerantMemory
     ) -> tuple[Float[Array, " m"], FaultTolerantMemory]:
-        """The command of each actuator, those of one kind after those of the other."""
+        """Return the command of each actuator, kind by kind, and the next memory."""
         reading = _reading(state, memory.rods)
         sample = Sample(t, state, reading, self.healthy)
         kinds = [
@@ -171,7 +171,7 @@ class FaultTolerant(AbstractSampledController):
     def _magnetic(
         self, sample: Sample, left: _Left, before: TolerantMagneticMemory | None
     ) -> MagneticFlight | None:
-        """What the law `magnetic` does, and whether nothing else settles; None without it."""
+        """Return the flight of the law `magnetic`, active where nothing else settles, or None."""
         if self.magnetic is None or before is None or left.axis is None:
             return None
         others = left.three | jnp.any(left.axis != 0)
@@ -182,8 +182,7 @@ class FaultTolerant(AbstractSampledController):
         return self.magnetic.act(sample, ~others, wheeled, before)
 
     def _axis(self, kinds: Kinds, three: BoolScalar) -> Vector | None:
-        """The one about which magnetorquers make torques that nothing else does, or zero; None
-        without magnetorquers."""
+        """Return the axis that magnetorquers alone drive, or zero; None without magnetorquers."""
         if self.rods is None:
             return None
         axis = _missing(kinds)
@@ -193,7 +192,7 @@ class FaultTolerant(AbstractSampledController):
     def _feedback(
         self, sample: Sample, left: _Left, before: QuaternionFeedbackMemory
     ) -> tuple[Vector, QuaternionFeedbackMemory]:
-        """The torque of a law (N m), slower about an axis, with that of what is stored."""
+        """Return the torque (N m) of a law, slower about an axis, with gyroscopic compensation."""
         stored, law, slower = self._stored(sample.reading), sample.law, sample.law
         if self.rods is not None and left.axis is not None:
             law, slower = self.rods.slowed(sample, left.axis, cast(Vector, stored))
@@ -206,7 +205,7 @@ class FaultTolerant(AbstractSampledController):
         return torque, after
 
     def _stored(self, reading: Reading) -> Vector | None:
-        """The momentum (N m s) that all kinds hold; None where none can."""
+        """Return the momentum (N m s) that all kinds store; None where none can."""
         each = [one.stored(reading) for one in self.actuators]
         held = [one for one in each if one is not None]
         if not held:
@@ -221,7 +220,7 @@ class FaultTolerant(AbstractSampledController):
         flight: MagneticFlight | None,
         before: RodMemory | None,
     ) -> tuple[list[Float[Array, " k"]], Vector | None, RodMemory | None]:
-        """The dipoles of magnetorquers (A m²), their torque (N m) and their memory, if there are
+        """Return the dipoles of magnetorquers (A m²), their torque (N m) and memory, if there are
         any."""
         axis = left.axis
         if self.rods is None or before is None or axis is None:
@@ -240,8 +239,8 @@ class FaultTolerant(AbstractSampledController):
     def _coasting(
         self, sample: Sample, left: _Left, torque: Vector, mix: Mix, before: BandMemory | None
     ) -> tuple[Vector, Mix, list[Float[Array, " m"] | None], BandMemory | None]:
-        """A torque (N m) and the mix without what the band leaves alone, the duties of thrusters
-        at its edges, and its memory."""
+        """Let the axis of the `band` coast: return the torque (N m) and the mix without it, the
+        duties of thrusters at the band's edges, and the band's memory."""
         besides: list[Float[Array, " m"] | None] = [None] * len(left.kinds)
         if self.band is None or before is None:
             return torque, mix, besides, None
@@ -258,9 +257,9 @@ class FaultTolerant(AbstractSampledController):
         return corrected.torque, mix.without(without), besides, corrected.memory
 
     def _slowed(self, sample: Sample, left: _Left) -> QuaternionFeedback:
-        """The law of three axes, no faster than those that hold the momentum of a slew allow.
+        """Limit the slew rate of the law of three axes to momentum that the actuators can hold.
 
-        Where others help out they need not hold all of it.
+        With help by other kinds, not all of it need fit.
         """
         for one, now in left.kinds:
             law = sample.law
@@ -270,7 +269,7 @@ class FaultTolerant(AbstractSampledController):
         return sample.law
 
     def _mix(self, sample: Sample, kinds: Kinds) -> Mix:
-        """What all kinds can do together."""
+        """Return the joint capability of all kinds."""
         return Mix(
             tuple(one.reach(sample, now) for one, now in kinds),
             tuple(one.steady(now, self.period) for one, now in kinds),
@@ -282,10 +281,10 @@ class FaultTolerant(AbstractSampledController):
     def _unloading(
         self, sample: Sample, left: _Left, mix: Mix, before: MixMemory | None
     ) -> tuple[MixMemory | None, Unloading]:
-        """Whether others take momentum out, and the torques (N m) that do.
+        """Return the mix's memory and the torques (N m) that unload momentum from other devices.
 
-        While they do, and where a failed device makes a torque all the time, they make up for what
-        acts steadily first: what stores momentum would be full again at once.
+        During unloading, and while a failed device makes a constant torque, steady torques are
+        opposed first: wheels would be full again at once.
         """
         unloads, flows, torque = jnp.array(False), jnp.array(False), jnp.zeros(3)
         if before is None:
@@ -301,8 +300,8 @@ class FaultTolerant(AbstractSampledController):
         return following, Unloading(first, relief, self._error(sample.state))
 
     def _error(self, state: PlantState) -> Matrix:
-        """Of the torques (N m) that take momentum out: what their errors are, over those that
-        displace the body little."""
+        """Return the matrix that scales unloading torques (N m) to their errors over those that
+        displace the body by the tolerated angle."""
         law = self.healthy
         off = 2 * root(jnp.sum(state.attitude.as_quaternion().q[1:] ** 2))
         borne = (DISPLACED + DISPLACED_MORE * off) * law.natural_frequency**2
@@ -311,7 +310,7 @@ class FaultTolerant(AbstractSampledController):
     def _diagnosed(
         self, one: AbstractTolerantActuators, reading: Reading, memory: TolerantMemory
     ) -> DiagnosisMemory:
-        """The diagnosis of actuators of one kind with one more sample."""
+        """Update the diagnosis of actuators of one kind by one sample."""
         return self.diagnosis.step(
             one.watch, reading, memory.commanded, self.period, memory.diagnosis, one.needed(memory)
         )
@@ -341,14 +340,14 @@ class FaultTolerant(AbstractSampledController):
 
     @property
     def known(self) -> Bool[Array, " wheels"] | None:
-        """Which wheels it knows to have failed before the start; None without wheels."""
+        """Which wheels were known to have failed before the start; None without wheels."""
         each = [one.failed_before for one in self.actuators]
         return next((one for one in each if one is not None), None)
 
     def holds_by_rods(
         self, axes: Float[np.ndarray, "3 k"], rods: Bool[np.ndarray, " rods"]
     ) -> bool:
-        """Whether these magnetorquers make the torques that wheels along these axes do not."""
+        """Whether these magnetorquers make the torques that wheels along these axes cannot."""
         directions, sizes, _ = np.linalg.svd(axes)
         rank = np.sum(sizes > PARALLEL)
         if self.magnetic is not None and rank < 2:
@@ -359,12 +358,12 @@ class FaultTolerant(AbstractSampledController):
         return bool(self.rods.left(rods).holds(inertia, as_float(directions[:, 2])))
 
     def false_alarm_rate(self, reference: float, threshold: float) -> float:
-        """False alarms in a sample at most, of all tests of all actuators; both in sigmas."""
+        """Upper limit of false alarms per sample by all tests; both arguments in sigmas."""
         return sum(false_alarm_rate(one.watch, reference, threshold) for one in self.actuators)
 
     def telemetry(self, memory: FaultTolerantMemory) -> dict[str, Array]:
-        """The verdict on each actuator, how near an alarm it is, and whether there is one; of
-        several kinds, the torque about three axes that they do not make."""
+        """Return verdict and detection statistic of each actuator, and whether an alarm is on; with
+        several kinds also the torque (N m) about three axes that they fail to make."""
         diagnoses = [one.diagnosis for one in memory.actuators]
         if not diagnoses:
             return {}
@@ -379,22 +378,22 @@ class FaultTolerant(AbstractSampledController):
 
     @property
     def tells_unmade(self) -> bool:
-        """Whether `telemetry` has the torque that actuators do not make: with several kinds."""
+        """Whether `telemetry` has the torque that actuators fail to make: with several kinds."""
         return len(self.actuators) > 1
 
     def mode(self, memory: FaultTolerantMemory) -> IntScalar:
-        """The `TolerantMode` at work."""
+        """Return the `TolerantMode` at work."""
         return memory.mode
 
 
 def _instead(
     flight: MagneticFlight, one: AbstractTolerantActuators, now: TolerantMemory
 ) -> Instead:
-    """What actuators of one kind do where the law `magnetic` flies: only wheels do something."""
+    """Return the commands of one kind while the law `magnetic` flies: zero for all but wheels."""
     idle = one.wheeled(now) is None
     return Instead(flight.flies, jnp.zeros_like(now.commanded) if idle else flight.torques)
 
 
 def _reading(state: PlantState, rods: RodMemory | None = None) -> Reading:
-    """What is read of the body and its wheels, and what magnetorquers made meanwhile."""
+    """Return the measured rate and wheel momenta, and the mean torque of magnetorquers since."""
     return Reading(state.omega, wheel_momentum(state), None if rods is None else rods.acting)

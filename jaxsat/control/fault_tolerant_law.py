@@ -1,4 +1,4 @@
-"""How the laws that settle, and the one that diagnoses its actuators, are built of a table."""
+"""Builders of the settling laws and of the fault-tolerant law from tables of a scenario."""
 
 from collections.abc import Callable, Iterable, Mapping
 from operator import attrgetter
@@ -56,24 +56,24 @@ from jaxsat.core.inertia import normal_axes
 
 
 def build_oscillatory(values: Mapping[str, Any], context: LawContext) -> OscillatorySettling:
-    """The oscillatory law of a table; raises `UnsuitableModel` where it cannot steer three axes."""
+    """Build the oscillatory law; raises `UnsuitableModel` where it cannot steer three axes."""
     return _with_gains(_built(oscillatory_settling, values, context), OSCILLATORY, values)
 
 
 def build_three_slew(values: Mapping[str, Any], context: LawContext) -> ThreeSlewSettling:
-    """The law of three slews of a table; raises as `build_oscillatory` does."""
+    """Build the law of three slews; raises as `build_oscillatory` does."""
     law = balancing(_built(three_slew_settling, values, context), context.rate_noise)
     return _with_gains(law, THREE_SLEW, values)
 
 
 def build_planned(values: Mapping[str, Any], context: LawContext) -> PlannedSettling:
-    """The law that plans, of a table; raises as `build_oscillatory` does."""
+    """Build the planning law; raises as `build_oscillatory` does."""
     settling = _built(three_slew_settling, values, context)
     return _with_gains(planned_settling(settling), PLANNED, values)
 
 
 def _ripple_about(normal: Float[np.ndarray, "3"], context: LawContext) -> tuple[float, float]:
-    """Amplitude (N m) and frequency (rad/s) of the periodic torque with the most ripple about n."""
+    """Return amplitude (N m) and frequency (rad/s) of the torque with the most ripple about n."""
     amplitudes = np.abs(normal * np.array(context.disturbance_amplitude)).tolist()
     frequencies = context.disturbance_frequency
     sizes = [a / abs(f) if f else 0.0 for a, f in zip(amplitudes, frequencies, strict=True)]
@@ -85,7 +85,7 @@ Made = TypeVar("Made", OscillatorySettling, ThreeSlewSettling, PlannedSettling)
 
 
 def _with_gains(law: Made, declaration: LawDeclaration, values: Mapping[str, Any]) -> Made:
-    """The law with the gains that its table gives."""
+    """Return the law with the gains that its table sets."""
     for key, place in declaration.tunable.items():
         if values.get(key) is not None:
             law = eqx.tree_at(attrgetter(place), law, as_float(values[key]))
@@ -130,30 +130,30 @@ def _built(make: Callable[..., Made], values: Mapping[str, Any], context: LawCon
 
 
 LEAST_NOISE = 1e-3
-"""Of what the strongest thruster, or a motor at full torque, changes in a period: of what is told
-without noise."""
+"""Least noise assumed for a noiseless sensor, over the change by the strongest actuator in a
+period."""
 
 MOMENTUM_UNKNOWN, MOMENTUM_NOISE = 1.0, 2e-4
-"""Of a total momentum that is not known yet, and of one that is read; as rates, over the natural
-frequency."""
+"""Standard deviations of a total momentum before any sample and of one sample, as rates over the
+natural frequency."""
 
 ALONE_WALK, WALK = 0.02, 1e3
-"""Of the noise: what torques from outside change in an update, where none acts by design and where
-thrusters, magnetorquers or the turn of the frame do."""
+"""Random walk of the momentum between updates, over its noise: without external torques by design,
+and with thrusters, magnetorquers or a turning frame."""
 
 
 Tree = TypeVar("Tree")
 
 
 class Steps(NamedTuple):
-    """The largest rate (rad/s) that a least pulse changes, and the noise of measured rates."""
+    """Largest change of rate (rad/s) by a minimum pulse, and noise (rad/s) of measured rates."""
 
     pulse: float
     noise: float
 
 
 def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> FaultTolerant:
-    """The law of a table, with what it knows of each kind of actuator."""
+    """Build the fault-tolerant law of a table, with a model of each kind of actuator."""
     actuators: list[AbstractTolerantActuators] = []
     if context.thrusters is not None:
         actuators.append(_tolerant_thrusters(values, context, context.thrusters))
@@ -177,7 +177,7 @@ def build_fault_tolerant(values: Mapping[str, Any], context: LawContext) -> Faul
 
 
 def _band(band: float | None, context: LawContext) -> ThirdAxisBand | None:
-    """The band of the axis that no wheel drives; None where thrusters have none to leave alone."""
+    """Return the band of the axis that no wheel drives; None without band, thrusters or wheels."""
     thrusters = context.thrusters
     if band is None or thrusters is None or context.wheels is None:
         return None
@@ -186,7 +186,6 @@ def _band(band: float | None, context: LawContext) -> ThirdAxisBand | None:
 
 
 def _tolerant_rods(context: LawContext) -> TolerantRods | None:
-    """Magnetorquers beside wheels and thrusters; None without any."""
     if context.magnetic is None:
         return None
     return TolerantRods.of(context.magnetic.steering, context.delay)
@@ -195,9 +194,9 @@ def _tolerant_rods(context: LawContext) -> TolerantRods | None:
 def _tolerant_thrusters(
     values: Mapping[str, Any], context: LawContext, thrusters: ThrusterContext
 ) -> TolerantThrusters:
-    """Thrusters with the tables of all that may fail.
+    """Build the thrusters with their tables of failed sets.
 
-    A plane in which the two torques cannot steer the third axis counts as less than a plane.
+    A plane whose two torques cannot steer the third axis counts as less than a plane.
     """
     torque = np.asarray(thrusters.model.torque)
     effect = np.asarray(context.model.spacecraft.inverse_inertia) @ torque
@@ -221,14 +220,14 @@ def _tolerant_thrusters(
 
 
 def _noise_by_wheels(context: LawContext, period: float) -> float:
-    """The rate (rad/s) about any axis that noise of all tachometers looks like."""
+    """Return the rate noise (rad/s) about any axis that noise of all tachometers amounts to."""
     wheels = cast(WheelContext, context.wheels)
     effect = np.asarray(context.model.spacecraft.inverse_inertia) @ np.asarray(wheels.wheels.axes)
     return float(np.sqrt(np.max(np.sum((effect * _momentum_noise(wheels, period)) ** 2, axis=1))))
 
 
 def _momentum_noise(context: WheelContext, period: float) -> Float[np.ndarray, " m"]:
-    """Standard deviation of each tachometer (N m s), or what stands for one without noise."""
+    """Return the standard deviation of each tachometer (N m s), at least that of `LEAST_NOISE`."""
     least = LEAST_NOISE * period * np.asarray(context.wheels.torque_limit)
     return np.maximum(context.momentum_noise, least)
 
@@ -236,7 +235,7 @@ def _momentum_noise(context: WheelContext, period: float) -> Float[np.ndarray, "
 def _tolerant_wheels(
     values: Mapping[str, Any], law: LawContext, context: WheelContext
 ) -> TolerantWheels:
-    """Wheels with the noise of tachometers, and of the rates which rotors have part in."""
+    """Build the wheels with the noise of tachometers and of the rates that move their rotors."""
     wheels, noise = context.wheels, _momentum_noise(context, values["period_s"])
     if wheels.rotor_inertia is not None:  # of the part J_w a·ω of two samples
         noise = np.hypot(noise, np.sqrt(2) * np.asarray(wheels.rotor_inertia) * context.rate_noise)
@@ -250,7 +249,7 @@ def _tolerant_wheels(
 
 
 def _momentum_fit(values: Mapping[str, Any], law: LawContext) -> MomentumFit:
-    """Momentum hardly changes where wheels alone act in inertial axes, else at any time."""
+    """Build the momentum filter: a slow random walk where wheels alone act in inertial axes."""
     frequency = values["natural_frequency_rad_s"]
     unknown, noise = MOMENTUM_UNKNOWN * frequency, MOMENTUM_NOISE * frequency
     inertial = not np.any(np.asarray(law.model.orbit.rate))
@@ -267,7 +266,7 @@ def _settling(
     sets: tuple[FailedSet, ...],
     steps: Steps,
 ) -> tuple[tuple[FailedSet, ...], SettlingLaws | None]:
-    """The sets, and the laws of those that leave a plane; None where no set does."""
+    """Return the sets, and the laws of those that leave a plane; None where no set does."""
     laws: list[tuple[ThreeSlewSettling, np.ndarray, Leaks]] = []
     of_set, final_sets = [], []
     for one in sets:
@@ -292,8 +291,8 @@ def _settling(
 
 
 def _stacked(trees: Iterable[Tree]) -> Tree:
-    """One tree, with a leading axis, of many alike; an array that each has several times stays one
-    array, so that flight code has it once."""
+    """Stack trees of one structure along a new leading axis; arrays stacked several times are
+    shared, so that flight code holds them once."""
     arrays: dict[tuple[int, ...], Any] = {}
 
     def one(*leaves: Any) -> Any:
@@ -306,7 +305,6 @@ def _stacked(trees: Iterable[Tree]) -> Tree:
 def _plane_axes(
     context: LawContext, directions: Float[np.ndarray, "3 2"]
 ) -> Float[np.ndarray, "3 2"]:
-    """The axes x and y of the normal form of two torques."""
     axes, _ = normal_axes(np.asarray(context.model.spacecraft.inertia), directions)
     return axes[:2].T
 
@@ -320,7 +318,7 @@ def _law(
     torque: Float[np.ndarray, "3 m"],
     failed: tuple[int, ...],
 ) -> tuple[ThreeSlewSettling, np.ndarray, Leaks] | None:
-    """The law of three slews about two axes, and those about which it commands."""
+    """Return the law of three slews in a plane, its torque directions and leaks, or None."""
     table = {
         "period_s": values["period_s"],
         "observe_ripple": True,

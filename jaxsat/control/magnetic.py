@@ -1,7 +1,7 @@
 """Three axes by magnetorquers, alone or with wheels: a tumble is damped, then attitude is held.
 
-A magnetorquer makes no torque along the Earth's field. What steers it, `MagneticSteering`, makes of
-the law's torque what is across the field, so that the law is one of torques.
+A magnetorquer makes no torque along the Earth's field. The law commands torques, of which
+`MagneticSteering` makes the part across the field.
 """
 
 import dataclasses
@@ -34,24 +34,24 @@ from jaxsat.spacecraft.magnetorquers import MagneticSteering
 from jaxsat.spacecraft.wheels import wheel_momentum
 
 SLOW = 4.0
-"""Default of the rate below which a tumble has been stopped, over the orbit's rate."""
+"""Default of the rate below which a tumble counts as stopped, over the orbital rate."""
 
 LEAVE = 2.0
 """Rate or turn at which a mode is left, over the one below which it began."""
 
 NEAR = 0.5
-"""rad; turn from the orbit frame within which the body is pointed."""
+"""Turn (rad) from the orbit frame within which the body is pointed."""
 
 STIFFNESS, SLEW_DAMPING = 2.0, 3.0
-"""Of a slew from farther away, over the largest moment of inertia times the orbit's rate, squared
-and as it is: gravity gradient alone makes at most 1.5 of the former."""
+"""Gains of a slew from farther away, over the largest moment of inertia times the square of the
+orbital rate, and the rate: gravity gradient alone makes at most 1.5 of the former."""
 
 SMALLEST = 1e-30
 """Keeps a quotient of two zeros finite."""
 
 
 class MagneticMode(enum.IntEnum):
-    """What the law is doing."""
+    """Mode of the law."""
 
     DAMPING = 1
     SLEWING = 2
@@ -59,9 +59,9 @@ class MagneticMode(enum.IntEnum):
 
 
 class MagneticMemory(NamedTuple):
-    """The mode; estimates of the residual dipole (A m²) and of a constant torque (N m); and the
-    momentum (N m s) of body and wheels at the next sample, which the law `predicts` where it knows
-    what magnetorquers do, within their limits; in body axes."""
+    """Memory of the law: `mode`; estimates of the residual `dipole` (A m²) and a constant `torque`
+    (N m); the `momentum` (N m s) of body and wheels expected at the next sample, which is valid
+    where the law `predicts`: with magnetorquers within their limits; in body axes."""
 
     mode: IntScalar
     dipole: Vector
@@ -102,7 +102,7 @@ class MagneticLaw(AbstractSampledController):
 
     @classmethod
     def from_table(cls, values: Mapping[str, Any], context: LawContext) -> "MagneticLaw":
-        """The law of a table of a scenario.
+        """Build the law of a table of a scenario.
 
         Raises `UnsuitableModel` where magnetorquers do not control all axes over a day.
         """
@@ -133,7 +133,7 @@ class MagneticLaw(AbstractSampledController):
         )
 
     def init(self, state: PlantState) -> MagneticMemory:
-        """The body tumbles, and has no dipole."""
+        """Return the memory of a tumbling body without residual dipole."""
         mode = jnp.array(int(MagneticMode.DAMPING))
         none = jnp.zeros_like(state.omega)
         return MagneticMemory(mode, none, none, self._momentum(state), jnp.array(False))
@@ -141,7 +141,7 @@ class MagneticLaw(AbstractSampledController):
     def step(
         self, t: RealScalar, state: PlantState, memory: MagneticMemory
     ) -> tuple[Vector, MagneticMemory]:
-        """The torque, N m."""
+        """Return the commanded torque (N m) and the next memory."""
         relative, turn = self.model.relative_rate(state), _turn(state)
         mode = self._mode(_size(relative), _size(turn), memory.mode)
         field = self.steering.field.in_body(t, state.attitude)
@@ -167,7 +167,7 @@ class MagneticLaw(AbstractSampledController):
         )
 
     def _mode(self, speed: RealScalar, turn: RealScalar, before: IntScalar) -> IntScalar:
-        """By the relative rate (rad/s) and the turn from the orbit frame (rad), with hysteresis."""
+        """Select the mode by rate (rad/s) and turn (rad) from the orbit frame, with hysteresis."""
         stopped = before != int(MagneticMode.DAMPING)
         pointed = before == int(MagneticMode.POINTING)
         slow = speed < jnp.where(stopped, LEAVE, 1.0) * self.pointing_rate
@@ -176,29 +176,28 @@ class MagneticLaw(AbstractSampledController):
         return jnp.where(slow, mode, int(MagneticMode.DAMPING))
 
     def _momentum(self, state: PlantState) -> Vector:
-        """That of body and wheels, N m s, in body axes."""
+        """Return the momentum of body and wheels (N m s, body axes)."""
         return self.model.spacecraft.inertia @ state.omega + self._stored(state)
 
     def _stored(self, state: PlantState) -> Vector:
-        """That of the wheels."""
         momentum = wheel_momentum(state)
         if self.wheel_axes is None or momentum is None:
             return jnp.zeros_like(state.omega)
         return self.wheel_axes @ momentum
 
     def _slew(self, state: PlantState, turn: Vector, relative: Vector) -> Vector:
-        """The torque far away from the orbit frame, N m."""
+        """Return the torque (N m) far from the orbit frame."""
         torque = -self.stiffness * turn - self.slew_damping * relative
         bias = self.steering.bias[1] * self.model.orbit.frame_rate(state.attitude)  # -ω0 h0
         return torque - self.steering.wanted @ (self.gain.rate * self._stored(state) + bias)
 
     def mode(self, memory: MagneticMemory) -> IntScalar:
-        """The `MagneticMode` at work."""
+        """Return the `MagneticMode` at work."""
         return memory.mode
 
 
 def _turn(state: PlantState) -> Vector:
-    """2 sgn(q0) q, rad."""
+    """Return the turn 2 sgn(q0) q, rad."""
     quaternion = state.attitude.as_quaternion().q
     return jnp.where(quaternion[0] < 0, -2.0, 2.0) * quaternion[1:]
 
@@ -210,7 +209,7 @@ def _size(vector: Vector) -> RealScalar:
 def magnetic_motion(
     inertia: Float[np.ndarray, "3 3"], magnetic: MagneticContext, gravity_gradient: bool
 ) -> LinearMotion:
-    """The linear motion of a body (kg m²) with magnetorquers, and wheels if there are any."""
+    """Return the linear motion of a body (kg m²) with magnetorquers and any wheels."""
     steering, momentum = magnetic
     return linear_motion(
         inertia,
@@ -240,7 +239,7 @@ def _gain(motion: LinearMotion, weight: float, wheel_weight: float) -> PeriodicG
 
 
 def _damping(field: AbstractMagneticField, least: float) -> float:
-    """2 ω0 (1 + sin ξ) J_min, ξ the orbit's inclination to the geomagnetic equator, on average."""
+    """Return 2 ω0 (1 + sin ξ) J_min, ξ the mean inclination to the geomagnetic equator."""
     orbit = field.circle
     dipole = np.asarray(field.dipole)
     axial = float(abs(dipole[2]) / np.linalg.norm(dipole))

@@ -1,4 +1,4 @@
-"""Actuators of one kind under the fault-tolerant law: watched, and used as far as they work."""
+"""Interface of actuators of one kind under the fault-tolerant law."""
 
 import abc
 import enum
@@ -17,12 +17,12 @@ from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
 
 PROBE_INTERVAL = 2.0
-"""Over the natural frequency: a failed actuator is given a test pulse so often, whose effect would
-show that it works."""
+"""Interval of test pulses of failed actuators, over the natural frequency: their effect shows a
+recovery."""
 
 
 class TolerantMode(enum.IntEnum):
-    """What the law does; those from `STOPPING` to `HOLDING` are the phases of three slews."""
+    """Mode of the fault-tolerant law; `STOPPING` to `HOLDING` are the phases of three slews."""
 
     THREE_AXES = 0
     ALARM = 1
@@ -41,11 +41,11 @@ class TolerantMode(enum.IntEnum):
 
 
 class TolerantMemory(NamedTuple):
-    """Of actuators of one kind: the diagnosis, what they can do, and what was commanded.
+    """Memory of actuators of one kind: diagnosis, ability, and last command.
 
-    `ability` has an attribute `left`, what they leave together. `commanded` is what they were to do
-    since the last sample, as their filter has it, and `probe` (s) the time since the last test
-    pulse. `own` is what one kind remembers besides.
+    `ability` has an attribute `left`, the class of torques left. `commanded` is the command since
+    the last sample as the residual filter reads it, `probe` (s) the time since the last test pulse,
+    `own` the memory of the kind.
     """
 
     diagnosis: DiagnosisMemory
@@ -56,19 +56,19 @@ class TolerantMemory(NamedTuple):
 
 
 class Instead(NamedTuple):
-    """What each actuator is to do in place of all else, `when` another law steers it."""
+    """Commands `use` of another law, which replace all else `when` it steers the actuators."""
 
     when: BoolScalar
     use: Float[Array, " m"]
 
 
 class Demand(NamedTuple):
-    """What actuators of one kind are asked for: a `torque` on the body (N m), and `steady` (N m).
+    """Demand on actuators of one kind: a `torque` on the body (N m), and `steady` (N m).
 
-    The latter comes first; it makes up for what acts all the time. Where `three` is false no torque
-    about three axes can be had, and they do what they can do alone. `use` is what each is to do for
-    the torque where that is shared with other actuators, None where it is not. `besides` is what
-    each is to do anyway, and `instead` what it does where another law steers it, None for nothing.
+    `steady` comes first: it opposes constant torques. Where `three` is false, no torque about three
+    axes exists, and each kind acts alone. `use` is the command of each actuator where the torque is
+    shared among kinds, else None. `besides` is added to every command; `instead` replaces it where
+    another law steers. Both may be None.
     """
 
     torque: Vector
@@ -80,8 +80,8 @@ class Demand(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """What is known at a sample: the time (s), the estimate of the `state`, what is read, and the
-    `law` of three axes with its gains, period and model."""
+    """Inputs of one sample: time (s), estimated `state`, sensor reading, and the `law` of three
+    axes."""
 
     t: RealScalar
     state: PlantState
@@ -90,93 +90,93 @@ class Sample(NamedTuple):
 
 
 class AbstractTolerantActuators(eqx.Module):
-    """What the fault-tolerant law knows of actuators of one kind, and how it uses them."""
+    """Actuators of one kind under the fault-tolerant law: diagnosis, ability and commands."""
 
     @property
     def failed_before(self) -> Bool[Array, " m"] | None:
-        """Which are known to have failed before the start; None where that is never known."""
+        """Which had failed before the start, as far as is known; None where that is never known."""
 
     @property
     @abc.abstractmethod
     def watch(self) -> AbstractResidualFilter:
-        """The filter of what is read of them."""
+        """The residual filter of their measurements."""
 
     @abc.abstractmethod
     def init(
         self, state: PlantState, reading: Reading, diagnosis: DiagnosisMemory
     ) -> TolerantMemory:
-        """The memory at the start."""
+        """Return the memory at the start."""
 
     @abc.abstractmethod
     def needed(self, memory: TolerantMemory) -> Bool[Array, " m"]:
-        """Of which actuators a dead one is told from a weak one before it is given up."""
+        """Which actuators must be shown to be dead, not merely weak, before they are given up."""
 
     @abc.abstractmethod
     def able(
         self, sample: Sample, diagnosis: DiagnosisMemory, before: TolerantMemory
     ) -> TolerantMemory:
-        """The memory with the verdicts of this sample, and what is left by them."""
+        """Update the memory by the verdicts of this sample and the capability they leave."""
 
     @abc.abstractmethod
     def steady(self, memory: TolerantMemory, period: RealScalar) -> Vector:
-        """What makes up for the torque (N m) that acts all the time."""
+        """Return the torque (N m) that opposes constant disturbances."""
 
     @abc.abstractmethod
     def act(
         self, sample: Sample, demand: Demand, before: TolerantMemory, now: TolerantMemory
     ) -> tuple[Float[Array, " m"], TolerantMemory]:
-        """The command of each, and the memory of the next sample; `before` is that of the last."""
+        """Return the commands and the next memory; `before` is the memory of the last sample."""
 
     @abc.abstractmethod
     def damping(self, sample: Sample, memory: TolerantMemory) -> Float[Array, " m"]:
-        """Commands that damp the rate, of which none puts energy in."""
+        """Return commands that damp the rate, none of which adds energy."""
 
     @abc.abstractmethod
     def alone(self, memory: TolerantMemory) -> tuple[BoolScalar, IntScalar]:
-        """Whether they settle with torques in a plane alone, and the `TolerantMode` of that."""
+        """Whether they settle alone with torques in a plane, and the `TolerantMode` of that."""
 
     @abc.abstractmethod
     def reach(self, sample: Sample, memory: TolerantMemory) -> Reach:
-        """What each can do to the body for a while, and what that costs."""
+        """Return the range of torques of each actuator for a while, and their price."""
 
     def changed(self, memory: TolerantMemory) -> BoolScalar:
-        """Whether something has failed."""
+        """Whether an actuator has failed."""
         return jnp.any(memory.diagnosis.condition.failed)
 
     def missing(self, memory: TolerantMemory) -> Vector:
-        """The unit vector about which they make no torque, but all across it; or zero."""
+        """Return the unit vector about which alone they make no torque, or zero."""
         return jnp.zeros(3)
 
     def wheeled(self, memory: TolerantMemory) -> Wheeled | None:
-        """What wheels are left; None for what is no wheel."""
+        """Return the remaining wheels; None for other kinds."""
 
     def flows(self, memory: TolerantMemory) -> BoolScalar:
-        """Whether one that has failed makes a torque on the spacecraft all the time."""
+        """Whether a failed actuator makes a constant torque on the spacecraft."""
         return jnp.zeros_like(memory.diagnosis.alarmed)
 
     def thrust_limit(self, memory: TolerantMemory) -> Float[Array, " m"] | None:
-        """The part of its thrust that each makes; None for what is no thruster."""
+        """Return the fraction of its thrust that each thruster makes; None for other kinds."""
 
     def stored(self, reading: Reading) -> Vector | None:
-        """The momentum (N m s) that they hold; None for none ever."""
+        """Return the stored momentum (N m s); None for actuators that store none."""
 
     def unloadable(
         self, sample: Sample, memory: TolerantMemory, bias: Vector, field: Vector, held: BoolScalar
     ) -> Vector:
-        """The momentum (N m s) beyond a `bias` that they hold, and can do without alone: against
-        a torque that takes it out across the Earth's `field` (T), they make all torques. Where the
-        axis about which they make none is `held`, it may be more than that."""
+        """Return the momentum (N m s) beyond a `bias` that magnetorquers can unload across the
+        Earth's `field` (T) while these actuators make all torques; more where the axis that they
+        lack is `held`."""
         return jnp.zeros_like(bias)
 
     def overfull(
         self, sample: Sample, memory: TolerantMemory, unloads: BoolScalar
     ) -> tuple[BoolScalar, Vector]:
-        """Whether other actuators are to take momentum out, as they do or not, and by what torque
+        """Whether other actuators should unload momentum (hysteresis by `unloads`), and the torque
         (N m)."""
         return jnp.zeros_like(unloads), jnp.zeros_like(sample.state.omega)
 
     def slowed(self, sample: Sample, memory: TolerantMemory) -> QuaternionFeedback:
-        """The law with the rate at which a slew gives them no more momentum than they can hold."""
+        """Return the law with the slew rate limited to the momentum that they can store."""
         return sample.law
 
     def probing(self, sample: Sample, memory: TolerantMemory) -> tuple[BoolScalar, RealScalar]:

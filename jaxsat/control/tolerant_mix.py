@@ -1,7 +1,7 @@
-"""What actuators of several kinds make together under the fault-tolerant law.
+"""Joint allocation of actuators of several kinds under the fault-tolerant law.
 
-Those that cost nothing make what they can of a torque, the others the rest at the least price; and
-what stores momentum is relieved of it by what stores none.
+Free actuators make what they can of a torque, the others the rest at the lowest price; actuators
+without momentum unload those that store it.
 """
 
 from typing import NamedTuple
@@ -19,8 +19,8 @@ from jaxsat.spacecraft.effector import Reach
 
 
 class MixMemory(NamedTuple):
-    """Whether torques about three axes were left, whether momentum was being taken out, and the
-    torque (N m) about three axes that all together did not make."""
+    """Memory of the mix: whether `three` axes were driven, whether it `unloads` momentum, and the
+    torque (N m) about three axes that all kinds together failed to make."""
 
     three: BoolScalar
     unloads: BoolScalar
@@ -28,17 +28,16 @@ class MixMemory(NamedTuple):
 
     @staticmethod
     def begin() -> "MixMemory":
-        """All work, and nothing is full."""
+        """Return the memory at the start: three axes, no unloading."""
         return MixMemory(jnp.array(True), jnp.array(False), jnp.zeros(3))
 
 
 class Unloading(NamedTuple):
-    """What devices that store no momentum make for those that do.
+    """Unloading of momentum by actuators that store none.
 
-    Torques (N m): `first` what makes up for all that acts steadily, where that would fill others,
-    then `relief`, which takes momentum out of them. Devices that make torques c (N m) may be wrong
-    by as much as the root of the sum of the squares of `error` c, over what the body bears; None
-    where they are right.
+    Torques (N m): `first` opposes steady torques that would fill other actuators, then `relief`
+    takes momentum out of them. Torques c (N m) may be wrong by the norm of `error` c, relative to
+    the error that the body tolerates; None where they are exact.
     """
 
     first: Vector
@@ -46,17 +45,17 @@ class Unloading(NamedTuple):
     error: Matrix | None = None
 
     def part(self, torques: Float[Array, "3 n"]) -> RealScalar:
-        """The part of the relief that is made, where all of it takes so many torques."""
+        """Return the fraction of the relief that is made, where all of it takes `torques` (N m)."""
         if self.error is None:
             return jnp.ones_like(torques[0, 0])
         return 1 / jnp.maximum(root(jnp.sum((self.error @ torques) ** 2)), 1.0)
 
 
 class Mix(NamedTuple):
-    """What all kinds can do now, each its own.
+    """Capabilities of all kinds of actuators at one sample.
 
-    Their `reaches`, the torque (N m) of each that makes up for what acts `steady`, which of them
-    make torques about `three` axes or settle `alone`, and which store momentum.
+    `reaches` are their ranges, `steady` the torques (N m) against constant disturbances. `three`:
+    which drive three axes; `alone`: which settle alone; `stores`: which store momentum.
     """
 
     reaches: tuple[Reach, ...]
@@ -67,7 +66,7 @@ class Mix(NamedTuple):
 
     @property
     def reach(self) -> Reach:
-        """That of all together."""
+        """The range of all kinds together."""
         columns, low, high, price = zip(*self.reaches, strict=True)
         return Reach(
             jnp.concatenate(columns, axis=1),
@@ -77,16 +76,16 @@ class Mix(NamedTuple):
         )
 
     def spans(self, before: MixMemory | None) -> BoolScalar:
-        """Whether all together make torques about three axes; `before` is None for one kind."""
+        """Whether all kinds together drive three axes; `before` is None for one kind."""
         if before is None:
             return self.three[0] if self.three else jnp.array(False)
         three = jnp.any(jnp.stack(self.three))
         return jax.lax.cond(three, lambda: jnp.array(True), lambda: self._spans(before.three))
 
     def _spans(self, held: BoolScalar) -> BoolScalar:
-        """By allocation: both ways about each axis, with a part of the largest torque to spare.
+        """Test by allocation: each axis both ways, with a share of the largest torque to spare.
 
-        Half of that is enough for what was so before, so that nothing changes to and fro.
+        Half that margin suffices where three axes were driven before.
         """
         reach = self.reach
         each = jnp.maximum(jnp.abs(reach.low), jnp.abs(reach.high))
@@ -104,7 +103,7 @@ class Mix(NamedTuple):
         return jax.lax.fori_loop(0, len(ways), also, first)
 
     def without(self, axis: Vector) -> "Mix":
-        """With nothing that makes up for what acts steadily about a unit `axis`, or zero."""
+        """Return the mix without steady torques about a unit `axis`, or unchanged for zero."""
         return self._replace(steady=tuple(one - axis * (axis @ one) for one in self.steady))
 
     def demands(
@@ -113,10 +112,10 @@ class Mix(NamedTuple):
         unloading: Unloading,
         three: BoolScalar,
     ) -> tuple[list[Demand], Vector]:
-        """What each kind is asked for, of a `torque` about three axes if they make one, and what
-        all together do not make of that (N m).
+        """Return the demand on each kind for a `torque` (N m), about three axes if they are driven,
+        and the part (N m) that all together fail to make.
 
-        While one kind settles alone, the others make up for what acts all the time at most.
+        While one kind settles alone, the others at most oppose steady torques.
         """
         if len(self.reaches) < 2:
             return [Demand(torque, one, three) for one in self.steady], jnp.zeros(3)
@@ -152,7 +151,7 @@ class Mix(NamedTuple):
 
 
 def _ends(reaches: tuple[Reach, ...]) -> list[int]:
-    """Where in a vector of all the uses of one kind end and those of the next begin."""
+    """Return the indices at which a vector of all commands splits into kinds."""
     ends, place = [], 0
     for one in reaches[:-1]:
         place += one.low.shape[0]

@@ -1,6 +1,6 @@
 """Magnetorquers under the fault-tolerant law.
 
-They take momentum out of wheels, and make the torque about an axis that no other actuator turns.
+They unload wheels and make the torque about an axis that no other actuator drives.
 """
 
 import dataclasses
@@ -20,55 +20,51 @@ from jaxsat.spacecraft.allocation import allocate
 from jaxsat.spacecraft.magnetorquers import MagneticSteering
 
 INSTANTS = 64
-"""Of an orbit, and as many turns of the Earth, over which a torque is averaged."""
+"""Positions in an orbit, and rotation angles of the Earth, over which a torque is averaged."""
 
 FULL_AT = 0.25
-"""rad; an error about the axis of magnetorquers for which they make all their torque."""
+"""Attitude error (rad) about the magnetorquers' axis at which they make their full torque."""
 
 LEAST_PART = 0.1
-"""Of the mean square of the torque about any axis: the least about one that magnetorquers hold."""
+"""Least mean square of the torque about a held axis, over its mean about any axis."""
 
 LEAST_RATE = 2.0
-"""Times that of the orbit: the least natural frequency about such an axis."""
+"""Least natural frequency about a held axis, over the orbital rate."""
 
 RELIEF = 0.5
-"""Times that frequency: how fast momentum is taken out of the wheels beside such an axis."""
+"""Unloading rate of wheels beside a held axis, over the natural frequency about that axis."""
 
 SHALLOW = 0.6
-"""Sine of the angle between the field and such an axis below which less torque about it is made:
-what this torque has across the axis would fill the wheels, and nothing would take it out again."""
+"""Sine of the angle between field and held axis below which torque about it is reduced: its part
+across the axis would fill the wheels, and nothing would unload them."""
 
 SMALLEST = 1e-30
-"""Keeps a quotient of two zeros finite; both have no unit."""
+"""Keeps a dimensionless quotient of two zeros finite."""
 
 
 class RodMemory(NamedTuple):
-    """The torque (N m) of the last dipoles, and what magnetorquers make until the next sample.
-
-    The latter is the mean over a period, in part of dipoles that were commanded before.
-    """
+    """Torque (N m) of the last dipoles, `commanded`, and its mean until the next sample, `acting`,
+    in part from earlier dipoles."""
 
     commanded: Vector
     acting: Vector
 
     @staticmethod
     def begin() -> "RodMemory":
-        """No dipole has been commanded."""
+        """Return the memory before the first dipole."""
         return RodMemory(jnp.zeros(3), jnp.zeros(3))
 
 
 class TolerantRods(eqx.Module):
     """Magnetorquers, whose command is the dipole of each, A m².
 
-    They make the part across the Earth's field of the torque that takes momentum out of wheels;
-    other actuators make up for it, so that the body feels nothing of it. Where wheels make all
-    torques across an axis n and nothing makes those about it, magnetorquers do, with the dipole B ×
-    n: quaternion feedback goes on, slower about Jn, and what their torque has across n the wheels
-    make up for. The dipoles that are left take momentum out of these wheels, with no torque about
-    n. `steering` has the axes and limits, the field, and how fast momentum beyond a bias is to be
-    taken out. n · `power` n (N² m²) is the mean square of the largest torque about n at rest in the
-    orbit frame. Commands act `delay` (s) late. Nothing tells whether they work: no failure of
-    theirs is diagnosed.
+    They unload wheels by torques across the Earth's field, which other actuators compensate, so
+    that the body feels nothing. Where wheels drive all axes but n, magnetorquers make the torque
+    about n with the dipole B × n: quaternion feedback goes on, slower about Jn, and wheels
+    compensate the part of that torque across n. Remaining dipoles unload these wheels, with no
+    torque about n. `steering` has axes, limits, field and unloading rate. n · `power` n (N² m²) is
+    the mean square of the largest torque about n at rest in the orbit frame. Commands act `delay`
+    (s) late. Failures of magnetorquers are not diagnosed.
     """
 
     steering: MagneticSteering
@@ -80,7 +76,7 @@ class TolerantRods(eqx.Module):
 
     @classmethod
     def of(cls, steering: MagneticSteering, delay: float) -> "TolerantRods":
-        """With the mean over all places of the orbit and turns of the Earth."""
+        """Build with `power` averaged over the orbit and the Earth's rotation."""
         axes, shares = np.asarray(steering.axes), np.asarray(steering.shares)
         working = np.any(shares != 0, axis=1)
         if np.linalg.matrix_rank(axes[:, working]) < 2:
@@ -93,7 +89,7 @@ class TolerantRods(eqx.Module):
         return cls(steering, delay, np.mean(across.swapaxes(-1, -2) @ across, axis=(0, 1)))
 
     def left(self, working: Bool[np.ndarray, " k"]) -> "TolerantRods":
-        """Those that make what they are commanded, if the law knows which these are."""
+        """Return a copy with the working magnetorquers alone, if the law knows which these are."""
         axes, asked = np.asarray(self.steering.axes), np.any(self.steering.shares != 0, axis=1)
         asked = np.asarray(asked) & working
         shares = np.zeros((len(asked), 3))
@@ -103,25 +99,25 @@ class TolerantRods(eqx.Module):
 
     @property
     def bias(self) -> Vector:
-        """The momentum (N m s, body axes) that wheels are to keep."""
+        """The momentum (N m s, body axes) that wheels shall keep."""
         return self.steering.bias
 
     def field(self, sample: Sample) -> Vector:
-        """The Earth's field (T, body axes) at the attitude that the law is given."""
+        """Return the Earth's field (T, body axes) at the estimated attitude."""
         return self.steering.field.in_body(sample.t, sample.state.attitude)
 
     def natural_frequency(self, inertia: Matrix, axis: Vector) -> RealScalar:
-        """The largest (rad/s) about J n, for an `axis` n and an inertia J (kg m²)."""
+        """Return the largest natural frequency (rad/s) about J n, for an `axis` n."""
         unit = jnp.trace(inertia)
         square = jnp.sum((inertia @ axis / unit) ** 2) + SMALLEST
         square = jnp.sum(axis * (self.power @ axis)) / unit**2 / square
         return root(root(square) / FULL_AT)
 
     def holds(self, inertia: Matrix, axis: Vector) -> BoolScalar:
-        """Whether magnetorquers can make what torques are needed about an `axis`, not about zero.
+        """Whether magnetorquers can make the torques needed about an `axis`; false for zero.
 
-        The field must turn across it in the orbit, and they must be stronger than the gravity
-        gradient of the body (kg m²).
+        The field must turn across the axis in the orbit, and they must exceed the gravity-gradient
+        torque of the body of this inertia (kg m²).
         """
         most = jnp.trace(self.power) / 2
         enough = jnp.sum(axis * (self.power @ axis)) > LEAST_PART * most
@@ -131,10 +127,10 @@ class TolerantRods(eqx.Module):
     def slowed(
         self, sample: Sample, axis: Vector, stored: Vector
     ) -> tuple[QuaternionFeedback, QuaternionFeedback]:
-        """The law across Jn and about it, for an `axis` n that may be zero: then it is unchanged.
+        """Return the laws across Jn and about Jn for an `axis` n; unchanged for zero.
 
-        Slews are as slow as magnetorquers can oppose n · (ω × H), with H the momentum of the body
-        and what is `stored` (N m s), and about Jn as they can brake them.
+        Slew rates are limited so that magnetorquers can oppose n · (ω × H), H the momentum of the
+        body and what is `stored` (N m s), and, about Jn, brake the slew.
         """
         law, inertia = sample.law, sample.law.model.spacecraft.inertia
         most = root(jnp.sum(axis * (self.power @ axis)))
@@ -151,10 +147,10 @@ class TolerantRods(eqx.Module):
         return dataclasses.replace(law, max_rate=rate), slow
 
     def relief(self, sample: Sample, axis: Vector, excess: Vector, coasting: Vector) -> Vector:
-        """The torque (N m) that takes an `excess` of momentum (N m s) out of wheels.
+        """Return the torque (N m) that takes an `excess` of momentum (N m s) out of wheels.
 
-        Beside an `axis` that magnetorquers hold it is as fast as they turn the body about that, and
-        turns with the orbit frame what wheels hold that are not in use, `coasting` (N m s).
+        Beside a held `axis` it acts as fast as attitude about that axis, and turns the `coasting`
+        momentum (N m s) of idle wheels with the orbit frame.
         """
         holds = jnp.any(axis != 0)
         model = sample.law.model
@@ -170,10 +166,10 @@ class TolerantRods(eqx.Module):
         torque: Vector,
         axis: Vector,
     ) -> Float[Array, " k"]:
-        """Dipoles (A m²) that make the part about an `axis` of a `torque` (N m), and of the
-        `relief` (N m) of wheels what is left, in a field (T).
+        """Return dipoles (A m²) that make the part of a `torque` (N m) about an `axis`, and with
+        what is left of them the `relief` (N m) of wheels, in a field (T).
 
-        The axis is zero where others make all torques.
+        The axis is zero where other actuators make all torques.
         """
         steering, reach = self.steering, self.steering.reach(field)
         turning = steering.shares @ jnp.cross(field, axis)
@@ -190,15 +186,15 @@ class TolerantRods(eqx.Module):
     def act(
         self, field: Vector, dipoles: Float[Array, " k"], period: RealScalar, before: RodMemory
     ) -> tuple[Vector, RodMemory]:
-        """The torque (N m) of dipoles (A m²) in a field (T), and the memory of the next sample."""
+        """Return the torque (N m) of dipoles (A m²) in a field (T), and the next memory."""
         made = self.steering.reach(field).columns @ dipoles
         late = self.delay * before.commanded + (period - self.delay) * made
         return made, RodMemory(made, late / period)
 
 
 def about(inertia: Matrix, axis: Vector, torque: Vector, slow: Vector) -> Vector:
-    """The torque whose part about an `axis` n is that of `slow`, and which turns the body of an
-    inertia J (kg m²) as `torque` does across Jn, all in N m. For no axis it is the torque."""
+    """Combine torques (N m): about an `axis` n as `slow`, across Jn with the acceleration of
+    `torque`, for an inertia J (kg m²). Without an axis (zero) it is `torque`."""
     relative = inertia / jnp.trace(inertia)
     along = relative @ (relative @ axis)  # J⁻¹ times the difference is along Jn
     lacking = jnp.sum(axis * (torque - slow)) / (jnp.sum(axis * along) + SMALLEST)

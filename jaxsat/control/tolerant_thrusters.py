@@ -1,4 +1,4 @@
-"""Thrusters under the fault-tolerant law: reallocated, and in a plane flown by three slews."""
+"""Thrusters under the fault-tolerant law: reallocated, or flown by three slews in a plane."""
 
 from typing import NamedTuple, cast
 
@@ -30,30 +30,30 @@ from jaxsat.spacecraft.dynamics import PlantState
 from jaxsat.spacecraft.effector import Reach
 
 TEST_PERIODS = 3
-"""Control periods from the test pulse of one thruster to that of the next, during an alarm."""
+"""Control periods between the test pulses of two thrusters during an alarm."""
 
 MOSTLY = 0.5
-"""The duty above which a thruster is tested by a gap in its thrust, not by a pulse: one that pushes
-nearly all the time and one that does so whatever it is commanded look alike until a gap."""
+"""Duty above which a thruster is tested by a gap in its thrust, not by a pulse: one that is stuck
+on and one that pushes nearly all the time look alike until a gap."""
 
 QUIET_SIGMAS = 4.0
-"""A rate about a thruster's torque within so many sigmas of the noise is not damped."""
+"""Rate about a thruster's torque, in sigmas of the noise, below which it is not damped."""
 
 FILLING = 0.9
-"""Below 1: how much the momentum counts that a thruster gives wheels which none can empty; the
-dearest thruster then costs 19 times its propellant, the cheapest a nineteenth."""
+"""Weight, below 1, of the momentum that a thruster gives wheels which none can unload; the dearest
+thruster then costs 19 times its propellant, the cheapest a nineteenth."""
 
 LITTLE = 0.02
-"""Of the largest momentum of a wheel: momentum that hardly counts so."""
+"""Momentum below which that weight fades, over the largest momentum of a wheel."""
 
 FIRST_PHASE = TolerantMode.STOPPING - Phase.STOPPING
 
 
 class ThrusterLawMemory(NamedTuple):
-    """Of the laws in a plane, of leaks and of the modulator.
+    """Memory of the laws in a plane, of leaks and of the modulator.
 
-    `spill` (s) is what of the commanded on-times reaches into the next period, `owed` (N m s) what
-    whole pulses have left out so far.
+    `spill` (s) is the part of the on-times that reaches into the next period, `owed` (N m s) the
+    impulse that rounding to whole pulses has left out so far.
     """
 
     settling: SettlingMemory | None
@@ -66,8 +66,8 @@ class ThrusterLawMemory(NamedTuple):
 class SettlingLaws(eqx.Module):
     """Laws of two torques, one for each plane that failures leave.
 
-    The arrays of `laws` have a leading axis. `of_set` (sets,) is the number of the law of each
-    failed set, `directions` (laws, 3, 2) are the axes about which the laws command.
+    The arrays of `laws` have a leading axis. `of_set` (sets,) is the index of each failed set's
+    law, `directions` (laws, 3, 2) are the axes of its two torques.
     """
 
     laws: ThreeSlewSettling
@@ -76,7 +76,7 @@ class SettlingLaws(eqx.Module):
     leaks: Leaks
 
     def at(self, number: IntScalar) -> tuple[ThreeSlewSettling, Float[Array, "3 2"], Leaks]:
-        """The law of a failed set, and its directions."""
+        """Return the law of a failed set, its directions and its leaks."""
         place = self.of_set[number]
         law, leaks = jax.tree.map(lambda x: x[place], (self.laws, self.leaks))
         return law, self.directions[place], leaks
@@ -85,11 +85,11 @@ class SettlingLaws(eqx.Module):
 class TolerantThrusters(AbstractTolerantActuators):
     """Thrusters, whose command is the duty of each.
 
-    Isolated thrusters are left out, and what they make all the time is fed forward. Where torques
-    of either sign are left in a plane, `settling` has the law of three slews in the normal form of
-    that plane; else rates are damped by whatever thruster takes energy out. During an alarm the
-    suspect and its rivals in turn give test pulses, or gaps where they push most of the time.
-    Thrusters that have failed give pulses now and then, so that one that works again is seen.
+    Isolated thrusters are left out, and their constant torque is fed forward. Where torques of
+    either sign remain in a plane, `settling` flies three slews in the normal form of that plane;
+    else rates are damped by thrusters that take energy out. During an alarm the suspect and its
+    rivals in turn give test pulses, or gaps where they push most of the time. Failed thrusters give
+    pulses now and then to detect a recovery.
     """
 
     filter: ThrusterFilter
@@ -99,13 +99,13 @@ class TolerantThrusters(AbstractTolerantActuators):
 
     @property
     def watch(self) -> ThrusterFilter:
-        """The filter of rates."""
+        """The residual filter of body rates."""
         return self.filter
 
     def init(
         self, state: PlantState, reading: Reading, diagnosis: DiagnosisMemory
     ) -> TolerantMemory:
-        """All thrusters work."""
+        """Return the memory at the start: all thrusters work."""
         thrusters = self.filter.thrusters
         zero = jnp.zeros(thrusters.count, state.omega.dtype)
         own = ThrusterLawMemory(
@@ -118,18 +118,18 @@ class TolerantThrusters(AbstractTolerantActuators):
         return TolerantMemory(diagnosis, Ability.whole(thrusters.count), zero, zero[0], own)
 
     def needed(self, memory: TolerantMemory) -> Bool[Array, " m"]:
-        """Those without which less than three axes is left, or a set without a table."""
+        """Thrusters whose loss leaves less than three axes, or a set without a table."""
         return self.reconfiguration.needed(memory.diagnosis.condition.failed)
 
     def able(
         self, sample: Sample, diagnosis: DiagnosisMemory, before: TolerantMemory
     ) -> TolerantMemory:
-        """With what the tables of failed sets, weak thrusters and flows leave."""
+        """Update the ability by the tables of failed sets, weak thrusters and flows."""
         ability = self.reconfiguration.find(diagnosis.condition, before.ability)
         return before._replace(diagnosis=diagnosis, ability=ability)
 
     def thrust_limit(self, memory: TolerantMemory) -> Float[Array, " m"]:
-        """As the tables of failed sets and weak thrusters leave it."""
+        """Return the fraction of each thruster's thrust that is left."""
         return memory.ability.limit
 
     def flows(self, memory: TolerantMemory) -> BoolScalar:
@@ -138,24 +138,24 @@ class TolerantThrusters(AbstractTolerantActuators):
         return jnp.any(condition.failed & (condition.flow > 0))
 
     def steady(self, memory: TolerantMemory, period: RealScalar) -> Vector:
-        """Against what failed thrusters make all the time, and what acts from outside, N m."""
+        """Return the torque (N m) against flows of failed thrusters and external torques."""
         condition = memory.diagnosis.condition
         besides = self.filter.believed(condition, period)
         return -(self.filter.thrusters.torque @ condition.flow + besides)
 
     def reach(self, sample: Sample, memory: TolerantMemory) -> Reach:
-        """The duty of each, at the price of its propellant, and of what it fills for good."""
+        """Return the range of duties, priced by propellant and momentum that stays in wheels."""
         high, duties = memory.ability.limit, self.reconfiguration.duties
         price = duties.price * duties.size * self._filling(sample, memory)
         return Reach(self.reconfiguration.torque, jnp.zeros_like(high), high, price)
 
     def _filling(self, sample: Sample, memory: TolerantMemory) -> RealScalar | Float[Array, " m"]:
-        """How much dearer each thruster is for the momentum that wheels hold because of it.
+        """Return the price factor of each thruster for the momentum that it gives wheels.
 
-        Where thrusters alone do not make torques about three axes, there is a direction in which
-        none takes momentum out of wheels. A thruster then counts by the cosine c between its torque
-        and the momentum H of body and wheels, (1 + FILLING c) / (1 - FILLING c): with d|H|²/dt = 2
-        H · τ those fire that fill least of what make a torque.
+        Where thrusters alone do not drive three axes, there is a direction in which none unloads
+        wheels. The price of a thruster then depends on the cosine c between its torque and the
+        momentum H of body and wheels, (1 + FILLING c) / (1 - FILLING c): as d|H|²/dt = 2 H · τ, the
+        thrusters fire that fill least.
         """
         wheels = self.filter.wheels
         limit = None if wheels is None else wheels.momentum_limit
@@ -172,7 +172,7 @@ class TolerantThrusters(AbstractTolerantActuators):
     def act(
         self, sample: Sample, demand: Demand, before: TolerantMemory, now: TolerantMemory
     ) -> tuple[Float[Array, " m"], TolerantMemory]:
-        """The duty of each thruster."""
+        """Return the duty of each thruster."""
         thrusters, period, three = self.filter.thrusters, sample.law.period, demand.three
         limit, own = now.ability.limit, before.own
         plane, _ = self.alone(now)
@@ -219,7 +219,7 @@ class TolerantThrusters(AbstractTolerantActuators):
         before: TolerantMemory,
         now: TolerantMemory,
     ) -> tuple[Vector, Vector, SettlingMemory | None, LeakMemory]:
-        """Torque and steady torque (N m) with those of the law of a plane, and its memories."""
+        """Return torque and steady torque (N m) with a plane's law, and the law's memories."""
         settling, leaking = before.own.settling, before.own.leaking
         if self.settling is None or settling is None:
             return demand.torque, demand.steady, settling, leaking
@@ -244,7 +244,7 @@ class TolerantThrusters(AbstractTolerantActuators):
         return torque, jnp.where(plane, beside, demand.steady), settling, leaking
 
     def damping(self, sample: Sample, memory: TolerantMemory) -> Float[Array, " m"]:
-        """The duty of each thruster against the rate about its own torque."""
+        """Return duties against the rate about each thruster's torque."""
         torque = self.reconfiguration.torque
         size = jnp.sqrt(jnp.sum(torque**2, axis=0))
         units = torque / size[None]
@@ -258,7 +258,7 @@ class TolerantThrusters(AbstractTolerantActuators):
         return jnp.where(memory.diagnosis.condition.failed, 0.0, duty)
 
     def alone(self, memory: TolerantMemory) -> tuple[BoolScalar, IntScalar]:
-        """By the law of three slews, in its phase."""
+        """Whether the law of three slews flies, and its phase."""
         settling = memory.own.settling
         if self.settling is None or settling is None:
             return jnp.array(False), jnp.array(int(TolerantMode.DAMPING))
@@ -267,7 +267,7 @@ class TolerantThrusters(AbstractTolerantActuators):
 
 
 def in_turn(diagnosis: DiagnosisMemory, period: RealScalar) -> Bool[Array, " m"]:
-    """During an alarm the suspect and each of its rivals in turn are tested, one by one."""
+    """Select the actuators to test now during an alarm: the suspect and its rivals in turn."""
     rivals = jnp.arange(diagnosis.rival.shape[0]) != diagnosis.suspect
     rivals = rivals & diagnosis.rival
     place = jnp.cumsum(rivals) - 1

@@ -32,43 +32,43 @@ from jaxsat.spacecraft.effector import Reach
 OfEach = Float[Array, " m"]
 
 UNLOADING = 0.2
-"""Times the natural frequency: rate at which momentum without effect on the body is taken out."""
+"""Rate at which momentum without effect on the body is taken out, over the natural frequency."""
 
 ROOM = 0.5
-"""Over the natural frequency: for so long at least a wheel is to make the torque that counts on it
-before its momentum comes to the limit."""
+"""Least time for which a wheel can make its allocated torque before its momentum comes to the
+limit, over the inverse natural frequency."""
 
 FULL, EMPTY = 0.7, 0.2
-"""Of the largest momentum of a wheel: above the first thrusters begin to take momentum out, below
-the second they end."""
+"""Momentum over the limit of a wheel above which thrusters begin to unload it, and below which they
+end."""
 
 REACTION = 0.5
-"""Of the torque of a wheel: what it makes at most against thrusters that take momentum out."""
+"""Largest torque of a wheel against thrusters that unload it, over its limit."""
 
 TURNING, SLOWLY = 2e-3, 0.5
-"""Times the natural frequency: with two wheels, the rate that momentum about the axis without a
-wheel leaves, above which no attitude is asked for; and below which part of that one is again."""
+"""With two wheels, rate that momentum about the undriven axis leaves, over the natural frequency,
+above which no attitude is commanded; and the fraction of it below which one is again."""
 
 MOST_MOMENTUM = 1.0
-"""Times the largest rate of a slew, or a fifth of the natural frequency if that is less: momentum
-as a rate beyond which rates are damped. Coning two wheels turn the body no faster than that."""
+"""Momentum as a rate above which rates are damped, over the largest rate of a slew, or over a fifth
+of the natural frequency if that is less. Coning two wheels turn the body no faster."""
 
 KNOWN = 0.5
-"""Of that rate: how well momentum is known at rest."""
+"""Error of the known momentum at rest, over the rate limit of `TURNING`."""
 
 NEAR = 0.02
-"""rad; an attitude nearer than this to the target counts as the target."""
+"""Angle (rad) to the target within which a held attitude counts as the target."""
 
 SMALLEST = 1e-30
 """Keeps a quotient of two zeros finite."""
 
 
 class WheelLawMemory(NamedTuple):
-    """The last `command` (N m) of each wheel, and the rate that two wheels would leave.
+    """Memory of wheels: the last `command` (N m), and the attitude that two wheels hold.
 
-    `sign` is that of the next test pulse, `fit` what is known of the total momentum. `held` is the
-    attitude, relative to the target, that two wheels go to, if they `can` hold one; `near` tells
-    whether that is the target.
+    `sign` is that of the next test pulse, `fit` the estimate of the total momentum. `held` is the
+    attitude, relative to the target, that two wheels go to, if they `can` hold one, and `near`
+    whether it is the target.
     """
 
     command: OfEach
@@ -82,9 +82,9 @@ class WheelLawMemory(NamedTuple):
 class TolerantWheels(AbstractTolerantActuators):
     """Reaction wheels, whose command is the torque of each on the body, N m.
 
-    Two of them settle all axes by `two_wheels` where no momentum about the third is left; else
-    rates are damped, which takes energy out whatever is left. `known` says which had failed before
-    the start. Commands act `delay` (s) late.
+    Two wheels settle all axes by `two_wheels` where no momentum about the third is left; else rates
+    are damped, which takes energy out in any case. `known` says which had failed before the start.
+    Commands act `delay` (s) late.
     """
 
     filter: WheelFilter
@@ -95,23 +95,23 @@ class TolerantWheels(AbstractTolerantActuators):
 
     @property
     def failed_before(self) -> Bool[Array, " m"]:
-        """Those that are `known`."""
+        """Wheels `known` to have failed before the start."""
         return self.known
 
     @property
     def allocation(self) -> WheelAllocation:
-        """How a torque is shared among the wheels that are used."""
+        """The allocation of a torque to the wheels in use."""
         return WheelAllocation(self.filter)
 
     @property
     def watch(self) -> WheelFilter:
-        """The filter of momenta."""
+        """The residual filter of wheel momenta."""
         return self.filter
 
     def init(
         self, state: PlantState, reading: Reading, diagnosis: DiagnosisMemory
     ) -> TolerantMemory:
-        """All wheels work but those that are known to have failed."""
+        """Return the memory at the start: all wheels work but those known to have failed."""
         momentum = cast(OfEach, reading.momentum)
         condition = diagnosis.condition
         condition = condition._replace(
@@ -127,36 +127,36 @@ class TolerantWheels(AbstractTolerantActuators):
         return TolerantMemory(diagnosis, ability, zero, zero[0], own)
 
     def needed(self, memory: TolerantMemory) -> Bool[Array, " m"]:
-        """All."""
+        """All wheels: a weak one is never given up as dead."""
         return jnp.ones_like(memory.diagnosis.condition.failed)
 
     def changed(self, memory: TolerantMemory) -> BoolScalar:
-        """Whether something has failed, also a wheel that stays in service."""
+        """Whether a wheel has failed, even if it stays in service."""
         return jnp.any((memory.diagnosis.kind >= 0) | self.known)
 
     def missing(self, memory: TolerantMemory) -> Vector:
-        """The normal of two axes."""
+        """Return the normal of the two driven axes, or zero."""
         return jnp.where(memory.ability.left == Left.PLANE, memory.ability.normal, 0.0)
 
     def wheeled(self, memory: TolerantMemory) -> Wheeled:
-        """Those in use."""
+        """Return the wheels in use."""
         return memory.ability
 
     def stored(self, reading: Reading) -> Vector:
-        """The momentum of the wheels with that of rotors which turn with the body, N m s."""
+        """Return the momentum (N m s) of the wheels, with that of rotors turning with the body."""
         return self.filter.wheels.axes @ self._momenta(reading)
 
     def able(
         self, sample: Sample, diagnosis: DiagnosisMemory, before: TolerantMemory
     ) -> TolerantMemory:
-        """With what the wheels in use make together, and whether two of them settle."""
+        """Update what the wheels in use make together, and whether two of them settle."""
         momentum = cast(OfEach, sample.reading.momentum)
         wheeled = self.allocation.find(diagnosis.condition, momentum, before.ability)
         own = self._turning(sample, wheeled, before)
         return before._replace(diagnosis=diagnosis, ability=wheeled, own=own)
 
     def reach(self, sample: Sample, memory: TolerantMemory) -> Reach:
-        """The torque of each (N m), which ends as its momentum comes to the limit."""
+        """Return the range of torques (N m), which closes as momentum nears the limit."""
         usable, limit = memory.ability.usable, self.filter.wheels.momentum_limit
         low, high = -usable, usable
         if limit is not None:
@@ -169,7 +169,7 @@ class TolerantWheels(AbstractTolerantActuators):
     def unloadable(
         self, sample: Sample, memory: TolerantMemory, bias: Vector, field: Vector, held: BoolScalar
     ) -> Vector:
-        """What wheels in use hold beyond the bias."""
+        """Return the momentum (N m s) of wheels in use beyond the bias."""
         momentum = self._momenta(sample.reading)
         alone = self.allocation.unloadable(memory.ability, momentum, bias, field)
         working = jnp.where(memory.ability.working, momentum, 0.0)
@@ -178,7 +178,7 @@ class TolerantWheels(AbstractTolerantActuators):
     def overfull(
         self, sample: Sample, memory: TolerantMemory, unloads: BoolScalar
     ) -> tuple[BoolScalar, Vector]:
-        """Whether wheels would hold much once the body rests, and the torque that lessens it."""
+        """Whether wheels are too full with the body at rest, and the torque (N m) against it."""
         wheeled, limit = memory.ability, self.filter.wheels.momentum_limit
         if limit is None:
             return jnp.zeros_like(unloads), jnp.zeros(3)
@@ -190,13 +190,13 @@ class TolerantWheels(AbstractTolerantActuators):
         return unloads, jnp.where(unloads, -(self.filter.wheels.axes @ wanted), 0.0)
 
     def steady(self, memory: TolerantMemory, period: RealScalar) -> Vector:
-        """Nothing: what brakes a wheel is made up for by its own command."""
+        """Return zero: each wheel's own command compensates its friction."""
         return jnp.zeros(3)
 
     def act(
         self, sample: Sample, demand: Demand, before: TolerantMemory, now: TolerantMemory
     ) -> tuple[OfEach, TolerantMemory]:
-        """The torque of each wheel on the body, N m."""
+        """Return the torque of each wheel on the body, N m."""
         momentum, wheeled, law = cast(OfEach, sample.reading.momentum), now.ability, sample.law
         by_two, _ = self.alone(now)
         by_two = by_two & ~demand.three
@@ -219,7 +219,7 @@ class TolerantWheels(AbstractTolerantActuators):
         return command, now._replace(commanded=late, probe=probe, own=own)
 
     def slowed(self, sample: Sample, memory: TolerantMemory) -> QuaternionFeedback:
-        """The law with the rate at which the momentum of the body fits into the wheels in use."""
+        """Return the law with slews whose momentum fits into the wheels in use."""
         law, wheeled = sample.law, memory.ability
         free = self.allocation.largest_momentum(wheeled, self._held(sample, wheeled))
         if free is None:
@@ -228,17 +228,16 @@ class TolerantWheels(AbstractTolerantActuators):
         return dataclasses.replace(law, max_rate=jnp.minimum(law.max_rate, most))
 
     def _momenta(self, reading: Reading) -> OfEach:
-        """Of each wheel with its rotor, N m s."""
         return momentum_with_rotors(self.filter.wheels, reading)
 
     def _held(self, sample: Sample, wheeled: Wheeled) -> Vector:
-        """The momentum (N m s) of the body and the wheels in use."""
+        """Return the momentum (N m s) of the body and the wheels in use."""
         working = jnp.where(wheeled.working, self._momenta(sample.reading), 0.0)
         body = sample.law.model.spacecraft.inertia @ sample.state.omega
         return body + self.filter.wheels.axes @ working
 
     def _by_two(self, sample: Sample, wheeled: Wheeled, own: WheelLawMemory) -> Vector:
-        """The torque (N m) of two wheels, with the gyroscopic one."""
+        """Return the torque (N m) of two wheels, with the gyroscopic one."""
         state, law = sample.state, sample.law
         inertia = self.fit.inertia(own.fit)
         momentum = inertia @ state.omega + self.stored(sample.reading)
@@ -248,7 +247,7 @@ class TolerantWheels(AbstractTolerantActuators):
         return torque + jnp.cross(state.omega, momentum)
 
     def _turning(self, sample: Sample, wheeled: Wheeled, before: TolerantMemory) -> WheelLawMemory:
-        """Where momentum lets two wheels rest.
+        """Update the attitude at which momentum lets two wheels rest.
 
         With the total momentum H in the target's axes, n·Jω = n·(H - A h) of the wheels not in use.
         """
@@ -277,7 +276,7 @@ class TolerantWheels(AbstractTolerantActuators):
         return own._replace(fit=fit, held=Quaternion(attitude), near=near, can=rests | fits)
 
     def damping(self, sample: Sample, memory: TolerantMemory) -> OfEach:
-        """Each wheel against the rate about its own axis (N m)."""
+        """Return damping torques (N m), each against the rate about its wheel's axis."""
         axes, usable, law = self.filter.wheels.axes, memory.ability.usable, sample.law
         inverse = law.model.spacecraft.inverse_inertia
         inertia = 1 / jnp.sum(axes * (inverse @ axes), axis=0)
@@ -285,18 +284,18 @@ class TolerantWheels(AbstractTolerantActuators):
         return jnp.clip(-pull * inertia * (axes.T @ sample.state.omega), -usable, usable)
 
     def alone(self, memory: TolerantMemory) -> tuple[BoolScalar, IntScalar]:
-        """By two wheels, where there is an attitude at which they leave no rate."""
+        """Whether two wheels settle: there is an attitude at which they leave no rate."""
         can = (memory.ability.left == Left.PLANE) & memory.own.can
         (target,), (nearest,) = LEFT["two wheels"].modes, LEFT["nearest attitude"].modes
         mode = jnp.where(memory.own.near, int(target), int(nearest))
         return can, mode
 
     def _pulses(self, sample: Sample, memory: TolerantMemory) -> tuple[OfEach, RealScalar]:
-        """Test torques (N m), of either sign in turn, and the time since the last one (s).
+        """Return test torques (N m) of alternating sign, and the time since the last one (s).
 
-        During an alarm they are of the wheels that explain the residuals; otherwise, now and then,
-        of those that may work again, and of those that are braked and may not turn any more. Those
-        of a wheel that has failed stand out if it makes a `WEAK` part of them.
+        During an alarm the suspected wheels are tested; otherwise, now and then, those that may
+        work again, and braked ones that may have stopped. Pulses of a failed wheel stand out if it
+        makes a `WEAK` part of them.
         """
         diagnosis = memory.diagnosis
         due, probe = self.probing(sample, memory)

@@ -1,7 +1,7 @@
-"""What the actuators that are left allow, and what flies with it.
+"""Laws that fly with the actuators that still work.
 
-One table for all: the law `fault-tolerant` in flight, the verdicts of `controllability`, studies of
-failures, and the candidates of `design`.
+One table serves the law `fault-tolerant`, the verdicts of `controllability`, studies of failures
+and the candidates of `design`.
 """
 
 from collections.abc import Mapping
@@ -13,10 +13,10 @@ Laws = Literal["three torques", "two torques", "two wheels", "nearest attitude",
 
 
 class WhatFlies(NamedTuple):
-    """What flies with what is left.
+    """Laws for one class of remaining torques.
 
-    `words` say which laws apply, `modes` what the law `fault-tolerant` does where it takes the
-    actuators, `laws` which ones `design` tries, and `everywhere` whether they reach every attitude.
+    `words` is the printed sentence, `modes` the modes of the law `fault-tolerant`, `laws` the
+    candidates of `design`, and `everywhere` whether they reach every attitude.
     """
 
     words: str
@@ -68,6 +68,6 @@ LEFT: Mapping[Laws, WhatFlies] = {
     ),
     "none": WhatFlies("no law of jaxsat applies", (TolerantMode.DAMPING,), (), everywhere=False),
 }
-"""By the torques that are left: of either sign about three axes or in a plane; by two wheels
-without momentum about their normal, or with it while the target stands still; by magnetorquers,
-alone or with wheels, over an orbit; or less."""
+"""Laws by remaining torques: of either sign about three axes or in a plane; of two wheels without
+momentum about their normal, or with it for a target at rest; of magnetorquers over an orbit, alone
+or with wheels; or less."""

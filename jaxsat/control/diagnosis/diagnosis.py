@@ -1,4 +1,4 @@
-"""Detection by CUSUM, isolation by likelihood, and how an actuator comes back.
+"""Detection of failures by CUSUM, isolation by likelihood, and recovery of actuators.
 
 The one-sided CUSUM test of standard normal scores is g' = max(0, g + z - k), an alarm where g' > h.
 Its average run length has a closed form (Siegmund, Sequential Analysis (1985), section 2.6): the
@@ -32,16 +32,16 @@ from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar
 from jaxsat.core.checks import positive
 
 OVERSHOOT = 1.166
-"""Of a walk with standard normal steps, at both boundaries together."""
+"""Overshoot of a walk with standard normal steps, at both boundaries together."""
 
 SMALL = 1e-6
-"""A drift below which the series takes the place of the quotient."""
+"""Drift below which the series replaces the quotient."""
 
 
 def average_run_length(reference: float, threshold: float, shift: float = 0.0) -> float:
-    """Mean number of scores until an alarm, for scores N(shift, 1), k and h in their sigmas.
+    """Return the mean number of scores N(shift, 1) until an alarm, k and h in their sigmas.
 
-    Without a shift it is the mean distance of false alarms, with one the detection delay.
+    Without a shift it is the mean distance of false alarms, else the detection delay.
     """
     drift, width = shift - reference, threshold + OVERSHOOT
     if abs(drift) < SMALL:
@@ -50,7 +50,7 @@ def average_run_length(reference: float, threshold: float, shift: float = 0.0) -
 
 
 def cusum_threshold(reference: float, run_length: float) -> float:
-    """The threshold h for a mean distance of false alarms, in scores; k and h in sigmas.
+    """Return the threshold h for a mean distance of false alarms, in scores; k and h in sigmas.
 
     Raises `ValueError` for a distance that even h = 0 exceeds.
     """
@@ -70,10 +70,9 @@ def cusum_threshold(reference: float, run_length: float) -> float:
 
 
 def false_alarm_rate(watch: AbstractResidualFilter, reference: float, threshold: float) -> float:
-    """False alarms in a sample at most, of all tests, where the model is true; both in sigmas.
+    """Upper limit of false alarms per sample by all tests if the model is true; both in sigmas.
 
-    A likelihood ratio exceeds e^x once in e^x samples at most (Lorden, Ann. Math. Stat. 42(6),
-    1971).
+    A likelihood ratio exceeds e^x at most once in e^x samples (Lorden, Ann. Math. Stat. 42, 1971).
     """
     hypotheses = watch.hypotheses
     rate = (1 + len(hypotheses.tests)) / average_run_length(reference, threshold)
@@ -82,41 +81,40 @@ def false_alarm_rate(watch: AbstractResidualFilter, reference: float, threshold:
 
 
 LEAST_SIGNAL = 0.5
-"""A signature of a full failure below so many sigmas tells nothing, and its test waits."""
+"""Signature of a full failure, in sigmas, below which its test waits."""
 
 LEAST_INFORMATION, MOST_PERIODS = 25.0, 15
-"""About the loss of an actuator before it is judged: that of a test pulse, or so many periods."""
+"""Information about a loss for a verdict (that of a test pulse), or periods after which it is due.
+"""
 
 WEAK = 0.1
-"""An actuator that makes less of its torque counts as dead."""
+"""Fraction of its torque below which an actuator counts as dead."""
 
 TOLD_APART = 2 * PENALTY / WEAK**2
-"""Information about the loss of an actuator that tells a dead one from a `WEAK` one."""
+"""Information about the loss of an actuator that separates a dead one from a `WEAK` one."""
 
 MOST_RETURNS = 2
-"""An actuator that has come back so often and fails once more is not trusted again."""
+"""Recoveries after which an actuator that fails once more is not trusted again."""
 
 NONE = -1.0
 """The kind of an actuator that works."""
 
 
 class Stage(enum.IntEnum):
-    """Nothing suspected, or an alarm whose cause is being isolated."""
+    """Stage of the diagnosis: nothing suspected, or an alarm whose cause is being isolated."""
 
     QUIET = 0
     ALARM = 1
 
 
 class DiagnosisMemory(NamedTuple):
-    """What is known of each actuator, and what is suspected.
+    """Verdicts on each actuator, and the state of the tests.
 
     `statistic` (tests, m) has the CUSUMs of loss, of flow for each sign that it may have, and of a
-    full loss.
-    `condition` and `kind` (a `DiagnosedKind`, or -1) are the verdicts, `returns` says how often an
-    actuator came back. `age` (s) is the time since the last alarm, verdict or dismissal, `suspect`
-    the likeliest actuator, and `rival` says which explain the residuals nearly as well. `doubt`
-    (in the residuals' unit) is the standard deviation of the last residual, errors of the model
-    included.
+    full loss. `condition` and `kind` (a `DiagnosedKind`, or -1) are the verdicts, `returns` counts
+    recoveries. `age` (s) is the time since the last alarm, verdict or dismissal, `suspect` the
+    likeliest actuator, and `rival` marks those that explain the residuals nearly as well. `doubt`
+    (in the residuals' unit) is the standard deviation of the last residual, model errors included.
     """
 
     residual: FilterMemory
@@ -138,13 +136,13 @@ class DiagnosisMemory(NamedTuple):
 
     @property
     def may_return(self) -> Bool[Array, " m"]:
-        """Which actuators have failed and count as working again once their torque is there."""
+        """Which failed actuators are taken back into service once their torque is there."""
         return self.condition.failed & (self.returns < MOST_RETURNS)
 
     def test_command(self, watch: AbstractResidualFilter, period: RealScalar) -> Float[Array, " m"]:
-        """Commands, in a period (s), of test pulses that stand out of the noise if they come.
+        """Return commands of test pulses in a period (s) that stand out of the noise.
 
-        During an alarm they stand out of all that is in doubt: what a stuck actuator makes hides
+        During an alarm they stand out of all that is in doubt: flow of a stuck actuator hides
         pulses that would be seen without it.
         """
         sigma = jnp.where(self.alarmed, self.doubt, watch.noise)
@@ -152,23 +150,22 @@ class DiagnosisMemory(NamedTuple):
 
 
 class Diagnosis(eqx.Module):
-    """Detects and isolates failed actuators of a kind, and finds those that work again.
+    """Detection and isolation of failed actuators of one kind, and of those that recover.
 
-    What is read of them, and what may have happened to one, a filter knows, the `watch`. Torques
-    are believed to be wrong by the part `uncertainty` of themselves. Each thruster has three CUSUM
-    tests, that thrust is missing, that there is some which was not commanded, and that all is
-    missing; a wheel has no third one, and one for each sign of the second. The scores of the first
-    two are standard normal where nothing has failed and the model is true, so that
-    `average_run_length` of `reference` and `threshold` (both in sigmas) is the mean number of
-    samples to a false alarm of each; that of the third is e^(2 reference threshold) at least. From
-    the alarm on the evidence is gathered anew. At an alarm for a flow the filter starts anew, too:
-    its signature would be that of a flow which has always been there. The best explanation is the
-    verdict once its log-likelihood exceeds that of no failure, that of any other actuator, and that
-    of a constant torque from outside, by `margin`; if such a torque is the best, it is counted with
-    from then on. After `patience` samples the more likely of two actuators is taken, a torque from
-    outside rather than an actuator that is hardly more likely, and an alarm that nothing explains
-    is dismissed. A failed actuator whose commanded torque is there again works again, at most
-    `MOST_RETURNS` times.
+    Measurements and failure hypotheses are those of a filter, the `watch`. Torques are assumed to
+    be wrong by the fraction `uncertainty`. Each thruster has three CUSUM tests: missing thrust,
+    thrust that was not commanded, and thrust missing in full; a wheel lacks the third, and has one
+    for each sign of the second. The scores of the first two are standard normal where nothing has
+    failed and the model is true, so that `average_run_length` of `reference` and `threshold` (both
+    in sigmas) is the mean number of samples to a false alarm of each; that of the third is at least
+    e^(2 reference threshold). From the alarm on the evidence is gathered anew. At an alarm for a
+    flow the filter restarts, too: its signature would be that of a flow which has always been
+    there. The best explanation is the verdict once its log-likelihood exceeds that of no failure,
+    that of any other actuator, and that of a constant external torque, by `margin`; if such a
+    torque is the best, it is compensated from then on. After `patience` samples the more likely of
+    two actuators is taken, an external torque rather than an actuator that is hardly more likely,
+    and an alarm that nothing explains is dismissed. A failed actuator whose commanded torque is
+    there again returns to service, at most `MOST_RETURNS` times.
     """
 
     reference: RealScalar = eqx.field(converter=positive("reference"), default=1.0)
@@ -178,7 +175,7 @@ class Diagnosis(eqx.Module):
     uncertainty: RealScalar = eqx.field(converter=positive("uncertainty"), default=0.1)
 
     def init(self, watch: AbstractResidualFilter, reading: Reading) -> DiagnosisMemory:
-        """All actuators work."""
+        """Return the memory at the start: all actuators work."""
         count, hypotheses = watch.count, watch.hypotheses
         tests = 1 + len(hypotheses.tests) + hypotheses.weak_losses
         zero = jnp.zeros(count, reading.rate.dtype)
@@ -205,9 +202,9 @@ class Diagnosis(eqx.Module):
         memory: DiagnosisMemory,
         needed: Bool[Array, " m"] | None = None,
     ) -> DiagnosisMemory:
-        """One sample: what is read, and what was `commanded` since the last, as the `watch` has it.
+        """Update by a reading and by what was `commanded` since the last, as `watch` reads it.
 
-        Of those that are `needed` a dead one is told from a `WEAK` one before it is given up.
+        Those that are `needed` must be shown to be dead, not `WEAK`, before they are given up.
         """
         needed = jnp.zeros_like(memory.condition.failed) if needed is None else needed
         condition = memory.condition
@@ -270,7 +267,7 @@ class Diagnosis(eqx.Module):
     def _statistic(
         self, hypotheses: Hypotheses, residual: Residual, memory: DiagnosisMemory
     ) -> Float[Array, "tests m"]:
-        """The CUSUMs, which stand where a signature is too small, and during an alarm.
+        """Update the CUSUMs, which wait during an alarm and where a signature is too small.
 
         With `weak_losses` the last is the likelihood ratio of a full loss, for which no signature
         is too small, over twice the reference: the first one where the signature has that size.

@@ -1,7 +1,7 @@
-"""Which actuator failed, and how: likelihoods of the kinds of failure.
+"""Isolation of the failed actuator and its kind of failure by likelihoods.
 
-A failed actuator lacks the part a of what was commanded and makes the part b of its full torque all
-the time. The kinds of failure of an actuator are points and lines in the plane of (a, b).
+A failed actuator lacks the fraction a of its command and makes the fraction b of its full torque
+all the time. The kinds of failure are points and lines in the plane of (a, b).
 """
 
 from collections.abc import Callable
@@ -15,11 +15,11 @@ from jaxsat.core.array_types import IntScalar, RealScalar, Vector
 from jaxsat.core.declaration.failures import AbstractFailureKind
 
 LEAST_PART = 0.02
-"""A loss or a leak below this part of full torque is none."""
+"""Loss or leak, as a fraction of full torque, below which there is none."""
 
 
 class DiagnosedKind(AbstractFailureKind):
-    """Kinds of failure that are told apart; those from `FRICTION_UP` on are of wheels alone."""
+    """Diagnosed kinds of failure; those from `FRICTION_UP` on are of wheels alone."""
 
     DEAD = 0, "dead", "no torque"
     DEGRADED = 1, "degraded", "a part of the torque that is commanded"
@@ -33,16 +33,15 @@ class DiagnosedKind(AbstractFailureKind):
 
 
 class Hypotheses(NamedTuple):
-    """What may have happened to an actuator.
+    """Failure hypotheses of an actuator.
 
     `parts` gives the most likely (a, b) of each of `kinds` (kinds, 2, m), from the entries aa, ab
     and bb of the information (3, m), its product with (a, b) (2, m) and the uncertainty of full
-    torques.
-    Of those that are `free` a number is fitted; the kind `full` makes its full torque, b = `level`
-    but for the uncertainty. `tests` are the signs of flow for which there is a CUSUM test, and
-    `weak_losses` says whether small signatures tell of a full loss, too: friction, which holds
-    back what little a wheel at rest is commanded, looks like one. An actuator with a failure of a
-    kind in `in_service` stays in use, and is diagnosed further.
+    torques. Kinds in `free` fit one number; the kind `full` makes its full torque, b = `level` but
+    for the uncertainty. `tests` are the signs of flow with a CUSUM test, and `weak_losses` says
+    whether small signatures count for a full loss, too: friction, which holds back the small
+    commands of a wheel at rest, looks like one. An actuator with a failure of a kind in
+    `in_service` stays in use, and is diagnosed further.
     """
 
     kinds: tuple[int, ...]
@@ -60,7 +59,7 @@ class Hypotheses(NamedTuple):
 def most_likely(
     value: Float[Array, " m"], weight: Float[Array, " m"], most: float = 1.0
 ) -> Float[Array, " m"]:
-    """The value over its weight, a part of full torque from `LEAST_PART` to `most`."""
+    """Return the value over its weight, a fraction of full torque from `LEAST_PART` to `most`."""
     quotient = value / jnp.where(weight > 0, weight, 1.0)
     return jnp.clip(quotient, LEAST_PART, most)
 
@@ -68,32 +67,31 @@ def most_likely(
 def stacked_parts(
     *pairs: tuple[Float[Array, " m"], Float[Array, " m"]],
 ) -> Float[Array, "kinds 2 m"]:
-    """The (a, b) of every kind, in their order."""
+    """Return the (a, b) of every kind, in their order."""
     return jnp.stack([jnp.stack(pair) for pair in pairs])
 
 
 PENALTY = 3.0
-"""Of a free number, in units of log-likelihood, so that the simpler of two kinds wins."""
+"""Penalty of a fitted number in units of log-likelihood, so that the simpler of two kinds wins."""
 
 IMPOSSIBLE = 1e5
-"""A log-likelihood below any other."""
+"""Magnitude of a log-likelihood below any other."""
 
 UNIT = 1e4
-"""Of evidence, which is kept in numbers that are not too large for a state."""
+"""Unit of evidence, which keeps its numbers within the range of a state."""
 
 MOST_INFORMATION = 1e5
-"""In that unit; what is far beyond doubt is not added up."""
+"""Information, in that unit, beyond which evidence is no longer added up."""
 
 
 class Residual(NamedTuple):
-    """Innovations in one unit, and the signatures in them of what each actuator may lack or add.
+    """Innovations, and the signatures in them of what each actuator may lack or add.
 
-    A column of `innovation` is what was read less what was expected; there is one that tells of all
-    actuators, or one of each, with a `variance` each. `loss` is what an actuator leaves whose
-    torque has been missing (of one that counts as failed: has been there again), `flow` what one
-    leaves that has made its full torque all the time, and `steady` what a constant acceleration of
-    1 rad/s² leaves, None where nothing acts besides. `driven`, from -1 to 1, tells which actuators
-    are driven from rest and which way, None where none rests.
+    A column of `innovation` is reading less expectation, with a `variance` each: one for all
+    actuators, or one of each. `loss` is the signature of an actuator whose torque has been missing
+    (of a failed one: has been there again), `flow` of one that has made its full torque all the
+    time, `steady` of a constant acceleration of 1 rad/s², None where none acts. `driven`, from -1
+    to 1, says which actuators are driven from rest and which way, None where none rests.
     """
 
     innovation: Float[Array, "n k"]
@@ -104,15 +102,15 @@ class Residual(NamedTuple):
     driven: Float[Array, " m"] | None = None
 
     def doubt(self, uncertainty: RealScalar) -> Float[Array, " k"]:
-        """Standard deviations if the part `uncertainty` of innovations may be a model error."""
+        """Return standard deviations with the fraction `uncertainty` as model error."""
         return jnp.sqrt(self.variance + uncertainty**2 * jnp.sum(self.innovation**2, axis=0))
 
 
 class Evidence(NamedTuple):
-    """Of (a, b) of each actuator since an alarm: information matrix, and its product with them.
+    """Evidence on (a, b) of each actuator since an alarm: information, and its product with (a, b).
 
     `information` has the entries aa, ab and bb, `weighted` those of a and b, over `UNIT`.
-    `disturbance` has the same of a constant acceleration besides: information, and three axes.
+    `disturbance` has the same of a constant acceleration: information, and three axes.
     """
 
     information: Float[Array, "3 m"]
@@ -121,11 +119,11 @@ class Evidence(NamedTuple):
 
     @staticmethod
     def none(count: int) -> "Evidence":
-        """The evidence before the first residual."""
+        """Return the evidence before the first residual."""
         return Evidence(jnp.zeros((3, count)), jnp.zeros((2, count)), jnp.zeros(4))
 
     def after(self, residual: Residual, uncertainty: RealScalar) -> "Evidence":
-        """The evidence with one more residual, whose part `uncertainty` may be a model error.
+        """Add a residual, of which the fraction `uncertainty` may be model error.
 
         Evidence beyond any doubt is kept at `MOST_INFORMATION`.
         """
@@ -147,12 +145,12 @@ class Evidence(NamedTuple):
 
 
 class Explanation(NamedTuple):
-    """The actuator that explains the residuals best, the kind, its (a, b), and how well.
+    """The best explanation of residuals: the `actuator`, its failure, and the likelihoods.
 
-    `kind` is a `DiagnosedKind`. `score` is the log-likelihood over that of no failure, `margin` how
-    far it is above that of the best other actuator and of a constant torque besides. `tested` is
-    the information about a. `scores` has that of each actuator's best explanation, `disturbance`
-    that of the constant torque, and `acceleration` (rad/s²) what it does.
+    `kind` is a `DiagnosedKind`; a, b are `loss`, `flow`. `score` is the log-likelihood over that of
+    no failure, `margin` its lead over the best other actuator and over a constant torque. `tested`
+    is the information about a. `scores` has the best score of each actuator, `disturbance` that of
+    the constant torque, and `acceleration` (rad/s²) the effect of that torque.
     """
 
     actuator: IntScalar
@@ -174,11 +172,11 @@ def explanation(
     uncertainty: RealScalar,
     hypotheses: Hypotheses,
 ) -> Explanation:
-    """The best explanation, where full torques are known to within the part `uncertainty`.
+    """Return the best explanation, with full torques known to within the fraction `uncertainty`.
 
-    For actuators that have `failed` it is that they work again, in full (`DEAD`, of which a is 1)
-    or in part (`DEGRADED`): of what was lost a has come back. Those whose failure is `lasting`
-    are no explanation.
+    For actuators that have `failed` it is a recovery, in full (`DEAD`, a = 1) or in part
+    (`DEGRADED`, a is the part of the loss that has come back). `lasting` failures are no
+    explanation.
     """
     evidence = jax.tree.map(lambda x: UNIT * x, evidence)
     parts = hypotheses.parts(evidence.information, evidence.weighted, uncertainty)  # (kinds, 2, m)

@@ -1,9 +1,8 @@
-"""What is read and was not commanded: innovations of Kalman filters, and failures in them.
+"""Innovations of Kalman filters of measurements, and signatures of failures in them.
 
-Differences of readings have correlated noise; the innovations of a Kalman filter of what is read do
-not. The filter's gain also says how the signature of a failure decays in them. A kind of actuator
-has one filter: of the body's rate, in which all actuators leave their signatures, or of telemetry
-of its own, in which each leaves its own.
+Differences of readings have correlated noise; innovations do not, and the filter's gain says how
+the signature of a failure decays in them. A kind of actuator has one filter: of the body's rate, in
+which all actuators leave their signatures, or of its telemetry, in which each leaves its own.
 """
 
 import abc
@@ -19,20 +18,20 @@ from jaxsat.core.array_types import BoolScalar, IntScalar, RealScalar, Vector
 from jaxsat.spacecraft.wheels import Wheels
 
 RESTLESSNESS = 0.25
-"""Process noise over the noise of what is read, so that a signature decays by 0.39 a sample."""
+"""Process noise over measurement noise; a signature decays by 0.39 a sample."""
 
 TEST_SIGMAS = 6.0
-"""Effect of a test pulse on what is read, over its noise."""
+"""Effect of a test pulse on a measurement, over its noise."""
 
 TRACKING = 0.1
-"""Part of the error of a flow that is taken out with each sample."""
+"""Fraction of the error of a flow that is corrected at each sample."""
 
 
 class Reading(NamedTuple):
-    """The rate of the body (rad/s), and what tachometers measure of wheels (N m s), None without.
+    """Measured rate of the body (rad/s), and `momentum` of wheels by tachometers (N m s) or None.
 
-    `unwatched` is the torque (N m) that actuators which no filter watches are believed to have made
-    on average since the last reading, None without them.
+    `unwatched` is the mean torque (N m) since the last reading of actuators which no filter
+    watches, None without them.
     """
 
     rate: Vector
@@ -41,9 +40,8 @@ class Reading(NamedTuple):
 
 
 def momentum_with_rotors(wheels: Wheels, reading: Reading) -> Float[Array, " wheels"]:
-    """h + J_w aᵀω (N m s): with the inertia of the body without rotors it makes up the total
-    momentum, and motor and friction alone change it. Raises `ValueError` for a reading without.
-    """
+    """Return h + J_w aᵀω (N m s), which motor and friction alone change; with the momentum of the
+    body without rotors it is the total. Raises `ValueError` for a reading without momenta."""
     if reading.momentum is None:
         raise ValueError("Argument `reading` must have the momenta of wheels, but has none.")
     if wheels.rotor_inertia is None:
@@ -52,12 +50,11 @@ def momentum_with_rotors(wheels: Wheels, reading: Reading) -> Float[Array, " whe
 
 
 class ActuatorCondition(NamedTuple):
-    """What is believed of each actuator: whether it has `failed`, and what it makes.
+    """Estimated condition of each actuator: whether it has `failed`, and the torque that it makes.
 
-    The part `part` of what is commanded, and the part `flow` of full torque all the time, which is
-    what brakes a wheel. `torque` (N m) is what acts besides all the time: on the spacecraft from
-    outside, and where others oppose a flow and make not quite what they should. As many `samples`
-    tell of it.
+    `part` is the fraction of its command, `flow` the fraction of full torque that it makes all the
+    time (for a wheel: friction). `torque` (N m) is constant besides: external, or an error of those
+    that oppose a flow; it is estimated from as many `samples`.
     """
 
     failed: Bool[Array, " m"]
@@ -68,16 +65,16 @@ class ActuatorCondition(NamedTuple):
 
     @staticmethod
     def sound(count: int) -> "ActuatorCondition":
-        """All work, and nothing is known to act besides."""
+        """Return the condition of actuators that all work, without external torque."""
         zero = jnp.zeros(count)
         return ActuatorCondition(zero > 0, zero + 1, zero, jnp.zeros(3), jnp.array(0.0))
 
 
 class FilterMemory(NamedTuple):
-    """What is filtered, its variance, and each actuator's signatures in it, as in a `Residual`.
+    """Filtered measurements, their variance, and each actuator's signatures, as in a `Residual`.
 
-    `own` is what one kind of filter remembers besides. `started` is false before the first reading
-    that counts.
+    `own` is further memory of one kind of filter. `started` is false before the first valid
+    reading.
     """
 
     estimate: Float[Array, "n k"]
@@ -90,13 +87,13 @@ class FilterMemory(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """How an estimate changes in a period, and what a failure would have left in it.
+    """Change of an estimate in a period, and what a failure would have left in it.
 
-    `squares` is the sum of squares of what torques are believed to have changed. Variances are
-    `doubt`, of the change besides errors of these torques, and `passing`, one that is in the
-    innovation and does not stay in the estimate. `loss`, `flow` and `steady` are what a period adds
-    to the signatures, and `driven` is as in `Residual`. `own` makes of the residual, of which a
-    part stays, what the filter remembers of its own.
+    `squares` is the sum of squares of changes by torques. Variances are `doubt`, of the change
+    besides errors of these torques, and `passing`, one in the innovation that does not stay in the
+    estimate. `loss`, `flow` and `steady` are added to the signatures in a period, and `driven` is
+    as in `Residual`. `own` maps the residual, and the fraction of it that stays, to the filter's
+    own memory.
     """
 
     change: Float[Array, "n k"]
@@ -111,35 +108,34 @@ class Prediction(NamedTuple):
 
 
 class AbstractResidualFilter(eqx.Module):
-    """A Kalman filter of what is read, which knows what a failure of an actuator leaves in it.
+    """A Kalman filter of measurements with the signatures of actuator failures in them.
 
-    The filters of all columns that are read have variances of their own, and noise of one standard
-    deviation each.
+    Each column has a variance of its own, and noise of one standard deviation.
     """
 
     hypotheses: ClassVar[Hypotheses]
-    """What may have happened to an actuator of the kind."""
+    """Failure hypotheses of an actuator of the kind."""
 
     restarts_at_losses: ClassVar[bool]
-    """Whether the filter starts anew at an alarm for a loss, too, and not for a flow alone."""
+    """Whether the filter restarts at an alarm for a loss, not for a flow alone."""
 
     @property
     @abc.abstractmethod
     def count(self) -> int:
-        """How many actuators there are."""
+        """Number of actuators."""
 
     @property
     @abc.abstractmethod
     def noise(self) -> Float[Array, " k"]:
-        """Standard deviation of what is read, of each column."""
+        """Standard deviation of each column's measurement noise."""
 
     @abc.abstractmethod
     def read(self, reading: Reading) -> Float[Array, "n k"]:
-        """What of a reading is filtered."""
+        """Return the part of a reading that is filtered."""
 
     @abc.abstractmethod
     def init(self, reading: Reading) -> FilterMemory:
-        """The memory at the first reading."""
+        """Return the memory at the first reading."""
 
     @abc.abstractmethod
     def predicted(
@@ -150,7 +146,7 @@ class AbstractResidualFilter(eqx.Module):
         period: RealScalar,
         memory: FilterMemory,
     ) -> Prediction:
-        """What the period (s) that ends with a reading is believed to have done."""
+        """Predict the change in the period (s) that ends with a reading."""
 
     def step(
         self,
@@ -161,10 +157,10 @@ class AbstractResidualFilter(eqx.Module):
         memory: FilterMemory,
         uncertainty: RealScalar,
     ) -> tuple[Residual, FilterMemory]:
-        """The residual of the period (s) that ends with a reading, and the next memory.
+        """Return the residual of the period (s) that ends with a reading, and the next memory.
 
-        `commanded` is what actuators were to do in that period. Torques are believed to be wrong by
-        the part `uncertainty` of themselves.
+        `commanded` are the commands in that period. Torques are assumed to be wrong by the fraction
+        `uncertainty`.
         """
         measurement, started, noise = self.read(reading), memory.started, self.noise**2
         ahead = self.predicted(reading, commanded, condition, period, memory)
@@ -205,19 +201,19 @@ class AbstractResidualFilter(eqx.Module):
         period: RealScalar,
         quiet: BoolScalar,
     ) -> ActuatorCondition:
-        """The condition with the flows that actuators make all the time, and the torque, corrected.
+        """Correct the flows that actuators make all the time, and the external torque.
 
-        The latter only while it is `quiet`: nothing is suspected.
+        The latter is corrected only while it is `quiet`: nothing is suspected.
         """
 
     @abc.abstractmethod
     def test_command(self, period: RealScalar, sigma: Float[Array, " k"]) -> Float[Array, " m"]:
-        """Commands of test pulses that stand out of errors of this standard deviation."""
+        """Return commands of test pulses that stand out of errors of this standard deviation."""
 
     def torque_of(self, acceleration: Vector) -> Vector:
-        """The torque (N m) that makes an acceleration (rad/s²); none of what is on board."""
+        """Return the torque (N m) of an acceleration (rad/s²); zero for telemetry on board."""
         return jnp.zeros_like(acceleration)
 
     def named(self, kind: IntScalar, actuator: IntScalar, memory: FilterMemory) -> IntScalar:
-        """The kind of a verdict; here as it was isolated."""
+        """Return the kind of a verdict; by default as isolated."""
         return kind

@@ -38,28 +38,27 @@ from jaxsat.spacecraft.modulation import AbstractModulation
 from jaxsat.spacecraft.wheels import Wheels
 
 SLOW_TRACKING = 0.03
-"""Part of the error of the torque besides a flow that is taken out with each sample."""
+"""Fraction of the error of the torque besides a flow that is corrected at each sample."""
 
 STEADY_GAIN = (math.sqrt(RESTLESSNESS**2 + 4 * RESTLESSNESS) - RESTLESSNESS) / 2
-"""K of the filter after many samples at rest: K²/(1-K) is `RESTLESSNESS`."""
+"""Steady-state gain K of the filter: K²/(1-K) is `RESTLESSNESS`."""
 
 STEADY_VARIANCE = 1 / (1 - STEADY_GAIN)
-"""Of the innovations then, over that of the noise."""
+"""Steady-state variance of the innovations, over that of the noise."""
 
 FIRST_SAMPLES, MOST_SAMPLES = 3.0, 300.0
-"""The torque that acts besides is believed to be none as if so many samples had told so. It is
-learned from so many; later on what a thruster lacks now and then would be learned as well."""
+"""Samples that the prior of no external torque counts for, and after which its estimate is frozen:
+it would learn what a thruster lacks now and then."""
 
 DOUBTED_SIGMAS, BELIEVED_SIGMAS = 2.0, 4.0
-"""Of an estimate of that torque nothing is believed below, and all above."""
+"""Sigmas of the estimated external torque below which it is ignored, and above which it is used."""
 
 
 class ThrusterModel(eqx.Module):
-    """Torques `torque` (3, m) at full thrust (N m), and the modulation that makes pulses of duties.
+    """Torques `torque` (3, m) at full thrust (N m), and the modulation of duties into pulses.
 
     Thrust begins `opening_delay` (s) after a command to open, on average over its rise, and ends
-    `closing_delay` (s) after one to shut. It is a model as the law's `RigidBody` is one: the
-    thrusters of the plant may differ.
+    `closing_delay` (s) after one to shut. The thrusters of the plant may differ from this model.
     """
 
     torque: Float[Array, "3 m"] = eqx.field(converter=finite("torque"))
@@ -70,13 +69,13 @@ class ThrusterModel(eqx.Module):
 
     @property
     def count(self) -> int:
-        """How many thrusters there are."""
+        """Number of thrusters."""
         return self.torque.shape[1]
 
     def on_times(
         self, duty: Float[Array, " m"], memory: PyTree, period: RealScalar
     ) -> tuple[Float[Array, " m"], Float[Array, " m"], PyTree]:
-        """What the duties of a period make: on-times (s) in it and in the next, and the memory.
+        """Return on-times (s) by the duties of a period in it and in the next, and the memory.
 
         On-times are ∫ thrust dt over full thrust, as commanded.
         """
@@ -93,7 +92,7 @@ class ThrusterModel(eqx.Module):
 
 
 def _parts(information, weighted, uncertainty) -> Float[Array, "kinds 2 m"]:
-    """The most likely (a, b) of every kind; b of one stuck on is full thrust as it really is."""
+    """Return the most likely (a, b) of every kind; b of one stuck on is its real full thrust."""
     aa, ab, bb = information
     y, z = weighted
     one, zero = jnp.ones_like(y), jnp.zeros_like(y)
@@ -107,7 +106,7 @@ def _parts(information, weighted, uncertainty) -> Float[Array, "kinds 2 m"]:
 
 
 class Late(NamedTuple):
-    """On-time (s) of each failed thruster that was missing and may come late, and what wheels have.
+    """Missing on-time (s) of failed thrusters that may come late, and the effect of wheels.
 
     `turned` (rad/s) is the rate that the momentum of wheels would give the body, None without.
     """
@@ -119,11 +118,11 @@ class Late(NamedTuple):
 class ThrusterFilter(AbstractResidualFilter):
     """A Kalman filter of the rate about three axes alike, with a scalar variance.
 
-    With `wheels` it is that which the body would have if they held no momentum: their motors change
-    nothing in it, so that thrusters alone do. `model` is the plant as the law believes it,
-    `rate_noise` (rad/s) the standard deviation of such a rate. What a failed thruster does not make
-    when it is commanded may come late. For some samples its effect is in doubt, and is not taken
-    for a failure of another. What is commanded are on-times, s. The memory of its own is `Late`.
+    With `wheels` the rate is that of the body if they held no momentum, which wheel motors leave
+    unchanged. `model` is the law's model of the plant, `rate_noise` (rad/s) the standard deviation
+    of such a rate. Thrust that a failed thruster lacks may come late: for some samples its effect
+    is in doubt, and not taken for a failure of another. Commands are on-times, s. Its `own` memory
+    is `Late`.
     """
 
     hypotheses: ClassVar[Hypotheses] = Hypotheses(
@@ -142,7 +141,7 @@ class ThrusterFilter(AbstractResidualFilter):
 
     @property
     def count(self) -> int:
-        """How many thrusters there are."""
+        """Number of thrusters."""
         return self.thrusters.count
 
     @property
@@ -151,19 +150,19 @@ class ThrusterFilter(AbstractResidualFilter):
         return self.rate_noise[None]
 
     def read(self, reading: Reading) -> Float[Array, "3 1"]:
-        """The rate (rad/s) that the body would have with the momentum of the wheels."""
+        """Return the rate (rad/s) that the body would have with the momentum of the wheels."""
         turned = self._turned(reading)
         return (reading.rate if turned is None else reading.rate + turned)[:, None]
 
     def _turned(self, reading: Reading) -> Vector | None:
-        """The rate (rad/s) that the momentum of wheels would give the body; None without."""
+        """Return the rate (rad/s) that the momentum of wheels would give the body; None without."""
         if self.wheels is None:
             return None
         momentum = momentum_with_rotors(self.wheels, reading)
         return self.model.spacecraft.inverse_inertia @ (self.wheels.axes @ momentum)
 
     def init(self, reading: Reading) -> FilterMemory:
-        """The filter's memory before the first estimated rate."""
+        """Return the memory before the first estimated rate."""
         rate = self.read(reading)
         none = jnp.zeros((3, self.count), rate.dtype)
         no, variance = jnp.array(False), self.noise**2
@@ -178,7 +177,7 @@ class ThrusterFilter(AbstractResidualFilter):
         period: RealScalar,
         memory: FilterMemory,
     ) -> Prediction:
-        """What on-times (s) in the period, unwatched and gyroscopic torque are believed to make."""
+        """Predict the effect of on-times (s), and of unwatched and gyroscopic torques."""
         on_time, body = commanded, self.model.spacecraft
         inverse = body.inverse_inertia
         effect = inverse @ self.thrusters.torque
@@ -215,10 +214,9 @@ class ThrusterFilter(AbstractResidualFilter):
         period: RealScalar,
         quiet: BoolScalar,
     ) -> ActuatorCondition:
-        """The condition with the flows of failed thrusters, and the torque that acts, corrected.
+        """Correct the flows of failed thrusters, and the external torque.
 
-        Where there is no flow, the torque is the mean of what the last samples tell, each by the
-        information in it.
+        Without a flow the torque is the mean of the samples, each weighted by its information.
         """
         body = self.model.spacecraft
         effect = period * (body.inverse_inertia @ self.thrusters.torque)
@@ -241,7 +239,7 @@ class ThrusterFilter(AbstractResidualFilter):
         )
 
     def believed(self, condition: ActuatorCondition, period: RealScalar) -> Vector:
-        """What stands out of the noise of the estimated torque that acts besides, N m."""
+        """Return the part of the estimated external torque that stands out of its noise, N m."""
         rate = self.model.spacecraft.inverse_inertia @ condition.torque * period
         root_samples = jnp.sqrt(condition.samples + FIRST_SAMPLES)
         sigma = STEADY_GAIN * jnp.sqrt(STEADY_VARIANCE) * self.rate_noise / root_samples
@@ -253,11 +251,11 @@ class ThrusterFilter(AbstractResidualFilter):
         return jnp.where(opposed, 1.0, jnp.clip(part, 0.0, 1.0)) * condition.torque
 
     def torque_of(self, acceleration: Vector) -> Vector:
-        """The torque (N m) that makes an acceleration (rad/s²)."""
+        """Return the torque (N m) of an acceleration (rad/s²)."""
         return self.model.spacecraft.inertia @ acceleration
 
     def test_command(self, period: RealScalar, sigma: Float[Array, "1"]) -> Float[Array, " m"]:
-        """Duties of pulses that stand out of errors of a rate (rad/s)."""
+        """Return duties of pulses that stand out of errors of a rate (rad/s)."""
         effect = self.model.spacecraft.inverse_inertia @ self.thrusters.torque
         on_time = TEST_SIGMAS * sigma / jnp.sqrt(jnp.sum(effect**2, axis=0))
         return jnp.minimum(jnp.maximum(on_time, self.thrusters.min_on_time) / period, 1.0)

@@ -1,12 +1,12 @@
 """Momenta of wheels that were not commanded: innovations of one filter for each wheel.
 
-A wheel's tachometer gives its momentum h relative to the body. Its motor is commanded the torque c
-on the body, friction f brakes the rotor, so that dh/dt = -(c + f) - J_w a·dω/dt with the inertia
-J_w of a rotor about its axis a. The last term is known from the rates, so what failures leave is
-told by each wheel alone, whatever the body does.
+A tachometer gives a wheel's momentum h relative to the body. The motor is commanded the torque c on
+the body, friction f brakes the rotor, so that dh/dt = -(c + f) - J_w a·dω/dt with the inertia J_w
+of a rotor about its axis a. The last term is known from the rates, so each wheel alone shows its
+failures, whatever the body does.
 
-In the plane of (a, b) of `jaxsat.control.diagnosis.isolation` b of a wheel is the part of its full
-motor torque that brakes the rotor all the time, so that a motor that drives it on has b = -1:
+In the plane of (a, b) of `jaxsat.control.diagnosis.isolation` b of a wheel is the fraction of its
+full motor torque that brakes the rotor all the time, so that a motor that drives it on has b = -1:
 
     dead (1, 0), degraded (s, 0), friction up (0, s), runaway (1, -1).
 """
@@ -42,21 +42,21 @@ from jaxsat.spacecraft.wheels import Wheels
 OfEach = Float[Array, " m"]
 
 JUMP = 3.0
-"""Times what a motor at full torque changes in a period: no motor does that."""
+"""Momentum change that no motor makes, over that of full torque in a period."""
 
 NEAR_LIMIT = 0.98
-"""Of the largest momentum: from there on a motor may make less than it is commanded."""
+"""Momentum over its limit, above which a motor may make less than it is commanded."""
 
 
 MOST_FRICTION = 4.0
-"""Of the full torque of a motor: what brakes a wheel more counts as this."""
+"""Largest friction of a wheel, over the full torque of its motor."""
 
 ROUGH = 0.1
-"""Of the part that a weak motor makes: how well a verdict knows it."""
+"""Relative error of the torque of a weak motor at a verdict."""
 
 
 def _parts(information, weighted, uncertainty) -> Float[Array, "kinds 2 m"]:
-    """The most likely (a, b) of every kind; b of a runaway is minus its full torque as it is."""
+    """Return the most likely (a, b) of every kind; b of a runaway is its real torque, negative."""
     aa, ab, bb = information
     y, z = weighted
     one, zero = jnp.ones_like(y), jnp.zeros_like(y)
@@ -67,9 +67,9 @@ def _parts(information, weighted, uncertainty) -> Float[Array, "kinds 2 m"]:
 
 
 class Rotors(NamedTuple):
-    """Which wheels stood still at once and have not turned since, and what turns with the body.
+    """Wheels that stopped at once and have not turned since, `seized`, and momentum of rotors.
 
-    `taken` (N m s) is the momentum J_w a·ω that rotors had with it, None without rotor inertia.
+    `taken` (N m s) is the momentum J_w a·ω of rotors with the body, None without rotor inertia.
     """
 
     seized: Bool[Array, " m"]
@@ -79,10 +79,9 @@ class Rotors(NamedTuple):
 class WheelFilter(AbstractResidualFilter):
     """A Kalman filter of each wheel's momentum.
 
-    `wheels` are those that the law believes in, with a torque limit each. `momentum_noise` (N m s)
-    is the standard deviation of each tachometer. Friction of unknown sign, near rest, is in doubt
-    as a whole. What is commanded is an impulse (N m s) on the body. The memory of its own are
-    `Rotors`.
+    `wheels` are the law's model, with a torque limit each. `momentum_noise` (N m s) is the standard
+    deviation of each tachometer. Friction of unknown sign, near rest, is in doubt as a whole.
+    Commands are impulses (N m s) on the body. Its `own` memory are `Rotors`.
     """
 
     hypotheses: ClassVar[Hypotheses] = Hypotheses(
@@ -111,7 +110,7 @@ class WheelFilter(AbstractResidualFilter):
 
     @property
     def count(self) -> int:
-        """How many wheels there are."""
+        """Number of wheels."""
         return self.wheels.count
 
     @property
@@ -121,34 +120,34 @@ class WheelFilter(AbstractResidualFilter):
 
     @property
     def full(self) -> OfEach:
-        """The full torque of each motor, N m."""
+        """Full torque of each motor, N m."""
         limit = self.wheels.torque_limit
         assert limit is not None
         return limit
 
     def read(self, reading: Reading) -> Float[Array, "1 m"]:
-        """The momenta relative to the body, N m s."""
+        """Return the momenta relative to the body, N m s."""
         return _momentum(reading)[None]
 
     def init(self, reading: Reading) -> FilterMemory:
-        """The filter's memory at the first reading of the tachometers."""
+        """Return the memory at the first reading of the tachometers."""
         momentum = self.read(reading)
         none, no = jnp.zeros_like(momentum), jnp.array(False)
         own = Rotors(none[0] > 0, self._taken(reading))
         return FilterMemory(momentum, self.momentum_noise**2, none, none, None, no, own)
 
     def _taken(self, reading: Reading) -> OfEach | None:
-        """The momentum that rotors have with the body, N m s."""
+        """Return the momentum of rotors turning with the body, N m s."""
         wheels = self.wheels
         if wheels.rotor_inertia is None:
             return None
         return wheels.rotor_inertia * (wheels.axes.T @ reading.rate)
 
     def friction(self, momentum: OfEach, condition: ActuatorCondition) -> OfEach:
-        """The size of what brakes each wheel at these momenta while it turns, N m.
+        """Return the friction torque of each wheel while it turns at these momenta, N m.
 
-        `ActuatorCondition.flow` is the part of a motor's full torque that does so besides, less
-        than zero where that drives the wheel on.
+        It has `ActuatorCondition.flow`, a fraction of the motor's full torque, less than zero where
+        that drives the wheel on.
         """
         wheels = self.wheels
         torque = condition.flow * self.full
@@ -159,7 +158,7 @@ class WheelFilter(AbstractResidualFilter):
         return torque
 
     def side(self, momentum: OfEach) -> OfEach:
-        """Which way each wheel turns, from -1 to 1: a part of it near rest."""
+        """Return the direction in which each wheel turns, from -1 to 1: a fraction near rest."""
         return jnp.clip(momentum / (STILL * self.momentum_noise), -1.0, 1.0)
 
     def predicted(
@@ -170,7 +169,7 @@ class WheelFilter(AbstractResidualFilter):
         period: RealScalar,
         memory: FilterMemory,
     ) -> Prediction:
-        """What motors, friction and the turning body are believed to have done to each momentum."""
+        """Predict the effect of motors, friction and the turning body on each momentum."""
         rotor_momentum, before = self._taken(reading), memory.estimate[0]
         left_behind = 0.0
         if rotor_momentum is not None and memory.own.taken is not None:
@@ -219,11 +218,10 @@ class WheelFilter(AbstractResidualFilter):
         period: RealScalar,
         quiet: BoolScalar,
     ) -> ActuatorCondition:
-        """The condition with the friction of wheels that are braked too much corrected, and while
-        it is `quiet` with the part that weak motors make.
+        """Correct the friction of braked wheels, and while it is `quiet` the torque of weak motors.
 
-        A wheel that turns tells its friction by how fast it slows, one that does not turn though it
-        is driven has more. The verdict on a weak motor is rough, and no test tells more torque.
+        A turning wheel shows its friction by how fast it slows; one that is driven and does not
+        turn has more. The verdict on a weak motor is rough, and no test shows more torque.
         """
         full, flow, loss = period * self.full, residual.flow[0], residual.loss[0]
         driven = 0.0 if residual.driven is None else residual.driven
@@ -241,19 +239,21 @@ class WheelFilter(AbstractResidualFilter):
         )
 
     def test_command(self, period: RealScalar, sigma: OfEach) -> OfEach:
-        """Torques (N m) that stand out of errors of a momentum (N m s) within a period."""
+        """Return torques (N m) that stand out of errors of a momentum (N m s) within a period."""
         return jnp.minimum(TEST_SIGMAS * sigma / period, self.full)
 
     def named(self, kind: IntScalar, actuator: IntScalar, memory: FilterMemory) -> IntScalar:
-        """A dead wheel that stood still at once is one that has stopped."""
+        """Return the kind of a verdict: a dead wheel that stood still at once has stopped."""
         stopped = (kind == DiagnosedKind.DEAD) & memory.own.seized[actuator]
         return jnp.where(stopped, int(DiagnosedKind.STOPPED), kind)
 
 
 def moved(before: OfEach, motor: OfEach, friction: OfEach) -> tuple[OfEach, OfEach]:
-    """The momentum (N m s) after a period in which a motor takes `motor` out and friction as much
-    as `friction` (both N m s), to rest and from it to the other side; and which way the wheel
-    turned on average, from -1 to 1. Exact for constant torques: no error of `before` grows."""
+    """Return momentum (N m s) after a period, and mean direction of rotation, -1 to 1.
+
+    A motor takes `motor` out and friction up to `friction` (both N m s), past rest if strong
+    enough. Exact for constant torques: no error of `before` grows.
+    """
     way, size = jnp.sign(before), jnp.abs(before)
     toward = way * motor + friction
     stops = jnp.maximum(toward, 0.0) >= size
@@ -264,7 +264,7 @@ def moved(before: OfEach, motor: OfEach, friction: OfEach) -> tuple[OfEach, OfEa
 
 
 def _momentum(reading: Reading) -> OfEach:
-    """What tachometers measure, N m s."""
+    """Return the momenta by tachometers, N m s."""
     if reading.momentum is None:
         raise ValueError("Argument `reading` must have the momenta of wheels, but has none.")
     return reading.momentum
